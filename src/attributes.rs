@@ -1,0 +1,192 @@
+//! What acts on the cloth during one step, sampled by the caller from anything that moves.
+
+use glam::Vec3;
+
+use crate::error::StepError;
+
+/// Everything outside the cloth that acts on it, sampled once a step.
+///
+/// The default is gravity alone, in vacuum, undamped. A term that is absent costs nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attributes {
+    /// Gravity [m/s²].
+    pub gravity: Vec3,
+    /// Velocity of the air [m/s]. It acts through `air_density` (per triangle) and `damping` (per vertex).
+    pub wind: Vec3,
+    /// Density of the air [kg/m³]; 0: no air. 1.225 at sea level and 15 °C (ISO 2533).
+    pub air_density: f32,
+    /// Drag coefficient of a panel across the stream: 1.28 for a flat plate (NASA, "Shape Effects on Drag").
+    pub drag: f32,
+    /// Lift coefficient, at most `drag`, in the form of Keckeisen et al. 2004 ("Wind effects on cloth"), the lift across
+    /// the stream in the plane of stream and normal. Equal to `drag` by default: as near as the form comes to a plate's
+    /// pressure force at 45 degrees.
+    pub lift: f32,
+    /// Rate [1/s] at which a vertex's velocity tends to `wind`, whatever the triangles' shape: `dv/dt = -damping (v - wind)`.
+    pub damping: f32,
+    /// What the cloth rests on. A collider that moved since the last step moves evenly through this one; contact and
+    /// friction see its velocity. Colliders are told apart by their place in the list.
+    pub colliders: Vec<Collider>,
+    /// Where the pinned vertices are at the end of this step [m], in the order of
+    /// [`Options::pinned`](crate::Options::pinned). They get there evenly. `None`: they stay where they are.
+    pub pin_targets: Option<Vec<Vec3>>,
+}
+
+impl Default for Attributes {
+    fn default() -> Attributes {
+        Attributes {
+            gravity: Vec3::new(0.0, -9.81, 0.0),
+            wind: Vec3::ZERO,
+            air_density: 0.0,
+            drag: 1.28,
+            lift: 1.28,
+            damping: 0.0,
+            colliders: Vec::new(),
+            pin_targets: None,
+        }
+    }
+}
+
+/// A rigid body the cloth cannot enter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Collider {
+    /// Its surface.
+    pub shape: Shape,
+    /// Coulomb's coefficient of friction, 0 or above.
+    pub friction: f32,
+}
+
+/// The surface of a [`Collider`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A ball.
+    Sphere {
+        /// Centre [m].
+        center: Vec3,
+        /// Radius [m], above 0.
+        radius: f32,
+    },
+    /// The half-space below a plane.
+    Plane {
+        /// A point of the plane [m].
+        point: Vec3,
+        /// Its normal, out of the solid; any length but 0.
+        normal: Vec3,
+    },
+    /// All points within `radius` of the segment from `a` to `b`.
+    Capsule {
+        /// One end of the segment [m].
+        a: Vec3,
+        /// The other end of the segment [m].
+        b: Vec3,
+        /// Radius [m], above 0.
+        radius: f32,
+    },
+}
+
+impl Collider {
+    /// Friction of a collider made without a word about it.
+    const FRICTION: f32 = 0.3;
+
+    /// A sphere: centre [m], radius [m]; friction 0.3.
+    #[must_use]
+    pub fn sphere(center: Vec3, radius: f32) -> Collider {
+        Collider { shape: Shape::Sphere { center, radius }, friction: Collider::FRICTION }
+    }
+
+    /// A plane through `point` [m] with `normal` out of the solid; friction 0.3.
+    #[must_use]
+    pub fn plane(point: Vec3, normal: Vec3) -> Collider {
+        Collider { shape: Shape::Plane { point, normal }, friction: Collider::FRICTION }
+    }
+
+    /// A capsule around the segment from `a` to `b` [m], radius [m]; friction 0.3.
+    #[must_use]
+    pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Collider {
+        Collider { shape: Shape::Capsule { a, b, radius }, friction: Collider::FRICTION }
+    }
+
+    /// The same collider with another coefficient of friction.
+    #[must_use]
+    pub fn with_friction(self, friction: f32) -> Collider {
+        Collider { friction, ..self }
+    }
+
+    /// Signed distance [m] from the surface to `point`, negative inside.
+    #[must_use]
+    pub fn distance(&self, point: Vec3) -> f32 {
+        match self.shape {
+            Shape::Sphere { center, radius } => point.distance(center) - radius,
+            Shape::Plane { point: on, normal } => normal.normalize().dot(point - on),
+            Shape::Capsule { a, b, radius } => {
+                let axis = b - a;
+                let along = ((point - a).dot(axis) / axis.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+                point.distance(a + along * axis) - radius
+            }
+        }
+    }
+}
+
+impl Attributes {
+    /// Checks every value; `pins` is the number of pinned vertices.
+    pub(crate) fn validate(&self, pins: usize) -> Result<(), StepError> {
+        finite("gravity", self.gravity)?;
+        finite("wind", self.wind)?;
+        not_negative("air_density", self.air_density)?;
+        not_negative("drag", self.drag)?;
+        not_negative("lift", self.lift)?;
+        not_negative("damping", self.damping)?;
+        if self.lift > self.drag {
+            return Err(invalid("lift", self.lift, format_args!("must not exceed drag = {}", self.drag)));
+        }
+        for (index, collider) in self.colliders.iter().enumerate() {
+            collider.validate(index)?;
+        }
+        let Some(targets) = &self.pin_targets else { return Ok(()) };
+        if targets.len() != pins {
+            return Err(StepError::PinTargets { given: targets.len(), pinned: pins });
+        }
+        targets.iter().enumerate().try_for_each(|(slot, &target)| finite(&format!("pin_targets[{slot}]"), target))
+    }
+}
+
+impl Collider {
+    fn validate(&self, index: usize) -> Result<(), StepError> {
+        let name = |field: &str| format!("colliders[{index}].{field}");
+        let positive = |radius: f32| match radius > 0.0 && radius.is_finite() {
+            true => Ok(()),
+            false => Err(invalid(&name("radius"), radius, "must be finite and above 0 m")),
+        };
+        not_negative(&name("friction"), self.friction)?;
+        match self.shape {
+            Shape::Sphere { center, radius } => {
+                finite(&name("center"), center)?;
+                positive(radius)
+            }
+            Shape::Plane { point, normal } => {
+                finite(&name("point"), point)?;
+                finite(&name("normal"), normal)?;
+                match normal.try_normalize() {
+                    Some(_) => Ok(()),
+                    None => Err(invalid(&name("normal"), normal, "has no direction; give a vector out of the solid")),
+                }
+            }
+            Shape::Capsule { a, b, radius } => {
+                finite(&name("a"), a)?;
+                finite(&name("b"), b)?;
+                positive(radius)
+            }
+        }
+    }
+}
+
+fn invalid(name: &str, value: impl ToString, remedy: impl ToString) -> StepError {
+    StepError::Attribute { name: name.to_owned(), value: value.to_string(), remedy: remedy.to_string() }
+}
+
+fn finite(name: &str, value: Vec3) -> Result<(), StepError> {
+    if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite")) }
+}
+
+fn not_negative(name: &str, value: f32) -> Result<(), StepError> {
+    if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite and 0 or above")) }
+}

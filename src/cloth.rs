@@ -1,0 +1,1 @@
+pub(crate) const MAX_VERTICES: usize = 1 << 24;

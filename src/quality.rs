@@ -1,0 +1,1 @@
+pub(crate) const MAX_SUBSTEPS: u32 = 1 << 16;
