@@ -1,8 +1,9 @@
 //! What acts on the cloth during one step, sampled by the caller from anything that moves.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::error::StepError;
+use crate::kernels::{self, Body};
 
 /// Everything outside the cloth that acts on it, sampled once a step.
 ///
@@ -111,17 +112,73 @@ impl Collider {
         Collider { friction, ..self }
     }
 
-    /// Signed distance [m] from the surface to `point`, negative inside.
+    /// Signed distance [m] from the surface to `point` [m], negative inside.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
+        self.depth_from(point.as_dvec3()) as f32
+    }
+
+    /// [`Collider::distance`] in double precision.
+    pub(crate) fn depth_from(&self, x: DVec3) -> f64 {
         match self.shape {
-            Shape::Sphere { center, radius } => point.distance(center) - radius,
-            Shape::Plane { point: on, normal } => normal.normalize().dot(point - on),
+            Shape::Sphere { center, radius } => x.distance(center.as_dvec3()) - f64::from(radius),
+            Shape::Plane { point, normal } => normal.as_dvec3().normalize().dot(x - point.as_dvec3()),
             Shape::Capsule { a, b, radius } => {
-                let axis = b - a;
-                let along = ((point - a).dot(axis) / axis.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-                point.distance(a + along * axis) - radius
+                let (a, axis) = (a.as_dvec3(), (b - a).as_dvec3());
+                let along = ((x - a).dot(axis) / axis.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+                x.distance(a + along * axis) - f64::from(radius)
             }
+        }
+    }
+
+    /// The same collider in coordinates that begin at `origin`.
+    pub(crate) fn relative_to(&self, origin: Vec3) -> Collider {
+        let shape = match self.shape {
+            Shape::Sphere { center, radius } => Shape::Sphere { center: center - origin, radius },
+            Shape::Plane { point, normal } => Shape::Plane { point: point - origin, normal },
+            Shape::Capsule { a, b, radius } => Shape::Capsule { a: a - origin, b: b - origin, radius },
+        };
+        Collider { shape, ..*self }
+    }
+
+    /// The collider as the kernels take it, moving here from `last` during the step. A round body is made larger by what
+    /// the longest edge sinks between its ends, a fifth more than its sagitta `l²/8R`.
+    pub(crate) fn body(&self, last: &Collider, origin: Vec3, longest: f32) -> Body {
+        let (now, last) = (self.relative_to(origin).shape, last.relative_to(origin).shape);
+        let round = |from: (Vec3, Vec3, f32), to: (Vec3, Vec3, f32)| {
+            let [from_radius, to_radius] =
+                [from.2, to.2].map(|radius| radius + 1.2 * longest.min(radius).powi(2) / (8.0 * radius));
+            Body {
+                a: from.0.to_array(),
+                radius: from_radius,
+                b: from.1.to_array(),
+                friction: self.friction,
+                a_travel: (to.0 - from.0).to_array(),
+                radius_travel: to_radius - from_radius,
+                b_travel: (to.1 - from.1).to_array(),
+                kind: kernels::ROUND,
+            }
+        };
+        match (now, last) {
+            (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
+                round((from, from, r0), (to, to, r1))
+            }
+            (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => round((a0, b0, r0), (a, b, radius)),
+            (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
+                // Only its motion along the normal can be felt without friction; a plane that turns does so at once.
+                Body {
+                    a: from.to_array(),
+                    b: normal.normalize().to_array(),
+                    friction: self.friction,
+                    a_travel: (point - from).to_array(),
+                    kind: kernels::PLANE,
+                    ..Body::default()
+                }
+            }
+            // Another shape in its place: nothing it moved from.
+            (Shape::Sphere { center, radius }, _) => round((center, center, radius), (center, center, radius)),
+            (Shape::Capsule { a, b, radius }, _) => round((a, b, radius), (a, b, radius)),
+            (Shape::Plane { .. }, _) => self.body(self, origin, longest),
         }
     }
 }

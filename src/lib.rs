@@ -1,17 +1,31 @@
 //! stub
 mod attributes;
+mod batches;
+mod bending;
 mod cloth;
+mod coefficients;
+mod coloring;
+mod cpu;
 mod deformer;
 mod error;
 mod fabric;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(feature = "gpu")]
+mod hybrid;
+mod kernels;
+mod measure;
 mod mesh;
-pub mod quality;
+mod quality;
 
 pub use attributes::{Attributes, Collider, Shape};
-pub use deformer::{Backend, Deformer, Measure, Method, Options, Quality, StepReport, Warning};
+pub use deformer::{Backend, Deformer, Method, Options, Quality, StepReport, Warning};
 pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
+#[cfg(feature = "gpu")]
+pub use gpu::Gpu;
+pub use measure::Measure;
 pub use mesh::Mesh;
 #[cfg(feature = "gpu")]
 pub use wgpu;

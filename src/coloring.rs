@@ -1,0 +1,237 @@
+//! Edge colouring: batches of edges that share no vertex, visited in one fixed order; and a vertex order that keeps
+//! neighbours close in memory.
+//!
+//! The order is a property of stability, not only of speed: one sweep a substep is stable for any fixed colouring, while
+//! sweeping rows or patches in sequence explodes below the resolved substep. Never reverse or shuffle it between substeps.
+
+use std::collections::VecDeque;
+
+use glam::Vec3;
+
+/// A colour for each edge, `0..colours`, such that edges with a common vertex differ. Deterministic.
+///
+/// Greedy, over edges sorted by direction: on a grid, opposite edges of a vertex are then visited one after the other,
+/// which makes the sweep's antisymmetric part vanish. Directions get palettes of their own when that costs no colour
+/// beyond the maximum degree, as on a grid (h0 h1 v0 v1 d0 d1); else they share one, in whichever order needs fewest.
+pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
+    let mut by_direction: Vec<([i32; 3], usize)> =
+        edges.iter().enumerate().map(|(index, &edge)| (direction(edge, positions), index)).collect();
+    by_direction.sort_unstable();
+    let separate = greedy(edges, &by_direction, true, positions.len());
+    if separate.colors <= max_degree(edges, positions.len()) {
+        return separate;
+    }
+    let by_vertex: Vec<([i32; 3], usize)> = (0..edges.len()).map(|index| ([0; 3], index)).collect();
+    let shared = greedy(edges, &by_direction, false, positions.len());
+    let plain = greedy(edges, &by_vertex, false, positions.len());
+    if plain.colors < shared.colors { plain } else { shared }
+}
+
+/// The result of [`color`].
+#[derive(Debug, Clone)]
+pub(crate) struct Coloring {
+    /// The colour of each edge.
+    pub of: Vec<u32>,
+    /// Number of colours.
+    pub colors: usize,
+}
+
+/// Most edges at one vertex: no colouring has fewer colours.
+pub(crate) fn max_degree(edges: &[[u32; 2]], vertices: usize) -> usize {
+    let mut degree = vec![0; vertices];
+    edges.iter().flatten().for_each(|&vertex| degree[vertex as usize] += 1);
+    degree.into_iter().max().unwrap_or(0)
+}
+
+/// The edge's direction, the same for both ways along it, rounded so that parallel edges agree.
+fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> [i32; 3] {
+    let d = (positions[b as usize] - positions[a as usize]).normalize_or_zero();
+    let rounded = [d.x, d.y, d.z].map(|component| (4.0 * component).round() as i32);
+    rounded.max(rounded.map(|component| -component))
+}
+
+/// First fit in the order given. `separate` starts a new palette with each new direction.
+fn greedy(edges: &[[u32; 2]], order: &[([i32; 3], usize)], separate: bool, vertices: usize) -> Coloring {
+    // A bit for each colour that a vertex has already; one word does for all but the wildest fans.
+    let mut used: Vec<Vec<u64>> = vec![vec![0]; vertices];
+    let mut of = vec![0; edges.len()];
+    let (mut colors, mut base) = (0, 0);
+    let mut palette = None;
+    for &(direction, index) in order {
+        if separate && palette != Some(direction) {
+            (base, palette) = (colors, Some(direction));
+        }
+        let [a, b] = edges[index].map(|vertex| vertex as usize);
+        let word = |vertex: usize, word: usize| used[vertex].get(word).copied().unwrap_or(0);
+        let free = (base / 64..)
+            .find_map(|w| {
+                let below = if w == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
+                let free = !(word(a, w) | word(b, w) | below);
+                (free != 0).then(|| 64 * w + free.trailing_zeros() as usize)
+            })
+            .expect("a word past the last used colour is free");
+        for vertex in [a, b] {
+            if used[vertex].len() <= free / 64 {
+                used[vertex].resize(free / 64 + 1, 0);
+            }
+            used[vertex][free / 64] |= 1 << (free % 64);
+        }
+        of[index] = free as u32;
+        colors = colors.max(free + 1);
+    }
+    Coloring { of, colors }
+}
+
+/// An order of the vertices in which neighbours are close: the mesh's own if it is (a grid's rows), else breadth first.
+/// `order[k]` is the mesh's index of the `k`-th vertex.
+pub(crate) fn vertex_order(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
+    let own: Vec<u32> = (0..vertices as u32).collect();
+    let breadth = breadth_first(edges, vertices);
+    // Breadth first must win clearly: a grid's rows also line up for wide loads.
+    if spread(edges, &own) <= 1.5 * spread(edges, &breadth) { own } else { breadth }
+}
+
+/// Mean distance in memory between the ends of an edge.
+fn spread(edges: &[[u32; 2]], order: &[u32]) -> f64 {
+    let rank = inverse(order);
+    let total: u64 = edges.iter().map(|&[a, b]| u64::from(rank[a as usize].abs_diff(rank[b as usize]))).sum();
+    total as f64 / edges.len().max(1) as f64
+}
+
+/// The inverse of a permutation.
+pub(crate) fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut rank = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(place, &vertex)| rank[vertex as usize] = place as u32);
+    rank
+}
+
+fn breadth_first(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
+    let neighbours = Lists::new(vertices, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+    let mut order = Vec::with_capacity(vertices);
+    let mut seen = vec![false; vertices];
+    let mut queue = VecDeque::new();
+    for first in 0..vertices as u32 {
+        if !std::mem::replace(&mut seen[first as usize], true) {
+            queue.push_back(first);
+        }
+        while let Some(vertex) = queue.pop_front() {
+            order.push(vertex);
+            for &next in neighbours.of(vertex) {
+                if !std::mem::replace(&mut seen[next as usize], true) {
+                    queue.push_back(next);
+                }
+            }
+        }
+    }
+    order
+}
+
+/// A list of items for each vertex, all in one array.
+#[derive(Debug, Clone)]
+pub(crate) struct Lists<T> {
+    pub spans: Vec<crate::kernels::Span>,
+    pub items: Vec<T>,
+}
+
+impl<T: Copy + Default> Lists<T> {
+    /// Gathers `(vertex, item)` pairs by vertex; the items of a vertex keep their order.
+    pub(crate) fn new(vertices: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) -> Lists<T> {
+        let mut spans = vec![crate::kernels::Span::default(); vertices];
+        pairs.clone().for_each(|(vertex, _)| spans[vertex as usize].end += 1);
+        let mut total = 0;
+        for span in &mut spans {
+            let count = span.end;
+            (span.start, span.end) = (total, total);
+            total += count;
+        }
+        let mut items = vec![T::default(); total as usize];
+        for (vertex, item) in pairs {
+            let end = &mut spans[vertex as usize].end;
+            items[*end as usize] = item;
+            *end += 1;
+        }
+        Lists { spans, items }
+    }
+
+    /// The items of a vertex.
+    pub(crate) fn of(&self, vertex: u32) -> &[T] {
+        let span = self.spans[vertex as usize];
+        &self.items[span.start as usize..span.end as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Mesh;
+
+    fn check(edges: &[[u32; 2]], positions: &[Vec3]) -> usize {
+        let coloring = color(edges, positions);
+        assert_eq!(coloring.of.len(), edges.len(), "every edge has one colour");
+        let mut seen = std::collections::HashSet::new();
+        for (edge, &color) in edges.iter().zip(&coloring.of) {
+            assert!((color as usize) < coloring.colors);
+            edge.iter().for_each(|&vertex| assert!(seen.insert((vertex, color)), "vertex {vertex} has colour {color} twice"));
+        }
+        let again = color(edges, positions);
+        assert_eq!(again.of, coloring.of, "the same mesh gives the same colours");
+        coloring.colors
+    }
+
+    #[test]
+    fn a_grid_takes_as_many_colours_as_its_degree() {
+        for (columns, rows) in [(2, 2), (3, 5), (33, 33), (64, 17)] {
+            let mesh = Mesh::grid(columns, rows, 1.0, 1.0);
+            let edges = mesh.edges();
+            assert_eq!(check(&edges, &mesh.positions), max_degree(&edges, mesh.positions.len()), "{columns} x {rows}");
+        }
+    }
+
+    #[test]
+    fn opposite_edges_of_a_grid_are_visited_one_after_the_other() {
+        let mesh = Mesh::grid(9, 9, 1.0, 1.0);
+        let edges = mesh.edges();
+        let coloring = color(&edges, &mesh.positions);
+        let color_of = |a: u32, b: u32| coloring.of[edges.binary_search(&[a.min(b), a.max(b)]).unwrap()];
+        let centre = 40;
+        for step in [1, 9, 8] {
+            let pair = [color_of(centre, centre + step), color_of(centre, centre - step)];
+            assert_eq!(pair[0] / 2, pair[1] / 2, "colours {pair:?} of a straight pair are 2k and 2k + 1");
+        }
+    }
+
+    #[test]
+    fn a_fan_of_a_hundred_edges_needs_a_hundred_colours() {
+        let edges: Vec<[u32; 2]> = (1..=100).map(|rim| [0, rim]).collect();
+        assert_eq!(check(&edges, &[Vec3::ZERO; 101]), 100);
+    }
+
+    #[test]
+    fn random_graphs_stay_within_first_fits_bound() {
+        let mut random = fastrand::Rng::with_seed(7);
+        for vertices in [2, 10, 100] {
+            let mut edges: Vec<[u32; 2]> =
+                (0..5 * vertices).map(|_| [random.u32(0..vertices), random.u32(0..vertices)]).filter(|[a, b]| a < b).collect();
+            edges.sort_unstable();
+            edges.dedup();
+            let positions: Vec<Vec3> = (0..vertices).map(|_| Vec3::from_array([0; 3].map(|_: i32| random.f32()))).collect();
+            let degree = max_degree(&edges, vertices as usize);
+            assert!(check(&edges, &positions) < 2 * degree.max(1));
+        }
+    }
+
+    #[test]
+    fn breadth_first_brings_shuffled_neighbours_together() {
+        let mesh = Mesh::grid(30, 30, 1.0, 1.0);
+        let mut names: Vec<u32> = (0..900).collect();
+        fastrand::Rng::with_seed(3).shuffle(&mut names);
+        let edges: Vec<[u32; 2]> = mesh.edges().iter().map(|edge| edge.map(|vertex| names[vertex as usize])).collect();
+        let order = vertex_order(&edges, 900);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..900), "a permutation");
+        let own: Vec<u32> = (0..900).collect();
+        assert!(spread(&edges, &order) < 0.2 * spread(&edges, &own));
+        assert_eq!(vertex_order(&mesh.edges(), 900), own, "a grid keeps its rows");
+    }
+}

@@ -1,0 +1,171 @@
+//! The kernels run by rayon: over vertices, and over the edges of one colour at a time.
+
+use glam::{Vec3A, Vec4};
+use rayon::prelude::*;
+
+use crate::cloth::Cloth;
+use crate::deformer::{Failure, Plan};
+use crate::kernels::{self, Substep, xyz};
+
+/// Vertices a rayon task takes at a time: fewer are not worth waking a thread for.
+const GRAIN: usize = 1024;
+/// From this many vertices on, loops are parallel.
+pub(crate) const PARALLEL: usize = 2 * GRAIN;
+
+/// The state of the cloth in memory, one value per vertex in the cloth's order.
+#[derive(Debug, Clone)]
+pub(crate) struct Cpu {
+    /// Positions [m], w the inverse mass [1/kg].
+    pub x: Vec<Vec4>,
+    /// Displacement over the last substep [m].
+    pub p: Vec<Vec4>,
+    /// Displacement over this substep [m], being made.
+    pub u: Vec<Vec4>,
+    /// Bending rigidity times mean curvature normal; empty without bending.
+    moments: Vec<Vec4>,
+}
+
+impl Cpu {
+    pub(crate) fn new(cloth: &Cloth) -> Cpu {
+        let zero = vec![Vec4::ZERO; cloth.rest.len()];
+        Cpu { x: cloth.rest.clone(), p: zero.clone(), u: zero, moments: Vec::new() }
+    }
+
+    /// Puts the state somewhere else.
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.x.copy_from_slice(x);
+        self.p.copy_from_slice(p);
+    }
+
+    /// Keeps the state if it is finite, else goes back to `before`.
+    pub(crate) fn keep_or_restore(&mut self, before: (Vec<Vec4>, Vec<Vec4>)) -> Result<(), Failure> {
+        let finite = |(x, p): (&Vec4, &Vec4)| x.is_finite() && p.is_finite();
+        match self.x.iter().zip(&self.p).position(|state| !finite(state)) {
+            None => Ok(()),
+            Some(vertex) => {
+                (self.x, self.p) = before;
+                Err(Failure::Unstable(vertex))
+            }
+        }
+    }
+
+    /// One step: its substeps one after another.
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) {
+        for substep in &plan.substeps {
+            self.forces(plan, substep);
+            self.finish(plan, substep);
+        }
+    }
+
+    /// Stage 1: forces, and the displacement they predict.
+    fn forces(&mut self, plan: &Plan<'_>, substep: &Substep) {
+        let (x, p) = (&self.x, &self.p);
+        let Plan { cloth, coefficients, params, .. } = plan;
+        let bending = plan.bending.then(|| (&coefficients.bending, &cloth.bending().entries));
+        if let Some((rows, entries)) = bending {
+            self.moments.resize(x.len(), Vec4::ZERO);
+            for_each(&mut self.moments, |v, moment| {
+                let row = rows[v];
+                let mut y = Vec3A::ZERO;
+                for entry in entries.of(v as u32) {
+                    let j = entry.other as usize;
+                    let dv = xyz(p[j] - p[v]) * substep.rate;
+                    y += kernels::bend_term(xyz(x[j] - x[v]), dv, row.tau, entry.forward);
+                }
+                *moment = (y * row.stiffness).extend(0.0);
+            });
+        }
+        let moments = &self.moments;
+        let panels = plan.wind.then(|| cloth.panels());
+        let springs = plan.springs.then(|| cloth.springs());
+        let ambient = Vec3A::from(params.acceleration);
+        for_each(&mut self.u, |i, u| {
+            let w = x[i].w;
+            if w == 0.0 {
+                *u = Vec4::ZERO;
+                return;
+            }
+            let mut force = Vec3A::ZERO;
+            if let Some((rows, entries)) = bending {
+                force -= xyz(moments[i]) * rows[i].diagonal;
+                for entry in entries.of(i as u32) {
+                    force -= xyz(moments[entry.other as usize]) * entry.backward;
+                }
+            }
+            if let Some(panels) = panels {
+                for &triangle in panels.around.of(i as u32) {
+                    let panel = panels.panels[triangle as usize];
+                    let corners = panel.corners.map(|corner| corner as usize);
+                    let velocities = corners.map(|corner| xyz(p[corner]) * substep.rate);
+                    force +=
+                        kernels::wind_force(corners.map(|corner| xyz(x[corner])), velocities, panel.mass, params) * (1.0 / 3.0);
+                }
+            }
+            if let Some(springs) = springs {
+                for spring in springs.of(i as u32) {
+                    force += kernels::spring_force(xyz(x[spring.other as usize] - x[i]), spring);
+                }
+            }
+            *u = kernels::predict(xyz(p[i]), ambient + force * w, substep).extend(0.0);
+        });
+    }
+
+    /// Stages 2 and 3: pins, the sweep over the edges, contact, and the move.
+    pub(crate) fn finish(&mut self, plan: &Plan<'_>, substep: &Substep) {
+        for pin in &plan.pins {
+            let (from, to) = (Vec3A::from(pin.from), Vec3A::from(pin.to));
+            let i = pin.vertex as usize;
+            self.u[i] = (from + (to - from) * substep.end - xyz(self.x[i])).extend(0.0);
+        }
+        for _ in 0..plan.sweeps {
+            self.sweep(plan);
+        }
+        self.contact(plan, substep);
+    }
+
+    fn sweep(&mut self, plan: &Plan<'_>) {
+        let x = &self.x;
+        let correct =
+            |edge: &kernels::Edge, u_a: &mut Vec4, u_b: &mut Vec4, kernel: fn(Vec3A, Vec3A, &kernels::Edge) -> Vec3A| {
+                let (x_a, x_b) = (x[edge.a as usize], x[edge.b as usize]);
+                let impulse = kernel(xyz(x_a - x_b), xyz(*u_a - *u_b), edge).extend(0.0);
+                *u_a += impulse * x_a.w;
+                *u_b -= impulse * x_b.w;
+            };
+        let edges = &plan.coefficients.edges;
+        if plan.relaxation {
+            edges.for_each(&mut self.u, |edge, u_a, u_b| correct(edge, u_a, u_b, kernels::relax));
+        } else {
+            edges.for_each(&mut self.u, |edge, u_a, u_b| correct(edge, u_a, u_b, kernels::project));
+        }
+    }
+
+    fn contact(&mut self, plan: &Plan<'_>, substep: &Substep) {
+        let u = &self.u;
+        let touch = |i: usize, x: &mut Vec4, p: &mut Vec4| {
+            let (mut at, mut by) = (xyz(*x), xyz(u[i]));
+            if x.w > 0.0 {
+                for body in &plan.bodies {
+                    (at, by) = kernels::contact(at, by, body, substep, &plan.params);
+                }
+            }
+            *x = (at + by).extend(x.w);
+            *p = by.extend(0.0);
+        };
+        if u.len() < PARALLEL {
+            self.x.iter_mut().zip(&mut self.p).enumerate().for_each(|(i, (x, p))| touch(i, x, p));
+        } else {
+            let both = self.x.par_iter_mut().zip(&mut self.p);
+            both.with_min_len(GRAIN).enumerate().for_each(|(i, (x, p))| touch(i, x, p));
+        }
+    }
+}
+
+/// Calls `f(index, item)` for every item, in parallel when there are enough.
+fn for_each<T: Send>(items: &mut [T], f: impl Fn(usize, &mut T) + Sync + Send) {
+    if items.len() < PARALLEL {
+        items.iter_mut().enumerate().for_each(|(index, item)| f(index, item));
+    } else {
+        items.par_iter_mut().with_min_len(GRAIN).enumerate().for_each(|(index, item)| f(index, item));
+    }
+}

@@ -1,0 +1,300 @@
+//! The mathematics, as pure functions: values in, values out. `shaders/` holds the same functions under the same names.
+//!
+//! Within a substep of length `h` a vertex is at `x` [m] and will move by `u` [m]; `p` [m] is its displacement over the
+//! substep before, so its velocity is `p / h`. Everything is written in displacements: formed as `(x - x_prev) / h` in
+//! single precision, a velocity loses gravity altogether once `h^2 g` nears the last bit of `x`. Storing `p` rather than
+//! `v` also spares the rounding of `v -> h v -> v`, which is what makes friction near its threshold drift.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Vec3A, Vec4};
+
+/// What is the same for every vertex and every substep of a step.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(crate) struct Params {
+    /// Gravity plus the linear drag toward the wind, `g + c v_air` [m/s²].
+    pub acceleration: [f32; 3],
+    /// Substep [s].
+    pub h: f32,
+    /// Velocity of the air [m/s].
+    pub wind: [f32; 3],
+    /// Half the density of the air [kg/m³].
+    pub half_density: f32,
+    pub drag: f32,
+    pub lift: f32,
+    /// One over the number of substeps.
+    pub fraction: f32,
+    pub vertices: u32,
+    pub bodies: u32,
+    pub pins: u32,
+    pub padding: [u32; 2],
+}
+
+/// What differs from one substep to the next.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(crate) struct Substep {
+    /// Share of the last displacement that carries over: drag, and the ratio of this substep to the last.
+    pub carry: f32,
+    /// Displacement by a unit of acceleration [s²]: `h²`, half of it in the first substep (leapfrog start).
+    pub gain: f32,
+    /// One over the last substep [1/s]: turns `p` into a velocity.
+    pub rate: f32,
+    /// Where the substep begins and ends within the step, 0..1.
+    pub start: f32,
+    pub end: f32,
+    pub padding: [u32; 3],
+}
+
+/// An edge, ready for one length of substep.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Edge {
+    pub a: u32,
+    pub b: u32,
+    /// One over the rest length [1/m].
+    pub inverse_rest: f32,
+    /// `1 / (w_a + w_b + a')` [kg], `a'` the shifted compliance over `h²`.
+    pub inverse_weight: f32,
+}
+
+/// One vertex's place in a list of lists: entries `start..end`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Span {
+    pub start: u32,
+    pub end: u32,
+}
+
+/// A spring seen from one of its ends.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Spring {
+    pub other: u32,
+    /// Rest length [m].
+    pub rest: f32,
+    /// Stiffness [N/m].
+    pub stiffness: f32,
+}
+
+/// A vertex's row of the bending energy: `stiffness/2 |sum_j c_vj (x_j - x_v)|²`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct BendRow {
+    /// `B_v D_v`; B limited where explicit integration needs it.
+    pub stiffness: f32,
+    /// Retardation time [s].
+    pub tau: f32,
+    /// `c_vv = -sum_j c_vj`.
+    pub diagonal: f32,
+    pub padding: f32,
+}
+
+/// A neighbour in a vertex's row of the bending energy.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct BendEntry {
+    pub other: u32,
+    /// `c_vj`: the neighbour in this vertex's row.
+    pub forward: f32,
+    /// `c_jv`: this vertex in the neighbour's row.
+    pub backward: f32,
+}
+
+/// A triangle that the air acts on.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Panel {
+    pub corners: [u32; 3],
+    /// Mass [kg] that its force moves: its area times the least areal density of its corners.
+    pub mass: f32,
+}
+
+/// A collider during one step, in local coordinates.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Body {
+    /// Plane: a point of it. Round: one end of the axis (a sphere's centre), at the step's start.
+    pub a: [f32; 3],
+    pub radius: f32,
+    /// Plane: its unit normal. Round: the other end of the axis.
+    pub b: [f32; 3],
+    pub friction: f32,
+    /// How `a`, `radius` and a round body's `b` change over the step.
+    pub a_travel: [f32; 3],
+    pub radius_travel: f32,
+    pub b_travel: [f32; 3],
+    /// [`PLANE`] or [`ROUND`].
+    pub kind: u32,
+}
+
+/// A pinned vertex on its way through a step, in local coordinates.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Pin {
+    pub from: [f32; 3],
+    pub vertex: u32,
+    pub to: [f32; 3],
+    pub padding: u32,
+}
+
+pub(crate) const PLANE: u32 = 0;
+pub(crate) const ROUND: u32 = 1;
+
+/// SHAKE's direction is used while the edge has turned by less than this (cosine) ...
+const TURN_GUARD: f32 = 0.9;
+/// ... and its squared length is within this share of its rest value.
+const STRETCH_GUARD: f32 = 0.1;
+/// Speed [m/s] at which a vertex that began a substep inside a body is moved out of it.
+const DEPENETRATION: f32 = 1.0;
+/// A vertex that moves by more than this share of a body's radius in a substep is swept along its path.
+const SWEPT: f32 = 0.25;
+const SWEEP_STEPS: u32 = 24;
+
+/// Displacement predicted from the last one and an acceleration: leapfrog, exact for linear drag.
+pub(crate) fn predict(p: Vec3A, acceleration: Vec3A, substep: &Substep) -> Vec3A {
+    p * substep.carry + acceleration * substep.gain
+}
+
+/// Impulse of an edge in displacement form: add `w_a` times it to `u_a`, subtract `w_b` times it from `u_b`.
+///
+/// `C = l - l0`, corrected along the edge's direction at the substep's start (SHAKE: Ryckaert et al. 1977) while the edge
+/// has hardly turned or stretched, else along its current direction (XPBD: Macklin et al. 2016). `l - l0` is a series in
+/// `r = (l/l0)² - 1`, so the common case has no square root; the rest length cancels.
+pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
+    let d = d0 + du;
+    let inverse_square = edge.inverse_rest * edge.inverse_rest;
+    let r = d.dot(d) * inverse_square - 1.0;
+    let c = d0.dot(d) * inverse_square;
+    if c > TURN_GUARD && r.abs() < STRETCH_GUARD {
+        d0 * (-edge.inverse_weight * r * (0.5 - r * (0.125 - r * 0.0625)))
+    } else {
+        relax(d0, du, edge)
+    }
+}
+
+/// Impulse of an edge along its current direction: Jakobsen's relaxation (2001) where the edge has no compliance.
+pub(crate) fn relax(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
+    let d = d0 + du;
+    let length = d.length().max(1e-12);
+    d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * length) - 1.0))
+}
+
+/// Force [N] of a spring on the end that `d` points away from.
+pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
+    let length = d.length().max(1e-12);
+    d * (spring.stiffness * (length - spring.rest) / length)
+}
+
+/// One term of `y_v = sum_j c_vj ((x_j - x_v) + tau (v_j - v_v))`, the mean curvature normal and its rate.
+pub(crate) fn bend_term(dx: Vec3A, dv: Vec3A, tau: f32, coefficient: f32) -> Vec3A {
+    (dx + dv * tau) * coefficient
+}
+
+/// Force [N] of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into
+/// a normal part `k_n v_n` and a tangential part `k_t v_t` per area, each `k` limited to `k / (1 + h k A/m)`: exact for a
+/// free panel, and never reverses the velocity relative to the air, however strong the wind.
+pub(crate) fn wind_force(x: [Vec3A; 3], v: [Vec3A; 3], mass: f32, params: &Params) -> Vec3A {
+    let cross = (x[1] - x[0]).cross(x[2] - x[0]);
+    let double_area = cross.length();
+    if double_area < 1e-20 {
+        return Vec3A::ZERO;
+    }
+    let n = cross / double_area;
+    let area = 0.5 * double_area;
+    let relative = (v[0] + v[1] + v[2]) * (1.0 / 3.0) - Vec3A::from(params.wind);
+    let along = n.dot(relative);
+    let normal = n * along;
+    let tangential = relative - normal;
+    let sine2 = along * along / relative.length_squared().max(1e-20);
+    let pressure = params.half_density * along.abs();
+    let limited = |k: f32| k * area / (1.0 + params.h * k * area / mass);
+    let k_n = limited(pressure * (params.drag + params.lift * (1.0 - sine2)));
+    let k_t = limited(pressure * (params.drag - params.lift * sine2));
+    -(normal * k_n + tangential * k_t)
+}
+
+/// Contact of a vertex at `x` about to move by `u` with one body: `(x, u)` afterwards.
+///
+/// The gap is formed in displacements, so that it is right to the last bit of `u`, not of `x`. What the vertex was already
+/// inside by is taken out of `x` at a bounded speed and gives it no velocity; the rest is taken out of `u`, and is what
+/// friction (Coulomb, relative to the body's own motion) is measured by. A fast vertex is swept along its path.
+pub(crate) fn contact(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
+    let a = Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start;
+    let a_step = Vec3A::from(body.a_travel) * params.fraction;
+    if body.kind == PLANE {
+        let n = Vec3A::from(body.b);
+        let before = n.dot(x - a);
+        let after = before + n.dot(u - a_step);
+        return respond(x, u, n, before, after, a_step, body.friction, params.h);
+    }
+    let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
+    let b_step = Vec3A::from(body.b_travel) * params.fraction;
+    let radius = body.radius + body.radius_travel * substep.start;
+    let t = nearest(a + a_step, b + b_step, x + u);
+    let step = a_step + (b_step - a_step) * t;
+    let d0 = x - (a + (b - a) * t);
+    let du = u - step;
+    let d = d0 + du;
+    let start = d0.length();
+    let end = d.length();
+    let before = start - radius;
+    let travel2 = du.length_squared();
+    if before >= 0.0 && travel2 > SWEPT * SWEPT * radius * radius {
+        if let Some((n, after)) = swept(x, du, a, b, radius, travel2.sqrt()) {
+            return respond(x, u, n, before, after - body.radius_travel * params.fraction, step, body.friction, params.h);
+        }
+    }
+    let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - body.radius_travel * params.fraction;
+    let n = if end > 1e-12 { d / end } else { Vec3A::Y };
+    respond(x, u, n, before, after, step, body.friction, params.h)
+}
+
+/// Where on the segment from `a` (0) to `b` (1) lies the point nearest to `x`.
+fn nearest(a: Vec3A, b: Vec3A, x: Vec3A) -> f32 {
+    let axis = b - a;
+    ((x - a).dot(axis) / axis.length_squared().max(1e-20)).clamp(0.0, 1.0)
+}
+
+/// First touch of the path `x + s du` with a round body: its normal there, and the gap that the end of the path leaves to
+/// the tangent plane. Steps by the distance still free (sphere tracing: Hart 1996), which never passes the surface.
+fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, travel: f32) -> Option<(Vec3A, f32)> {
+    let mut s = 0.0;
+    for _ in 0..SWEEP_STEPS {
+        let at = x + du * s;
+        let d = at - (a + (b - a) * nearest(a, b, at));
+        let distance = d.length();
+        if distance < radius * 1.001 {
+            let n = d / distance.max(1e-20);
+            return Some((n, distance - radius + n.dot(du) * (1.0 - s)));
+        }
+        s += (distance - radius) / travel;
+        if s >= 1.0 {
+            return None;
+        }
+    }
+    None
+}
+
+/// Pushes a vertex out along `n` given its signed gap before and after the substep, with friction: `(x, u)` afterwards.
+#[expect(clippy::too_many_arguments, reason = "a contact has this many numbers; the shader's twin takes the same")]
+fn respond(x: Vec3A, u: Vec3A, n: Vec3A, before: f32, after: f32, step: Vec3A, friction: f32, h: f32) -> (Vec3A, Vec3A) {
+    if after >= 0.0 {
+        return (x, u);
+    }
+    let depth = -after;
+    let old = depth.min((-before).max(0.0));
+    let push = depth - old;
+    let u = u + n * push;
+    let relative = u - step;
+    let slip = relative - n * n.dot(relative);
+    let length = slip.length();
+    // Subtracted rather than scaled by 1 - ratio, which rounds the same way every substep.
+    let u = u - slip * (friction * push / length.max(1e-30)).min(1.0);
+    (x + n * old.min(DEPENETRATION * h), u)
+}
+
+/// The xyz of a vertex stored with a fourth number.
+pub(crate) fn xyz(v: Vec4) -> Vec3A {
+    Vec3A::from_vec4(v)
+}
