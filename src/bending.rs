@@ -149,7 +149,6 @@ impl Bending {
             stiffness: stiffness[v] as f32,
             tau: over_row(&damped, v) as f32,
             diagonal: -self.diagonal[v] as f32,
-            padding: 0.0,
         });
         let limited = row_share.iter().zip(&self.weight).filter(|(share, weight)| **share < 1.0 && **weight > 0.0).count();
         (rows.collect(), limited)

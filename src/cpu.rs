@@ -113,9 +113,9 @@ impl Cpu {
     /// Stages 2 and 3: pins, the sweep over the edges, contact, and the move.
     pub(crate) fn finish(&mut self, plan: &Plan<'_>, substep: &Substep) {
         for pin in &plan.pins {
-            let (from, to) = (Vec3A::from(pin.from), Vec3A::from(pin.to));
+            let (origin, goal) = (Vec3A::from(pin.origin), Vec3A::from(pin.goal));
             let i = pin.vertex as usize;
-            self.u[i] = (from + (to - from) * substep.end - xyz(self.x[i])).extend(0.0);
+            self.u[i] = (origin + (goal - origin) * substep.end - xyz(self.x[i])).extend(0.0);
         }
         for _ in 0..plan.sweeps {
             self.sweep(plan);

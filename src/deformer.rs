@@ -531,7 +531,6 @@ fn plan<'a>(
             rate: 1.0 / unit,
             start: index as f32 / count as f32,
             end: (index + 1) as f32 / count as f32,
-            ..Substep::default()
         }
     };
     let colliders = attributes.colliders.iter().enumerate();
@@ -542,7 +541,7 @@ fn plan<'a>(
     let pins: Vec<Pin> = targets
         .zip(&motion.pins)
         .zip(&cloth.pinned)
-        .map(|((&to, from), &vertex)| Pin { from: from.to_array(), vertex, to: (to - cloth.origin).to_array(), padding: 0 })
+        .map(|((&to, from), &vertex)| Pin { origin: from.to_array(), vertex, goal: (to - cloth.origin).to_array(), padding: 0 })
         .collect();
     let params = Params {
         acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),

@@ -1,1 +1,49 @@
+//! The design card's shape: WGSL integrates the forces, the buffer is mapped back, rayon resolves the coloured edges and
+//! contact, and the result is written back, every substep. A composition of the other two.
 
+use crate::cloth::Cloth;
+use crate::cpu::Cpu;
+use crate::deformer::{Failure, Plan};
+use crate::gpu::{Forces, Gpu};
+
+/// A cloth whose state is in memory and whose forces are computed on the GPU.
+#[derive(Debug)]
+pub(crate) struct Hybrid {
+    gpu: Gpu,
+    forces: Forces,
+    staging: wgpu::Buffer,
+    pub cpu: Cpu,
+}
+
+impl Hybrid {
+    pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
+        gpu.clone().checked(|| {
+            let forces = Forces::new(&gpu, cloth)?;
+            let staging = gpu.staging("u", forces.u.size());
+            Ok(Hybrid { gpu, forces, staging, cpu: Cpu::new(cloth) })
+        })
+    }
+
+    pub(crate) fn adapter(&self) -> &str {
+        &self.gpu.name
+    }
+
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        let Hybrid { gpu, forces, staging, cpu } = self;
+        let prepared = gpu.checked(|| {
+            forces.prepare(gpu, plan);
+            Ok(())
+        });
+        prepared.map_err(Failure::Gpu)?;
+        for (index, substep) in plan.substeps.iter().enumerate() {
+            gpu.write(&forces.x, &cpu.x);
+            gpu.write(&forces.p, &cpu.p);
+            let mut encoder = gpu.encoder();
+            forces.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), plan, index);
+            let back = gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)));
+            back.map_err(Failure::Gpu)?;
+            cpu.finish(plan, substep);
+        }
+        Ok(())
+    }
+}

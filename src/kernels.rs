@@ -43,7 +43,6 @@ pub(crate) struct Substep {
     /// Where the substep begins and ends within the step, 0..1.
     pub start: f32,
     pub end: f32,
-    pub padding: [u32; 3],
 }
 
 /// An edge, ready for one length of substep.
@@ -87,7 +86,6 @@ pub(crate) struct BendRow {
     pub tau: f32,
     /// `c_vv = -sum_j c_vj`.
     pub diagonal: f32,
-    pub padding: f32,
 }
 
 /// A neighbour in a vertex's row of the bending energy.
@@ -132,9 +130,9 @@ pub(crate) struct Body {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Pin {
-    pub from: [f32; 3],
+    pub origin: [f32; 3],
     pub vertex: u32,
-    pub to: [f32; 3],
+    pub goal: [f32; 3],
     pub padding: u32,
 }
 

@@ -47,3 +47,22 @@ pub fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();
     (sum / a.len() as f64).sqrt()
 }
+
+/// Makes a test of each function for each backend, named `backend::function`. A build without the `gpu` feature is how a
+/// run asks for the CPU alone; with it, a machine without an adapter fails these tests.
+#[macro_export]
+macro_rules! on_every_backend {
+    ($($test:ident),+ $(,)?) => {
+        mod cpu {
+            $(#[test] fn $test() { super::$test(cloth_deformer::Backend::Cpu); })+
+        }
+        #[cfg(feature = "gpu")]
+        mod hybrid {
+            $(#[test] fn $test() { super::$test(cloth_deformer::Backend::Hybrid); })+
+        }
+        #[cfg(feature = "gpu")]
+        mod gpu {
+            $(#[test] fn $test() { super::$test(cloth_deformer::Backend::Gpu); })+
+        }
+    };
+}

@@ -1,8 +1,8 @@
 //! The oracle: explicit leapfrog springs in double precision, written for itself alone. It shares no code with the solver,
 //! not even the list of edges.
 
-use cloth_deformer::glam::{DVec3, Vec3};
 use cloth_deformer::Mesh;
+use cloth_deformer::glam::{DVec3, Vec3};
 
 /// A mass-spring cloth in double precision.
 pub struct Reference {

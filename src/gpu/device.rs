@@ -1,0 +1,230 @@
+//! A device, and the few things made on it: buffers, stages, reads.
+
+use bytemuck::Pod;
+
+/// A wgpu device and queue to compute on. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Gpu {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// The adapter's name, for reports.
+    pub name: String,
+}
+
+/// A shader: the common part and the stage's own.
+macro_rules! shader {
+    ($name:literal) => {
+        concat!(
+            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/common.wgsl")),
+            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl"))
+        )
+    };
+}
+pub(crate) use shader;
+
+/// Invocations in a workgroup: `WORKGROUP` of `common.wgsl`.
+pub(crate) const WORKGROUP: usize = 64;
+/// Most workgroups in a dimension of a dispatch.
+const MAX_GROUPS: usize = 65_535;
+
+impl Gpu {
+    /// Asks for the best adapter: a real GPU, or, if `software` may stand in, the software driver.
+    pub(crate) fn request(software: bool) -> Result<Gpu, String> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        let best = adapters.into_iter().filter(|adapter| software || rank(adapter) < 4).min_by_key(rank);
+        let adapter = best.ok_or("no adapter was found")?;
+        let descriptor = wgpu::DeviceDescriptor {
+            // Cloth of a million vertices needs more than the default 128 MiB a binding.
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
+        Ok(Gpu { device, queue, name: adapter.get_info().name })
+    }
+
+    /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
+    pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+        let [validation, memory, internal] = filters.map(|filter| self.device.push_error_scope(filter));
+        let result = work();
+        let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+        match errors.into_iter().flatten().next() {
+            Some(error) => Err(error.to_string().replace('\n', " ")),
+            None => result,
+        }
+    }
+
+    /// A storage buffer of `size` bytes, zero.
+    pub(crate) fn buffer(&self, label: &str, size: u64) -> wgpu::Buffer {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        self.make(label, size, usage)
+    }
+
+    /// A storage buffer with these values; an item of zeros if there are none.
+    pub(crate) fn filled<T: Pod>(&self, label: &str, values: &[T]) -> wgpu::Buffer {
+        let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);
+        self.write(&buffer, values);
+        buffer
+    }
+
+    /// A uniform buffer with these bytes.
+    pub(crate) fn uniform(&self, label: &str, bytes: &[u8]) -> wgpu::Buffer {
+        let buffer = self.make(label, bytes.len() as u64, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
+        self.write(&buffer, bytes);
+        buffer
+    }
+
+    /// A buffer to map and read.
+    pub(crate) fn staging(&self, label: &str, size: u64) -> wgpu::Buffer {
+        self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
+    }
+
+    fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+    }
+
+    /// Writes values at the start of a buffer, before what is submitted next.
+    pub(crate) fn write<T: Pod>(&self, buffer: &wgpu::Buffer, values: &[T]) {
+        self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
+    }
+
+    /// A compiled shader.
+    pub(crate) fn module(&self, label: &str, source: &str) -> wgpu::ShaderModule {
+        let source = wgpu::ShaderSource::Wgsl(source.into());
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
+    }
+
+    /// Copies each part to its offset in `staging`, waits, and shows the bytes to `look`.
+    pub(crate) fn read<T>(
+        &self,
+        staging: &wgpu::Buffer,
+        parts: &[(&wgpu::Buffer, u64)],
+        encoder: wgpu::CommandEncoder,
+        look: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, String> {
+        self.checked(|| {
+            let mut encoder = encoder;
+            for &(buffer, offset) in parts {
+                encoder.copy_buffer_to_buffer(buffer, 0, staging, offset, buffer.size());
+            }
+            self.queue.submit([encoder.finish()]);
+            let (send, receive) = std::sync::mpsc::channel();
+            staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
+                // The receiver waits below; if it gave up there is nobody to tell.
+                let _ = send.send(mapped);
+            });
+            self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| error.to_string())?;
+            receive.recv().map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
+            let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| error.to_string());
+            staging.unmap();
+            seen
+        })
+    }
+
+    /// An encoder of commands.
+    pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+}
+
+/// How a stage sees a buffer.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Bind<'a> {
+    Read(&'a wgpu::Buffer),
+    Write(&'a wgpu::Buffer),
+    Uniform(&'a wgpu::Buffer),
+    /// A uniform of this size whose offset is given with each dispatch.
+    Dynamic(&'a wgpu::Buffer, u64),
+}
+
+/// Buffers bound together, and how.
+#[derive(Debug)]
+pub(crate) struct Group {
+    layout: wgpu::BindGroupLayout,
+    group: wgpu::BindGroup,
+}
+
+impl Group {
+    pub(crate) fn new(gpu: &Gpu, bound: &[(u32, Bind<'_>)]) -> Group {
+        let layout_entry = |&(binding, bind): &(u32, Bind<'_>)| {
+            use wgpu::BufferBindingType::{Storage, Uniform};
+            let (ty, has_dynamic_offset) = match bind {
+                Bind::Read(_) => (Storage { read_only: true }, false),
+                Bind::Write(_) => (Storage { read_only: false }, false),
+                Bind::Uniform(_) => (Uniform, false),
+                Bind::Dynamic(..) => (Uniform, true),
+            };
+            let ty = wgpu::BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None };
+            wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None }
+        };
+        let entries: Vec<_> = bound.iter().map(layout_entry).collect();
+        let layout = wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries };
+        let layout = gpu.device.create_bind_group_layout(&layout);
+        fn entry<'a>(&(binding, bind): &(u32, Bind<'a>)) -> wgpu::BindGroupEntry<'a> {
+            let resource = match bind {
+                Bind::Read(buffer) | Bind::Write(buffer) | Bind::Uniform(buffer) => buffer.as_entire_binding(),
+                Bind::Dynamic(buffer, size) => {
+                    let size = wgpu::BufferSize::new(size);
+                    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
+                }
+            };
+            wgpu::BindGroupEntry { binding, resource }
+        }
+        let entries: Vec<_> = bound.iter().map(entry).collect();
+        let group = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
+        Group { group: gpu.device.create_bind_group(&group), layout }
+    }
+
+    /// Binds the group as number `index`.
+    pub(crate) fn set(&self, pass: &mut wgpu::ComputePass<'_>, index: u32, offsets: &[u32]) {
+        pass.set_bind_group(index, &self.group, offsets);
+    }
+}
+
+/// A kernel and the buffers it works on. Group 0 is the frame's, group 1 its own.
+#[derive(Debug)]
+pub(crate) struct Stage {
+    pipeline: wgpu::ComputePipeline,
+    own: Group,
+}
+
+impl Stage {
+    pub(crate) fn new(gpu: &Gpu, frame: &Group, module: &wgpu::ShaderModule, entry: &str, bound: &[(u32, Bind<'_>)]) -> Stage {
+        let own = Group::new(gpu, bound);
+        let layout = wgpu::PipelineLayoutDescriptor {
+            label: Some(entry),
+            bind_group_layouts: &[Some(&frame.layout), Some(&own.layout)],
+            immediate_size: 0,
+        };
+        let layout = gpu.device.create_pipeline_layout(&layout);
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&layout),
+            module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Stage { pipeline, own }
+    }
+
+    /// Runs the kernel on `items` items.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, offsets: &[u32], items: usize) {
+        let groups = items.div_ceil(WORKGROUP);
+        let rows = groups.div_ceil(MAX_GROUPS).max(1);
+        pass.set_pipeline(&self.pipeline);
+        self.own.set(pass, 1, offsets);
+        pass.dispatch_workgroups(groups.div_ceil(rows) as u32, rows as u32, 1);
+    }
+}
