@@ -91,7 +91,7 @@ fn contact_body(x: vec3f, u: vec3f, body: Body) -> Path {
     let end = length(d);
     let before = start - radius;
     let travel2 = dot(du, du);
-    if before >= 0.0 && travel2 > SWEPT * SWEPT * radius * radius {
+    if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
         let touch = swept(x, du, a, b, radius, sqrt(travel2));
         if touch.hit {
             return respond(x, u, touch.n, before, touch.after - growth, step, body.friction);

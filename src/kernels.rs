@@ -238,7 +238,8 @@ pub(crate) fn contact(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params
     let end = d.length();
     let before = start - radius;
     let travel2 = du.length_squared();
-    if before >= 0.0 && travel2 > SWEPT * SWEPT * radius * radius {
+    // A vertex at rest on the surface may be inside it by a rounding.
+    if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
         if let Some((n, after)) = swept(x, du, a, b, radius, travel2.sqrt()) {
             return respond(x, u, n, before, after - body.radius_travel * params.fraction, step, body.friction, params.h);
         }

@@ -1,0 +1,208 @@
+//! Contact and friction: inclines, spheres, capsules, things that move.
+
+#[macro_use]
+mod common;
+
+use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality};
+use common::{FRAME, play};
+
+on_every_backend!(
+    sticks_below_the_angle_of_friction,
+    slides_above_it,
+    no_vertex_inside_a_sphere,
+    no_vertex_inside_a_moving_sphere,
+    no_vertex_inside_a_capsule,
+    nothing_tunnels,
+    a_start_inside_is_freed_without_a_kick,
+    a_moving_floor_carries_the_cloth,
+    a_growing_sphere_pushes,
+);
+
+/// A sheet lying on a plane tilted by `degrees` about z, friction .3.
+fn incline(backend: Backend, degrees: f32, substeps: u32) -> (Deformer, Attributes, Vec3) {
+    let turn = Quat::from_rotation_z(-degrees.to_radians());
+    let mut mesh = Mesh::grid(4, 4, 0.3, 0.3);
+    mesh.positions.iter_mut().for_each(|x| *x = turn * *x);
+    let options = Options { backend, quality: Quality::Substeps(substeps), ..Options::default() };
+    let colliders = vec![Collider::plane(Vec3::ZERO, turn * Vec3::Y).with_friction(0.3)];
+    (Deformer::new(&mesh, options).unwrap(), Attributes { colliders, ..Attributes::default() }, turn * Vec3::X)
+}
+
+/// NUMERICS test 18: friction .3 holds up to 16.699 degrees.
+fn sticks_below_the_angle_of_friction(backend: Backend) {
+    for substeps in [20, 160] {
+        let (mut deformer, attributes, _) = incline(backend, 16.5, substeps);
+        let start = deformer.positions().unwrap().to_vec();
+        play(&mut deformer, 60, &attributes);
+        let slip = common::rms(&start, deformer.positions().unwrap());
+        assert!(slip <= 1e-6, "S = {substeps}: slid {slip} m in a second");
+    }
+}
+
+/// NUMERICS test 18: beyond it, `g (sin - mu cos)` down the slope.
+fn slides_above_it(backend: Backend) {
+    for (degrees, substeps) in [(20.0, 20), (20.0, 320), (16.9, 20), (16.9, 80), (16.9, 160), (16.9, 320)] {
+        let (mut deformer, attributes, down) = incline(backend, degrees, substeps);
+        let angle = f64::from(degrees).to_radians();
+        let expected = 9.81 * (angle.sin() - 0.3 * angle.cos());
+        let mean =
+            |deformer: &mut Deformer| deformer.positions().unwrap().iter().map(|x| f64::from(x.dot(down))).sum::<f64>() / 16.0;
+        let start = mean(&mut deformer);
+        play(&mut deformer, 60, &attributes);
+        let measured = 2.0 * (mean(&mut deformer) - start);
+        println!("{backend:?} {degrees} S = {substeps}: {measured:.6} m/s2, {:+.3} %", 100.0 * (measured / expected - 1.0));
+        assert!(
+            (measured / expected - 1.0).abs() <= 0.01,
+            "{degrees} degrees, S = {substeps}: {measured} m/s2, expected {expected}"
+        );
+    }
+}
+
+fn sphere_drop(backend: Backend, n: u32, substeps: u32) -> (Deformer, Attributes) {
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.35);
+    let fabric = Fabric { bending: 1e-4, damping: 0.03, ..Fabric::default() };
+    let options = Options { backend, quality: Quality::Substeps(substeps), fabric, ..Options::default() };
+    let colliders = vec![Collider::sphere(Vec3::ZERO, 0.3), Collider::plane(Vec3::new(0.0, -0.3, 0.0), Vec3::Y)];
+    (Deformer::new(&mesh, options).unwrap(), Attributes { colliders, ..Attributes::default() })
+}
+
+/// NUMERICS test 19: `penetration` is the deepest vertex.
+fn no_vertex_inside_a_sphere(backend: Backend) {
+    let (mut deformer, attributes) = sphere_drop(backend, 17, 20);
+    for _ in 0..60 {
+        deformer.step(FRAME, &attributes).unwrap();
+        let depth = deformer.measure().unwrap().penetration;
+        assert!(depth <= 1e-6, "{depth} m deep");
+    }
+    let lowest = deformer.positions().unwrap().iter().map(|x| x.y).fold(f32::INFINITY, f32::min);
+    assert!(lowest < 0.0, "the cloth fell past the sphere's middle: {lowest}");
+    assert!(deformer.positions().unwrap()[8 * 17 + 8].y > 0.29, "its middle rests on top");
+}
+
+fn no_vertex_inside_a_moving_sphere(backend: Backend) {
+    let (mut deformer, mut attributes) = sphere_drop(backend, 17, 20);
+    for frame in 0..60 {
+        let t = frame as f32 * FRAME;
+        attributes.colliders[0] = Collider::sphere(Vec3::new(0.3 * (9.0 * t).sin(), 0.1 * (14.0 * t).sin(), 0.0), 0.3);
+        deformer.step(FRAME, &attributes).unwrap();
+        let depth = deformer.measure().unwrap().penetration;
+        assert!(depth <= 1e-6, "frame {frame}: {depth} m deep");
+    }
+}
+
+fn no_vertex_inside_a_capsule(backend: Backend) {
+    let (mut deformer, mut attributes) = sphere_drop(backend, 17, 20);
+    attributes.colliders[0] = Collider::capsule(Vec3::new(-0.4, 0.0, -0.2), Vec3::new(0.4, 0.1, 0.2), 0.2);
+    for _ in 0..60 {
+        deformer.step(FRAME, &attributes).unwrap();
+        let depth = deformer.measure().unwrap().penetration;
+        assert!(depth <= 1e-6, "{depth} m deep");
+    }
+}
+
+/// NUMERICS test 19: at five times the speed `v h = R` no vertex's path crosses the collider.
+fn nothing_tunnels(backend: Backend) {
+    let (h, radius) = (FRAME / 20.0, 0.05);
+    let shapes =
+        [Collider::sphere(Vec3::ZERO, radius), Collider::capsule(Vec3::new(-0.03, 0.0, 0.0), Vec3::new(0.03, 0.0, 0.0), radius)];
+    // Loose points, each on its own way down to a different spot of the collider.
+    let spot = |k: u32| Vec3::new(0.015 * ((k % 5) as f32 - 2.0), 0.4 + 0.011 * k as f32, 0.015 * ((k / 5) as f32 - 2.0));
+    let mesh = Mesh { positions: (0..25).map(spot).collect(), triangles: Vec::new() };
+    for shape in shapes {
+        for speed in [0.5 * radius / h, radius / h, 5.0 * radius / h] {
+            let options = Options { backend, quality: Quality::Substeps(1), ..Options::default() };
+            let mut deformer = Deformer::new(&mesh, options).unwrap();
+            deformer.set_state(&mesh.positions, &[Vec3::new(0.0, -speed, 0.0); 25]).unwrap();
+            let attributes = Attributes { gravity: Vec3::ZERO, colliders: vec![shape], ..Attributes::default() };
+            let mut last = mesh.positions.clone();
+            let mut touched = 0;
+            for _ in 0..(0.8 / (speed * h)).ceil() as u32 + 1 {
+                deformer.step(h, &attributes).unwrap();
+                let now = deformer.positions().unwrap();
+                for (from, to) in last.iter().zip(now) {
+                    let nearest =
+                        (0..=200).map(|k| shape.distance(from.lerp(*to, k as f32 / 200.0))).fold(f32::INFINITY, f32::min);
+                    // A short way along the surface is a chord of it; a long one is swept, and ends on a tangent plane.
+                    let way = from.distance(*to);
+                    let chord = if way < 0.26 * radius { way * way / (8.0 * radius) } else { 0.0 };
+                    assert!(
+                        nearest >= -1e-6 - 1.01 * chord,
+                        "at {speed} m/s the way from {from} to {to} is {nearest} m inside {shape:?}"
+                    );
+                    touched += u32::from((to.x - from.x).hypot(to.z - from.z) > 0.0);
+                }
+                last = now.to_vec();
+            }
+            assert!(touched > 10, "the points met the collider");
+        }
+    }
+}
+
+fn a_start_inside_is_freed_without_a_kick(backend: Backend) {
+    let mut mesh = Mesh::grid(9, 9, 0.2, 0.2);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.2);
+    let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let attributes = Attributes { colliders: vec![Collider::sphere(Vec3::ZERO, 0.3)], ..Attributes::default() };
+    let mut most = 0.0_f64;
+    for _ in 0..40 {
+        deformer.step(FRAME, &attributes).unwrap();
+        most = most.max(deformer.measure().unwrap().kinetic_energy);
+    }
+    assert!(deformer.measure().unwrap().penetration <= 1e-6, "freed after 0.7 s");
+    // Thrown out at once it would leave at 0.1 m a substep, 120 m/s: 58 J.
+    assert!(most <= 0.5 * 0.2 * 0.04 * 4.0, "kinetic energy {most} J: no more than at 2 m/s");
+}
+
+fn a_moving_floor_carries_the_cloth(backend: Backend) {
+    let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+    let mesh = Mesh::grid(4, 4, 0.3, 0.3);
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    for frame in 0..60 {
+        // Accelerates at 1 m/s², well below friction's 2.9, and rises slowly.
+        let t = (frame as f32) * FRAME;
+        let at = Vec3::new(0.5 * t * t, 0.2 * t, 0.0);
+        let colliders = vec![Collider::plane(at, Vec3::Y)];
+        deformer.step(FRAME, &Attributes { colliders, ..Attributes::default() }).unwrap();
+    }
+    let t = 59.0 * FRAME;
+    for (x, rest) in deformer.positions().unwrap().iter().zip(&mesh.positions) {
+        let moved = *x - *rest;
+        // Each frame the floor is faster by 1/60 m/s at once; friction catches up in dv/(mu g), dv²/(2 mu g) behind.
+        let behind = 60.0 * FRAME * FRAME / (2.0 * 0.3 * 9.81);
+        assert!((moved.x - 0.5 * t * t).abs() <= behind && moved.z.abs() <= 1e-5, "carried by {moved}");
+        assert!((moved.y - 0.2 * t).abs() <= 1e-6, "lifted by {moved}");
+    }
+}
+
+fn a_growing_sphere_pushes(backend: Backend) {
+    let mut mesh = Mesh::grid(9, 9, 0.3, 0.3);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.11);
+    let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    for frame in 0..30 {
+        let collider = Collider::sphere(Vec3::ZERO, 0.1 + 0.005 * frame as f32);
+        let attributes = Attributes { colliders: vec![collider], ..Attributes::default() };
+        deformer.step(FRAME, &attributes).unwrap();
+        let depth = deformer.measure().unwrap().penetration;
+        assert!(depth <= 1e-6, "frame {frame}: {depth} m deep");
+    }
+    assert!(deformer.positions().unwrap()[40].y >= 0.245, "lifted by the growth");
+}
+
+/// A towel stays on a sphere, however many substeps: peers' friction depends on them and lets it slide off.
+#[test]
+fn a_towel_stays_on_a_sphere() {
+    for substeps in [20, 80, 320] {
+        let (mut deformer, attributes) = sphere_drop(Backend::Cpu, 17, substeps);
+        play(&mut deformer, 600, &attributes);
+        let positions = deformer.positions().unwrap();
+        let centre = positions.iter().sum::<Vec3>() / positions.len() as f32;
+        let drift = centre.x.hypot(centre.z);
+        println!("S = {substeps}: centre drifted {drift} m");
+        assert!(drift <= 0.05, "S = {substeps}: the towel's centre drifted {drift} m in 10 s");
+        assert!(positions.iter().any(|x| x.y > 0.29), "some of it lies on top");
+    }
+}

@@ -1,0 +1,106 @@
+//! Motion without elasticity: free fall, the pendulum, pins that are led.
+
+#[macro_use]
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Method, Options, Quality};
+use common::{FRAME, play};
+
+on_every_backend!(free_fall, pendulum, pins_reach_their_targets, a_change_of_frame_rate_keeps_the_fall, a_kick_spans_both_halves);
+
+fn options(backend: Backend, substeps: u32) -> Options {
+    Options { backend, quality: Quality::Substeps(substeps), ..Options::default() }
+}
+
+/// NUMERICS test 1: `y = -g t²/2`; the half kick makes it exact, a whole one is off by `h/t` = 8e-4.
+fn free_fall(backend: Backend) {
+    for method in [Method::SmallSteps, Method::Relaxation { iterations: 4 }] {
+        let mut deformer = Deformer::new(&Mesh::grid(5, 5, 1.0, 1.0), Options { method, ..options(backend, 20) }).unwrap();
+        play(&mut deformer, 60, &Attributes::default());
+        for x in deformer.positions().unwrap() {
+            let error = (f64::from(x.y) / (-9.81 / 2.0) - 1.0).abs();
+            assert!(error <= 1e-5, "{method:?}: y(1 s) = {} m, {error:e} off", x.y);
+        }
+    }
+}
+
+/// NUMERICS test 4: period `T0 (2/pi) K(sin²(theta/2))`, released at 90 degrees, S = 20, 12 s.
+fn pendulum(backend: Backend) {
+    // A thread of two vertices, inextensible, 1 m long.
+    let mesh = Mesh { positions: vec![Vec3::ZERO, Vec3::X], triangles: vec![[0, 1, 1]] };
+    let fabric = Fabric { stretch: f32::INFINITY, ..Fabric::default() };
+    // Steps of a single substep of 1/1200 s (S = 20), so that the motion can be seen between frames.
+    let mut deformer = Deformer::new(&mesh, Options { fabric, pinned: vec![0], ..options(backend, 1) }).unwrap();
+    let dt = f64::from(FRAME / 20.0);
+    let frames = 12 * 1200;
+    let (mut last, mut crossings, mut amplitude) = (90_f64.to_radians(), Vec::new(), 0.0_f64);
+    for frame in 1..=frames {
+        deformer.step(FRAME / 20.0, &Attributes::default()).unwrap();
+        let x = deformer.positions().unwrap()[1];
+        let angle = f64::from(x.x).atan2(f64::from(-x.y));
+        if last > 0.0 && angle <= 0.0 {
+            crossings.push((f64::from(frame) - angle / (angle - last)) * dt);
+        }
+        if frame > frames - 2500 {
+            amplitude = amplitude.max(angle.abs());
+        }
+        last = angle;
+    }
+    let cycles = crossings.len() - 1;
+    let measured = (crossings[cycles] - crossings[0]) / cycles as f64;
+    let expected = 2.0 * std::f64::consts::PI * (1.0_f64 / 9.81).sqrt() * 1.180_340_6;
+    println!("{backend:?}: period off by {:e}, amplitude {} degrees", measured / expected - 1.0, amplitude.to_degrees());
+    assert!((measured / expected - 1.0).abs() <= 1e-5, "period {measured} s, expected {expected} s");
+    assert!((amplitude.to_degrees() - 90.0).abs() <= 0.1, "amplitude {} degrees after 12 s", amplitude.to_degrees());
+}
+
+fn pins_reach_their_targets(backend: Backend) {
+    let mesh = Mesh::grid(4, 4, 1.0, 1.0);
+    let pinned = vec![2, 0, 3];
+    let mut deformer = Deformer::new(&mesh, Options { pinned: pinned.clone(), ..options(backend, 7) }).unwrap();
+    for frame in 1..=30 {
+        let sway = Vec3::new(0.3 * (frame as f32 * 0.2).sin(), 0.01 * frame as f32, 0.0);
+        let targets: Vec<Vec3> = pinned.iter().map(|&v| mesh.positions[v as usize] + sway).collect();
+        let attributes = Attributes { pin_targets: Some(targets.clone()), ..Attributes::default() };
+        deformer.step(FRAME, &attributes).unwrap();
+        let positions = deformer.positions().unwrap();
+        for (&v, target) in pinned.iter().zip(&targets) {
+            assert!(
+                positions[v as usize].distance(*target) <= 1e-7,
+                "pin {v} lags by {}",
+                positions[v as usize].distance(*target)
+            );
+        }
+    }
+    let held = deformer.positions().unwrap()[2];
+    play(&mut deformer, 5, &Attributes::default());
+    assert_eq!(deformer.positions().unwrap()[2], held, "without targets a pin stays where it was led");
+    assert_eq!(deformer.velocities().unwrap()[2], Vec3::ZERO);
+}
+
+/// The kick between two steps spans half of each, so that a change of dt does not kick the fall off its parabola.
+fn a_change_of_frame_rate_keeps_the_fall(backend: Backend) {
+    let mut deformer = Deformer::new(&Mesh::grid(2, 2, 1.0, 1.0), options(backend, 4)).unwrap();
+    let mut time = 0.0;
+    for frame in 0..40 {
+        let dt = [1.0 / 30.0, 1.0 / 60.0, 1.0 / 144.0][frame % 3];
+        deformer.step(dt, &Attributes::default()).unwrap();
+        time += f64::from(dt);
+    }
+    let expected = -9.81 / 2.0 * time * time;
+    let y = f64::from(deformer.positions().unwrap()[0].y);
+    assert!((y / expected - 1.0).abs() <= 1e-4, "y = {y}, expected {expected}");
+}
+
+/// A state that is set begins at whole time: thrown upwards, it comes back to where it was.
+fn a_kick_spans_both_halves(backend: Backend) {
+    let mesh = Mesh::grid(3, 3, 1.0, 1.0);
+    let mut deformer = Deformer::new(&mesh, options(backend, 10)).unwrap();
+    let up = vec![Vec3::new(0.0, 9.81 / 2.0, 0.0); 9];
+    deformer.set_state(&mesh.positions, &up).unwrap();
+    assert_eq!(deformer.velocities().unwrap(), up);
+    play(&mut deformer, 60, &Attributes::default());
+    let fallen = deformer.positions().unwrap()[4];
+    assert!(fallen.length() <= 2e-5, "came back to {fallen}");
+}
