@@ -14,15 +14,14 @@ use crate::mesh::{Mesh, sides};
 
 /// Most vertices: an index this small is exact in a float, which the OBJ reader relies on.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
-/// Positions beyond this have squares that overflow [m].
-const MAX_POSITION: f32 = 1e15;
+/// Farther out [m], or faster [m/s], squares soon overflow. `commit.wgsl` has the same bound.
+pub(crate) const MAX_POSITION: f32 = 1e15;
 
 /// A cloth in its own vertex order and local coordinates.
 #[derive(Debug)]
 pub(crate) struct Cloth {
-    /// The mesh's index of each vertex, and its inverse.
+    /// The mesh's index of each vertex.
     pub order: Vec<u32>,
-    pub rank: Vec<u32>,
     /// What was subtracted from the mesh's positions [m], exactly.
     pub origin: Vec3,
     /// Rest positions [m]; w is the inverse mass [1/kg], 0 where pinned.
@@ -114,7 +113,6 @@ impl Cloth {
         let (panels, springs, bending) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(Cloth {
             order,
-            rank,
             origin,
             rest,
             mass,

@@ -1,9 +1,9 @@
 //! The kernels run by rayon: over vertices, and over the edges of one colour at a time.
 
-use glam::{Vec3A, Vec4};
+use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-use crate::cloth::Cloth;
+use crate::cloth::{Cloth, MAX_POSITION};
 use crate::deformer::{Failure, Plan};
 use crate::kernels::{self, Substep, xyz};
 
@@ -37,10 +37,11 @@ impl Cpu {
         self.p.copy_from_slice(p);
     }
 
-    /// Keeps the state if it is finite, else goes back to `before`.
+    /// Keeps the state if it is within bounds, else goes back to `before`.
     pub(crate) fn keep_or_restore(&mut self, before: (Vec<Vec4>, Vec<Vec4>)) -> Result<(), Failure> {
-        let finite = |(x, p): (&Vec4, &Vec4)| x.is_finite() && p.is_finite();
-        match self.x.iter().zip(&self.p).position(|state| !finite(state)) {
+        // NaN is not below the limit either.
+        let bounded = |v: &Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
+        match self.x.iter().zip(&self.p).position(|(x, p)| !(bounded(x) && bounded(p))) {
             None => Ok(()),
             Some(vertex) => {
                 (self.x, self.p) = before;

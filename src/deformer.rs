@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider};
-use crate::cloth::Cloth;
+use crate::cloth::{Cloth, MAX_POSITION};
 use crate::coefficients::Coefficients;
 use crate::cpu::{self, Cpu};
 use crate::error::{BuildError, StepError};
@@ -127,6 +127,9 @@ pub struct Deformer {
     shown: bool,
 }
 
+/// Shortest step [s]: below it a displacement no longer gives a velocity in single precision.
+pub(crate) const MIN_TIME_STEP: f32 = 1e-9;
+
 /// Where the state lives.
 #[derive(Debug)]
 enum Engine {
@@ -196,15 +199,12 @@ impl Deformer {
     /// If `dt` or an attribute is out of its range, or the motion left the finite numbers; the state is then as it was.
     /// On the GPU the last is found when the state is next read: it is then that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
-        if !(dt > 0.0 && dt.is_finite()) {
+        if !(dt >= MIN_TIME_STEP && dt.is_finite()) {
             return Err(StepError::TimeStep { dt });
         }
         attributes.validate(self.cloth.pinned.len())?;
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
-        if h == 0.0 {
-            return Err(StepError::TimeStep { dt });
-        }
         if self.coefficients.as_ref().is_none_or(|coefficients| coefficients.h.to_bits() != h.to_bits()) {
             self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h));
         }
@@ -255,12 +255,12 @@ impl Deformer {
     /// held where this puts them; the rest shape stays the mesh's.
     ///
     /// # Errors
-    /// If a list has another length or a value is not finite; the state is then as it was.
+    /// If a list has another length, or a value is not finite or beyond 1e15; the state is then as it was.
     pub fn set_state(&mut self, positions: &[Vec3], velocities: &[Vec3]) -> Result<(), StepError> {
         let vertices = self.cloth.rest.len();
         for (name, list) in [("positions", positions), ("velocities", velocities)] {
             let problem = if list.len() == vertices {
-                let index = list.iter().position(|value| !value.is_finite());
+                let index = list.iter().position(|value| !value.abs().cmple(Vec3::splat(MAX_POSITION)).all());
                 index.map(|index| format!("[{index}] is {}", list[index]))
             } else {
                 Some(format!("{} values", list.len()))

@@ -88,7 +88,7 @@ pub enum BuildError {
 #[non_exhaustive]
 pub enum StepError {
     /// A time step that is no time.
-    #[error("dt = {dt} s; the time step must be finite and above 0")]
+    #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::deformer::MIN_TIME_STEP)]
     TimeStep {
         /// The time step.
         dt: f32,
@@ -114,7 +114,7 @@ pub enum StepError {
         pinned: usize,
     },
     /// A state that is not one value for each vertex, or not finite.
-    #[error("{name}: {problem}; give a finite vector for each of the mesh's {vertices} vertices")]
+    #[error("{name}: {problem}; give a finite vector, none beyond 1e15, for each of the mesh's {vertices} vertices")]
     State {
         /// `positions` or `velocities`.
         name: &'static str,
@@ -133,7 +133,7 @@ pub enum StepError {
         needed: f64,
     },
     /// The state stopped being finite during the step.
-    #[error("unstable: vertex {vertex} left the finite numbers; {remedy}")]
+    #[error("unstable: vertex {vertex} left all bounds (1e15 m, or not a number); {remedy}")]
     Unstable {
         /// The first such vertex.
         vertex: usize,

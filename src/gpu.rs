@@ -11,7 +11,10 @@ use crate::cloth::Cloth;
 use crate::deformer::{Failure, Plan};
 use crate::kernels::{Body, Edge};
 pub use device::Gpu;
-use device::{Bind, Stage, shader};
+#[cfg(test)]
+pub(crate) use device::WORKGROUP;
+pub(crate) use device::shader;
+use device::{Bind, Stage};
 pub(crate) use forces::Forces;
 
 /// From this many vertices on a GPU beats the CPU: see `benches/results` for the table it was read from.

@@ -14,6 +14,8 @@ mod gpu;
 #[cfg(feature = "gpu")]
 mod hybrid;
 mod kernels;
+#[cfg(all(test, feature = "gpu"))]
+mod layout;
 mod measure;
 mod mesh;
 mod quality;

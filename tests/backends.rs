@@ -1,0 +1,204 @@
+//! The three backends agree: stage by stage, on real motion, and with themselves.
+
+#[macro_use]
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality};
+use common::{FRAME, play};
+
+/// A scene with one thing in it.
+struct Scene {
+    name: &'static str,
+    mesh: Mesh,
+    options: Options,
+    attributes: Attributes,
+    velocities: Vec<Vec3>,
+    /// Frames after which the backends must still agree closely.
+    frames: u32,
+}
+
+/// A crumpled, pinned sheet near the origin, everything of order one, moving every way.
+fn scene(name: &'static str) -> Scene {
+    let mut mesh = Mesh::grid(13, 11, 1.0, 0.9);
+    let wave = |k: usize, f: f32| (k as f32 * f).sin();
+    let offset = |k| Vec3::new(wave(k, 0.7), wave(k, 1.1), wave(k, 1.7));
+    mesh.positions.iter_mut().enumerate().for_each(|(k, x)| *x += 0.01 * offset(k));
+    let velocities = (0..mesh.positions.len()).map(|k| offset(3 * k)).collect();
+    let fabric = Fabric { density: 0.2, stretch: 500.0, bending: 0.0, damping: 0.0 };
+    let options = Options { quality: Quality::Substeps(20), fabric, pinned: vec![0, 6, 12], ..Options::default() };
+    let attributes = Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
+    Scene { name, mesh, options, attributes, velocities, frames: 3 }
+}
+
+/// One scene for each stage, and one with all of them.
+fn scenes() -> Vec<Scene> {
+    let all = ["gravity", "damping", "bending", "bending damping", "wind", "springs", "project", "relax", "sphere", "plane"];
+    let all = all.into_iter().chain(["capsule", "swept", "pins", "everything"]);
+    all.map(|name| {
+        let mut scene = scene(name);
+        let is = |wanted: &str| name == wanted || name == "everything";
+        let attributes = &mut scene.attributes;
+        if is("gravity") {
+            attributes.gravity = Vec3::new(1.0, -9.81, 2.0);
+        }
+        if is("damping") {
+            (attributes.damping, attributes.wind) = (2.0, Vec3::new(1.0, 2.0, 3.0));
+        }
+        if name.starts_with("bending") || is("") {
+            scene.options.fabric.bending = 1e-3;
+            scene.options.fabric.damping = if name == "bending" { 0.0 } else { 0.03 };
+        }
+        if is("wind") {
+            (attributes.wind, attributes.air_density, attributes.lift) = (Vec3::new(3.0, 5.0, -4.0), 1.2, 0.9);
+        }
+        match name {
+            "springs" => scene.options.method = Method::Springs,
+            "relax" => scene.options.method = Method::Relaxation { iterations: 3 },
+            _ => {}
+        }
+        let mut collide = |collider: Collider| attributes.colliders.push(collider.with_friction(0.4));
+        if is("sphere") {
+            collide(Collider::sphere(Vec3::new(0.1, -0.25, 0.0), 0.25));
+        }
+        if is("plane") {
+            collide(Collider::plane(Vec3::new(0.0, 0.005, 0.0), Vec3::new(0.1, 1.0, 0.2)));
+        }
+        if is("capsule") {
+            collide(Collider::capsule(Vec3::new(-0.3, -0.1, 0.2), Vec3::new(0.3, -0.12, -0.1), 0.1));
+        }
+        if name == "swept" {
+            collide(Collider::sphere(Vec3::new(0.1, -0.3, 0.0), 0.25));
+            scene.velocities.iter_mut().for_each(|v| v.y -= 200.0);
+            scene.frames = 1;
+        }
+        if is("pins") {
+            scene.attributes.pin_targets =
+                Some(vec![Vec3::new(-0.4, 0.1, -0.5), Vec3::new(0.1, 0.2, -0.4), Vec3::new(0.5, -0.1, -0.3)]);
+        }
+        scene
+    })
+    .collect()
+}
+
+/// Positions and velocities after the scene's frames.
+fn run(scene: &Scene, backend: Backend) -> (Vec<Vec3>, Vec<Vec3>) {
+    let mut deformer = Deformer::new(&scene.mesh, Options { backend, ..scene.options.clone() }).unwrap();
+    assert_eq!(deformer.backend(), backend);
+    deformer.set_state(&scene.mesh.positions, &scene.velocities).unwrap();
+    play(&mut deformer, scene.frames, &scene.attributes);
+    (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec())
+}
+
+/// Each stage's shader does what its CPU twin does: they visit edges in the same order, so only rounding parts them.
+#[cfg(feature = "gpu")]
+#[test]
+fn every_stage_agrees_with_its_twin() {
+    for scene in scenes() {
+        let (x, v) = run(&scene, Backend::Cpu);
+        let moved = common::rms(&x, &scene.mesh.positions);
+        assert!(moved > 0.005, "{}: the cloth moved by {moved} m", scene.name);
+        for backend in [Backend::Hybrid, Backend::Gpu] {
+            let (x_gpu, v_gpu) = run(&scene, backend);
+            let (apart, apart_v) = (common::rms(&x, &x_gpu), common::rms(&v, &v_gpu));
+            println!("{} on {backend:?}: {apart:e} m and {apart_v:e} m/s apart, moved {moved} m", scene.name);
+            assert!(apart <= 1e-5 * moved, "{} on {backend:?}: {apart} m apart", scene.name);
+            // Speeds are of order one; a last bit of u is worth an S-th more in v.
+            assert!(
+                apart_v <= 1e-4 * common::rms(&v, &vec![Vec3::ZERO; v.len()]),
+                "{} on {backend:?}: {apart_v} m/s",
+                scene.name
+            );
+        }
+    }
+}
+
+/// The scenes really differ: what each adds changes the motion, so that a term lost on both sides would show.
+#[test]
+fn every_stage_matters() {
+    let plain = run(&scene("project"), Backend::Cpu).0;
+    for scene in scenes().iter().filter(|scene| scene.name != "project") {
+        let apart = common::rms(&run(scene, Backend::Cpu).0, &plain);
+        assert!(apart > 1e-5, "{} changes the motion by {apart} m only", scene.name);
+    }
+}
+
+fn replay(backend: Backend) {
+    for scene in scenes() {
+        let first = run(&scene, backend);
+        let mut deformer = Deformer::new(&scene.mesh, Options { backend, ..scene.options.clone() }).unwrap();
+        // Something else first, then back.
+        play(&mut deformer, 2, &scene.attributes);
+        deformer.reset();
+        assert_eq!(deformer.positions().unwrap(), scene.mesh.positions, "reset is the mesh, bit for bit");
+        assert!(deformer.velocities().unwrap().iter().all(|&v| v == Vec3::ZERO));
+        deformer.set_state(&scene.mesh.positions, &scene.velocities).unwrap();
+        play(&mut deformer, scene.frames, &scene.attributes);
+        assert!(first.0 == deformer.positions().unwrap() && first.1 == deformer.velocities().unwrap(), "{} replays", scene.name);
+    }
+}
+
+fn reset_replays(backend: Backend) {
+    let (mesh, options) = common::hang(12, 20, backend);
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    play(&mut deformer, 10, &Attributes::default());
+    let first = deformer.positions().unwrap().to_vec();
+    deformer.reset();
+    play(&mut deformer, 10, &Attributes::default());
+    assert_eq!(deformer.positions().unwrap(), first);
+}
+
+on_every_backend!(replay, reset_replays, a_failed_step_leaves_the_state, measure_is_right);
+
+/// Large enough to be split over threads: the same bits on one as on two.
+#[test]
+fn threads_do_not_change_a_bit() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (mesh, mut options) = common::hang(90, 20, Backend::Cpu);
+            (options.fabric.bending, options.fabric.damping) = (1e-4, 0.03);
+            let mut deformer = Deformer::new(&mesh, options).unwrap();
+            let colliders = vec![Collider::sphere(Vec3::new(0.0, -0.3, 0.0), 0.28)];
+            let attributes = Attributes { wind: Vec3::new(1.0, 0.0, 2.0), air_density: 1.2, colliders, ..Attributes::default() };
+            play(&mut deformer, 12, &attributes);
+            deformer.positions().unwrap().to_vec()
+        })
+    };
+    let one = run(1);
+    assert!(one == run(2) && one == run(3));
+}
+
+fn a_failed_step_leaves_the_state(backend: Backend) {
+    let (mesh, options) = common::hang(9, 20, backend);
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    play(&mut deformer, 3, &Attributes::default());
+    let before = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
+    let endless = Attributes { gravity: Vec3::splat(3e38), ..Attributes::default() };
+    // The GPU finds out when it is next read.
+    let failed = deformer.step(FRAME, &endless).map(|_| ()).and_then(|()| deformer.positions().map(|_| ()));
+    let message = failed.unwrap_err().to_string();
+    assert!(message.contains("unstable: vertex") && message.contains("use"), "{message}");
+    assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
+    play(&mut deformer, 3, &Attributes::default());
+    assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite()));
+}
+
+/// A stretched, moving pair of triangles, by hand.
+fn measure_is_right(backend: Backend) {
+    let mesh = Mesh::grid(2, 2, 1.0, 1.0);
+    let fabric = Fabric { density: 0.5, stretch: 100.0, bending: 0.0, damping: 0.0 };
+    let mut deformer = Deformer::new(&mesh, Options { backend, fabric, ..Options::default() }).unwrap();
+    let wide: Vec<Vec3> = mesh.positions.iter().map(|x| *x * Vec3::new(1.1, 1.0, 1.0) + Vec3::Y).collect();
+    deformer.set_state(&wide, &[Vec3::new(0.0, 0.0, 2.0); 4]).unwrap();
+    let measure = deformer.measure().unwrap();
+    let diagonal = f64::hypot(1.1, 1.0) / f64::sqrt(2.0) - 1.0;
+    let (near, within) = (|a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs(), &measure);
+    assert!(near(f64::from(measure.mean_strain), (2.0 * 0.1 + diagonal) / 5.0), "{within:?}");
+    assert!(near(f64::from(measure.max_strain), 0.1), "{within:?}");
+    assert!(near(measure.kinetic_energy, 0.5 * 0.5 * 4.0), "{within:?}");
+    // k = K (A1 + A2) / l²: 50 N/m for the two sides along x, 100 * 1 / 2 for the diagonal.
+    let elastic = 0.5 * 2.0 * 50.0 * 0.01 + 0.5 * 50.0 * 2.0 * diagonal * diagonal;
+    assert!(near(measure.potential_energy, elastic), "no step yet, no gravity: {within:?}, expected {elastic}");
+    assert!(measure.penetration == 0.0);
+}

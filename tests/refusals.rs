@@ -1,0 +1,241 @@
+//! Every public door refuses what it cannot take, names thing, value and remedy, and leaves the state alone.
+
+#[macro_use]
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{
+    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError,
+};
+use common::FRAME;
+
+fn build(mesh: &Mesh, options: Options) -> Result<Deformer, BuildError> {
+    Deformer::new(mesh, Options { backend: Backend::Cpu, ..options })
+}
+
+/// Asserts that a message names all of these.
+fn names(error: &impl ToString, parts: &[&str]) {
+    let message = error.to_string();
+    assert!(!message.contains('\n'), "one line: {message}");
+    parts.iter().for_each(|part| assert!(message.contains(part), "{message:?} lacks {part:?}"));
+}
+
+#[test]
+fn meshes_are_checked() {
+    let grid = Mesh::grid(3, 3, 1.0, 1.0);
+    names(&build(&Mesh::default(), Options::default()).unwrap_err(), &["no vertices", "at least one"]);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e16] {
+        let mut mesh = grid.clone();
+        mesh.positions[4].y = bad;
+        names(&build(&mesh, Options::default()).unwrap_err(), &["vertex 4", &bad.to_string(), "finite"]);
+    }
+    let mut mesh = grid.clone();
+    mesh.triangles[2][1] = 9;
+    names(&build(&mesh, Options::default()).unwrap_err(), &["triangle 2", "vertex 9", "9 vertices"]);
+}
+
+#[test]
+fn options_are_checked() {
+    let grid = Mesh::grid(3, 3, 1.0, 1.0);
+    let refuse = |options: Options, parts: &[&str]| names(&build(&grid, options).unwrap_err(), parts);
+    let fabric = |change: fn(&mut Fabric, f32), value: f32| {
+        let mut fabric = Fabric::default();
+        change(&mut fabric, value);
+        Options { fabric, ..Options::default() }
+    };
+    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        refuse(fabric(|f, x| f.density = x, bad), &["fabric.density", &bad.to_string()]);
+    }
+    for bad in [0.0, -1.0, f32::NAN, f32::NEG_INFINITY] {
+        refuse(fabric(|f, x| f.stretch = x, bad), &["fabric.stretch", &bad.to_string()]);
+    }
+    for bad in [-1.0, f32::NAN, f32::INFINITY] {
+        refuse(fabric(|f, x| f.bending = x, bad), &["fabric.bending", &bad.to_string()]);
+        refuse(fabric(|f, x| f.damping = x, bad), &["fabric.damping", &bad.to_string()]);
+        let mass = Some(vec![1.0, 1.0, 1.0, bad, 1.0, 1.0, 1.0, 1.0, 1.0]);
+        refuse(Options { mass, ..Options::default() }, &["mass[3]", &bad.to_string()]);
+        let mut scale = vec![1.0; grid.edges().len()];
+        scale[5] = bad;
+        refuse(Options { edge_scale: Some(scale), ..Options::default() }, &["edge_scale[5]", &bad.to_string()]);
+    }
+    refuse(Options { mass: Some(vec![0.0; 9]), ..Options::default() }, &["mass[0] = 0", "pinned"]);
+    refuse(Options { mass: Some(vec![1.0; 8]), ..Options::default() }, &["mass has 8", "9 vertices"]);
+    refuse(Options { edge_scale: Some(Vec::new()), ..Options::default() }, &["edge_scale has 0", "16 edges"]);
+    refuse(Options { pinned: vec![0, 9], ..Options::default() }, &["pinned[1] = 9", "9 vertices"]);
+    refuse(Options { pinned: vec![4, 0, 4], ..Options::default() }, &["pinned[2] = 4", "once"]);
+    for quality in [
+        Quality::Substeps(0),
+        Quality::Substeps(u32::MAX),
+        Quality::Strain(0.0),
+        Quality::Strain(f32::NAN),
+        Quality::Strain(-0.1),
+    ] {
+        refuse(Options { quality, ..Options::default() }, &["quality", "must be"]);
+    }
+    for iterations in [0, u32::MAX] {
+        refuse(Options { method: Method::Relaxation { iterations }, ..Options::default() }, &["iterations", "must be"]);
+    }
+    let rigid = Fabric { stretch: f32::INFINITY, ..Fabric::default() };
+    refuse(Options { method: Method::Springs, fabric: rigid, ..Options::default() }, &["fabric.stretch", "SmallSteps"]);
+}
+
+on_every_backend!(steps_are_checked_and_leave_the_state);
+
+fn steps_are_checked_and_leave_the_state(backend: Backend) {
+    let mesh = Mesh::grid(3, 3, 1.0, 1.0);
+    let options = Options { backend, pinned: vec![0, 2], ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
+    deformer.step(FRAME, &Attributes::default()).unwrap();
+    let before = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
+
+    for dt in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-45] {
+        let error = deformer.step(dt, &Attributes::default()).unwrap_err();
+        assert!(matches!(error, StepError::TimeStep { .. }), "dt = {dt}: {error}");
+    }
+    names(&deformer.step(1e9, &Attributes::default()).unwrap_err(), &["substeps", "65536", "shorter dt"]);
+    let bad = [f32::NAN, f32::INFINITY, -1.0];
+    let mut refuse = |attributes: Attributes, parts: &[&str]| {
+        names(&deformer.step(FRAME, &attributes).unwrap_err(), parts);
+        assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
+    };
+    let base = Attributes::default;
+    for x in bad {
+        let value = x.to_string();
+        refuse(Attributes { air_density: x, ..base() }, &["air_density", &value]);
+        refuse(Attributes { drag: x, ..base() }, &["drag", &value]);
+        refuse(Attributes { lift: x, ..base() }, &["lift", &value]);
+        refuse(Attributes { damping: x, ..base() }, &["damping", &value]);
+        let with = |collider: Collider| Attributes { colliders: vec![Collider::sphere(Vec3::NEG_Y, 0.1), collider], ..base() };
+        refuse(with(Collider::sphere(Vec3::ZERO, x)), &["colliders[1].radius", &value]);
+        refuse(with(Collider::capsule(Vec3::ZERO, Vec3::X, x)), &["colliders[1].radius", &value]);
+        refuse(with(Collider::sphere(Vec3::ZERO, 0.1).with_friction(x)), &["colliders[1].friction", &value]);
+        if x != -1.0 {
+            let nowhere = Vec3::new(0.0, x, 0.0);
+            refuse(Attributes { gravity: nowhere, ..base() }, &["gravity", &value]);
+            refuse(Attributes { wind: nowhere, ..base() }, &["wind", &value]);
+            refuse(with(Collider::sphere(nowhere, 0.1)), &["colliders[1].center", &value]);
+            refuse(with(Collider::plane(nowhere, Vec3::Y)), &["colliders[1].point", &value]);
+            refuse(with(Collider::plane(Vec3::ZERO, nowhere)), &["colliders[1].normal", &value]);
+            refuse(with(Collider::capsule(nowhere, Vec3::Y, 0.1)), &["colliders[1].a", &value]);
+            refuse(with(Collider::capsule(Vec3::ZERO, nowhere, 0.1)), &["colliders[1].b", &value]);
+            refuse(Attributes { pin_targets: Some(vec![Vec3::ZERO, nowhere]), ..base() }, &["pin_targets[1]", &value]);
+        }
+    }
+    refuse(Attributes { lift: 2.0, ..base() }, &["lift = 2", "drag = 1.28"]);
+    refuse(Attributes { colliders: vec![Collider::plane(Vec3::ZERO, Vec3::ZERO)], ..base() }, &["normal", "direction"]);
+    refuse(Attributes { pin_targets: Some(vec![Vec3::ZERO]), ..base() }, &["pin_targets has 1", "2 vertices"]);
+
+    let (still, nine) = (vec![Vec3::ZERO; 9], mesh.positions.clone());
+    let mut hole = nine.clone();
+    hole[7].z = f32::NAN;
+    names(&deformer.set_state(&nine[..8], &still).unwrap_err(), &["positions", "8 values", "9 vertices"]);
+    names(&deformer.set_state(&nine, &still[..1]).unwrap_err(), &["velocities", "1 values"]);
+    names(&deformer.set_state(&hole, &still).unwrap_err(), &["positions", "[7]", "NaN"]);
+    names(&deformer.set_state(&nine, &[Vec3::splat(1e20); 9]).unwrap_err(), &["velocities", "[0]"]);
+    assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
+
+    // What was refused has left no trace: the next step is that of a cloth that never saw it.
+    let mut fresh = Deformer::new(&mesh, options).unwrap();
+    fresh.step(FRAME, &Attributes::default()).unwrap();
+    for deformer in [&mut deformer, &mut fresh] {
+        deformer.step(FRAME, &Attributes::default()).unwrap();
+    }
+    assert_eq!(deformer.positions().unwrap(), fresh.positions().unwrap());
+}
+
+/// A number to be hostile with.
+fn number(random: &mut fastrand::Rng) -> f32 {
+    match random.u32(0..12) {
+        0 => f32::NAN,
+        1 => f32::INFINITY,
+        2 => -f32::INFINITY,
+        3 => 0.0,
+        4 => f32::MIN_POSITIVE,
+        5 => 1e-45,
+        6 => 1e30,
+        7 => -1e10,
+        _ => 4.0 * random.f32() - 2.0,
+    }
+}
+
+fn vector(random: &mut fastrand::Rng) -> Vec3 {
+    match random.u32(0..3) {
+        0 => Vec3::new(number(random), number(random), number(random)),
+        _ => Vec3::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5),
+    }
+}
+
+/// Anything at all: a clear error or a finite state, never a panic.
+#[test]
+fn random_scenes_never_panic_nor_leave_the_numbers() {
+    let mut random = fastrand::Rng::with_seed(21);
+    let (mut built, mut stepped) = (0, 0);
+    for _ in 0..3000 {
+        let vertices = random.usize(1..9);
+        let positions: Vec<Vec3> =
+            (0..vertices)
+                .map(|_| {
+                    if random.u32(0..20) == 0 { vector(&mut random) } else { Vec3::new(random.f32(), random.f32(), random.f32()) }
+                })
+                .collect();
+        let corner = |random: &mut fastrand::Rng| {
+            let past_the_end = u32::from(random.u32(0..40) == 0);
+            random.u32(0..vertices as u32 + past_the_end)
+        };
+        let triangles =
+            (0..random.usize(0..9)).map(|_| [corner(&mut random), corner(&mut random), corner(&mut random)]).collect();
+        let mesh = Mesh { positions, triangles };
+        let sane = |random: &mut fastrand::Rng, value: f32| if random.u32(0..12) == 0 { number(random) } else { value };
+        let fabric = Fabric {
+            density: sane(&mut random, 0.2),
+            stretch: sane(&mut random, 1000.0),
+            bending: sane(&mut random, 1e-4),
+            damping: sane(&mut random, 0.03),
+        };
+        let method =
+            [Method::SmallSteps, Method::Relaxation { iterations: random.u32(0..4) }, Method::Springs][random.usize(0..3)];
+        let quality = [Quality::Substeps(random.u32(0..9)), Quality::Strain(sane(&mut random, 0.1))][random.usize(0..2)];
+        let pinned = (0..random.u32(0..3)).map(|_| corner(&mut random)).collect();
+        let mass = (random.u32(0..4) == 0).then(|| (0..vertices).map(|_| sane(&mut random, 0.1)).collect());
+        let options = Options { method, quality, fabric, pinned, mass, ..Options::default() };
+        let pins = options.pinned.len();
+        let Ok(mut deformer) = build(&mesh, options) else { continue };
+        built += 1;
+        for _ in 0..3 {
+            let mut collider = match random.u32(0..3) {
+                0 => Collider::sphere(vector(&mut random), sane(&mut random, 0.5)),
+                1 => Collider::plane(vector(&mut random), vector(&mut random)),
+                _ => Collider::capsule(vector(&mut random), vector(&mut random), sane(&mut random, 0.3)),
+            };
+            if random.bool() {
+                collider.shape = Shape::Sphere { center: Vec3::ZERO, radius: 0.5 };
+            }
+            let attributes = Attributes {
+                gravity: vector(&mut random) * 9.81,
+                wind: vector(&mut random),
+                air_density: sane(&mut random, 1.2),
+                damping: sane(&mut random, 0.0),
+                colliders: vec![collider],
+                pin_targets: random.bool().then(|| (0..pins).map(|_| vector(&mut random)).collect()),
+                ..Attributes::default()
+            };
+            let dt = sane(&mut random, FRAME);
+            let before = deformer.positions().unwrap().to_vec();
+            match deformer.step(dt.min(1.0), &attributes) {
+                Ok(report) => {
+                    stepped += 1;
+                    assert!(report.substeps > 0);
+                }
+                Err(error) => {
+                    names(&error, &[]);
+                    assert_eq!(deformer.positions().unwrap(), before, "{error}");
+                }
+            }
+            assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite()));
+            assert!(deformer.velocities().unwrap().iter().all(|v| v.is_finite()));
+            let measure = deformer.measure().unwrap();
+            assert!(measure.mean_strain >= 0.0 && !measure.potential_energy.is_nan(), "{measure:?}");
+        }
+    }
+    assert!(built > 500 && stepped > 500, "{built} built, {stepped} steps: the generator still makes good scenes");
+}
