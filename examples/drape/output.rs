@@ -1,6 +1,7 @@
 //! Files that are there whole or not at all.
 
 use std::{
+    error::Error,
     fmt::Display,
     fs::OpenOptions,
     io::Write,
@@ -38,7 +39,11 @@ impl Output {
             use std::{fs::Permissions, os::unix::fs::PermissionsExt};
             builder.permissions(Permissions::from_mode(0o666));
         }
-        let file = builder.tempfile_in(parent).map_err(|error| unwritable(path, error))?;
+        let file = builder.tempfile_in(parent).map_err(|error| match error.source() {
+            // Without the temporary file's own name, which tells the user nothing.
+            Some(cause) => unwritable(path, cause),
+            None => unwritable(path, error),
+        })?;
         Ok(Output { path: path.to_owned(), file })
     }
 

@@ -184,7 +184,7 @@ impl<'a> Scene<'a> {
         const REACH: isize = 3;
         let slope = 1.0 - facing.dot(LIGHT.normalize()).clamp(0.0, 1.0);
         // A texel is wide: lift the point off its own surface, the more the more the light grazes it.
-        let lifted = point + facing * self.radius * (0.006 + 0.014 * slope);
+        let lifted = point + facing * self.radius * (0.010 + 0.014 * slope);
         let texel = self.light.project(lifted, SHADOW, SHADOW);
         let (mut light, mut total) = (0.0, 0.0);
         for y in -REACH..=REACH {
