@@ -1,0 +1,220 @@
+//! Drapes a cloth and writes every frame as an OBJ file: see `--help`.
+//!
+//! With no arguments it plays the scene of the 2013 plug-in, a towel dropped on a sphere over a floor:
+//!
+//! ```text
+//! cargo run --release --example drape -- --preview towel.png --report towel.json
+//! ```
+
+use std::{
+    fmt::Display,
+    fs,
+    io::{self, IsTerminal, Write},
+    mem,
+    process::ExitCode,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Instant,
+};
+
+use cloth_deformer::{BuildError, Deformer, Mesh, StepError, Warning, glam::Vec3};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{
+    arguments::Arguments,
+    output::Output,
+    report::{Frame, Report},
+    scene::Scene,
+};
+
+mod arguments;
+mod output;
+mod preview;
+mod report;
+mod scene;
+
+/// Cells of the contact sheet, at most.
+const CELLS: u32 = 12;
+
+fn main() -> ExitCode {
+    // Returning, rather than leaving from within, drops what is half written: it takes its temporary files along.
+    let failure = match Arguments::read() {
+        Ok(Ok(arguments)) => run(&arguments).err(),
+        Ok(Err(help)) => {
+            say(help.to_string().trim_end());
+            None
+        }
+        Err(failure) => Some(failure),
+    };
+    let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
+    warn("error", &message);
+    ExitCode::from(code)
+}
+
+/// Why the program ends early: an exit code and one line.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    const INPUT: u8 = 2;
+    const UNSTABLE: u8 = 3;
+    const GPU: u8 = 4;
+    /// 128 + SIGINT, as a shell reports it.
+    const INTERRUPTED: u8 = 130;
+
+    fn new(code: u8, message: impl Display) -> Failure {
+        Failure { code, message: message.to_string() }
+    }
+
+    /// Something the user gave cannot be used.
+    pub(crate) fn input(message: impl Display) -> Failure {
+        Failure::new(Failure::INPUT, message)
+    }
+
+    fn build(of: &str, error: &BuildError) -> Failure {
+        match error {
+            BuildError::NoGpu { .. } => Failure::new(Failure::GPU, error),
+            BuildError::Pin { .. } | BuildError::PinTwice { .. } => Failure::input(format_args!("--pin: {error}")),
+            _ => Failure::input(format_args!("{of}: {error}")),
+        }
+    }
+
+    fn step(frame: u32, error: &StepError) -> Failure {
+        let code = match error {
+            StepError::Unstable { .. } => Failure::UNSTABLE,
+            StepError::Gpu { .. } => Failure::GPU,
+            _ => Failure::INPUT,
+        };
+        Failure::new(code, format_args!("frame {frame}: {error}"))
+    }
+}
+
+/// The whole program, from top to bottom.
+fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
+        .map_err(|error| Failure::input(format_args!("cannot listen for Ctrl-C: {error}")))?;
+
+    let Scene { name, mesh, options, attributes } = Scene::new(arguments)?;
+    let dt = arguments.dt();
+    let method = options.method;
+    let mut deformer = Deformer::new(&mesh, options).map_err(|error| Failure::build(&name, &error))?;
+
+    // Whatever cannot be written is found out now, not after the simulation.
+    fs::create_dir_all(&arguments.out).map_err(|error| {
+        Failure::input(format_args!("--out {}: {error}; name a directory that can be made", arguments.out.display()))
+    })?;
+    let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
+    let report_file = reserve(&arguments.report)?;
+    let preview_file = reserve(&arguments.preview)?;
+
+    let mut report = Report::new(&deformer, method, &mesh);
+    let mut cells: Vec<(u32, Vec<Vec3>)> = Vec::new();
+    let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
+    let progress = progress(arguments);
+    let mut shape = mesh;
+    for frame in 1..=arguments.frames {
+        let failed = |error: StepError| Failure::step(frame, &error);
+        let (mut seconds, mut substeps) = (0.0, 0);
+        if frame > 1 {
+            let start = Instant::now();
+            let done = deformer.step(dt, &attributes).map_err(failed)?;
+            seconds = start.elapsed().as_secs_f64();
+            substeps = done.substeps;
+            for warning in done.warnings {
+                // Once each: a limit met in one frame is met in most of those that follow.
+                if !warned.contains(&mem::discriminant(&warning)) {
+                    warned.push(mem::discriminant(&warning));
+                    progress.suspend(|| warn("warning", &describe(warning)));
+                }
+            }
+            shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
+        }
+        // Frame 1 is the mesh as it was given, to the last bit: it has not been through the deformer.
+        save(&shape, arguments, frame)?;
+        if preview_file.is_some() && is_shown(frame, arguments.frames) {
+            cells.push((frame, shape.positions.clone()));
+        }
+        let measure = deformer.measure().map_err(failed)?;
+        let row = Frame::new(frame, seconds, substeps, measure);
+        report.frames.push(row.ok_or_else(|| {
+            // Springs past their limit grow for some frames before the first position overflows.
+            let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
+            Failure::new(Failure::UNSTABLE, message)
+        })?);
+        progress.inc(1);
+        if interrupted.load(Ordering::Relaxed) {
+            progress.finish_and_clear();
+            let message = format_args!("interrupted: {frame} of {} frames written", arguments.frames);
+            return Err(Failure::new(Failure::INTERRUPTED, message));
+        }
+    }
+    progress.finish_and_clear();
+
+    if let Some(file) = report_file {
+        file.write(&report.json()?)?;
+    }
+    if let Some(file) = preview_file {
+        let sheet = preview::contact_sheet(&cells, &shape.triangles, &attributes.colliders);
+        file.write(&sheet.map_err(|error| Failure::input(format_args!("--preview: {error}")))?)?;
+    }
+    if !arguments.quiet {
+        say(&report.summary(&arguments.out));
+    }
+    Ok(())
+}
+
+fn save(mesh: &Mesh, arguments: &Arguments, frame: u32) -> Result<(), Failure> {
+    let path = arguments.out.join(format!("frame_{frame:04}.obj"));
+    mesh.save_obj(path).map_err(Failure::input)
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress(arguments: &Arguments) -> ProgressBar {
+    if arguments.quiet || !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(u64::from(arguments.frames));
+    match ProgressStyle::with_template("{bar:40} frame {pos} of {len}, {eta} left") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// Whether `frame` has a cell on the contact sheet: evenly spaced, the first and the last among them.
+fn is_shown(frame: u32, frames: u32) -> bool {
+    let cells = u64::from(CELLS.min(frames));
+    let (index, last) = (u64::from(frame - 1), u64::from(frames - 1));
+    // The cell whose place `index * (cells - 1) / last`, rounded to nearest, is reached first at this index.
+    let steps = (cells - 1).max(1);
+    (0..cells).any(|cell| (cell * last + steps / 2) / steps == index)
+}
+
+fn describe(warning: Warning) -> String {
+    match warning {
+        Warning::BendingLimited { vertices } => {
+            format!("bending is softened at {vertices} vertices to stay stable; more --substeps would bring it all")
+        }
+        Warning::ExplicitLimit { substeps, needed } => {
+            format!("springs are unstable at {substeps} substeps; take --substeps {needed}, or --method small-steps")
+        }
+        other => format!("{other:?}"),
+    }
+}
+
+/// A line on stdout. A reader that went away is no reason to stop.
+fn say(line: &str) {
+    let _ = writeln!(io::stdout(), "{line}");
+}
+
+/// One line on stderr, whatever line breaks a file name or a driver's message brought along.
+fn warn(kind: &str, message: &str) {
+    let line: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    let _ = writeln!(io::stderr(), "{kind}: {}", line.join(" "));
+}

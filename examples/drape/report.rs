@@ -1,0 +1,93 @@
+//! Figures of a run: a row for each frame, as JSON and as one line.
+
+use std::path::Path;
+
+use cloth_deformer::{Backend, Deformer, Measure, Mesh, Method};
+use serde::Serialize;
+
+use crate::{
+    Failure,
+    arguments::{BACKENDS, METHODS},
+};
+
+/// A run. The order of the fields is the order of the file.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    adapter: Option<String>,
+    backend: &'static str,
+    method: &'static str,
+    vertices: usize,
+    edges: usize,
+    colours: usize,
+    pub(crate) frames: Vec<Frame>,
+}
+
+/// One frame.
+#[derive(Debug, Serialize)]
+pub(crate) struct Frame {
+    #[serde(rename = "frame")]
+    number: u32,
+    /// Duration of `Deformer::step` alone [ms]: on the GPU that is encoding and submitting; reading back is not part of it.
+    ms: f64,
+    substeps: u32,
+    mean_strain: f32,
+    max_strain: f32,
+    /// Kinetic and potential energy [J].
+    energy: f64,
+    /// Depth of the deepest vertex in a collider [m].
+    penetration: f32,
+}
+
+impl Frame {
+    /// `None` if a figure is not finite: JSON has no such number, and a stable cloth has none either.
+    pub(crate) fn new(number: u32, seconds: f64, substeps: u32, measure: Measure) -> Option<Frame> {
+        let Measure { mean_strain, max_strain, kinetic_energy, potential_energy, penetration } = measure;
+        let energy = kinetic_energy + potential_energy;
+        let finite = energy.is_finite() && [mean_strain, max_strain, penetration].into_iter().all(f32::is_finite);
+        finite.then_some(Frame { number, ms: 1e3 * seconds, substeps, mean_strain, max_strain, energy, penetration })
+    }
+}
+
+impl Report {
+    pub(crate) fn new(deformer: &Deformer, method: Method, mesh: &Mesh) -> Report {
+        Report {
+            adapter: deformer.adapter().map(str::to_owned),
+            backend: name_of(&BACKENDS, |&backend: &Backend| backend == deformer.backend()),
+            method: name_of(&METHODS, |named| std::mem::discriminant(named) == std::mem::discriminant(&method)),
+            vertices: mesh.positions.len(),
+            edges: mesh.edges().len(),
+            colours: deformer.colours(),
+            frames: Vec::new(),
+        }
+    }
+
+    pub(crate) fn json(&self) -> Result<Vec<u8>, Failure> {
+        let mut text = serde_json::to_vec_pretty(self).map_err(|error| Failure::input(format_args!("--report: {error}")))?;
+        text.push(b'\n');
+        Ok(text)
+    }
+
+    /// The run in one line.
+    pub(crate) fn summary(&self, out: &Path) -> String {
+        let mut times: Vec<f64> = self.frames.iter().skip(1).map(|frame| frame.ms).collect();
+        times.sort_by(f64::total_cmp);
+        let median = times.get(times.len() / 2).copied().unwrap_or(0.0);
+        let strain = self.frames.last().map_or(0.0, |frame| frame.mean_strain);
+        let deepest = self.frames.iter().map(|frame| frame.penetration).fold(0.0, f32::max);
+        format!(
+            "{} on {}: {} vertices, {} frames in {}, {median:.2} ms a frame (median), mean strain {:.2} %, penetration {:.2} mm",
+            self.backend,
+            self.adapter.as_deref().unwrap_or("the CPU"),
+            self.vertices,
+            self.frames.len(),
+            out.display(),
+            100.0 * strain,
+            1e3 * deepest,
+        )
+    }
+}
+
+/// The name a value has on the command line.
+fn name_of<T>(table: &[(&'static str, T)], is_it: impl Fn(&T) -> bool) -> &'static str {
+    table.iter().find(|(_, value)| is_it(value)).map_or("unknown", |&(name, _)| name)
+}

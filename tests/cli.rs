@@ -1,0 +1,436 @@
+//! The main binary from outside: exit codes, one-line errors, and the files it leaves.
+
+use std::{
+    collections::BTreeSet,
+    env, fs,
+    io::BufReader,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use cloth_deformer::{Mesh, glam::Vec3};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// `cargo test` builds the examples, but gives their path to no one: they are in `examples`, beside `deps`, where tests are.
+fn binary() -> PathBuf {
+    let test = env::current_exe().unwrap();
+    let profile = test.ancestors().nth(2).unwrap();
+    let path = profile.join("examples").join(format!("drape{}", env::consts::EXE_SUFFIX));
+    assert!(path.is_file(), "{} is missing: `cargo test` builds it, `cargo build --example drape` too", path.display());
+    path
+}
+
+/// A directory to run in, and the command that runs there. The CPU unless the test says otherwise.
+fn drape(directory: &TempDir, arguments: &[&str]) -> Command {
+    let mut command = Command::new(binary());
+    command.current_dir(directory).args(arguments);
+    if !arguments.contains(&"--backend") {
+        command.args(["--backend", "cpu"]);
+    }
+    command
+}
+
+fn run(directory: &TempDir, arguments: &[&str]) -> Output {
+    drape(directory, arguments).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+#[track_caller]
+fn succeeds(output: &Output) {
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
+}
+
+/// The exit code, and one line on stderr that says each of `words`.
+#[track_caller]
+fn fails(output: &Output, code: i32, words: &[&str]) {
+    let text = stderr(output);
+    assert_eq!(output.status.code(), Some(code), "{text}");
+    let errors: Vec<&str> = text.lines().filter(|line| !line.starts_with("warning: ")).collect();
+    assert_eq!(errors.len(), 1, "not one line: {text}");
+    assert!(errors[0].starts_with("error: "), "{text}");
+    for word in words {
+        assert!(errors[0].contains(word), "no `{word}` in: {text}");
+    }
+    assert!(output.stdout.is_empty(), "a failure leaves stdout empty");
+}
+
+/// Names of all files in a directory, hidden ones too.
+fn names(directory: impl AsRef<Path>) -> BTreeSet<String> {
+    fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+fn frames(count: u32) -> BTreeSet<String> {
+    (1..=count).map(|frame| format!("frame_{frame:04}.obj")).collect()
+}
+
+fn set<const N: usize>(names: [&str; N]) -> BTreeSet<String> {
+    names.map(str::to_owned).into()
+}
+
+fn bits(positions: &[Vec3]) -> Vec<[u32; 3]> {
+    positions.iter().map(|position| position.to_array().map(f32::to_bits)).collect()
+}
+
+/// A mesh whose coordinates no short decimal gives, in a directory.
+fn crooked(directory: &TempDir) -> Mesh {
+    let mut mesh = Mesh::grid(7, 5, 0.8, 0.6);
+    for (vertex, position) in mesh.positions.iter_mut().enumerate() {
+        let x = vertex as f32;
+        *position = *position * std::f32::consts::FRAC_1_PI + 0.013 * Vec3::new(x.sin(), x.cos(), (2.0 * x).sin());
+    }
+    // Neither the order of vertices nor that of faces is to be touched.
+    mesh.triangles.reverse();
+    mesh.save_obj(directory.path().join("crooked.obj")).unwrap();
+    mesh
+}
+
+/// The picture's width, height and pixels.
+fn read_png(path: &Path) -> (u32, u32, Vec<u8>) {
+    let mut reader = png::Decoder::new(BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(info.color_type, png::ColorType::Rgb);
+    (info.width, info.height, pixels)
+}
+
+#[test]
+fn with_no_arguments_the_towel_falls_for_120_frames() {
+    let directory = TempDir::new().unwrap();
+    let output = drape(&directory, &[]).output().unwrap();
+    succeeds(&output);
+    assert_eq!(names(&directory), set(["frames"]));
+    assert_eq!(names(directory.path().join("frames")), frames(120));
+
+    let frame = |number: u32| Mesh::load_obj(directory.path().join(format!("frames/frame_{number:04}.obj"))).unwrap();
+    let (first, last) = (frame(1), frame(120));
+    assert_eq!(first.positions.len(), 64 * 64);
+    assert_eq!(first.triangles, last.triangles);
+    assert!(first.positions.iter().all(|position| position.y.to_bits() == 0.7_f32.to_bits()), "it starts level");
+    let sphere = Vec3::new(0.0, 0.3, 0.0);
+    for (vertex, position) in last.positions.iter().enumerate() {
+        assert!(position.distance(sphere) > 0.3 - 2e-3 && position.y > -2e-3, "vertex {vertex} is inside at {position}");
+    }
+    let highest = last.positions.iter().map(|position| position.y).fold(f32::MIN, f32::max);
+    let lowest = last.positions.iter().map(|position| position.y).fold(f32::MAX, f32::min);
+    assert!((0.58..0.65).contains(&highest), "it lies on the sphere, at {highest}");
+    assert!(lowest < 0.3, "it hangs down, to {lowest}");
+
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(stdout.lines().count(), 1, "{stdout}");
+    for word in ["cpu", "4096 vertices", "120 frames", "ms", "strain", "penetration"] {
+        assert!(stdout.contains(word), "no `{word}` in: {stdout}");
+    }
+    assert!(!stderr(&output).contains('\r'), "no progress bar in a pipe");
+}
+
+#[test]
+fn frame_1_is_the_input_bit_for_bit_and_faces_stay() {
+    let directory = TempDir::new().unwrap();
+    let mesh = crooked(&directory);
+    succeeds(&run(&directory, &["crooked.obj", "--out", "deep/er", "--frames", "3", "--quiet"]));
+    assert_eq!(names(directory.path().join("deep/er")), frames(3));
+    let frame = |number: u32| Mesh::load_obj(directory.path().join(format!("deep/er/frame_{number:04}.obj"))).unwrap();
+    assert_eq!(bits(&frame(1).positions), bits(&mesh.positions));
+    assert_ne!(bits(&frame(2).positions), bits(&mesh.positions), "frame 2 is a step on");
+    for number in 1..=3 {
+        assert_eq!(frame(number).triangles, mesh.triangles, "frame {number}");
+    }
+}
+
+#[test]
+fn quiet_says_nothing() {
+    let directory = TempDir::new().unwrap();
+    let output = run(&directory, &["--frames", "2", "--quiet"]);
+    succeeds(&output);
+    assert!(output.stdout.is_empty());
+    assert!(output.stderr.is_empty(), "{}", stderr(&output));
+}
+
+#[test]
+fn help_goes_to_stdout() {
+    let directory = TempDir::new().unwrap();
+    let output = run(&directory, &["--help"]);
+    succeeds(&output);
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    for option in ["--out", "--strain", "--no-floor", "--report", "numbers from 0", "Exit codes"] {
+        assert!(stdout.contains(option), "no `{option}` in:\n{stdout}");
+    }
+}
+
+#[test]
+fn the_report_has_its_keys_in_order_and_finite_numbers() {
+    let directory = TempDir::new().unwrap();
+    let mesh = crooked(&directory);
+    let arguments =
+        ["crooked.obj", "--frames", "12", "--method", "relaxation", "--iterations", "7", "--substeps", "3", "--report", "r.json"];
+    succeeds(&run(&directory, &arguments));
+    assert_eq!(names(&directory), set(["crooked.obj", "frames", "r.json"]));
+    let text = fs::read_to_string(directory.path().join("r.json")).unwrap();
+
+    // Order is a property of the text: a parser may sort.
+    let keys = ["adapter", "backend", "method", "vertices", "edges", "colours", "frames"];
+    let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "energy", "penetration"];
+    let places = |keys: &[&str], text: &str| -> Vec<usize> {
+        keys.iter().map(|key| text.find(&format!("\"{key}\":")).unwrap_or_else(|| panic!("no {key} in {text}"))).collect()
+    };
+    assert!(places(&keys, &text).is_sorted(), "{text}");
+    let rows = text.find("\"frames\":").unwrap();
+    assert!(places(&row_keys, &text[rows..]).is_sorted(), "{text}");
+
+    let report: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report.as_object().unwrap().len(), keys.len());
+    assert!(report["adapter"].is_null());
+    assert_eq!(report["backend"], "cpu");
+    assert_eq!(report["method"], "relaxation");
+    assert_eq!(report["vertices"], mesh.positions.len());
+    assert_eq!(report["edges"], mesh.edges().len());
+    assert!(report["colours"].as_u64().unwrap() >= 1);
+    let rows = report["frames"].as_array().unwrap();
+    assert_eq!(rows.len(), 12);
+    for (index, row) in rows.iter().enumerate() {
+        assert_eq!(row.as_object().unwrap().len(), row_keys.len());
+        assert_eq!(row["frame"], index + 1);
+        assert_eq!(row["substeps"], if index == 0 { 0 } else { 3 });
+        // What is not finite would have become null.
+        for key in row_keys {
+            assert!(row[key].as_f64().is_some_and(f64::is_finite), "{key} of {row}");
+        }
+    }
+    assert_eq!(rows[0]["ms"], 0.0);
+    assert!(rows[1]["ms"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn the_preview_is_a_picture_of_twelve_cells() {
+    let directory = TempDir::new().unwrap();
+    crooked(&directory);
+    succeeds(&run(&directory, &["crooked.obj", "--frames", "30", "--preview", "p.png"]));
+    assert_eq!(names(&directory), set(["crooked.obj", "frames", "p.png"]));
+    let (width, height, pixels) = read_png(&directory.path().join("p.png"));
+    // 4 x 3 cells of 320 x 240 with lines of 2 pixels between.
+    assert_eq!((width, height), (4 * 322 - 2, 3 * 242 - 2));
+    let colours: BTreeSet<&[u8]> = pixels.chunks_exact(3).collect();
+    assert!(colours.len() > 1000, "{} colours", colours.len());
+    // The cloth is red above: it is in the first cell and in the last.
+    let is_red = |pixel: &&[u8]| i32::from(pixel[0]) > i32::from(pixel[1]) + 60;
+    let red = |column: usize, row: usize| {
+        let cell = (0..240).flat_map(|y| {
+            let start = 3 * ((row * 242 + y) * width as usize + column * 322);
+            pixels[start..start + 3 * 320].chunks_exact(3)
+        });
+        cell.filter(is_red).count()
+    };
+    assert!(red(0, 0) > 500 && red(3, 2) > 500, "{} and {} red pixels", red(0, 0), red(3, 2));
+}
+
+#[test]
+fn a_preview_of_few_frames_has_few_cells() {
+    for (count, size) in [("1", (320, 240)), ("5", (4 * 322 - 2, 2 * 242 - 2))] {
+        let directory = TempDir::new().unwrap();
+        crooked(&directory);
+        succeeds(&run(&directory, &["crooked.obj", "--frames", count, "--preview", "p.png"]));
+        let (width, height, _) = read_png(&directory.path().join("p.png"));
+        assert_eq!((width, height), size, "{count} frames");
+    }
+}
+
+/// Vertices of the towel that are where they were after falling for ten frames.
+fn held(arguments: &[&str]) -> Vec<usize> {
+    let directory = TempDir::new().unwrap();
+    let mut all = vec!["--frames", "10", "--no-sphere", "--no-floor", "--substeps", "4"];
+    all.extend(arguments);
+    succeeds(&run(&directory, &all));
+    let frame = |number: u32| Mesh::load_obj(directory.path().join(format!("frames/frame_{number:04}.obj"))).unwrap().positions;
+    let (first, last) = (bits(&frame(1)), bits(&frame(10)));
+    (0..first.len()).filter(|&vertex| first[vertex] == last[vertex]).collect()
+}
+
+#[test]
+fn pins_hold_what_they_name() {
+    assert_eq!(held(&["--pin", "none"]), [0_usize; 0]);
+    // The towel lies flat, row by row from the lowest z.
+    assert_eq!(held(&["--pin", "top"]), (0..64).collect::<Vec<_>>());
+    assert_eq!(held(&["--pin", "corners"]), [0, 63, 64 * 63, 64 * 64 - 1]);
+    assert_eq!(held(&["--pin", "5,0"]), [0, 5]);
+}
+
+#[test]
+fn top_of_an_upright_mesh_is_its_highest_side() {
+    let directory = TempDir::new().unwrap();
+    let mut mesh = Mesh::grid(4, 3, 1.0, 1.0);
+    for position in &mut mesh.positions {
+        *position = Vec3::new(position.x, position.z, 0.0);
+    }
+    mesh.save_obj(directory.path().join("curtain.obj")).unwrap();
+    let path = directory.path().join("curtain.obj");
+    assert_eq!(held(&[path.to_str().unwrap(), "--pin", "top"]), [8, 9, 10, 11]);
+}
+
+#[test]
+fn numbers_may_be_negative() {
+    let directory = TempDir::new().unwrap();
+    let arguments =
+        ["--frames", "2", "--gravity", "-1,-9.81,0", "--floor", "-1", "--sphere", "-1,-0.5,0,0.25", "--wind", "-2,0,0"];
+    succeeds(&run(&directory, &arguments));
+}
+
+#[test]
+fn what_cannot_be_is_refused_in_one_line() {
+    const TABLE: &[(&[&str], &[&str])] = &[
+        (&["--substeps", "0"], &["--substeps", "0"]),
+        (&["--substeps", "-3"], &["--substeps", "-3"]),
+        (&["--substeps", "many"], &["--substeps", "many"]),
+        (&["--substeps", "4", "--strain", "0.1"], &["--substeps", "--strain"]),
+        (&["--substeps", "4294967295"], &["4294967295"]),
+        (&["--strain", "nan"], &["--strain", "finite"]),
+        (&["--strain", "0"], &["--strain", "above 0"]),
+        (&["--strain", "inf"], &["--strain", "finite"]),
+        (&["--strain", "1e-30"], &["substeps"]),
+        (&["--iterations", "4"], &["--iterations", "relaxation"]),
+        (&["--method", "relaxation", "--iterations", "0"], &["--iterations"]),
+        (&["--method", "magic"], &["--method", "magic", "small-steps"]),
+        (&["--backend", "abacus"], &["--backend", "abacus", "hybrid"]),
+        (&["--fabric", "steel"], &["--fabric", "steel", "denim"]),
+        (&["--frames", "0"], &["--frames"]),
+        (&["--frames", "-1"], &["--frames", "-1"]),
+        (&["--fps", "0"], &["--fps"]),
+        (&["--fps", "-60"], &["--fps"]),
+        (&["--fps", "1e-45"], &["--fps", "finite"]),
+        (&["--fps", "nan"], &["--fps"]),
+        (&["--sphere", "0,0,0,-1"], &["--sphere", "radius"]),
+        (&["--sphere", "0,0,0"], &["--sphere", "3 numbers", "give 4"]),
+        (&["--sphere", "0,0,0,nan"], &["--sphere", "finite"]),
+        (&["--sphere", "0,0,0,1", "--no-sphere"], &["--sphere", "--no-sphere"]),
+        (&["--floor", "low"], &["--floor", "`low`"]),
+        (&["--floor", "0", "--no-floor"], &["--floor", "--no-floor"]),
+        (&["--floor", "--quiet"], &["--floor", "--quiet"]),
+        (&["--gravity", "9.81"], &["--gravity", "give 3"]),
+        (&["--gravity", "0,-inf,0"], &["--gravity", "finite"]),
+        (&["--wind", ""], &["--wind"]),
+        (&["--wind", "1,,2"], &["--wind"]),
+        (&["--friction", "-0.1"], &["--friction", "0 or above"]),
+        (&["--pin", "99999999"], &["--pin", "99999999", "4096 vertices"]),
+        (&["--pin", "3,4,3"], &["--pin", "3"]),
+        (&["--pin", "-1"], &["--pin", "-1"]),
+        (&["--pin", "left"], &["--pin", "left", "corners"]),
+        (&["--pin", ""], &["--pin"]),
+        (&["--report", "x", "--preview", "x"], &["--report", "--preview"]),
+        (&["--report", "missing/x.json"], &["missing"]),
+        (&["--preview", "."], &["directory"]),
+        (&["--out", ""], &["--out"]),
+        (&[""], &["MESH.obj"]),
+        (&["missing.obj"], &["missing.obj"]),
+        (&["."], &["."]),
+        (&["two\nlines.obj"], &["two"]),
+        (&["--pc2"], &["--pc2"]),
+        (&["--teapot"], &["--teapot"]),
+    ];
+    for (arguments, words) in TABLE {
+        let directory = TempDir::new().unwrap();
+        let output = run(&directory, arguments);
+        println!("{arguments:?} -> {:?}: {}", output.status.code(), stderr(&output).trim_end());
+        fails(&output, 2, words);
+        // Nothing is written, but the rest state where only a step can tell how many substeps it needs.
+        let left = fs::read_dir(directory.path().join("frames")).map_or(0, Iterator::count);
+        assert_eq!(left, usize::from(stderr(&output).contains("frame 2:")), "{arguments:?}");
+        assert!(names(&directory).is_subset(&set(["frames"])), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_bad_mesh_is_refused_by_file_and_place() {
+    const TABLE: &[(&str, &[&str])] = &[
+        ("", &[]),
+        ("v 0 0 zero\n", &["1"]),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 nan\nf 1 2 3\n", &[]),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &[]),
+    ];
+    for (text, words) in TABLE {
+        let directory = TempDir::new().unwrap();
+        fs::write(directory.path().join("bad.obj"), text).unwrap();
+        let output = run(&directory, &["bad.obj"]);
+        println!("{text:?} -> {}", stderr(&output));
+        fails(&output, 2, &[&["bad.obj"], *words].concat());
+        assert_eq!(names(&directory), set(["bad.obj"]), "nothing is written");
+    }
+}
+
+#[test]
+fn a_directory_that_cannot_be_made_is_refused() {
+    let directory = TempDir::new().unwrap();
+    fs::write(directory.path().join("file"), "not a directory").unwrap();
+    for out in ["file", "file/below"] {
+        fails(&run(&directory, &["--out", out]), 2, &["--out", out]);
+    }
+    assert_eq!(names(&directory), set(["file"]));
+    assert_eq!(fs::read_to_string(directory.path().join("file")).unwrap(), "not a directory");
+}
+
+#[test]
+fn springs_past_their_limit_are_unstable() {
+    let directory = TempDir::new().unwrap();
+    let arguments =
+        ["--method", "springs", "--substeps", "1", "--fabric", "denim", "--frames", "500", "--report", "r", "--preview", "p"];
+    let output = run(&directory, &arguments);
+    fails(&output, 3, &["frame", "unstable"]);
+    let text = stderr(&output);
+    assert_eq!(text.lines().filter(|line| line.starts_with("warning: ")).count(), 1, "once, not every frame: {text}");
+    assert!(text.contains("springs are unstable at 1 substeps"), "{text}");
+    // What there is, is whole: the frames up to the failure. What would not have been, is not there.
+    assert_eq!(names(&directory), set(["frames"]));
+    let count = names(directory.path().join("frames")).len();
+    assert!((1..500).contains(&count));
+    assert_whole(&directory.path().join("frames"));
+}
+
+/// Where drivers can be hidden, or the build has no GPU backend.
+#[cfg(any(target_os = "linux", not(feature = "gpu")))]
+#[test]
+fn a_gpu_that_is_not_there_is_an_error() {
+    for backend in ["gpu", "hybrid"] {
+        let directory = TempDir::new().unwrap();
+        let mut command = drape(&directory, &["--backend", backend]);
+        command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+        fails(&command.output().unwrap(), 4, &["no GPU", "CPU"]);
+        assert_eq!(names(&directory), BTreeSet::new());
+    }
+}
+
+/// Every file is a frame of the towel, from its first vertex to its last face, and none is missing in between.
+#[track_caller]
+fn assert_whole(directory: &Path) {
+    let names = names(directory);
+    assert_eq!(names, frames(names.len() as u32));
+    for name in names {
+        let mesh = Mesh::load_obj(directory.join(&name)).unwrap();
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (64 * 64, 2 * 63 * 63), "{name}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_whole_files_only() {
+    use std::{
+        process::Stdio,
+        thread::sleep,
+        time::{Duration, Instant},
+    };
+
+    let directory = TempDir::new().unwrap();
+    let mut command = drape(&directory, &["--frames", "100000", "--report", "r.json", "--preview", "p.png"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let start = Instant::now();
+    while !directory.path().join("frames/frame_0003.obj").exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no third frame after two minutes");
+        sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    fails(&output, 130, &["interrupted", "of 100000"]);
+    assert_eq!(names(&directory), set(["frames"]), "neither report nor preview, nor anything temporary");
+    assert_whole(&directory.path().join("frames"));
+}
