@@ -18,7 +18,9 @@ mod kernels;
 mod layout;
 mod measure;
 mod mesh;
+mod obj;
 mod quality;
+mod whole;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::{Backend, Deformer, Method, Options, Quality, StepReport, Warning};
@@ -29,5 +31,6 @@ pub use glam;
 pub use gpu::Gpu;
 pub use measure::Measure;
 pub use mesh::Mesh;
+pub use obj::ObjError;
 #[cfg(feature = "gpu")]
 pub use wgpu;
