@@ -395,6 +395,18 @@ fn a_failed_save_leaves_everything_as_it_was() {
 
 #[cfg(unix)]
 #[test]
+fn a_save_replaces_the_file_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    fs::write(&path, "v 0 0 0\n").unwrap();
+    let reader = fs::File::open(&path).unwrap();
+    Mesh::grid(2, 2, 1.0, 1.0).save_obj(&path).unwrap();
+    // Whoever was reading the old file still reads all of it: it was not written over.
+    assert_eq!(std::io::read_to_string(reader).unwrap(), "v 0 0 0\n");
+}
+
+#[cfg(unix)]
+#[test]
 fn a_save_follows_links_and_keeps_permissions() {
     use std::os::unix::fs::{PermissionsExt, symlink};
     let folder = tempfile::tempdir().unwrap();
@@ -421,17 +433,16 @@ fn a_device_is_written_to_not_replaced() {
 /// Every `.obj` in the folder `CLOTH_MESHES`; without one, meshes made here.
 #[test]
 fn meshes_from_other_programs_load_as_they_are() {
-    let meshes: Vec<(String, String)> = match std::env::var_os("CLOTH_MESHES") {
-        Some(folder) => fs::read_dir(&folder)
+    let meshes: Vec<(String, String)> = if let Some(folder) = std::env::var_os("CLOTH_MESHES") {
+        fs::read_dir(&folder)
             .unwrap_or_else(|error| panic!("CLOTH_MESHES={}: {error}", folder.display()))
             .map(|entry| entry.unwrap().path())
             .filter(|path| path.extension().is_some_and(|extension| extension == "obj"))
             .map(|path| (path.display().to_string(), fs::read_to_string(&path).unwrap()))
-            .collect(),
-        None => {
-            eprintln!("CLOTH_MESHES is not set to a folder of OBJ files: testing generated meshes instead");
-            [2, 30, 101].map(|side| (format!("generated, {side} x {side}"), exported(side))).into()
-        }
+            .collect()
+    } else {
+        eprintln!("CLOTH_MESHES is not set to a folder of OBJ files: testing generated meshes instead");
+        [2, 30, 101].map(|side| (format!("generated, {side} x {side}"), exported(side))).into()
     };
     assert!(!meshes.is_empty(), "CLOTH_MESHES holds no .obj file");
     let folder = tempfile::tempdir().unwrap();
