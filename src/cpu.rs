@@ -86,28 +86,34 @@ impl Cpu {
                 *u = Vec4::ZERO;
                 return;
             }
-            let mut force = Vec3A::ZERO;
+            // Each term is added as its own stage does it on the GPU, in the same order: fewer roundings part the two.
+            let mut by = kernels::predict(xyz(p[i]), ambient, substep);
+            let gain = w * substep.gain;
             if let Some((rows, entries)) = bending {
-                force -= xyz(moments[i]) * rows[i].diagonal;
+                let mut force = -xyz(moments[i]) * rows[i].diagonal;
                 for entry in entries.of(i as u32) {
                     force -= xyz(moments[entry.other as usize]) * entry.backward;
                 }
+                by += force * gain;
             }
             if let Some(panels) = panels {
+                let mut force = Vec3A::ZERO;
                 for &triangle in panels.around.of(i as u32) {
                     let panel = panels.panels[triangle as usize];
-                    let corners = panel.corners.map(|corner| corner as usize);
-                    let velocities = corners.map(|corner| xyz(p[corner]) * substep.rate);
-                    force +=
-                        kernels::wind_force(corners.map(|corner| xyz(x[corner])), velocities, panel.mass, params) * (1.0 / 3.0);
+                    let [a, b, c] = panel.corners.map(|corner| corner as usize);
+                    let velocity = (xyz(p[a]) + xyz(p[b]) + xyz(p[c])) * (substep.rate / 3.0);
+                    force += kernels::wind_force(xyz(x[a]), xyz(x[b]), xyz(x[c]), velocity, panel.mass, params) / 3.0;
                 }
+                by += force * gain;
             }
             if let Some(springs) = springs {
+                let mut force = Vec3A::ZERO;
                 for spring in springs.of(i as u32) {
                     force += kernels::spring_force(xyz(x[spring.other as usize] - x[i]), spring);
                 }
+                by += force * gain;
             }
-            *u = kernels::predict(xyz(p[i]), ambient + force * w, substep).extend(0.0);
+            *u = by.extend(0.0);
         });
     }
 

@@ -297,6 +297,19 @@ impl Deformer {
         Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.motion.gravity, &colliders))
     }
 
+    /// Waits until the steps so far are done, without reading anything back: for timing, and for renderers that share
+    /// [`Deformer::position_buffer`] with another queue. The CPU is always done.
+    ///
+    /// # Errors
+    /// If the GPU was lost.
+    pub fn wait(&self) -> Result<(), StepError> {
+        match &self.engine {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.wait().map_err(|failure| failure.named(&self.cloth, self.options.method)),
+            _ => Ok(()),
+        }
+    }
+
     /// The backend in use, never [`Backend::Auto`].
     #[must_use]
     pub fn backend(&self) -> Backend {

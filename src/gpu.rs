@@ -192,6 +192,12 @@ impl GpuEngine {
         self.gpu.write(&self.first_bad, &[NONE]);
     }
 
+    /// Waits for what was submitted.
+    pub(crate) fn wait(&self) -> Result<(), Failure> {
+        let done = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
+        done.map(|_| ()).map_err(|error| Failure::Gpu(error.to_string()))
+    }
+
     /// Waits for the GPU and shows its state to `look`.
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         let size = self.forces.x.size();

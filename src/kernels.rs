@@ -192,19 +192,19 @@ pub(crate) fn bend_term(dx: Vec3A, dv: Vec3A, tau: f32, coefficient: f32) -> Vec
 /// Force [N] of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into
 /// a normal part `k_n v_n` and a tangential part `k_t v_t` per area, each `k` limited to `k / (1 + h k A/m)`: exact for a
 /// free panel, and never reverses the velocity relative to the air, however strong the wind.
-pub(crate) fn wind_force(x: [Vec3A; 3], v: [Vec3A; 3], mass: f32, params: &Params) -> Vec3A {
-    let cross = (x[1] - x[0]).cross(x[2] - x[0]);
+pub(crate) fn wind_force(x0: Vec3A, x1: Vec3A, x2: Vec3A, velocity: Vec3A, mass: f32, params: &Params) -> Vec3A {
+    let cross = (x1 - x0).cross(x2 - x0);
     let double_area = cross.length();
     if double_area < 1e-20 {
         return Vec3A::ZERO;
     }
     let n = cross / double_area;
     let area = 0.5 * double_area;
-    let relative = (v[0] + v[1] + v[2]) * (1.0 / 3.0) - Vec3A::from(params.wind);
+    let relative = velocity - Vec3A::from(params.wind);
     let along = n.dot(relative);
     let normal = n * along;
     let tangential = relative - normal;
-    let sine2 = along * along / relative.length_squared().max(1e-20);
+    let sine2 = along * along / relative.dot(relative).max(1e-20);
     let pressure = params.half_density * along.abs();
     let limited = |k: f32| k * area / (1.0 + params.h * k * area / mass);
     let k_n = limited(pressure * (params.drag + params.lift * (1.0 - sine2)));
