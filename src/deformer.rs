@@ -455,7 +455,7 @@ impl Engine {
     fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
         let find = |software| match &options.gpu {
             Some(gpu) => Ok(gpu.clone()),
-            None => Gpu::request(software),
+            None => Gpu::shared(software),
         };
         let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
         Ok(match options.backend {

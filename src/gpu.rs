@@ -18,7 +18,7 @@ use device::{Bind, Stage};
 pub(crate) use forces::Forces;
 
 /// From this many vertices on a GPU beats the CPU: see `benches/results` for the table it was read from.
-pub(crate) const WORTHWHILE: usize = 4096;
+pub(crate) const WORTHWHILE: usize = 1024;
 
 /// Rounded up so that a uniform of any size may start there.
 const SLOT: u64 = 256;

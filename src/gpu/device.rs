@@ -1,5 +1,8 @@
 //! A device, and the few things made on it: buffers, stages, reads.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
 use bytemuck::Pod;
 
 /// A wgpu device and queue to compute on. Cheap to clone.
@@ -11,6 +14,39 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// The adapter's name, for reports.
     pub name: String,
+}
+
+/// The device that Deformers share.
+struct Found {
+    gpu: Gpu,
+    software: bool,
+    lost: Arc<AtomicBool>,
+}
+
+impl Found {
+    fn request() -> Result<Found, String> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        let adapter = adapters.into_iter().min_by_key(rank).ok_or("no adapter was found")?;
+        let descriptor = wgpu::DeviceDescriptor {
+            // Cloth of a million vertices needs more than the default 128 MiB a binding.
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
+        let lost = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&lost);
+        device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
+        let gpu = Gpu { device, queue, name: adapter.get_info().name };
+        Ok(Found { gpu, software: rank(&adapter) == 4, lost })
+    }
 }
 
 /// A shader: the common part and the stage's own.
@@ -30,26 +66,19 @@ pub(crate) const WORKGROUP: usize = 64;
 const MAX_GROUPS: usize = 65_535;
 
 impl Gpu {
-    /// Asks for the best adapter: a real GPU, or, if `software` may stand in, the software driver.
-    pub(crate) fn request(software: bool) -> Result<Gpu, String> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        };
-        let best = adapters.into_iter().filter(|adapter| software || rank(adapter) < 4).min_by_key(rank);
-        let adapter = best.ok_or("no adapter was found")?;
-        let descriptor = wgpu::DeviceDescriptor {
-            // Cloth of a million vertices needs more than the default 128 MiB a binding.
-            required_limits: adapter.limits(),
-            ..wgpu::DeviceDescriptor::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
-        Ok(Gpu { device, queue, name: adapter.get_info().name })
+    /// The best adapter of this machine: a real GPU, or, if `software` may stand in, the software driver.
+    ///
+    /// Asked for once in a program and shared: a driver hands out only so many devices. Asked for again if it was lost.
+    pub(crate) fn shared(software: bool) -> Result<Gpu, String> {
+        static FOUND: Mutex<Option<Found>> = Mutex::new(None);
+        let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
+        if found.as_ref().is_none_or(|found| found.lost.load(Ordering::Relaxed)) {
+            *found = Some(Found::request()?);
+        }
+        match found.as_ref() {
+            Some(found) if software || !found.software => Ok(found.gpu.clone()),
+            _ => Err("the only adapter is a software driver".to_owned()),
+        }
     }
 
     /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
