@@ -1,5 +1,7 @@
 //! What acts on the cloth during one step, sampled by the caller from anything that moves.
 
+use std::fmt::Display;
+
 use glam::{DVec3, Vec3};
 
 use crate::error::StepError;
@@ -236,7 +238,7 @@ impl Collider {
     }
 }
 
-fn invalid(name: &str, value: impl ToString, remedy: impl ToString) -> StepError {
+fn invalid(name: &str, value: impl Display, remedy: impl Display) -> StepError {
     StepError::Attribute { name: name.to_owned(), value: value.to_string(), remedy: remedy.to_string() }
 }
 

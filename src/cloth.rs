@@ -7,10 +7,10 @@ use glam::{DVec3, Vec3, Vec4};
 
 use crate::bending::Bending;
 use crate::coloring::{self, Lists};
-use crate::deformer::Options;
 use crate::error::BuildError;
 use crate::kernels::{Panel, Spring};
 use crate::mesh::{Mesh, sides};
+use crate::options::Options;
 
 /// Most vertices: an index this small is exact in a float, which the OBJ reader relies on.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;

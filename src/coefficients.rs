@@ -2,8 +2,8 @@
 
 use crate::batches::Batches;
 use crate::cloth::Cloth;
-use crate::deformer::{Method, Options};
 use crate::kernels::{BendRow, Edge};
+use crate::options::{Method, Options};
 
 /// The cloth's numbers for substeps of one length.
 #[derive(Debug, Clone)]

@@ -4,8 +4,10 @@ use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
 use crate::cloth::{Cloth, MAX_POSITION};
-use crate::deformer::{Failure, Plan};
+use crate::engine::Failure;
 use crate::kernels::{self, Substep, xyz};
+use crate::options::Method;
+use crate::plan::Plan;
 
 /// Vertices a rayon task takes at a time: fewer are not worth waking a thread for.
 const GRAIN: usize = 1024;
@@ -78,7 +80,7 @@ impl Cpu {
         }
         let moments = &self.moments;
         let panels = plan.wind.then(|| cloth.panels());
-        let springs = plan.springs.then(|| cloth.springs());
+        let springs = (plan.method == Method::Springs).then(|| cloth.springs());
         let ambient = Vec3A::from(params.acceleration);
         for_each(&mut self.u, |i, u| {
             let w = x[i].w;
@@ -140,7 +142,7 @@ impl Cpu {
                 *u_b -= impulse * x_b.w;
             };
         let edges = &plan.coefficients.edges;
-        if plan.relaxation {
+        if matches!(plan.method, Method::Relaxation { .. }) {
             edges.for_each(&mut self.u, |edge, u_a, u_b| correct(edge, u_a, u_b, kernels::relax));
         } else {
             edges.for_each(&mut self.u, |edge, u_a, u_b| correct(edge, u_a, u_b, kernels::project));

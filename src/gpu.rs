@@ -8,8 +8,10 @@ mod forces;
 use glam::Vec4;
 
 use crate::cloth::Cloth;
-use crate::deformer::{Failure, Plan};
+use crate::engine::Failure;
 use crate::kernels::{Body, Edge};
+use crate::options::Method;
+use crate::plan::Plan;
 pub use device::Gpu;
 #[cfg(test)]
 pub(crate) use device::WORKGROUP;
@@ -133,10 +135,14 @@ impl GpuEngine {
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
-        gpu.checked(|| self.submit(plan)).map_err(Failure::Gpu)
+        gpu.checked(|| {
+            self.submit(plan);
+            Ok(())
+        })
+        .map_err(Failure::Gpu)
     }
 
-    fn submit(&mut self, plan: &Plan<'_>) -> Result<(), String> {
+    fn submit(&mut self, plan: &Plan<'_>) {
         self.forces.prepare(&self.gpu, plan);
         if self.edges_h != Some(plan.coefficients.h) && plan.sweeps > 0 {
             self.gpu.write(&self.edges, plan.coefficients.edges.edges());
@@ -146,7 +152,7 @@ impl GpuEngine {
             self.prepare_contact(&plan.bodies);
         }
         let vertices = plan.cloth.rest.len();
-        let sweep = if plan.relaxation { &self.relax } else { &self.project };
+        let sweep = if matches!(plan.method, Method::Relaxation { .. }) { &self.relax } else { &self.project };
         let advance = match &self.contact {
             Some(contact) if !plan.bodies.is_empty() => &contact.stage,
             _ => &self.advance,
@@ -167,20 +173,21 @@ impl GpuEngine {
             self.commit.encode(&mut pass, &[], vertices);
         }
         self.gpu.queue.submit([encoder.finish()]);
-        Ok(())
     }
 
     fn prepare_contact(&mut self, bodies: &[Body]) {
-        if self.contact.as_ref().is_none_or(|contact| contact.capacity < bodies.len()) {
-            let capacity = bodies.len().next_power_of_two();
-            let buffer = self.gpu.buffer("bodies", (capacity * size_of::<Body>()) as u64);
-            let Forces { x, p, u, frame, .. } = &self.forces;
-            let bound = [(0, Bind::Write(x)), (1, Bind::Write(p)), (2, Bind::Read(u)), (3, Bind::Read(&buffer))];
-            let module = self.gpu.module("contact", shader!("contact"));
-            let stage = Stage::new(&self.gpu, frame, &module, "contact", &bound);
-            self.contact = Some(Contact { stage, bodies: buffer, capacity });
-        }
-        let contact = self.contact.as_ref().expect("made above");
+        let contact = match &mut self.contact {
+            Some(contact) if contact.capacity >= bodies.len() => contact,
+            small => {
+                let capacity = bodies.len().next_power_of_two();
+                let buffer = self.gpu.buffer("bodies", (capacity * size_of::<Body>()) as u64);
+                let Forces { x, p, u, frame, .. } = &self.forces;
+                let bound = [(0, Bind::Write(x)), (1, Bind::Write(p)), (2, Bind::Read(u)), (3, Bind::Read(&buffer))];
+                let module = self.gpu.module("contact", shader!("contact"));
+                let stage = Stage::new(&self.gpu, frame, &module, "contact", &bound);
+                small.insert(Contact { stage, bodies: buffer, capacity })
+            }
+        };
         self.gpu.write(&contact.bodies, bodies);
     }
 

@@ -3,8 +3,9 @@
 
 use crate::cloth::Cloth;
 use crate::cpu::Cpu;
-use crate::deformer::{Failure, Plan};
+use crate::engine::Failure;
 use crate::gpu::{Forces, Gpu};
+use crate::plan::Plan;
 
 /// A cloth whose state is in memory and whose forces are computed on the GPU.
 #[derive(Debug)]

@@ -7,6 +7,7 @@ mod coefficients;
 mod coloring;
 mod cpu;
 mod deformer;
+mod engine;
 mod error;
 mod fabric;
 #[cfg(feature = "gpu")]
@@ -19,11 +20,13 @@ mod layout;
 mod measure;
 mod mesh;
 mod obj;
+mod options;
+mod plan;
 mod quality;
 mod whole;
 
 pub use attributes::{Attributes, Collider, Shape};
-pub use deformer::{Backend, Deformer, Method, Options, Quality, StepReport, Warning};
+pub use deformer::Deformer;
 pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
@@ -32,5 +35,6 @@ pub use gpu::Gpu;
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
+pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -3,8 +3,8 @@
 
 use crate::attributes::Attributes;
 use crate::cloth::Cloth;
-use crate::deformer::{Method, Options, Quality};
 use crate::error::StepError;
+use crate::options::{Method, Options, Quality};
 
 /// Most substeps in a step.
 pub(crate) const MAX_SUBSTEPS: u32 = 1 << 16;

@@ -118,7 +118,7 @@ fn nothing_tunnels(backend: Backend) {
             let attributes = Attributes { gravity: Vec3::ZERO, colliders: vec![shape], ..Attributes::default() };
             let mut last = mesh.positions.clone();
             let mut touched = 0;
-            for _ in 0..(0.8 / (speed * h)).ceil() as u32 + 1 {
+            for _ in 0..=(0.8 / (speed * h)).ceil() as u32 {
                 deformer.step(h, &attributes).unwrap();
                 let now = deformer.positions().unwrap();
                 for (from, to) in last.iter().zip(now) {

@@ -177,6 +177,19 @@ pub(crate) enum Bind<'a> {
     Dynamic(&'a wgpu::Buffer, u64),
 }
 
+impl<'a> Bind<'a> {
+    fn entry(self, binding: u32) -> wgpu::BindGroupEntry<'a> {
+        let resource = match self {
+            Bind::Read(buffer) | Bind::Write(buffer) | Bind::Uniform(buffer) => buffer.as_entire_binding(),
+            Bind::Dynamic(buffer, size) => {
+                let size = wgpu::BufferSize::new(size);
+                wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
+            }
+        };
+        wgpu::BindGroupEntry { binding, resource }
+    }
+}
+
 /// Buffers bound together, and how.
 #[derive(Debug)]
 pub(crate) struct Group {
@@ -200,17 +213,7 @@ impl Group {
         let entries: Vec<_> = bound.iter().map(layout_entry).collect();
         let layout = wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries };
         let layout = gpu.device.create_bind_group_layout(&layout);
-        fn entry<'a>(&(binding, bind): &(u32, Bind<'a>)) -> wgpu::BindGroupEntry<'a> {
-            let resource = match bind {
-                Bind::Read(buffer) | Bind::Write(buffer) | Bind::Uniform(buffer) => buffer.as_entire_binding(),
-                Bind::Dynamic(buffer, size) => {
-                    let size = wgpu::BufferSize::new(size);
-                    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
-                }
-            };
-            wgpu::BindGroupEntry { binding, resource }
-        }
-        let entries: Vec<_> = bound.iter().map(entry).collect();
+        let entries: Vec<_> = bound.iter().map(|&(binding, bind)| bind.entry(binding)).collect();
         let group = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
         Group { group: gpu.device.create_bind_group(&group), layout }
     }

@@ -1,8 +1,9 @@
 //! Stage 1 on the GPU: the state, and the forces that the scene has. A term that is absent has no kernel and no buffer.
 
 use crate::cloth::Cloth;
-use crate::deformer::Plan;
 use crate::kernels::{Params, Pin, Substep};
+use crate::options::Method;
+use crate::plan::Plan;
 
 use super::SLOT;
 use super::device::{Bind, Gpu, Group, Stage, shader};
@@ -97,7 +98,7 @@ impl Forces {
             ];
             self.wind = Some(Stage::new(gpu, &self.frame, &gpu.module("wind", shader!("wind")), "wind", &bound));
         }
-        if plan.springs && self.springs.is_none() {
+        if plan.method == Method::Springs && self.springs.is_none() {
             let springs = plan.cloth.springs();
             let buffers = (gpu.filled("springs", &springs.items), gpu.filled("spring spans", &springs.spans));
             let bound =
@@ -118,7 +119,7 @@ impl Forces {
         if let Some(wind) = self.wind.as_ref().filter(|_| plan.wind) {
             wind.encode(pass, &[], vertices);
         }
-        if let Some(springs) = self.springs.as_ref().filter(|_| plan.springs) {
+        if let Some(springs) = self.springs.as_ref().filter(|_| plan.method == Method::Springs) {
             springs.encode(pass, &[], vertices);
         }
         if !plan.pins.is_empty() {

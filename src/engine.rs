@@ -1,0 +1,131 @@
+//! The three engines behind one door: an enum and a match, no trait.
+
+use glam::Vec4;
+
+use crate::cloth::Cloth;
+use crate::cpu::{self, Cpu};
+use crate::error::{BuildError, StepError};
+#[cfg(feature = "gpu")]
+use crate::gpu::{self, Gpu, GpuEngine};
+#[cfg(feature = "gpu")]
+use crate::hybrid::Hybrid;
+use crate::options::{Backend, Method, Options};
+use crate::plan::Plan;
+
+/// Where the state lives.
+#[derive(Debug)]
+pub(crate) enum Engine {
+    Cpu(Cpu),
+    #[cfg(feature = "gpu")]
+    Hybrid(Box<Hybrid>),
+    #[cfg(feature = "gpu")]
+    Gpu(Box<GpuEngine>),
+}
+
+/// What an engine reports when a step or a read did not work out.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The state is not finite from this vertex on, in the cloth's order.
+    Unstable(usize),
+    #[cfg(feature = "gpu")]
+    Gpu(String),
+}
+
+impl Failure {
+    pub(crate) fn named(self, cloth: &Cloth, method: Method) -> StepError {
+        match self {
+            Failure::Unstable(vertex) => {
+                let remedy = match method {
+                    Method::SmallSteps | Method::Relaxation { .. } => "use a shorter dt, more substeps or smaller attributes",
+                    Method::Springs => "use more substeps (see Warning::ExplicitLimit), a softer fabric or SmallSteps",
+                };
+                StepError::Unstable { vertex: cloth.order[vertex] as usize, remedy }
+            }
+            #[cfg(feature = "gpu")]
+            Failure::Gpu(reason) => StepError::Gpu { reason },
+        }
+    }
+}
+
+impl Engine {
+    #[cfg(not(feature = "gpu"))]
+    pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
+        let refuse = |backend| BuildError::NoGpu { backend, reason: "this build lacks the `gpu` feature".to_owned() };
+        match options.backend {
+            Backend::Auto | Backend::Cpu => Ok(Engine::Cpu(Cpu::new(cloth))),
+            Backend::Hybrid => Err(refuse("Backend::Hybrid")),
+            Backend::Gpu => Err(refuse("Backend::Gpu")),
+        }
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
+        let find = |software| match &options.gpu {
+            Some(gpu) => Ok(gpu.clone()),
+            None => Gpu::shared(software),
+        };
+        let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
+        Ok(match options.backend {
+            Backend::Cpu => Engine::Cpu(Cpu::new(cloth)),
+            Backend::Auto if cloth.rest.len() < gpu::WORTHWHILE => Engine::Cpu(Cpu::new(cloth)),
+            Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth)) {
+                Ok(gpu) => Engine::Gpu(Box::new(gpu)),
+                Err(_) => Engine::Cpu(Cpu::new(cloth)),
+            },
+            Backend::Hybrid => {
+                let gpu = find(true).and_then(|gpu| Hybrid::new(gpu, cloth));
+                Engine::Hybrid(Box::new(gpu.map_err(refuse("Backend::Hybrid"))?))
+            }
+            Backend::Gpu => {
+                let gpu = find(true).and_then(|gpu| GpuEngine::new(gpu, cloth));
+                Engine::Gpu(Box::new(gpu.map_err(refuse("Backend::Gpu"))?))
+            }
+        })
+    }
+
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        match self {
+            Engine::Cpu(cpu) => {
+                let before = (cpu.x.clone(), cpu.p.clone());
+                // One entry into the thread pool a step; each loop in it then costs a few microseconds, not a wake-up.
+                if cpu.x.len() < cpu::PARALLEL {
+                    cpu.step(plan);
+                } else {
+                    rayon::scope(|_| cpu.step(plan));
+                }
+                cpu.keep_or_restore(before)
+            }
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => {
+                let before = (hybrid.cpu.x.clone(), hybrid.cpu.p.clone());
+                hybrid.step(plan)?;
+                hybrid.cpu.keep_or_restore(before)
+            }
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.step(plan),
+        }
+    }
+
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        match self {
+            Engine::Cpu(cpu) => cpu.set(x, p),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.cpu.set(x, p),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.set(x, p),
+        }
+    }
+
+    /// Shows the state, `x` and `p`, to `look`.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
+    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
+        match self {
+            Engine::Cpu(cpu) => look(&cpu.x, &cpu.p),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => look(&hybrid.cpu.x, &hybrid.cpu.p),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.read(look)?,
+        }
+        Ok(())
+    }
+}

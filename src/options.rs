@@ -1,0 +1,125 @@
+//! What is fixed when a cloth is made, and what a step reports.
+
+use crate::error::BuildError;
+use crate::fabric::Fabric;
+#[cfg(feature = "gpu")]
+use crate::gpu::Gpu;
+use crate::quality::MAX_SUBSTEPS;
+
+/// Where the work is done. All three give the same motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Backend {
+    /// A real GPU if there is one and the mesh is large enough to gain from it, else the CPU.
+    #[default]
+    Auto,
+    /// Rayon over vertices, and over the edges of one colour at a time.
+    Cpu,
+    /// Forces on the GPU, edges and contact on the CPU, every substep: the shape of the 2013 plug-in.
+    Hybrid,
+    /// Everything on the GPU; read back when asked for.
+    Gpu,
+}
+
+/// How the edges hold together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Small-step XPBD, one sweep a substep, second order: see `NUMERICS` in the repository's README.
+    #[default]
+    SmallSteps,
+    /// Position Verlet and Jakobsen relaxation (2001), the 2013 plug-in's own: stiffness depends on iterations and step.
+    Relaxation {
+        /// Sweeps a substep.
+        iterations: u32,
+    },
+    /// Explicit leapfrog springs: accurate when resolved, unstable past the explicit limit.
+    Springs,
+}
+
+/// How finely a step is divided.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Quality {
+    /// This many substeps in each step.
+    Substeps(u32),
+    /// As many as keep the worst stretch strain below this, from closed forms (see [`crate::quality`]).
+    Strain(f32),
+}
+
+impl Default for Quality {
+    fn default() -> Quality {
+        Quality::Strain(0.03)
+    }
+}
+
+/// What is fixed when a [`Deformer`] is made.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Where the work is done.
+    pub backend: Backend,
+    /// How the edges hold together.
+    pub method: Method,
+    /// How finely a step is divided.
+    pub quality: Quality,
+    /// What the cloth is made of.
+    pub fabric: Fabric,
+    /// A device of the caller's, for [`Deformer::position_buffer`]; `None`: one is requested when needed.
+    #[cfg(feature = "gpu")]
+    pub gpu: Option<Gpu>,
+    /// Vertices that move only as [`Attributes::pin_targets`] says; each at most once.
+    pub pinned: Vec<u32>,
+    /// Mass of each vertex [kg]; `None`: a third of each of its triangles' `density * area`.
+    pub mass: Option<Vec<f32>>,
+    /// Factor on `fabric.stretch` for each of [`Mesh::edges`], 0 or above: below 1 along the diagonals gives soft shear.
+    pub edge_scale: Option<Vec<f32>>,
+}
+
+/// What one step did, known without reading anything back.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StepReport {
+    /// Substeps taken.
+    pub substeps: u32,
+    /// What the caller should know.
+    pub warnings: Vec<Warning>,
+}
+
+/// Something a step met that is worth knowing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Warning {
+    /// Bending was softened at some vertices to stay stable at this substep.
+    BendingLimited {
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// Explicit springs run past their stability limit.
+    ExplicitLimit {
+        /// Substeps taken.
+        substeps: u32,
+        /// Substeps that would be stable.
+        needed: u32,
+    },
+}
+
+impl Options {
+    /// Checks what does not depend on the mesh.
+    pub(crate) fn check_numbers(&self) -> Result<(), BuildError> {
+        let refuse = |name: &str, value: f32, remedy| Err(BuildError::Value { name: name.to_owned(), value, remedy });
+        match self.quality {
+            Quality::Substeps(count) if !(1..=MAX_SUBSTEPS).contains(&count) => {
+                return refuse("quality: Substeps", count as f32, "must be 1 to 65536");
+            }
+            Quality::Strain(tolerance) if !(tolerance > 0.0 && tolerance.is_finite()) => {
+                return refuse("quality: Strain", tolerance, "must be finite and above 0; 0.03 is three per cent");
+            }
+            _ => {}
+        }
+        match self.method {
+            Method::Relaxation { iterations } if !(1..=MAX_SUBSTEPS).contains(&iterations) => {
+                refuse("method: Relaxation iterations", iterations as f32, "must be 1 to 65536")
+            }
+            Method::Springs if self.fabric.stretch.is_infinite() => {
+                refuse("fabric.stretch", self.fabric.stretch, "explicit springs cannot be inextensible; use SmallSteps")
+            }
+            _ => Ok(()),
+        }
+    }
+}

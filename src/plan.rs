@@ -1,0 +1,125 @@
+//! A step as numbers: what attributes, options and the last step come to, before any engine runs.
+
+use glam::Vec3;
+
+use crate::attributes::{Attributes, Collider};
+use crate::cloth::Cloth;
+use crate::coefficients::Coefficients;
+use crate::kernels::{Body, Params, Pin, Substep};
+use crate::options::{Method, Options};
+
+/// What the next step must know of the last.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Motion {
+    /// Its substep [s]; 0 if there was none, which makes the first kick half a kick (leapfrog start).
+    pub h: f32,
+    /// Its colliders.
+    pub colliders: Vec<Collider>,
+    /// Its gravity [m/s²], which the potential energy refers to.
+    pub gravity: Vec3,
+    /// Where it left the pins [m], local.
+    pub pins: Vec<Vec3>,
+}
+
+impl Motion {
+    /// What displacements are divided by to give velocities [s]: the substep, or 1 where they were given as velocities.
+    pub(crate) fn unit(&self) -> f32 {
+        if self.h > 0.0 { self.h } else { 1.0 }
+    }
+}
+
+/// All that an engine needs for one step.
+#[derive(Debug)]
+pub(crate) struct Plan<'a> {
+    pub cloth: &'a Cloth,
+    pub coefficients: &'a Coefficients,
+    pub params: Params,
+    pub substeps: Vec<Substep>,
+    pub bodies: Vec<Body>,
+    pub pins: Vec<Pin>,
+    /// Sweeps over the edges in each substep.
+    pub sweeps: u32,
+    pub method: Method,
+    /// The force terms that the scene has; springs are the method.
+    pub bending: bool,
+    pub wind: bool,
+}
+
+impl Motion {
+    pub(crate) fn at_rest(cloth: &Cloth) -> Motion {
+        let pins = cloth.pinned.iter().map(|&vertex| cloth.rest[vertex as usize].truncate()).collect();
+        Motion { pins, ..Motion::default() }
+    }
+}
+
+impl<'a> Plan<'a> {
+    /// Turns attributes into the numbers the kernels take. `motion` is where the last step left off.
+    pub(crate) fn new(
+        cloth: &'a Cloth,
+        options: &Options,
+        coefficients: &'a Coefficients,
+        motion: &Motion,
+        count: u32,
+        attributes: &Attributes,
+    ) -> Plan<'a> {
+        let h = coefficients.h;
+        let drag = f64::from(attributes.damping);
+        // The kick spans from the middle of the last substep to the middle of this one; exact for linear drag.
+        let substep = |index: u32| {
+            let (last, unit) = if index == 0 { (motion.h, motion.unit()) } else { (h, h) };
+            let kick = 0.5 * (f64::from(last) + f64::from(h));
+            let gain = if drag > 0.0 { -(-drag * kick).exp_m1() / drag } else { kick };
+            Substep {
+                carry: ((-drag * kick).exp() * f64::from(h) / f64::from(unit)) as f32,
+                gain: (gain * f64::from(h)) as f32,
+                rate: 1.0 / unit,
+                start: index as f32 / count as f32,
+                end: (index + 1) as f32 / count as f32,
+            }
+        };
+        let colliders = attributes.colliders.iter().enumerate();
+        let bodies: Vec<Body> = colliders
+            .map(|(index, collider)| collider.body(motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest))
+            .collect();
+        let targets = attributes.pin_targets.iter().flatten();
+        let pins: Vec<Pin> = targets
+            .zip(&motion.pins)
+            .zip(&cloth.pinned)
+            .map(|((&to, from), &vertex)| Pin {
+                origin: from.to_array(),
+                vertex,
+                goal: (to - cloth.origin).to_array(),
+                padding: 0,
+            })
+            .collect();
+        let params = Params {
+            acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
+            h,
+            wind: attributes.wind.to_array(),
+            half_density: 0.5 * attributes.air_density,
+            drag: attributes.drag,
+            lift: attributes.lift,
+            fraction: 1.0 / count as f32,
+            vertices: cloth.rest.len() as u32,
+            bodies: bodies.len() as u32,
+            pins: pins.len() as u32,
+            ..Params::default()
+        };
+        Plan {
+            cloth,
+            coefficients,
+            params,
+            substeps: (0..count).map(substep).collect(),
+            bodies,
+            pins,
+            sweeps: match options.method {
+                Method::SmallSteps => 1,
+                Method::Relaxation { iterations } => iterations,
+                Method::Springs => 0,
+            },
+            method: options.method,
+            bending: options.fabric.bending > 0.0,
+            wind: attributes.air_density > 0.0,
+        }
+    }
+}
