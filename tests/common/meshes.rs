@@ -52,7 +52,8 @@ pub fn delaunay(n: u32, seed: u64) -> Mesh {
         let shift = if k == 0 || k == n - 1 { 0.0 } else { (random.f64() * 2.0 - 1.0) / 3.0 };
         (f64::from(k) + shift) / f64::from(n - 1) - 0.5
     };
-    let mut points: Vec<DVec2> = [(0, 0), (0, n - 1), (n - 1, 0), (n - 1, n - 1)].map(|(x, z)| DVec2::new(along(x), along(z))).into();
+    let mut points: Vec<DVec2> =
+        [(0, 0), (0, n - 1), (n - 1, 0), (n - 1, n - 1)].map(|(x, z)| DVec2::new(along(x), along(z))).into();
     let is_corner = |x: u32, z: u32| (x == 0 || x == n - 1) && (z == 0 || z == n - 1);
     let others = (0..n).flat_map(|z| (0..n).map(move |x| (x, z))).filter(|&(x, z)| !is_corner(x, z));
     points.extend(others.map(|(x, z)| DVec2::new(along(x), along(z))));
