@@ -22,7 +22,7 @@ pub struct Fabric {
 
 impl Fabric {
     /// A towel: heavy, thick, quick to settle. The main example's cloth.
-    pub const TOWEL: Fabric = Fabric { density: 0.4, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
+    pub const TOWEL: Fabric = Fabric { density: 0.4, stretch: 5000.0, bending: 1e-4, damping: 0.06 };
     /// Plain woven cotton, about the median of measured fabrics.
     pub const COTTON: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1.4e-5, damping: 0.03 };
     /// Light woven silk.

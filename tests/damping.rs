@@ -56,21 +56,22 @@ fn bending_keeps_the_momenta(backend: Backend) {
     }
 }
 
-/// A rigidity that the substep cannot carry is lowered, said so, and stable: energy only falls.
+/// A rigidity that the substep cannot carry is lowered, said so, and stable: the sheet gains no more energy than its
+/// curvature holds at the rigidity that can be carried, `rho h_x^4/(32 h²)` on a grid, half of that with damping.
 #[test]
 fn too_stiff_a_fabric_is_softened_and_reported() {
     for damping in [0.0, 0.03] {
         let (mut cloth, _) = tumbling(Backend::Cpu, 30.0, damping);
-        let kinetic = cloth.measure().unwrap().kinetic_energy;
-        // The rigidity in use is less than asked for, so its energy can only be less than measured.
-        let most = kinetic + cloth.measure().unwrap().potential_energy;
+        let carried = 0.2 / (32.0 * 16.0_f64.powi(4)) * 1200.0_f64.powi(2) * if damping > 0.0 { 0.5 } else { 1.0 };
+        let most = cloth.measure().unwrap().kinetic_energy + 0.5 * carried;
+        let mut highest = 0.0_f64;
         for _ in 0..180 {
             let report = cloth.step(FRAME, &VACUUM).unwrap();
             assert!(matches!(report.warnings[..], [Warning::BendingLimited { vertices: 200.. }]), "{report:?}");
+            highest = highest.max(cloth.measure().unwrap().kinetic_energy);
         }
-        let after = cloth.measure().unwrap();
-        println!("tau = {damping}: kinetic energy {kinetic} J, then {} J", after.kinetic_energy);
-        assert!(after.kinetic_energy < most && after.max_strain < 0.01, "{after:?}");
+        println!("tau = {damping}: kinetic energy up to {highest:.4} J, at most {most:.4} J");
+        assert!(highest <= most, "tau = {damping}: kinetic energy {highest} J, at most {most} J");
     }
     // Where the substep can carry it, nothing is said.
     let (mut cloth, _) = tumbling(Backend::Cpu, 1e-3, 0.03);
@@ -178,17 +179,14 @@ fn loss_of_a_string(bending: f32, damping: f32) -> f64 {
     1.0 - amplitude(51) / first
 }
 
-/// A string keeps its amplitude: bending's damping takes `1 - exp(-B tau k⁴ t/(2 rho))` of it and nothing else does.
+/// A string keeps its amplitude, bending's damping or not.
 #[test]
 fn a_string_keeps_sounding() {
-    let cotton = loss_of_a_string(Fabric::COTTON.bending, Fabric::COTTON.damping);
-    println!("cotton: {:.4} %", 100.0 * cotton);
-    assert!(cotton.abs() <= 1e-3, "lost {cotton}");
-    let (bending, tau) = (1e-4, 0.03);
-    let expected = 1.0 - (-bending * tau * std::f64::consts::PI.powi(4) * 3.0 / (2.0 * 0.2)).exp();
-    let lost = loss_of_a_string(bending as f32, tau as f32);
-    println!("B = 1e-4: {:.4} %, expected {:.4} %", 100.0 * lost, 100.0 * expected);
-    assert!((lost / expected - 1.0).abs() < 0.1, "lost {lost}, expected {expected}");
+    for (bending, damping) in [(0.0, 0.0), (1.4e-5, 0.03), (1e-4, 0.03)] {
+        let lost = loss_of_a_string(bending, damping);
+        println!("B = {bending}, tau = {damping}: {:.4} %", 100.0 * lost);
+        assert!(lost.abs() <= 1e-3, "B = {bending}, tau = {damping}: lost {lost}");
+    }
 }
 
 on_every_backend!(bending_keeps_the_momenta);
