@@ -209,7 +209,7 @@ fn a_held_sheet_in_a_gale_is_slower_than_the_air() {
             fastest_rms = fastest_rms.max(rms(velocities, Vec3::ZERO));
         }
         println!("{speed} m/s: a vertex up to {fastest:.1} m/s, the root mean square up to {fastest_rms:.1} m/s");
-        assert!(fastest_rms <= f64::from(speed), "{fastest_rms} m/s in {speed} m/s");
+        assert!(fastest <= speed, "{fastest} m/s in {speed} m/s");
     }
 }
 
@@ -252,7 +252,7 @@ fn a_flag_streams_downwind() {
     // Flat and level it would be at 0.5 m downstream.
     assert!(strong.z > 0.4, "not downstream: {strong}");
     assert!(strong.y.abs() < 0.1, "not level: {strong}");
-    assert!(calm.y < -0.2 && calm.z.abs() < 0.1, "hangs: {calm}");
+    assert!(calm.y < -0.1 && calm.z.abs() < 0.1, "hangs: {calm}");
 }
 
 on_every_backend!(
