@@ -80,6 +80,9 @@ pub struct Options {
     /// Mass of each vertex [kg]; `None`: a third of each of its triangles' `density * area`.
     pub mass: Option<Vec<f32>>,
     /// Factor on `fabric.stretch` for each of [`Mesh::edges`], 0 or above: below 1 along the diagonals gives soft shear.
+    ///
+    /// Woven cloth shears at 20..100 N/m. A grid's shear stiffness is a quarter of its diagonals', `scale * stretch / 4`:
+    /// 0.02 along the diagonals makes 25 N/m of 5 kN/m, and the cloth gives way along the bias as fabric does.
     pub edge_scale: Option<Vec<f32>>,
 }
 
