@@ -43,7 +43,7 @@ fn linear_drag_is_exponential(backend: Backend) {
     assert!(moved.distance(expected) / expected.length() < 0.005, "moved {moved}, expected {expected}");
 }
 
-/// Test 2. A horizontal panel falls with `v = v_t tanh(g t/v_t)`, `x = (v_t²/g) ln cosh(g t/v_t)`, v_t = 1.5819 m/s.
+/// Test 2. A horizontal panel falls with `v = v_t tanh(g t/v_t)`, `x = (v_t²/g) ln cosh(g t/v_t)`, `v_t` = 1.5819 m/s.
 fn a_falling_panel_reaches_terminal_velocity(backend: Backend) {
     let substeps = 20;
     let options = Options { backend, fabric: fabric(0.2), quality: Quality::Substeps(substeps), ..Options::default() };

@@ -66,9 +66,9 @@ fn the_force_is_the_energys_gradient(backend: Backend) {
     let (bending, h) = (1e-3, 1e-3);
     let fabric = Fabric { stretch: 1.0, ..bending_only(bending) };
     let edge_scale = Some(vec![0.0; mesh.edges().len()]);
-    let mass = Some((0..vertices).map(|v| 0.01 + 0.001 * v as f32).collect::<Vec<_>>());
+    let masses: Vec<f32> = (0..vertices).map(|v| 0.01 + 0.001 * v as f32).collect();
     let options =
-        Options { backend, fabric, edge_scale, mass: mass.clone(), quality: Quality::Substeps(1), ..Options::default() };
+        Options { backend, fabric, edge_scale, mass: Some(masses.clone()), quality: Quality::Substeps(1), ..Options::default() };
     let still = vec![Vec3::ZERO; vertices];
     let bent: Vec<Vec3> = rolled(&mesh, 2.0, 30.0).iter().zip(&mesh.positions).map(|(x, at)| *x + 0.1 * at.z * at.z).collect();
     let mut host = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() }).unwrap();
@@ -82,7 +82,7 @@ fn the_force_is_the_energys_gradient(backend: Backend) {
     assert_eq!(report.warnings, [], "the whole rigidity acts");
     // From rest the first kick lasts half a substep.
     let forces: Vec<DVec3> =
-        cloth.velocities().unwrap().iter().zip(mass.unwrap()).map(|(v, m)| v.as_dvec3() * f64::from(2.0 * m / h)).collect();
+        cloth.velocities().unwrap().iter().zip(masses).map(|(v, m)| v.as_dvec3() * f64::from(2.0 * m / h)).collect();
     let largest = forces.iter().map(|f| f.length()).fold(0.0, f64::max);
     for vertex in 0..vertices {
         for axis in 0..3 {

@@ -4,7 +4,7 @@ use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec2, Vec3};
 
 /// A square of n x n vertices whose diagonals alternate like a chessboard: vertices have four or eight neighbours.
-pub fn alternating(n: u32) -> Mesh {
+pub(crate) fn alternating(n: u32) -> Mesh {
     let positions = Mesh::grid(n, n, 1.0, 1.0).positions;
     let cells = (1..n).flat_map(|row| (1..n).map(move |column| (column, row)));
     let split = |(column, row): (u32, u32)| {
@@ -17,7 +17,7 @@ pub fn alternating(n: u32) -> Mesh {
 
 /// Equilateral triangles of side `1/(n - 1)` m: 1 m along x, along z the whole number of rows nearest to 1 m. Every other
 /// row is shifted by half a side, and its ends are closed by half triangles.
-pub fn equilateral(n: u32) -> Mesh {
+pub(crate) fn equilateral(n: u32) -> Mesh {
     let side = 1.0 / f64::from(n - 1);
     let height = side * 0.75_f64.sqrt();
     let rows = (1.0 / height).round() as u32;
@@ -46,7 +46,7 @@ pub fn equilateral(n: u32) -> Mesh {
 
 /// The Delaunay triangulation of n x n points: a grid's, moved at random by up to a third of a cell each way, on the border
 /// along the border only.
-pub fn delaunay(n: u32, seed: u64) -> Mesh {
+pub(crate) fn delaunay(n: u32, seed: u64) -> Mesh {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut along = |k: u32| {
         let shift = if k == 0 || k == n - 1 { 0.0 } else { (random.f64() * 2.0 - 1.0) / 3.0 };
