@@ -21,9 +21,10 @@ struct BendEntry {
 @group(1) @binding(6) var<storage, read> moments: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
 
-// One term of y_v = sum_j c_vj ((x_j - x_v) + tau (v_j - v_v)).
-fn bend_term(dx: vec3f, dv: vec3f, tau: f32, coefficient: f32) -> vec3f {
-    return (dx + dv * tau) * coefficient;
+// Stiffness times y + tau dy/dt, of the rate the part along y alone: it damps a change of curvature, not a rotation.
+fn bend_moment(y: vec3f, rate: vec3f, row: BendRow) -> vec3f {
+    let growth = dot(y, rate) / max(dot(y, y), 1e-30);
+    return y * (row.stiffness * (1.0 + row.tau * growth));
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -32,14 +33,14 @@ fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     if v >= params.vertices {
         return;
     }
-    let row = rows[v];
     var y = vec3f();
+    var rate = vec3f();
     for (var k = spans[v].start; k < spans[v].end; k++) {
         let entry = entries[k];
-        let dv = (p[entry.other].xyz - p[v].xyz) * substep.rate;
-        y += bend_term(x[entry.other].xyz - x[v].xyz, dv, row.tau, entry.forward);
+        y += (x[entry.other].xyz - x[v].xyz) * entry.forward;
+        rate += (p[entry.other].xyz - p[v].xyz) * entry.forward;
     }
-    moments_out[v] = vec4f(y * row.stiffness, 0.0);
+    moments_out[v] = vec4f(bend_moment(y, rate * substep.rate, rows[v]), 0.0);
 }
 
 @compute @workgroup_size(WORKGROUP)

@@ -3,6 +3,10 @@
 //! `E = B/2 sum_v D_v |y_v|²`, `y_v = sum_j c_vj (x_j - x_v)`: cotangent weights and mixed Voronoi areas (Meyer et al.
 //! 2003), `D = 1/A`, at interior vertices; at a vertex on a straight free edge the curvature along that edge alone. The
 //! rest shape is flat, as cloth is cut. Off at `B = 0`, when none of this is built.
+//!
+//! Limitation: the energy sees the mean curvature alone, so a saddle costs nothing. What keeps a sheet from it is that it
+//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimetre and more), not of a narrow
+//! strip as stiff as a ruler, which bends the other way across and sags too much.
 
 use crate::cloth::Cloth;
 use crate::coloring::Lists;

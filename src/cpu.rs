@@ -68,14 +68,13 @@ impl Cpu {
         if let Some((rows, entries)) = bending {
             self.moments.resize(x.len(), Vec4::ZERO);
             for_each(&mut self.moments, |v, moment| {
-                let row = rows[v];
-                let mut y = Vec3A::ZERO;
+                let (mut y, mut rate) = (Vec3A::ZERO, Vec3A::ZERO);
                 for entry in entries.of(v as u32) {
                     let j = entry.other as usize;
-                    let dv = xyz(p[j] - p[v]) * substep.rate;
-                    y += kernels::bend_term(xyz(x[j] - x[v]), dv, row.tau, entry.forward);
+                    y += xyz(x[j] - x[v]) * entry.forward;
+                    rate += xyz(p[j] - p[v]) * entry.forward;
                 }
-                *moment = (y * row.stiffness).extend(0.0);
+                *moment = kernels::bend_moment(y, rate * substep.rate, &rows[v]).extend(0.0);
             });
         }
         let moments = &self.moments;

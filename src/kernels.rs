@@ -184,9 +184,15 @@ pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
     d * (spring.stiffness * (length - spring.rest) / length)
 }
 
-/// One term of `y_v = sum_j c_vj ((x_j - x_v) + tau (v_j - v_v))`, the mean curvature normal and its rate.
-pub(crate) fn bend_term(dx: Vec3A, dv: Vec3A, tau: f32, coefficient: f32) -> Vec3A {
-    (dx + dv * tau) * coefficient
+/// Moment of a row: its stiffness times `y + tau dy/dt`, `y = sum_j c_vj (x_j - x_v)` the mean curvature normal.
+///
+/// Of the rate, the part along `y` alone: how fast the curvature changes, not how the cloth turns. The whole rate would
+/// exert the torque `-tau B D y x dy/dt`, which brakes the rotation of a cloth that is bent but rigid; any part along `y`
+/// exerts none, and takes the power `tau B D (y.dy/dt)²/|y|²`, never negative.
+pub(crate) fn bend_moment(y: Vec3A, rate: Vec3A, row: &BendRow) -> Vec3A {
+    // Below 1e-15 a curvature has no direction left, and the damping fades out.
+    let growth = y.dot(rate) / y.length_squared().max(1e-30);
+    y * (row.stiffness * (1.0 + row.tau * growth))
 }
 
 /// Force [N] of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into

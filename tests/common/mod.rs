@@ -1,6 +1,7 @@
 //! What the test files share: scenes, the f64 reference, and the list of backends.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
+pub mod meshes;
 pub mod reference;
 
 use cloth_deformer::glam::Vec3;

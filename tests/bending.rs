@@ -1,0 +1,288 @@
+//! Bending at rest: the energy of cylinders, its gradient, and beams that have closed forms (NUMERICS, tests 14 to 17).
+
+mod common;
+
+use cloth_deformer::glam::{DVec3, Vec3};
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
+use common::{FRAME, meshes};
+
+const DENSITY: f64 = 0.2;
+
+/// A fabric that only bends: inextensible, so that its potential energy without gravity is that of bending alone.
+fn bending_only(bending: f64) -> Fabric {
+    Fabric { density: DENSITY as f32, stretch: f32::INFINITY, bending: bending as f32, damping: 0.0 }
+}
+
+/// The mesh rolled onto a cylinder of curvature `kappa` [1/m], curved along the direction `degrees` from x towards z.
+fn rolled(mesh: &Mesh, kappa: f64, degrees: f64) -> Vec<Vec3> {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let (along, across) = (DVec3::new(cos, 0.0, sin), DVec3::new(-sin, 0.0, cos));
+    let place = |x: &Vec3| {
+        let angle = kappa * x.as_dvec3().dot(along);
+        let straight = across * x.as_dvec3().dot(across);
+        (straight + (along * angle.sin() + DVec3::Y * (1.0 - angle.cos())) / kappa).as_vec3()
+    };
+    mesh.positions.iter().map(place).collect()
+}
+
+fn area(mesh: &Mesh) -> f64 {
+    let up = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| mesh.positions[v as usize].as_dvec3());
+        0.5 * (b - a).cross(c - a).y
+    };
+    mesh.triangles.iter().map(up).inspect(|&area| assert!(area > 0.0, "every triangle's front is up")).sum()
+}
+
+/// Test 14. The energy per area of a cylinder is `B kappa²/2`, whichever way it is curved on whichever mesh.
+#[test]
+fn a_cylinders_energy_depends_on_neither_mesh_nor_direction() {
+    let n = 65;
+    let (bending, kappa) = (1e-4, 1.0);
+    let meshes = [
+        ("same diagonal", Mesh::grid(n, n, 1.0, 1.0)),
+        ("alternating", meshes::alternating(n)),
+        ("equilateral", meshes::equilateral(n)),
+        ("delaunay", meshes::delaunay(n, 1)),
+    ];
+    for (name, mesh) in meshes {
+        let exact = 0.5 * bending * kappa * kappa * area(&mesh);
+        assert!((area(&mesh) - 1.0).abs() < 0.01, "{name}: a unit square");
+        let options = Options { backend: Backend::Cpu, fabric: bending_only(bending), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let still = vec![Vec3::ZERO; mesh.positions.len()];
+        for degrees in [0.0, 45.0, 90.0, 135.0] {
+            cloth.set_state(&rolled(&mesh, kappa, degrees), &still).unwrap();
+            let ratio = cloth.measure().unwrap().potential_energy / exact;
+            println!("{name}, {degrees} degrees: E/E_exact = {ratio:.4}");
+            assert!((ratio - 1.0).abs() < 0.03, "{name}, {degrees} degrees: E/E_exact = {ratio}");
+        }
+    }
+}
+
+/// The force is the energy's gradient. With every edge's stretch scaled to nothing, bending is the only force.
+fn the_force_is_the_energys_gradient(backend: Backend) {
+    let mesh = meshes::delaunay(6, 3);
+    let vertices = mesh.positions.len();
+    let (bending, h) = (1e-3, 1e-3);
+    let fabric = Fabric { stretch: 1.0, ..bending_only(bending) };
+    let edge_scale = Some(vec![0.0; mesh.edges().len()]);
+    let masses: Vec<f32> = (0..vertices).map(|v| 0.01 + 0.001 * v as f32).collect();
+    let options =
+        Options { backend, fabric, edge_scale, mass: Some(masses.clone()), quality: Quality::Substeps(1), ..Options::default() };
+    let still = vec![Vec3::ZERO; vertices];
+    let bent: Vec<Vec3> = rolled(&mesh, 2.0, 30.0).iter().zip(&mesh.positions).map(|(x, at)| *x + 0.1 * at.z * at.z).collect();
+    let mut host = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() }).unwrap();
+    let mut energy = |x: &[Vec3]| {
+        host.set_state(x, &still).unwrap();
+        host.measure().unwrap().potential_energy
+    };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.set_state(&bent, &still).unwrap();
+    let report = cloth.step(h, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
+    assert_eq!(report.warnings, [], "the whole rigidity acts");
+    // From rest the first kick lasts half a substep.
+    let forces: Vec<DVec3> =
+        cloth.velocities().unwrap().iter().zip(masses).map(|(v, m)| v.as_dvec3() * f64::from(2.0 * m / h)).collect();
+    let largest = forces.iter().map(|f| f.length()).fold(0.0, f64::max);
+    for vertex in 0..vertices {
+        for axis in 0..3 {
+            // The energy is quadratic: a central difference is exact at any size.
+            let mut moved = |by: f32| {
+                let mut x = bent.clone();
+                x[vertex][axis] += by;
+                (energy(&x), f64::from(x[vertex][axis]))
+            };
+            let ((e1, x1), (e0, x0)) = (moved(0.25), moved(-0.25));
+            let expected = -(e1 - e0) / (x1 - x0);
+            let error = (forces[vertex][axis] - expected).abs() / largest;
+            assert!(error < 1e-4, "vertex {vertex}, axis {axis}: {} N, not {expected} N", forces[vertex][axis]);
+        }
+    }
+}
+
+/// A strip along x whose first two columns are clamped, and the closed forms' idea of it.
+struct Strip {
+    columns: u32,
+    rows: u32,
+    mesh: Mesh,
+    weights: Vec<f32>,
+    options: Options,
+    /// Length [m] beyond the clamp. Two clamped columns clamp the beam half a cell before the second of them.
+    length: f64,
+    bending: f64,
+}
+
+impl Strip {
+    /// Square cells, 1 m long, B [N m] such that `rho g L³/B = heaviness` at g = 9.81.
+    fn new(columns: u32, rows: u32, heaviness: f64, substeps: u32) -> Strip {
+        let cell = 1.0 / (columns - 1) as f32;
+        let mesh = Mesh::grid(columns, rows, 1.0, cell * (rows - 1) as f32);
+        let length = 1.0 - 0.5 * f64::from(cell);
+        let bending = DENSITY * 9.81 * length.powi(3) / heaviness;
+        // Half a cell at a border: the load of a beam, not of its triangulation.
+        let half = |k: u32, count: u32| if k == 0 || k == count - 1 { 0.5 } else { 1.0 };
+        let weights: Vec<f32> = (0..rows * columns).map(|v| half(v % columns, columns) * half(v / columns, rows)).collect();
+        let options = Options {
+            backend: Backend::Cpu,
+            quality: Quality::Substeps(substeps),
+            fabric: bending_only(bending),
+            pinned: (0..rows).flat_map(|row| [row * columns, row * columns + 1]).collect(),
+            mass: Some(weights.iter().map(|weight| weight * DENSITY as f32 * cell * cell).collect()),
+            ..Options::default()
+        };
+        Strip { columns, rows, mesh, weights, options, length, bending }
+    }
+
+    /// Angular frequency [1/s] of about the slowest motion under `gravity` [m/s²]: a beam's, and a hanging chain's.
+    fn slowest(&self, gravity: f64) -> f64 {
+        (12.36 * self.bending / (DENSITY * self.length.powi(4)) + 1.45 * gravity / self.length).sqrt()
+    }
+
+    /// Lets the strip fall and settle, critically damped, for `periods / omega`: sag and reach [m] of the tip.
+    fn settle(&self, gravity: f64, periods: f64) -> (f64, f64) {
+        let omega = self.slowest(gravity);
+        let attributes =
+            Attributes { gravity: Vec3::NEG_Y * gravity as f32, damping: 2.0 * omega as f32, ..Attributes::default() };
+        let mut cloth = Deformer::new(&self.mesh, self.options.clone()).unwrap();
+        for _ in 0..(60.0 * periods / omega) as u32 {
+            let report = cloth.step(FRAME, &attributes).unwrap();
+            assert_eq!(report.warnings, [], "the whole rigidity acts");
+        }
+        self.tip(cloth.positions().unwrap())
+    }
+
+    /// The same, constrained to a cylinder: after each substep every column is moved and slowed as one.
+    ///
+    /// Without it a narrow strip bends the other way across (anticlastic) and gives way: the energy is that of the mean
+    /// curvature, and what keeps fabric from it is that it does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`.
+    fn settle_as_cylinder(&self, gravity: f64, periods: f64) -> (f64, f64) {
+        let omega = self.slowest(gravity);
+        let Quality::Substeps(substeps) = self.options.quality else { unreachable!() };
+        let options = Options { quality: Quality::Substeps(1), ..self.options.clone() };
+        let attributes =
+            Attributes { gravity: Vec3::NEG_Y * gravity as f32, damping: 2.0 * omega as f32, ..Attributes::default() };
+        let mut cloth = Deformer::new(&self.mesh, options).unwrap();
+        for _ in 0..(60.0 * periods / omega * f64::from(substeps)) as u32 {
+            let report = cloth.step(FRAME / substeps as f32, &attributes).unwrap();
+            assert_eq!(report.warnings, [], "the whole rigidity acts");
+            let mut positions = self.average(cloth.positions().unwrap());
+            let velocities = self.average(cloth.velocities().unwrap());
+            positions.iter_mut().zip(&self.mesh.positions).for_each(|(x, rest)| x.z = rest.z);
+            cloth.set_state(&positions, &velocities).unwrap();
+        }
+        self.tip(cloth.positions().unwrap())
+    }
+
+    /// Each value replaced by its column's mean, weighted by mass: what a rigid link across would do.
+    fn average(&self, values: &[Vec3]) -> Vec<Vec3> {
+        let (columns, rows) = (self.columns as usize, self.rows as usize);
+        let mean = |column: usize| {
+            let of = (0..rows).map(|row| row * columns + column);
+            let weight: f32 = of.clone().map(|v| self.weights[v]).sum();
+            of.map(|v| values[v] * self.weights[v]).sum::<Vec3>() / weight
+        };
+        let means: Vec<Vec3> = (0..columns).map(mean).collect();
+        (0..rows * columns).map(|v| means[v % columns]).collect()
+    }
+
+    /// Sag and reach [m] of the tip from the clamp, mean over the rows.
+    fn tip(&self, positions: &[Vec3]) -> (f64, f64) {
+        let tips = positions.iter().skip(self.columns as usize - 1).step_by(self.columns as usize);
+        let tip = tips.map(|x| x.as_dvec3()).sum::<DVec3>() / f64::from(self.rows);
+        (-tip.y, tip.x - (0.5 - self.length))
+    }
+}
+
+/// Test 15. The tip of a cantilever sags by `rho g L⁴/8B`; L is half a cell more than what is free, the clamp's correction.
+#[test]
+fn a_stiff_cantilever_sags_as_beam_theory_says() {
+    for (columns, rows, substeps, constrained) in [(17, 5, 40, true), (33, 2, 60, false)] {
+        let heaviness = 200.0;
+        let strip = Strip::new(columns, rows, heaviness, substeps);
+        // A hundredth of its length: beam theory's own error is then 1e-4.
+        let gravity = 0.08 * strip.bending / (DENSITY * strip.length.powi(3));
+        let free = strip.length - 0.5 / f64::from(columns - 1);
+        let exact = DENSITY * gravity * free.powi(4) / (8.0 * strip.bending) * (strip.length / free).powi(4);
+        let (sag, _) = if constrained { strip.settle_as_cylinder(gravity, 24.0) } else { strip.settle(gravity, 14.0) };
+        println!("{columns} x {rows}: sag {sag:.6} m, expected {exact:.6} m ({:+.3} %)", 100.0 * (sag / exact - 1.0));
+        assert!((sag / exact - 1.0).abs() < 0.005, "{columns} x {rows}: sag {sag} m, expected {exact} m");
+    }
+}
+
+/// Test 16, constrained to a cylinder: sag over reach of the heavy elastica, B over four decades.
+#[test]
+fn a_heavy_elastica_as_a_cylinder() {
+    let table = [
+        (0.1, 0.0125, 17, 250, 18.0),
+        (1.0, 0.124_562, 17, 100, 18.0),
+        (10.0, 1.066_802, 33, 120, 20.0),
+        (100.0, 5.888_105, 33, 80, 24.0),
+        (1000.0, 21.3354, 65, 80, 24.0),
+    ];
+    for (heaviness, expected, columns, substeps, periods) in table {
+        let (sag, reach) = Strip::new(columns, 5, heaviness, substeps).settle_as_cylinder(9.81, periods);
+        let ratio = sag / reach;
+        println!("G = {heaviness}: H/W = {ratio:.5}, expected {expected} ({:+.2} %)", 100.0 * (ratio / expected - 1.0));
+        assert!((ratio / expected - 1.0).abs() < 0.02, "G = {heaviness}: H/W = {ratio}, expected {expected}");
+    }
+}
+
+/// Test 16, free strips: wide enough, and curved enough, that their own inextensibility keeps them cylinders.
+#[test]
+fn a_heavy_elastica_as_a_free_strip() {
+    for (heaviness, expected, columns, substeps) in
+        [(10.0, 1.066_802, 17, 150), (100.0, 5.888_105, 33, 120), (1000.0, 21.3354, 49, 100)]
+    {
+        let (sag, reach) = Strip::new(columns, 17, heaviness, substeps).settle(9.81, 16.0);
+        let ratio = sag / reach;
+        println!("G = {heaviness}: H/W = {ratio:.5}, expected {expected} ({:+.2} %)", 100.0 * (ratio / expected - 1.0));
+        assert!((ratio / expected - 1.0).abs() < 0.05, "G = {heaviness}: H/W = {ratio}, expected {expected}");
+    }
+}
+
+/// Test 17. A cantilever let go in its first mode vibrates at `1.8751² sqrt(B/(rho L⁴))`.
+#[test]
+fn a_cantilever_vibrates_in_its_first_mode() {
+    let strip = Strip::new(33, 2, 200.0, 60);
+    let exact = 3.5160 / std::f64::consts::TAU * (strip.bending / (DENSITY * strip.length.powi(4))).sqrt();
+    let shape = |x: f64| {
+        let beta = 1.875_104 * x;
+        beta.cosh() - beta.cos() - 0.734_096 * (beta.sinh() - beta.sin())
+    };
+    let mut positions = strip.mesh.positions.clone();
+    for x in &mut positions {
+        let along = (f64::from(x.x) - (0.5 - strip.length)) / strip.length;
+        x.y = if along < 0.02 { 0.0 } else { 0.005 * shape(along) as f32 };
+    }
+    let mut cloth = Deformer::new(&strip.mesh, strip.options.clone()).unwrap();
+    cloth.set_state(&positions, &vec![Vec3::ZERO; positions.len()]).unwrap();
+    let attributes = Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
+    let (mut last, mut upward) = (1.0, Vec::new());
+    for frame in 0..(60.0 * 4.0 / exact) as u32 {
+        cloth.step(FRAME, &attributes).unwrap();
+        let y = -strip.tip(cloth.positions().unwrap()).0;
+        if last <= 0.0 && y > 0.0 {
+            upward.push(f64::from(frame) + last / (last - y));
+        }
+        last = y;
+    }
+    let frequency = 60.0 * (upward.len() - 1) as f64 / (upward[upward.len() - 1] - upward[0]);
+    println!("f1 = {frequency:.5} Hz, expected {exact:.5} Hz ({:+.2} %)", 100.0 * (frequency / exact - 1.0));
+    assert!((frequency / exact - 1.0).abs() < 0.02, "f1 = {frequency} Hz, expected {exact} Hz");
+}
+
+/// Without rigidity there is no bending term: whatever its damping, the motion is bit for bit that of the edges alone.
+fn without_rigidity_nothing_is_added(backend: Backend) {
+    let mut states = [0.0, 0.03].map(|damping| {
+        let (mesh, mut options) = common::hang(9, 20, backend);
+        options.fabric.damping = damping;
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        common::play(&mut cloth, 10, &Attributes::default());
+        cloth
+    });
+    let [a, b] = &mut states;
+    assert_eq!(a.positions().unwrap(), b.positions().unwrap());
+    assert_eq!(a.velocities().unwrap(), b.velocities().unwrap());
+}
+
+on_every_backend!(the_force_is_the_energys_gradient, without_rigidity_nothing_is_added);

@@ -1,0 +1,192 @@
+//! Bending in motion: what it keeps (momentum), how far it can be taken (the limiter), and how its damping settles cloth.
+
+mod common;
+
+use cloth_deformer::glam::{DVec3, Vec3};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality, Warning};
+use common::{FRAME, grid_masses, play};
+
+const VACUUM: Attributes = Attributes {
+    gravity: Vec3::ZERO,
+    wind: Vec3::ZERO,
+    air_density: 0.0,
+    drag: 1.28,
+    lift: 1.28,
+    damping: 0.0,
+    colliders: Vec::new(),
+    pin_targets: None,
+};
+
+/// Linear momentum, angular momentum about the origin, and the sums of their sizes that rounding is measured by.
+fn momenta(cloth: &mut Deformer, masses: &[f32]) -> (DVec3, DVec3, f64, f64) {
+    let positions = cloth.positions().unwrap().to_vec();
+    let mut sums = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
+    for ((x, v), &m) in positions.iter().zip(cloth.velocities().unwrap()).zip(masses) {
+        let (x, p) = (x.as_dvec3(), v.as_dvec3() * f64::from(m));
+        sums = (sums.0 + p, sums.1 + x.cross(p), sums.2 + p.length(), sums.3 + x.length() * p.length());
+    }
+    sums
+}
+
+/// A free sheet, bent to a cylinder of curvature 1/m, turning and flying off.
+fn tumbling(backend: Backend, bending: f32, damping: f32) -> (Deformer, Vec<f32>) {
+    let n = 17;
+    let mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let mass = grid_masses(n, 0.2);
+    let fabric = Fabric { density: 0.2, stretch: 5000.0, bending, damping };
+    let options = Options { backend, fabric, mass: Some(mass.clone()), quality: Quality::Substeps(20), ..Options::default() };
+    let bent: Vec<Vec3> = mesh.positions.iter().map(|x| Vec3::new(x.x.sin(), 1.0 - x.x.cos(), x.z)).collect();
+    let velocity = |x: &Vec3| Vec3::new(0.6, 1.0, 2.0).cross(*x) + Vec3::new(1.0, 0.5, 0.2);
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.set_state(&bent, &bent.iter().map(velocity).collect::<Vec<_>>()).unwrap();
+    (cloth, mass)
+}
+
+/// Bending is an inner force, damped or not, limited or not: it moves the cloth's momenta by rounding alone.
+fn bending_keeps_the_momenta(backend: Backend) {
+    for (bending, damping) in [(1e-3, 0.0), (1e-3, 0.03), (30.0, 0.0), (30.0, 0.03)] {
+        let (mut cloth, masses) = tumbling(backend, bending, damping);
+        let (p0, l0, p_size, l_size) = momenta(&mut cloth, &masses);
+        play(&mut cloth, 20, &VACUUM);
+        let (p, l, ..) = momenta(&mut cloth, &masses);
+        let (dp, dl) = ((p - p0).length() / p_size, (l - l0).length() / l_size);
+        println!("B = {bending}, tau = {damping}: momentum {dp:.1e}, angular momentum {dl:.1e}");
+        assert!(dp <= 1e-6, "B = {bending}, tau = {damping}: momentum changed by {dp:e}");
+        assert!(dl <= 1e-6, "B = {bending}, tau = {damping}: angular momentum changed by {dl:e}");
+    }
+}
+
+/// A rigidity that the substep cannot carry is lowered, said so, and stable: the sheet gains no more energy than its
+/// curvature holds at the rigidity that can be carried, `rho h_x^4/(32 h²)` on a grid, half of that with damping.
+#[test]
+fn too_stiff_a_fabric_is_softened_and_reported() {
+    for damping in [0.0, 0.03] {
+        let (mut cloth, _) = tumbling(Backend::Cpu, 30.0, damping);
+        let carried = 0.2 / (32.0 * 16.0_f64.powi(4)) * 1200.0_f64.powi(2) * if damping > 0.0 { 0.5 } else { 1.0 };
+        let most = cloth.measure().unwrap().kinetic_energy + 0.5 * carried;
+        let mut highest = 0.0_f64;
+        for _ in 0..180 {
+            let report = cloth.step(FRAME, &VACUUM).unwrap();
+            assert!(matches!(report.warnings[..], [Warning::BendingLimited { vertices: 200.. }]), "{report:?}");
+            highest = highest.max(cloth.measure().unwrap().kinetic_energy);
+        }
+        println!("tau = {damping}: kinetic energy up to {highest:.4} J, at most {most:.4} J");
+        assert!(highest <= most, "tau = {damping}: kinetic energy {highest} J, at most {most} J");
+    }
+    // Where the substep can carry it, nothing is said.
+    let (mut cloth, _) = tumbling(Backend::Cpu, 1e-3, 0.03);
+    assert_eq!(cloth.step(FRAME, &VACUUM).unwrap().warnings, []);
+}
+
+/// Damping in the bending row does not slow a fall: bent cloth, falling, keeps pace with a stone.
+#[test]
+fn damping_does_not_slow_a_fall() {
+    let n = 17;
+    let mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let masses = grid_masses(n, 0.4);
+    let options = Options {
+        backend: Backend::Cpu,
+        fabric: Fabric::TOWEL,
+        mass: Some(masses.clone()),
+        quality: Quality::Substeps(40),
+        ..Options::default()
+    };
+    let bent: Vec<Vec3> = mesh.positions.iter().map(|x| Vec3::new(x.x.sin(), 1.0 - x.x.cos(), x.z)).collect();
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.set_state(&bent, &vec![Vec3::ZERO; bent.len()]).unwrap();
+    play(&mut cloth, 60, &Attributes::default());
+    let total: f64 = masses.iter().map(|&m| f64::from(m)).sum();
+    let fall = momenta(&mut cloth, &masses).0 / total;
+    // Velocities are those of half a substep ago.
+    let expected = -9.81 * (1.0 - 0.5 / 2400.0);
+    println!("velocity after 1 s: {fall}, expected {expected} down");
+    assert!((fall.y / expected - 1.0).abs() < 1e-5 && fall.x.hypot(fall.z) < 1e-5, "{fall}");
+}
+
+/// A towel dropped on a ball and the floor lies still three seconds later.
+#[test]
+fn a_towel_settles() {
+    let n = 33;
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    mesh.positions.iter_mut().for_each(|x| x.y = 0.7);
+    let colliders = vec![Collider::plane(Vec3::ZERO, Vec3::Y), Collider::sphere(Vec3::Y * 0.3, 0.3)];
+    let attributes = Attributes { colliders, ..Attributes::default() };
+    let reference = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
+    for (name, fabric) in [("reference", reference), ("TOWEL", Fabric::TOWEL)] {
+        for substeps in [40, 80] {
+            let options = Options { backend: Backend::Cpu, fabric, quality: Quality::Substeps(substeps), ..Options::default() };
+            let mut cloth = Deformer::new(&mesh, options).unwrap();
+            // It meets the ball 0.1 m further down, after sqrt(2 . 0.1/9.81) = 0.143 s: 3 s after that, frame 188.
+            play(&mut cloth, 188, &attributes);
+            let mut fastest = 0.0_f64;
+            for _ in 0..12 {
+                fastest = fastest.max(rms_speed(&mut cloth));
+                play(&mut cloth, 1, &attributes);
+            }
+            println!("{name}, S = {substeps}: {:.2} mm/s", 1e3 * fastest);
+            assert!(fastest < 0.01, "{name}, S = {substeps}: {fastest} m/s");
+        }
+    }
+}
+
+fn rms_speed(cloth: &mut Deformer) -> f64 {
+    let velocities = cloth.velocities().unwrap();
+    (velocities.iter().map(|v| v.as_dvec3().length_squared()).sum::<f64>() / velocities.len() as f64).sqrt()
+}
+
+/// A string under 10 N/m, vibrating in its first mode for 3 s: the share of its amplitude that it loses.
+///
+/// Two parallel strings, in fact: with nothing across, each row of a two-row strip is one.
+fn loss_of_a_string(bending: f32, damping: f32) -> f64 {
+    let n = 65;
+    let cell = 1.0 / (n - 1) as f32;
+    let mesh = Mesh::grid(n, 2, 1.0, cell);
+    let across = |[a, b]: &[u32; 2]| if b - a == 1 && b / n == a / n { 1.0 } else { 0.0 };
+    let options = Options {
+        backend: Backend::Cpu,
+        fabric: Fabric { density: 0.2, stretch: 5000.0, bending, damping },
+        edge_scale: Some(mesh.edges().iter().map(across).collect()),
+        mass: Some((0..2 * n).map(|v| 0.1 * cell * cell * if v % n == 0 || v % n == n - 1 { 0.5 } else { 1.0 }).collect()),
+        pinned: vec![0, n - 1, n, 2 * n - 1],
+        // Twice what resolves the stiffness.
+        quality: Quality::Substeps(332),
+        ..Options::default()
+    };
+    let mode = |x: &Vec3| ((f64::from(x.x) + 0.5) * std::f64::consts::PI).sin();
+    let stretched = |x: &Vec3| Vec3::new(x.x * 1.002, 1e-3 * mode(x) as f32, x.z);
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.set_state(&mesh.positions.iter().map(stretched).collect::<Vec<_>>(), &vec![Vec3::ZERO; mesh.positions.len()]).unwrap();
+    let omega = std::f64::consts::PI * (10.0_f64 / 0.2).sqrt();
+    let mut amplitude = |frames: u32| {
+        // Over a few periods, so that nothing is left of other modes' beat.
+        let mut sum = 0.0;
+        for _ in 0..frames {
+            cloth.step(FRAME, &VACUUM).unwrap();
+            let part = |values: &[Vec3]| {
+                let pairs = values.iter().zip(&mesh.positions);
+                pairs.map(|(value, rest)| f64::from(value.y) * mode(rest)).sum::<f64>() / f64::from(n - 1)
+            };
+            let rate = part(cloth.velocities().unwrap());
+            // Positions brought back to the time of the velocities.
+            let place = part(cloth.positions().unwrap()) - rate * 0.5 * f64::from(FRAME) / 332.0;
+            sum += place.hypot(rate / omega);
+        }
+        sum / f64::from(frames)
+    };
+    let first = amplitude(51);
+    // 51 frames are three periods; both means lie half of that after their beginning, 3 s apart.
+    amplitude(129);
+    1.0 - amplitude(51) / first
+}
+
+/// A string keeps its amplitude, bending's damping or not.
+#[test]
+fn a_string_keeps_sounding() {
+    for (bending, damping) in [(0.0, 0.0), (1.4e-5, 0.03), (1e-4, 0.03)] {
+        let lost = loss_of_a_string(bending, damping);
+        println!("B = {bending}, tau = {damping}: {:.4} %", 100.0 * lost);
+        assert!(lost.abs() <= 1e-3, "B = {bending}, tau = {damping}: lost {lost}");
+    }
+}
+
+on_every_backend!(bending_keeps_the_momenta);

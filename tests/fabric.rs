@@ -1,0 +1,66 @@
+//! Fabrics: the presets lie where fabrics were measured, and `edge_scale` makes shear as soft as theirs.
+
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
+use common::play;
+
+/// 5 % and 95 % of the fabrics measured (NUMERICS, section 5); stretch from the softest knit to the stiffest woven.
+#[test]
+fn presets_are_fabrics() {
+    for (name, fabric) in Fabric::PRESETS {
+        let stretch = if name == "jersey" { 50.0..=500.0 } else { 1000.0..=10_000.0 };
+        assert!((0.031..=0.488).contains(&fabric.density), "{name}: {} kg/m2", fabric.density);
+        assert!((0.9e-6..=1.1e-4).contains(&fabric.bending), "{name}: {} N m", fabric.bending);
+        assert!(stretch.contains(&fabric.stretch), "{name}: {} N/m", fabric.stretch);
+        assert!(fabric.damping > 0.0, "{name}: does not settle");
+    }
+}
+
+/// The diagonals of a grid, scaled.
+fn soft_diagonals(mesh: &Mesh, scale: f32) -> Vec<f32> {
+    let slanted = |[a, b]: &[u32; 2]| {
+        let d = mesh.positions[*a as usize] - mesh.positions[*b as usize];
+        d.x.abs() > 1e-6 && d.z.abs() > 1e-6
+    };
+    mesh.edges().iter().map(|edge| if slanted(edge) { scale } else { 1.0 }).collect()
+}
+
+/// A grid's shear stiffness is a quarter of its diagonals': `K scale/4`, 25 N/m for 5 kN/m scaled by 0.02.
+#[test]
+fn the_diagonals_set_the_shear_stiffness() {
+    let mesh = Mesh::grid(17, 17, 1.0, 1.0);
+    for scale in [1.0, 0.02] {
+        let options = Options { backend: Backend::Cpu, edge_scale: Some(soft_diagonals(&mesh, scale)), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let angle = 1e-2_f64;
+        let sheared: Vec<Vec3> = mesh.positions.iter().map(|x| Vec3::new(x.x + angle as f32 * x.z, 0.0, x.z)).collect();
+        cloth.set_state(&sheared, &vec![Vec3::ZERO; sheared.len()]).unwrap();
+        let stiffness = 2.0 * cloth.measure().unwrap().potential_energy / (angle * angle);
+        let expected = 5000.0 * f64::from(scale) / 4.0;
+        println!("scale {scale}: shear stiffness {stiffness:.2} N/m, expected {expected} N/m");
+        assert!((stiffness / expected - 1.0).abs() < 0.02, "scale {scale}: {stiffness} N/m, expected {expected} N/m");
+    }
+}
+
+/// Hung by a corner, so that its weight pulls it along the bias, a sheet with soft diagonals gives way; a stiff one hardly.
+#[test]
+fn soft_diagonals_give_way_along_the_bias() {
+    let n = 17;
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    // On its corner, in a vertical plane.
+    let turn = |x: Vec3| Vec3::new(x.x - x.z, -x.x - x.z, 0.0) * std::f32::consts::FRAC_1_SQRT_2;
+    let scales = [1.0, 0.02].map(|scale| Some(soft_diagonals(&mesh, scale)));
+    mesh.positions.iter_mut().for_each(|x| *x = turn(*x));
+    let stretched = scales.map(|edge_scale| {
+        let options =
+            Options { backend: Backend::Cpu, edge_scale, pinned: vec![0], quality: Quality::Substeps(80), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        play(&mut cloth, 180, &Attributes { damping: 6.0, ..Attributes::default() });
+        let positions = cloth.positions().unwrap();
+        (positions[0].distance(positions[(n * n - 1) as usize]) / 2.0_f32.sqrt()) - 1.0
+    });
+    println!("along the bias: {:.4} with stiff diagonals, {:.4} with soft ones", stretched[0], stretched[1]);
+    assert!(stretched[1] > 5.0 * stretched[0] && stretched[1] > 0.01, "{stretched:?}");
+}
