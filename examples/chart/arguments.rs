@@ -61,7 +61,7 @@ pub(crate) struct Arguments {
     pub(crate) pin: Pin,
 
     /// Milliseconds a frame that the strain chart grants each setting
-    #[arg(long, value_name = "MS", default_value = "1", value_parser = positive)]
+    #[arg(long, value_name = "MS", default_value = "4", value_parser = positive)]
     pub(crate) budget: f64,
 
     /// The date to note [default: today]

@@ -1,5 +1,7 @@
 //! The drawing: one log-log chart with markers, line styles and labels that need no colour to be told apart.
 
+use std::collections::BTreeSet;
+
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
@@ -10,9 +12,9 @@ type Pixel = (f64, f64);
 /// Whatever the backend has to complain about.
 pub(crate) type Trouble = Box<dyn std::error::Error>;
 
-const SIZE: (u32, u32) = (960, 660);
+const SIZE: (u32, u32) = (960, 680);
 /// The plot's left, top, right and bottom [px].
-const PLOT: [f64; 4] = [92.0, 84.0, 930.0, 540.0];
+const PLOT: [f64; 4] = [92.0, 100.0, 930.0, 556.0];
 const INK: RGBColor = RGBColor(30, 30, 30);
 const GREY: RGBColor = RGBColor(100, 100, 100);
 const GRID: RGBColor = RGBColor(232, 232, 232);
@@ -28,7 +30,8 @@ const SMALL: f64 = 12.0;
 pub(crate) struct Chart {
     /// The finding.
     pub(crate) title: String,
-    pub(crate) subtitle: String,
+    /// Lines under it.
+    pub(crate) subtitle: Vec<String>,
     pub(crate) x: Axis,
     pub(crate) y: Axis,
     pub(crate) curves: Vec<Curve>,
@@ -51,7 +54,7 @@ pub(crate) struct Axis {
 pub(crate) struct Curve {
     pub(crate) name: String,
     pub(crate) look: Look,
-    /// x, y and a label, in order.
+    /// x, y and a label, in order; at least one.
     pub(crate) points: Vec<(f64, f64, String)>,
 }
 
@@ -196,7 +199,7 @@ impl Chart {
             canvas.fill(&WHITE)?;
             let points = || self.curves.iter().flat_map(|curve| &curve.points);
             let frame = Frame {
-                x: Scale::covering(points().map(|p| p.0), [PLOT[0], PLOT[2]]),
+                x: Scale::covering(points().map(|p| p.0).chain(self.x.ticks.iter().copied()), [PLOT[0], PLOT[2]]),
                 y: Scale::covering(points().map(|p| p.1), [PLOT[3], PLOT[1]]),
             };
             self.axes(&canvas, &frame)?;
@@ -209,13 +212,10 @@ impl Chart {
 
     fn axes(&self, canvas: &Canvas<'_>, frame: &Frame) -> Result<(), Trouble> {
         let [left, top, right, bottom] = PLOT;
-        if let Some((floor, why)) = &self.floor {
-            let y = frame.y.at(floor.max(frame.y.range[0])).round();
-            if *floor > frame.y.range[0] {
-                canvas.draw(&Rectangle::new([pixel((left, y)), pixel((right, bottom))], BAND.filled()))?;
-                stroke(canvas, &[(left, y), (right, y)], GREY, 1, Line::Dashed)?;
-            }
-            write(canvas, why, (left + 8.0, bottom - 8.0), SMALL, GREY, (HPos::Left, VPos::Bottom))?;
+        if let Some((floor, _)) = self.floor.as_ref().filter(|(floor, _)| *floor > frame.y.range[0]) {
+            let y = frame.y.at(*floor);
+            canvas.draw(&Rectangle::new([(left, y), (right, bottom)].map(pixel), BAND.filled()))?;
+            stroke(canvas, &[(left, y), (right, y)], GREY, 1, Line::Dashed)?;
         }
         for (value, decade) in frame.x.lines() {
             let x = frame.x.at(value);
@@ -226,6 +226,12 @@ impl Chart {
             stroke(canvas, &[(left, y), (right, y)], if decade { DECADE } else { GRID }, 1, Line::Solid)?;
         }
         stroke(canvas, &[(left, top), (left, bottom), (right, bottom)], INK, 1, Line::Solid)?;
+        if let Some((floor, why)) = &self.floor {
+            let (paper, top) = (if *floor > frame.y.range[0] { BAND } else { WHITE }, bottom - 20.0);
+            let place = [(left + 4.0, top), (left + 8.0 + width(why, SMALL), bottom - 4.0)];
+            canvas.draw(&Rectangle::new(place.map(pixel), paper.filled()))?;
+            write(canvas, why, (left + 8.0, top + 2.0), SMALL, GREY, (HPos::Left, VPos::Top))?;
+        }
         for value in frame.x.ticks(&self.x.ticks) {
             let x = frame.x.at(value);
             stroke(canvas, &[(x, bottom), (x, bottom + 5.0)], INK, 1, Line::Solid)?;
@@ -237,7 +243,9 @@ impl Chart {
             write(canvas, &format!("{value:e}"), (left - 9.0, y), TEXT, INK, (HPos::Right, VPos::Center))?;
         }
         write(canvas, &self.title, (24.0, 14.0), 20.0, INK, (HPos::Left, VPos::Top))?;
-        write(canvas, &self.subtitle, (24.0, 46.0), TEXT, GREY, (HPos::Left, VPos::Top))?;
+        for (line, text) in (0_u8..).zip(&self.subtitle) {
+            write(canvas, text, (24.0, 46.0 + 20.0 * f64::from(line)), TEXT, GREY, (HPos::Left, VPos::Top))?;
+        }
         write(canvas, &self.x.label, (0.5 * (left + right), bottom + 30.0), 15.0, INK, (HPos::Center, VPos::Top))?;
         let upright = style(15.0, INK, (HPos::Center, VPos::Top)).transform(FontTransform::Rotate270);
         canvas.draw(&Text::new(self.y.label.clone(), pixel((16.0, 0.5 * (top + bottom))), upright))?;
@@ -278,30 +286,37 @@ impl Chart {
                 mark(canvas, at(point), curve.look, meaningful)?;
             }
         }
-        // Names first, wherever there is room near a curve's end; then as many figures as fit beside their points.
+        // The figures at the ends of the curves and their names, wherever there is room, then as many other figures as fit.
+        let ends = |curve: &Curve| BTreeSet::from([0, curve.points.len() - 1]);
+        for curve in &self.curves {
+            for index in ends(curve) {
+                figure(canvas, &mut room, curve, index, at(&curve.points[index]))?;
+            }
+        }
         for curve in &self.curves {
             let Some(end) = curve.points.last().map(at) else { continue };
-            let size = (width(&curve.name, TEXT), TEXT + 2.0);
-            let (place, _) = room.find(end, size, &[9.0, 16.0, 26.0, 40.0, 60.0]);
+            let (place, _) = room.find(end, (width(&curve.name, TEXT), TEXT + 2.0), &[9.0, 16.0, 26.0, 40.0, 60.0]);
             room.taken.push(place);
             write(canvas, &curve.name, (place[0], place[1] + 1.0), TEXT, curve.look.marker.colour(), (HPos::Left, VPos::Top))?;
         }
         for curve in &self.curves {
-            let last = curve.points.len().saturating_sub(1);
-            // The ends of a curve before what lies between.
-            let mut order: Vec<usize> = (0..=last).filter(|&index| index < curve.points.len()).collect();
-            order.sort_by_key(|&index| index != 0 && index != last);
-            for index in order {
-                let point = &curve.points[index];
-                let (place, overlap) = room.find(at(point), (width(&point.2, SMALL), SMALL), &[7.0, 10.0]);
-                if overlap < 1.0 {
-                    room.taken.push(place);
-                    write(canvas, &point.2, (place[0], place[1]), SMALL, curve.look.marker.colour(), (HPos::Left, VPos::Top))?;
-                }
+            for index in (0..curve.points.len()).filter(|index| !ends(curve).contains(index)) {
+                figure(canvas, &mut room, curve, index, at(&curve.points[index]))?;
             }
         }
         Ok(())
     }
+}
+
+/// A point's label, if there is room for it.
+fn figure(canvas: &Canvas<'_>, room: &mut Room, curve: &Curve, index: usize, at: Pixel) -> Result<(), Trouble> {
+    let text = &curve.points[index].2;
+    let (place, overlap) = room.find(at, (width(text, SMALL), SMALL), &[7.0, 10.0]);
+    if overlap < 1.0 {
+        room.taken.push(place);
+        write(canvas, text, (place[0], place[1]), SMALL, curve.look.marker.colour(), (HPos::Left, VPos::Top))?;
+    }
+    Ok(())
 }
 
 fn pixel((x, y): Pixel) -> (i32, i32) {

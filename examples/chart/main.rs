@@ -5,6 +5,7 @@
 //! cargo run --release --example chart -- --quick MESH.obj --pin top    # your own mesh, in a minute
 //! ```
 
+use std::collections::BTreeMap;
 use std::fmt::{Display, Write as _};
 use std::fs;
 use std::io::Write as _;
@@ -114,10 +115,10 @@ fn chart_errors(scene: &Scene, effort: &Effort, origin: &[String; 2], out: &Path
     );
     let chart = Chart {
         title: finding(scene, &cheapest),
-        subtitle: format!(
-            "Figures along the curves: substeps a frame. Broad line: the best that a given time buys.{}",
-            lost(&rows)
-        ),
+        subtitle: vec![
+            others(&rows, &cheapest),
+            format!("Figures along the curves: substeps a frame. Broad line: the best that a given time buys.{}", lost(&rows)),
+        ],
         x: Axis { label: "milliseconds a frame".to_owned(), ticks: Vec::new() },
         y: Axis { label: format!("position error at {seconds:.2} s, RMS / {:.2} m", scene.extent), ticks: Vec::new() },
         curves: curves(&rows, |row| (row.ms, row.error)),
@@ -147,7 +148,7 @@ fn chart_strain(sizes: &[u32], budget: f64, effort: &Effort, origin: &[String; 2
     let side = |row: &Row| row.scene.trim_start_matches("hang").parse().unwrap_or(f64::NAN);
     let chart = Chart {
         title: format!("HANG at {budget} ms a frame: how far the cloth stretches as it gets finer"),
-        subtitle: format!("Figures along the curves: the substeps a frame that fit.{}", lost(&rows)),
+        subtitle: vec![format!("Figures along the curves: the substeps a frame that fit.{}", lost(&rows))],
         x: Axis { label: "vertices along a side".to_owned(), ticks: sizes.iter().copied().map(f64::from).collect() },
         y: Axis { label: "mean strain at 2 s".to_owned(), ticks: Vec::new() },
         curves: curves(&rows, |row| (side(row), row.strain[0])),
@@ -159,15 +160,34 @@ fn chart_strain(sizes: &[u32], budget: f64, effort: &Effort, origin: &[String; 2
     save(out, "strain", &chart, &table(&[&head, &origin[0], &origin[1]], &rows, None))
 }
 
-/// What the chart shows: what the finest error up to 1e-3 costs, and what it costs otherwise.
+/// The decade of error that the title speaks of: the finest that is reached, up to 1e-3.
+fn headline<'a>(cheapest: &[(i32, &'a Row)]) -> Option<(i32, &'a Row)> {
+    cheapest.iter().take(3).next_back().copied()
+}
+
+/// What the chart shows.
 fn finding(scene: &Scene, cheapest: &[(i32, &Row)]) -> String {
-    match cheapest.iter().take(3).next_back() {
+    match headline(cheapest) {
         Some((decade, Row { setting, ms, .. })) => {
-            let (method, backend) = (setting.method(), setting.backend());
-            format!("{}: an error of 1e{decade} costs {} ms a frame ({method}, {backend})", scene.title, rounded(*ms))
+            format!("{}: an error of 1e{decade} costs {} ms a frame ({})", scene.title, rounded(*ms), name(setting))
         }
         None => format!("{}: no setting comes within a tenth of its size", scene.title),
     }
+}
+
+/// What the same error costs otherwise.
+fn others(rows: &[Row], cheapest: &[(i32, &Row)]) -> String {
+    let Some((decade, best)) = headline(cheapest) else { return String::new() };
+    let mut names: Vec<String> =
+        rows.iter().map(|row| name(&row.setting)).filter(|other| *other != name(&best.setting)).collect();
+    names.dedup();
+    let cost = |curve: &String| {
+        let within = rows.iter().filter(|row| name(&row.setting) == *curve && row.error <= 10_f64.powi(decade));
+        let ms = within.map(|row| row.ms).min_by(f64::total_cmp);
+        ms.map_or_else(|| format!("not reached by {curve}"), |ms| format!("{} ms by {curve}", rounded(ms)))
+    };
+    let costs: Vec<String> = names.iter().take(4).map(cost).collect();
+    if costs.is_empty() { String::new() } else { format!("The same: {}.", costs.join("; ")) }
 }
 
 /// Two digits.
@@ -178,10 +198,14 @@ fn rounded(value: f64) -> String {
 
 /// Which settings are not in the chart.
 fn lost(rows: &[Row]) -> String {
-    let unstable = rows.iter().filter(|row| !row.is_stable());
-    let mut methods: Vec<&str> = unstable.map(|row| row.setting.method()).collect();
-    methods.dedup();
-    if methods.is_empty() { String::new() } else { format!(" Left out as unstable: some of {}.", methods.join(", ")) }
+    let mut ranges: BTreeMap<&str, (u32, u32)> = BTreeMap::new();
+    for setting in rows.iter().filter(|row| !row.is_stable()).map(|row| row.setting) {
+        let substeps = setting.substeps;
+        let range = ranges.entry(setting.method()).or_insert((substeps, substeps));
+        *range = (range.0.min(substeps), range.1.max(substeps));
+    }
+    let ranges: Vec<String> = ranges.iter().map(|(method, (low, high))| format!("{method} at {low} to {high}")).collect();
+    if ranges.is_empty() { String::new() } else { format!(" Unstable: {}.", ranges.join(", ")) }
 }
 
 /// A curve for each method and backend, of the settings that stayed stable.

@@ -12,8 +12,8 @@ use crate::scene::{Scene, Truth, rms};
 
 /// A frame [s].
 const FRAME: f32 = 1.0 / 60.0;
-/// Fewest substeps on trial.
-const FEWEST: f64 = 5.0;
+/// Frames of a timed run, at most; every frame costs the same.
+const TIMED: u32 = 10;
 /// Most substeps on trial.
 const MOST: u32 = 5120;
 
@@ -58,7 +58,7 @@ impl Effort {
         let relaxation = arguments.iterations.iter().map(|&iterations| Method::Relaxation { iterations });
         let methods = [Method::SmallSteps].into_iter().chain(relaxation).chain([Method::Springs]).collect();
         let (ratio, longest, rounds, reference) =
-            if arguments.quick { (2.0, 1.0, 3, 8.0) } else { (std::f64::consts::SQRT_2, 6.0, 5, 60.0) };
+            if arguments.quick { (2.0, 2.0, 3, 8.0) } else { (std::f64::consts::SQRT_2, 6.0, 5, 60.0) };
         Effort { methods, backends, ratio, longest, rounds, reference }
     }
 
@@ -81,13 +81,15 @@ struct Trial {
 pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Vec<Row>, Failure> {
     let mut trials = Vec::new();
     for (method, backend) in effort.curves() {
-        let (mut count, mut last) = (FEWEST, f64::INFINITY);
+        // The plug-in of 2013 took one step a frame.
+        let (mut count, mut last): (f64, f64) =
+            (if matches!(method, Method::Relaxation { .. }) { 1.0 } else { 5.0 }, f64::INFINITY);
         loop {
             let substeps = count.round() as u32;
             let (trial, seconds) = Trial::first(scene, Setting { method, backend, substeps }, truth.frames, Some(truth))?;
             let error = trial.row.error;
             trials.push(trial);
-            let settled = error < truth.change || (error < 3e-3 && error > last * (0.3 + 0.5 * (effort.ratio - 1.0)));
+            let settled = error < truth.change || (error < 3e-3 && error > 0.85 * last);
             count *= effort.ratio;
             if settled || seconds * effort.ratio > effort.longest || count > f64::from(MOST) {
                 break;
@@ -98,7 +100,7 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
     // All settings in turn, so that whatever else this machine does hits all alike.
     for _ in 0..effort.rounds {
         for trial in trials.iter_mut().filter(|trial| trial.row.error.is_finite()) {
-            trial.time(truth.frames)?;
+            trial.time(truth.frames.min(TIMED))?;
         }
     }
     Ok(trials.into_iter().map(Trial::finished).collect())
@@ -107,29 +109,29 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
 /// Strain after two seconds of every method and backend, with as many substeps as take `budget` [ms] a frame.
 pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<Row>, Failure> {
     const FRAMES: u32 = 120;
-    const PROBES: [u32; 2] = [2, 10];
     let mut rows = Vec::new();
     for (method, backend) in effort.curves() {
-        // A frame's time is a constant and so much a substep, by two probes of ten frames, the quickest of three.
-        let mut ms = [f64::INFINITY; 2];
-        for (ms, substeps) in ms.iter_mut().zip(PROBES) {
-            let (mut probe, _) = Trial::first(scene, Setting { method, backend, substeps }, 1, None)?;
+        // Towards the budget in a few tries, each the quickest of three runs.
+        let mut setting = Setting { method, backend, substeps: 4 };
+        let mut fits = true;
+        for _ in 0..3 {
+            let (mut probe, _) = Trial::first(scene, setting, 1, None)?;
             for _ in 0..3 {
-                probe.time(10)?;
+                probe.time(3)?;
             }
-            *ms = probe.times.iter().copied().fold(*ms, f64::min);
+            let ms = probe.times.iter().skip(1).copied().fold(f64::INFINITY, f64::min);
+            let substeps = f64::from(setting.substeps) * budget / ms;
+            fits = substeps >= 1.0;
+            setting.substeps = substeps.clamp(1.0, f64::from(MOST)) as u32;
         }
-        let each = (ms[1] - ms[0]).max(0.1 * ms[1]) / f64::from(PROBES[1] - PROBES[0]);
-        let substeps = (f64::from(PROBES[0]) + (budget - ms[0]) / each).min(f64::from(MOST));
-        if substeps < 1.0 {
-            eprintln!("{}: {method:?} does not fit into {budget} ms a frame", scene.name);
+        if !fits {
+            eprintln!("{}: one substep of {} takes more than {budget} ms", scene.title, setting.method());
             continue;
         }
-        let setting = Setting { method, backend, substeps: substeps as u32 };
         let (mut trial, _) = Trial::first(scene, setting, FRAMES, None)?;
         if trial.row.strain[0].is_finite() {
             for _ in 0..effort.rounds {
-                trial.time(FRAMES / 4)?;
+                trial.time(TIMED)?;
             }
         }
         rows.push(trial.finished());

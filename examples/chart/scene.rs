@@ -16,6 +16,9 @@ const CONVERGED: f64 = 2e-6;
 /// The reference's first try, in steps a frame; it doubles from there. Past its limit it explodes, and that is seen.
 const FIRST_STEPS: u32 = 64;
 
+/// Its last try.
+const MOST_STEPS: u32 = 1 << 16;
+
 /// A cloth that hangs.
 pub(crate) struct Scene {
     /// In the names of files.
@@ -84,31 +87,36 @@ impl Scene {
     /// at least divides the change by about four, as a method of second order does until chaos sets in.
     pub(crate) fn truth(&self, budget: f64) -> Result<Truth, Failure> {
         let masses = self.options.mass.as_deref().expect("both kinds of scene set it");
+        // The state at each horizon, as far as the run stays finite.
         let run = |steps: u32| {
             let stretch = f64::from(self.options.fabric.stretch);
             let mut cloth = Reference::new(&self.mesh, masses, &self.options.pinned, stretch);
             let mut states: Vec<Vec<DVec3>> = Vec::new();
-            let mut done = 0;
-            for &frames in &self.horizons {
-                cloth = cloth.run(f64::from(frames - done) / 60.0, (frames - done) * steps);
-                states.push(cloth.x.clone());
-                done = frames;
+            for frame in 1..=self.horizons.last().copied().unwrap_or(0) {
+                cloth = cloth.run(1.0 / 60.0, steps);
+                if !cloth.x.iter().all(|x| x.is_finite()) {
+                    break;
+                }
+                states.extend(self.horizons.iter().filter(|&&horizon| horizon == frame).map(|_| cloth.x.clone()));
             }
             states
         };
         let mut steps = FIRST_STEPS;
         let mut states = run(steps);
-        let mut before = vec![f64::INFINITY; states.len()];
+        let mut before = vec![f64::INFINITY; self.horizons.len()];
         loop {
             let start = Instant::now();
             steps *= 2;
             let finer = run(steps);
-            let change = |(a, b): (&Vec<DVec3>, &Vec<DVec3>)| finite(rms(a, b) / self.extent);
-            let changes: Vec<f64> = states.iter().zip(&finer).map(change).collect();
-            let last = changes.last().copied().unwrap_or(f64::INFINITY);
-            // Twice the steps take twice the time.
-            let spent = 2.0 * start.elapsed().as_secs_f64() > budget;
-            if last > CONVERGED && !spent {
+            let change = |index: usize| match (states.get(index), finer.get(index)) {
+                (Some(a), Some(b)) => rms(a, b) / self.extent,
+                _ => f64::INFINITY,
+            };
+            let changes: Vec<f64> = (0..self.horizons.len()).map(change).collect();
+            let last = changes.iter().copied().fold(0.0, f64::max);
+            // Twice the steps take twice the time. A run that explodes ends early, and costs little.
+            let spent = 2.0 * start.elapsed().as_secs_f64() > budget && last.is_finite();
+            if last > CONVERGED && !spent && steps < MOST_STEPS {
                 (states, before) = (finer, changes);
                 continue;
             }
@@ -130,10 +138,6 @@ impl Scene {
 pub(crate) fn rms(a: &[DVec3], b: &[DVec3]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
     (sum / a.len().max(1) as f64).sqrt()
-}
-
-fn finite(value: f64) -> f64 {
-    if value.is_finite() { value } else { f64::INFINITY }
 }
 
 /// A third of each triangle's mass to each of its vertices [kg]; a vertex of no triangle gets a little, to be able to fall.
