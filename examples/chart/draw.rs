@@ -311,7 +311,7 @@ impl Chart {
 /// A point's label, if there is room for it.
 fn figure(canvas: &Canvas<'_>, room: &mut Room, curve: &Curve, index: usize, at: Pixel) -> Result<(), Trouble> {
     let text = &curve.points[index].2;
-    let (place, overlap) = room.find(at, (width(text, SMALL), SMALL), &[7.0, 10.0]);
+    let (place, overlap) = room.find(at, (width(text, SMALL), SMALL), &[8.0, 11.0]);
     if overlap < 1.0 {
         room.taken.push(place);
         write(canvas, text, (place[0], place[1]), SMALL, curve.look.marker.colour(), (HPos::Left, VPos::Top))?;

@@ -43,6 +43,8 @@ pub(crate) struct Truth {
     pub(crate) change: f64,
     /// Its steps a frame.
     pub(crate) steps: u32,
+    /// Whether the motion is predictable until then: halving the step brings the reference closer as it should.
+    pub(crate) predictable: bool,
 }
 
 impl Scene {
@@ -70,7 +72,7 @@ impl Scene {
             .map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
         let options = Options { mass: Some(masses(&mesh, options.fabric.density)), ..options };
         let stem = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy());
-        // 0.1, 0.25 and 0.5 s for a metre of cloth; a swing takes a time of sqrt(extent).
+        // Times for a metre of cloth; a swing takes a time of sqrt(extent).
         let frames = |seconds: f64| (60.0 * seconds * extent.sqrt()).round().clamp(1.0, 600.0) as u32;
         Ok(Scene {
             name: stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect(),
@@ -78,7 +80,7 @@ impl Scene {
             mesh,
             options,
             extent,
-            horizons: [0.1, 0.25, 0.5].map(frames).to_vec(),
+            horizons: [0.05, 0.1, 0.25, 0.5].map(frames).to_vec(),
         })
     }
 
@@ -123,13 +125,20 @@ impl Scene {
             let predictable = |&index: &usize| {
                 changes[index] <= CONVERGED || (changes[index] < 1e-4 && (3.0..6.0).contains(&(before[index] / changes[index])))
             };
-            let index = (0..changes.len()).rev().find(predictable).unwrap_or(0);
+            let latest = (0..changes.len()).rev().find(predictable);
+            let index = latest.unwrap_or(0);
             if changes[index].is_infinite() {
                 let message = "the reference run explodes even at the smallest step; look for slivers or doubled vertices";
                 return Err(Failure::input(format_args!("{}: {message}", self.title)));
             }
             let positions = finer.into_iter().nth(index).expect("as many states as horizons");
-            return Ok(Truth { frames: self.horizons[index], positions, change: changes[index], steps });
+            return Ok(Truth {
+                frames: self.horizons[index],
+                positions,
+                change: changes[index],
+                steps,
+                predictable: latest.is_some(),
+            });
         }
     }
 }
@@ -146,7 +155,9 @@ fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     for triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
         let third = density * (b - a).cross(c - a).length() / 6.0;
-        triangle.iter().for_each(|&vertex| masses[vertex as usize] += third);
+        for vertex in triangle {
+            masses[*vertex as usize] += third;
+        }
     }
     masses.iter().map(|&mass| if mass > 0.0 { mass } else { 1e-6 }).collect()
 }
