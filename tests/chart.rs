@@ -44,7 +44,11 @@ fn bad_input_is_one_line_and_code_2() {
     let (mesh, out) = (folder.path().join("bad.obj"), folder.path().join("charts"));
     let (mesh, out) = (mesh.to_str().unwrap(), out.to_str().unwrap());
     fs::write(mesh, "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 9\n").unwrap();
-    for arguments in [&["--backends", "none"][..], &["no-such.obj", "--out", out], &[mesh, "--backends", "cpu", "--out", out]] {
+    for arguments in [
+        &["--backends", "none"][..],
+        &["no-such.obj", "--backends", "cpu", "--out", out],
+        &[mesh, "--backends", "cpu", "--out", out],
+    ] {
         let done = chart(arguments);
         let said = String::from_utf8(done.stderr).unwrap();
         assert_eq!(done.status.code(), Some(2), "{arguments:?}: {said}");

@@ -110,7 +110,7 @@ impl Scale {
     /// Covers the values, widened to the next 1, 2 or 5 and a bit.
     fn covering(values: impl Iterator<Item = f64>, pixels: [f64; 2]) -> Scale {
         let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), v| (low.min(v), high.max(v)));
-        let (low, high) = if low < high { (low, high) } else { (0.1, 10.0) };
+        let (low, high) = if high > 0.0 { (low, high) } else { (0.1, 10.0) };
         let steps = |value: f64| {
             let decade = 10_f64.powf(value.log10().floor());
             [1.0, 2.0, 5.0, 10.0].map(|step| step * decade)
@@ -198,9 +198,12 @@ impl Chart {
             let canvas = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
             canvas.fill(&WHITE)?;
             let points = || self.curves.iter().flat_map(|curve| &curve.points);
+            let lowest = points().map(|p| p.1).fold(f64::INFINITY, f64::min);
+            // Room for a word in the band, if it is near.
+            let floor = self.floor.as_ref().map(|(floor, _)| *floor).filter(|floor| *floor > 0.3 * lowest);
             let frame = Frame {
                 x: Scale::covering(points().map(|p| p.0).chain(self.x.ticks.iter().copied()), [PLOT[0], PLOT[2]]),
-                y: Scale::covering(points().map(|p| p.1), [PLOT[3], PLOT[1]]),
+                y: Scale::covering(points().map(|p| p.1).chain(floor.map(|floor| 0.4 * floor)), [PLOT[3], PLOT[1]]),
             };
             self.axes(&canvas, &frame)?;
             self.front(&canvas, &frame)?;

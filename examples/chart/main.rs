@@ -67,14 +67,15 @@ impl Failure {
 
 /// The whole program, from top to bottom.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let own = arguments.mesh.as_ref().map(|path| Scene::load(path, arguments)).transpose()?;
     let out = &arguments.out;
     fs::create_dir_all(out)
         .map_err(|error| Failure::input(format_args!("--out {}: {error}; name a directory that can be made", out.display())))?;
     let (backends, machine) = machine(&arguments.backends)?;
     let origin = [format!("{}; {machine}", arguments.date()), Arguments::command()];
     let effort = Effort::new(arguments, backends);
-    if let Some(path) = &arguments.mesh {
-        return chart_errors(&Scene::load(path, arguments)?, &effort, &origin, out);
+    if let Some(scene) = own {
+        return chart_errors(&scene, &effort, &origin, out);
     }
     let sizes = |default: &[u32]| if arguments.sizes.is_empty() { default.to_vec() } else { arguments.sizes.clone() };
     for n in sizes(if arguments.quick { &[32, 64] } else { &[32, 64, 128] }) {
@@ -188,15 +189,18 @@ fn finding(scene: &Scene, cheapest: &[(i32, &Row)]) -> String {
 /// What the same error costs otherwise.
 fn others(rows: &[Row], cheapest: &[(i32, &Row)]) -> String {
     let Some((decade, best)) = headline(cheapest) else { return String::new() };
-    let mut names: Vec<String> =
-        rows.iter().map(|row| name(&row.setting)).filter(|other| *other != name(&best.setting)).collect();
-    names.dedup();
-    let cost = |curve: &String| {
-        let within = rows.iter().filter(|row| name(&row.setting) == *curve && row.error <= 10_f64.powi(decade));
-        let ms = within.map(|row| row.ms).min_by(f64::total_cmp);
-        ms.map_or_else(|| format!("not reached by {curve}"), |ms| format!("{} ms by {curve}", rounded(ms)))
+    let mut methods: Vec<String> = rows.iter().map(|row| sweeps(&row.setting)).collect();
+    methods.sort();
+    methods.dedup();
+    methods.retain(|method| *method != sweeps(&best.setting));
+    let cost = |method: &String| {
+        let within = rows.iter().filter(|row| sweeps(&row.setting) == *method && row.error <= 10_f64.powi(decade));
+        match within.min_by(|a, b| a.ms.total_cmp(&b.ms)) {
+            Some(Row { setting, ms, .. }) => format!("{} ms by {}", rounded(*ms), name(setting)),
+            None => format!("not reached by {method}"),
+        }
     };
-    let costs: Vec<String> = names.iter().take(4).map(cost).collect();
+    let costs: Vec<String> = methods.iter().take(3).map(cost).collect();
     if costs.is_empty() { String::new() } else { format!("The same: {}.", costs.join("; ")) }
 }
 
@@ -214,7 +218,10 @@ fn lost(rows: &[Row]) -> String {
         let range = ranges.entry(setting.method()).or_insert((substeps, substeps));
         *range = (range.0.min(substeps), range.1.max(substeps));
     }
-    let ranges: Vec<String> = ranges.iter().map(|(method, (low, high))| format!("{method} at {low} to {high}")).collect();
+    let range = |(method, (low, high)): (&&str, &(u32, u32))| {
+        if low == high { format!("{method} at {low}") } else { format!("{method} at {low} to {high}") }
+    };
+    let ranges: Vec<String> = ranges.iter().map(range).collect();
     if ranges.is_empty() { String::new() } else { format!(" Unstable: {}.", ranges.join(", ")) }
 }
 
@@ -233,9 +240,17 @@ fn curves(rows: &[Row], at: impl Fn(&Row) -> (f64, f64)) -> Vec<Curve> {
     curves
 }
 
+/// The method and its sweeps.
+fn sweeps(setting: &Setting) -> String {
+    match setting.method {
+        Method::Relaxation { iterations } => format!("{} x {iterations}", setting.method()),
+        Method::SmallSteps | Method::Springs => setting.method().to_owned(),
+    }
+}
+
+/// A curve's name.
 fn name(setting: &Setting) -> String {
-    let sweeps = if setting.iterations() > 1 { format!(" x {}", setting.iterations()) } else { String::new() };
-    format!("{}{sweeps}, {}", setting.method(), setting.backend())
+    format!("{}, {}", sweeps(setting), setting.backend())
 }
 
 fn look(setting: &Setting) -> Look {

@@ -120,16 +120,12 @@ pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<
                 probe.time(3)?;
             }
             let ms = probe.times.iter().skip(1).copied().fold(f64::INFINITY, f64::min);
-            if ms.is_infinite() {
-                // Exploded, which the run itself will tell.
-                break;
-            }
             let substeps = f64::from(setting.substeps) * budget / ms;
             fits = substeps >= 1.0;
             setting.substeps = substeps.clamp(1.0, f64::from(MOST)) as u32;
         }
         if !fits {
-            eprintln!("{}: one substep of {} takes more than {budget} ms", scene.title, setting.method());
+            eprintln!("{}: left out, more than {budget} ms: {setting}", scene.title);
             continue;
         }
         let (mut trial, _) = Trial::first(scene, setting, FRAMES, None)?;
@@ -184,13 +180,15 @@ impl Trial {
         let attributes = Attributes::default();
         self.deformer.reset();
         let start = Instant::now();
-        let run = (0..frames).try_for_each(|_| self.deformer.step(FRAME, &attributes).map(|_| ()));
+        let mut steps = 0;
+        let run = (0..frames).try_for_each(|_| {
+            steps += 1;
+            self.deformer.step(FRAME, &attributes).map(|_| ())
+        });
         let run = run.and_then(|()| self.deformer.positions().map(|_| ()));
+        self.times.push(start.elapsed().as_secs_f64() * 1e3 / f64::from(steps));
         match run {
-            Ok(()) => {
-                self.times.push(start.elapsed().as_secs_f64() * 1e3 / f64::from(frames));
-                Ok(true)
-            }
+            Ok(()) => Ok(true),
             Err(StepError::Unstable { .. }) => Ok(false),
             Err(error) => Err(failed(&error)),
         }
@@ -199,7 +197,8 @@ impl Trial {
     fn finished(mut self) -> Row {
         let warm = if self.times.len() > 1 { &mut self.times[1..] } else { &mut self.times[..] };
         warm.sort_by(f64::total_cmp);
-        self.row.ms = warm.get(warm.len() / 2).copied().unwrap_or(f64::NAN);
+        // What explodes may end early, and has no time.
+        self.row.ms = if self.row.strain[0].is_finite() { warm[warm.len() / 2] } else { f64::NAN };
         self.row
     }
 }
