@@ -1,0 +1,282 @@
+//! The measuring: every setting on trial, its time, its error and its strain.
+
+use std::fmt::{self, Display};
+use std::time::Instant;
+
+use cloth_deformer::glam::{DVec3, Vec3};
+use cloth_deformer::{Attributes, Backend, BuildError, Deformer, Method, Options, Quality, StepError};
+
+use crate::Failure;
+use crate::arguments::{Arguments, BACKENDS};
+use crate::scene::{Scene, Truth, rms};
+
+/// A frame [s].
+const FRAME: f32 = 1.0 / 60.0;
+/// Frames of a timed run, at most; every frame costs the same.
+const TIMED: u32 = 10;
+/// Most substeps on trial.
+const MOST: u32 = 5120;
+
+/// What can be chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Setting {
+    pub(crate) method: Method,
+    pub(crate) backend: Backend,
+    pub(crate) substeps: u32,
+}
+
+/// What came of it.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    pub(crate) scene: String,
+    pub(crate) setting: Setting,
+    /// Median time of a frame [ms].
+    pub(crate) ms: f64,
+    /// RMS distance from the reference over vertices, in extents; infinite if the run exploded, NaN if there is no reference.
+    pub(crate) error: f64,
+    /// Mean and maximum over edges.
+    pub(crate) strain: [f64; 2],
+}
+
+/// How much is measured.
+#[derive(Debug, Clone)]
+pub(crate) struct Effort {
+    methods: Vec<Method>,
+    backends: Vec<Backend>,
+    /// Ratio of a setting's substeps to those of the one before.
+    ratio: f64,
+    /// Longest run on trial [s]; a curve ends there.
+    longest: f64,
+    /// Timed runs of each setting, beside the first.
+    rounds: u32,
+    /// For the reference's last run [s].
+    pub(crate) reference: f64,
+}
+
+impl Effort {
+    pub(crate) fn new(arguments: &Arguments, backends: Vec<Backend>) -> Effort {
+        let relaxation = arguments.iterations.iter().map(|&iterations| Method::Relaxation { iterations });
+        let methods = [Method::SmallSteps].into_iter().chain(relaxation).chain([Method::Springs]).collect();
+        let (ratio, longest, rounds, reference) =
+            if arguments.quick { (2.0, 2.0, 3, 8.0) } else { (std::f64::consts::SQRT_2, 6.0, 5, 60.0) };
+        Effort { methods, backends, ratio, longest, rounds, reference }
+    }
+
+    /// Every method on every backend.
+    fn curves(&self) -> impl Iterator<Item = (Method, Backend)> {
+        self.backends.iter().flat_map(|&backend| self.methods.iter().map(move |&method| (method, backend)))
+    }
+}
+
+/// A setting on trial.
+struct Trial {
+    row: Row,
+    deformer: Deformer,
+    /// Of a frame in each run [ms].
+    times: Vec<f64>,
+}
+
+/// Error, strain and time of every setting of `scene`. A curve ends where its error does: below what the reference can tell, or
+/// where more substeps no longer help, or where a run takes too long.
+pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Vec<Row>, Failure> {
+    let mut trials = Vec::new();
+    for (method, backend) in effort.curves() {
+        // The plug-in of 2013 took one step a frame.
+        let (mut count, mut last): (f64, f64) =
+            (if matches!(method, Method::Relaxation { .. }) { 1.0 } else { 5.0 }, f64::INFINITY);
+        loop {
+            let substeps = count.round() as u32;
+            let (trial, seconds) = Trial::first(scene, Setting { method, backend, substeps }, truth.frames, Some(truth))?;
+            let error = trial.row.error;
+            trials.push(trial);
+            let settled = error < truth.change || (error < 3e-3 && error > 0.85 * last);
+            count *= effort.ratio;
+            if settled || seconds * effort.ratio > effort.longest || count > f64::from(MOST) {
+                break;
+            }
+            last = error;
+        }
+    }
+    // All settings in turn, so that whatever else this machine does hits all alike.
+    for _ in 0..effort.rounds {
+        for trial in trials.iter_mut().filter(|trial| trial.row.error.is_finite()) {
+            trial.time(truth.frames.min(TIMED))?;
+        }
+    }
+    Ok(trials.into_iter().map(Trial::finished).collect())
+}
+
+/// Strain after two seconds of every method and backend, with as many substeps as take `budget` [ms] a frame.
+pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<Row>, Failure> {
+    const FRAMES: u32 = 120;
+    let mut rows = Vec::new();
+    for (method, backend) in effort.curves() {
+        // Towards the budget in a few tries, each the quickest of three runs.
+        let mut setting = Setting { method, backend, substeps: 4 };
+        let mut fits = true;
+        for _ in 0..3 {
+            let (mut probe, _) = Trial::first(scene, setting, 1, None)?;
+            for _ in 0..3 {
+                probe.time(3)?;
+            }
+            let ms = probe.times.iter().skip(1).copied().fold(f64::INFINITY, f64::min);
+            let substeps = f64::from(setting.substeps) * budget / ms;
+            fits = substeps >= 1.0;
+            setting.substeps = substeps.clamp(1.0, f64::from(MOST)) as u32;
+        }
+        if !fits {
+            eprintln!("{}: left out, more than {budget} ms: {setting}", scene.title);
+            continue;
+        }
+        let (mut trial, _) = Trial::first(scene, setting, FRAMES, None)?;
+        if trial.row.strain[0].is_finite() {
+            for _ in 0..effort.rounds {
+                trial.time(TIMED)?;
+            }
+        }
+        rows.push(trial.finished());
+    }
+    Ok(rows)
+}
+
+impl Trial {
+    /// The first run, which gives error and strain, and the seconds it took. It also warms up, so its time counts only if no other follows.
+    fn first(scene: &Scene, setting: Setting, frames: u32, truth: Option<&Truth>) -> Result<(Trial, f64), Failure> {
+        let options = Options {
+            backend: setting.backend,
+            method: setting.method,
+            quality: Quality::Substeps(setting.substeps),
+            ..scene.options.clone()
+        };
+        let deformer = Deformer::new(&scene.mesh, options).map_err(|error| refused(&error))?;
+        let row = Row {
+            scene: scene.name.clone(),
+            setting,
+            ms: f64::NAN,
+            error: truth.map_or(f64::NAN, |_| f64::INFINITY),
+            strain: [f64::INFINITY; 2],
+        };
+        let mut trial = Trial { row, deformer, times: Vec::new() };
+        let start = Instant::now();
+        let stable = trial.time(frames)?;
+        let seconds = start.elapsed().as_secs_f64();
+        if stable {
+            let positions = trial.deformer.positions().map_err(|error| failed(&error))?;
+            let positions: Vec<DVec3> = positions.iter().copied().map(Vec3::as_dvec3).collect();
+            let measure = trial.deformer.measure().map_err(|error| failed(&error))?;
+            let strain = [measure.mean_strain, measure.max_strain].map(f64::from);
+            // Past its limit a cloth may take a while to leave the finite numbers. At twice its length it is none any more.
+            let error = truth.map_or(0.0, |truth| rms(&positions, &truth.positions) / scene.extent);
+            if error < 1.0 && strain[0] < 1.0 {
+                trial.row.strain = strain;
+                trial.row.error = truth.map_or(f64::NAN, |_| error);
+            }
+        }
+        Ok((trial, seconds))
+    }
+
+    /// One more timed run from rest: the steps, and the wait for their result. Whether it stayed finite.
+    fn time(&mut self, frames: u32) -> Result<bool, Failure> {
+        let attributes = Attributes::default();
+        self.deformer.reset();
+        let start = Instant::now();
+        let mut steps = 0;
+        let run = (0..frames).try_for_each(|_| {
+            steps += 1;
+            self.deformer.step(FRAME, &attributes).map(|_| ())
+        });
+        let run = run.and_then(|()| self.deformer.positions().map(|_| ()));
+        self.times.push(start.elapsed().as_secs_f64() * 1e3 / f64::from(steps));
+        match run {
+            Ok(()) => Ok(true),
+            Err(StepError::Unstable { .. }) => Ok(false),
+            Err(error) => Err(failed(&error)),
+        }
+    }
+
+    fn finished(mut self) -> Row {
+        let warm = if self.times.len() > 1 { &mut self.times[1..] } else { &mut self.times[..] };
+        warm.sort_by(f64::total_cmp);
+        // What explodes may end early, and has no time.
+        self.row.ms = if self.row.strain[0].is_finite() { warm[warm.len() / 2] } else { f64::NAN };
+        self.row
+    }
+}
+
+impl Row {
+    /// Whether it stayed a cloth.
+    pub(crate) fn is_stable(&self) -> bool {
+        self.strain[0].is_finite()
+    }
+}
+
+/// The settings that no other one beats in both time and error, by rising time, of those whose error the reference can tell.
+pub(crate) fn pareto<'a>(rows: &'a [Row], truth: &Truth) -> Vec<&'a Row> {
+    let mut front: Vec<&Row> = rows.iter().filter(|row| row.error.is_finite() && row.error > truth.change).collect();
+    front.sort_by(|a, b| a.ms.total_cmp(&b.ms).then(a.error.total_cmp(&b.error)));
+    let mut best = f64::INFINITY;
+    front.retain(|row| {
+        let better = row.error < best;
+        best = best.min(row.error);
+        better
+    });
+    front
+}
+
+/// For each decade of error that is reached: the decade, and the cheapest setting within it.
+pub(crate) fn cheapest<'a>(front: &[&'a Row]) -> Vec<(i32, &'a Row)> {
+    let decades = (1..=9).map_while(|decade| {
+        let row = front.iter().find(|row| row.error <= 10_f64.powi(-decade))?;
+        Some((-decade, *row))
+    });
+    decades.collect()
+}
+
+impl Setting {
+    pub(crate) fn method(&self) -> &'static str {
+        match self.method {
+            Method::SmallSteps => "small-steps",
+            Method::Relaxation { .. } => "relaxation",
+            Method::Springs => "springs",
+        }
+    }
+
+    /// Sweeps a substep.
+    pub(crate) fn iterations(&self) -> u32 {
+        match self.method {
+            Method::SmallSteps => 1,
+            Method::Relaxation { iterations } => iterations,
+            Method::Springs => 0,
+        }
+    }
+
+    pub(crate) fn backend(&self) -> &'static str {
+        let named = BACKENDS.iter().find(|(_, backend)| *backend == self.backend);
+        named.map_or("auto", |(name, _)| name)
+    }
+}
+
+/// As `drape` takes it.
+impl Display for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "--method {}", self.method())?;
+        if let Method::Relaxation { iterations } = self.method {
+            write!(f, " --iterations {iterations}")?;
+        }
+        write!(f, " --substeps {} --backend {}", self.substeps, self.backend())
+    }
+}
+
+fn refused(error: &BuildError) -> Failure {
+    match error {
+        BuildError::NoGpu { .. } => Failure::gpu(error),
+        _ => Failure::input(error),
+    }
+}
+
+fn failed(error: &StepError) -> Failure {
+    match error {
+        StepError::Gpu { .. } => Failure::gpu(error),
+        _ => Failure::input(error),
+    }
+}

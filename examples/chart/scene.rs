@@ -1,0 +1,221 @@
+//! The scenes: a cloth, what holds it, and where it should be at the end.
+
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use cloth_deformer::glam::{DVec3, Vec2, Vec3};
+use cloth_deformer::{Backend, Deformer, Mesh, Options};
+
+use crate::Failure;
+use crate::arguments::{Arguments, Pin};
+use crate::common::{self, reference::Reference};
+
+/// Change of the reference, in extents, when its step is halved, that is small enough: a tenth of what single precision leaves.
+const CONVERGED: f64 = 2e-6;
+/// The reference's first try, in steps a frame; it doubles from there. Past its limit it explodes, and that is seen.
+const FIRST_STEPS: u32 = 64;
+
+/// Its last try.
+const MOST_STEPS: u32 = 1 << 16;
+
+/// A cloth that hangs.
+pub(crate) struct Scene {
+    /// In the names of files.
+    pub(crate) name: String,
+    /// In titles.
+    pub(crate) title: String,
+    pub(crate) mesh: Mesh,
+    /// But for method, backend and quality.
+    pub(crate) options: Options,
+    /// The largest side of the mesh's bounding box [m].
+    pub(crate) extent: f64,
+    /// Frames after which positions may be compared, ascending; the last that the motion is still predictable at is taken.
+    horizons: Vec<u32>,
+}
+
+/// Where the cloth should be.
+pub(crate) struct Truth {
+    /// After how many frames.
+    pub(crate) frames: u32,
+    pub(crate) positions: Vec<DVec3>,
+    /// Change when the reference's step was halved last: RMS over vertices, in extents.
+    pub(crate) change: f64,
+    /// Its steps a frame.
+    pub(crate) steps: u32,
+    /// Whether the motion is predictable until then: halving the step brings the reference closer as it should.
+    pub(crate) predictable: bool,
+}
+
+impl Scene {
+    /// HANG: a sheet of 1 m x 1 m with n x n vertices, horizontal at rest, let go with one side pinned.
+    pub(crate) fn hang(n: u32) -> Scene {
+        let (mesh, options) = common::hang(n, 1, Backend::Cpu);
+        let title = format!("HANG, {n} x {n} vertices");
+        Scene { name: format!("hang{n}"), title, mesh, options, extent: 1.0, horizons: vec![30] }
+    }
+
+    /// The user's mesh, pinned as the arguments say.
+    pub(crate) fn load(path: &Path, arguments: &Arguments) -> Result<Scene, Failure> {
+        let mesh = load_obj(path).map_err(|problem| Failure::input(format_args!("{}: {problem}", path.display())))?;
+        let (low, high) = bounds(&mesh);
+        let extent = f64::from((high - low).max_element());
+        let pinned = match &arguments.pin {
+            Pin::None => Vec::new(),
+            Pin::Top => top(&mesh),
+            Pin::Corners => corners(&mesh),
+            Pin::Vertices(list) => list.clone(),
+        };
+        let options = Options { fabric: arguments.membrane(), pinned, ..Options::default() };
+        // What is wrong with the mesh or the pins is the crate's to say.
+        Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() })
+            .map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
+        let options = Options { mass: Some(masses(&mesh, options.fabric.density)), ..options };
+        let stem = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy());
+        // Times for a metre of cloth; a swing takes a time of sqrt(extent).
+        let frames = |seconds: f64| (60.0 * seconds * extent.sqrt()).round().clamp(1.0, 600.0) as u32;
+        Ok(Scene {
+            name: stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect(),
+            title: format!("{stem}, {} vertices", mesh.positions.len()),
+            mesh,
+            options,
+            extent,
+            horizons: [0.05, 0.1, 0.25, 0.5].map(frames).to_vec(),
+        })
+    }
+
+    /// Runs the double-precision reference at half the step, and half that, until halving no longer matters or `budget` [s] is
+    /// spent; then takes the latest horizon at which the motion is still predictable: where halving does not matter, or
+    /// at least divides the change by about four, as a method of second order does until chaos sets in.
+    pub(crate) fn truth(&self, budget: f64) -> Result<Truth, Failure> {
+        let masses = self.options.mass.as_deref().expect("both kinds of scene set it");
+        // The state at each horizon, as far as the run stays finite.
+        let run = |steps: u32| {
+            let stretch = f64::from(self.options.fabric.stretch);
+            let mut cloth = Reference::new(&self.mesh, masses, &self.options.pinned, stretch);
+            let mut states: Vec<Vec<DVec3>> = Vec::new();
+            for frame in 1..=self.horizons.last().copied().unwrap_or(0) {
+                cloth = cloth.run(1.0 / 60.0, steps);
+                if !cloth.x.iter().all(|x| x.is_finite()) {
+                    break;
+                }
+                states.extend(self.horizons.iter().filter(|&&horizon| horizon == frame).map(|_| cloth.x.clone()));
+            }
+            states
+        };
+        let mut steps = FIRST_STEPS;
+        let mut states = run(steps);
+        let mut before = vec![f64::INFINITY; self.horizons.len()];
+        loop {
+            let start = Instant::now();
+            steps *= 2;
+            let finer = run(steps);
+            let change = |index: usize| match (states.get(index), finer.get(index)) {
+                (Some(a), Some(b)) => rms(a, b) / self.extent,
+                _ => f64::INFINITY,
+            };
+            let changes: Vec<f64> = (0..self.horizons.len()).map(change).collect();
+            let last = changes.iter().copied().fold(0.0, f64::max);
+            // Twice the steps take twice the time. A run that explodes ends early, and costs little.
+            let spent = 2.0 * start.elapsed().as_secs_f64() > budget && last.is_finite();
+            if last > CONVERGED && !spent && steps < MOST_STEPS {
+                (states, before) = (finer, changes);
+                continue;
+            }
+            let predictable = |&index: &usize| {
+                changes[index] <= CONVERGED || (changes[index] < 1e-4 && (3.0..6.0).contains(&(before[index] / changes[index])))
+            };
+            let latest = (0..changes.len()).rev().find(predictable);
+            let index = latest.unwrap_or(0);
+            if changes[index].is_infinite() {
+                let message = "the reference run explodes even at the smallest step; look for slivers or doubled vertices";
+                return Err(Failure::input(format_args!("{}: {message}", self.title)));
+            }
+            let positions = finer.into_iter().nth(index).expect("as many states as horizons");
+            return Ok(Truth {
+                frames: self.horizons[index],
+                positions,
+                change: changes[index],
+                steps,
+                predictable: latest.is_some(),
+            });
+        }
+    }
+}
+
+/// Root mean square distance [m] over vertices.
+pub(crate) fn rms(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
+    (sum / a.len().max(1) as f64).sqrt()
+}
+
+/// A third of each triangle's mass to each of its vertices [kg]; a vertex of no triangle gets a little, to be able to fall.
+fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
+    let mut masses = vec![0.0; mesh.positions.len()];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+        let third = density * (b - a).cross(c - a).length() / 6.0;
+        for vertex in triangle {
+            masses[*vertex as usize] += third;
+        }
+    }
+    masses.iter().map(|&mass| if mass > 0.0 { mass } else { 1e-6 }).collect()
+}
+
+/// The highest vertices; of a mesh that lies flat, the side of lowest z.
+fn top(mesh: &Mesh) -> Vec<u32> {
+    // Part of the extent that rounding in a modeller may spread what is level.
+    const LEVEL: f32 = 1e-4;
+    let (low, high) = bounds(mesh);
+    let extent = high - low;
+    let flat = extent.y <= LEVEL * extent.max_element();
+    let is_top = |x: &Vec3| if flat { x.z <= low.z + LEVEL * extent.z } else { x.y >= high.y - LEVEL * extent.y };
+    (0..).zip(&mesh.positions).filter(|(_, x)| is_top(x)).map(|(vertex, _)| vertex).collect()
+}
+
+/// The vertices nearest the corners of the mesh's bounding rectangle, along its two largest extents.
+fn corners(mesh: &Mesh) -> Vec<u32> {
+    let (low, high) = bounds(mesh);
+    let mut axes = [0, 1, 2];
+    axes.sort_by(|&a, &b| f32::total_cmp(&(high - low)[b], &(high - low)[a]));
+    let across = |point: Vec3| Vec2::new(point[axes[0]], point[axes[1]]);
+    let (low, high) = (across(low), across(high));
+    let nearest = |corner: Vec2| {
+        let distance = |position: &Vec3| across(*position).distance_squared(corner);
+        (0..).zip(&mesh.positions).min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(vertex, _)| vertex)
+    };
+    let rectangle = [low, Vec2::new(high.x, low.y), Vec2::new(low.x, high.y), high];
+    let mut vertices: Vec<u32> = rectangle.into_iter().filter_map(nearest).collect();
+    // A small mesh has one vertex nearest to several corners.
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
+fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
+    let first = mesh.positions.first().copied().unwrap_or_default();
+    mesh.positions.iter().fold((first, first), |(low, high), &position| (low.min(position), high.max(position)))
+}
+
+/// To be replaced by `Mesh::load_obj`: vertices and faces alone, polygons as fans.
+fn load_obj(path: &Path) -> Result<Mesh, String> {
+    let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
+    let mut mesh = Mesh::default();
+    for (number, line) in (1..).zip(text.lines()) {
+        let bad = || format!("line {number}: `{line}` cannot be read; export it as plain OBJ");
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let xyz: Vec<f32> = words.take(3).map(str::parse).collect::<Result<_, _>>().map_err(|_| bad())?;
+                mesh.positions.push(Vec3::from_array(xyz.try_into().map_err(|_| bad())?));
+            }
+            Some("f") => {
+                let index = |word: &str| word.split('/').next()?.parse::<u32>().ok()?.checked_sub(1);
+                let corners: Vec<u32> = words.map(index).collect::<Option<_>>().ok_or_else(bad)?;
+                mesh.triangles.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
+            }
+            _ => {}
+        }
+    }
+    Ok(mesh)
+}
