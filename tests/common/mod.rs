@@ -1,6 +1,10 @@
 //! What the test files share: scenes, the f64 reference, and the list of backends.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+pub mod chain;
+pub mod delaunay;
+pub mod energy;
+pub mod plain_xpbd;
 pub mod reference;
 
 use cloth_deformer::glam::Vec3;
