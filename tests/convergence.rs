@@ -39,7 +39,6 @@ fn second_order() {
         let mean = |f: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>() / points.len() as f64;
         let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
         let slope = mean(&|p| (p.0 - x) * (p.1 - y)) / mean(&|p| (p.0 - x).powi(2));
-        println!("MEASURED 10 frames {frames} slope {slope}");
         assert!(slope >= 1.8, "after {frames} frames: {slope}");
     }
 }
@@ -59,7 +58,6 @@ fn resolution_figures() {
             0.5 * (x[right] + x[right - 1]) + 0.5 * Vec3::Z
         };
         let (at_quarter, at_half) = (middle(), middle());
-        println!("MEASURED 11 {n} {at_quarter} {at_half}");
         assert!((at_quarter.y + 0.306_562_5).abs() < 1e-5, "N = {n}: {at_quarter} at 0.25 s");
         assert!((at_quarter.z - early).abs() < 1.2e-4, "N = {n}: {at_quarter} at 0.25 s");
         assert!((at_half.z - late).abs() < 1e-3, "N = {n}: {at_half} at 0.5 s");
@@ -71,7 +69,6 @@ fn resolution_figures() {
 fn gate(n: u32, substeps: u32, backend: Backend, steps: u32, bound: f64) {
     let (mesh, options) = hang(n, substeps, backend);
     let error = rms(&fall(&mesh, &options, substeps, 30), &reference(&mesh, &options, steps, 30));
-    println!("MEASURED 12 {backend:?} {n} {substeps} {error:e}");
     assert!(error <= bound, "N = {n}, S = {substeps}: {error:e} m");
 }
 
@@ -99,7 +96,6 @@ fn finer_is_not_worse() {
     let coarse = error(80);
     for substeps in [160, 320, 640] {
         let fine = error(substeps);
-        println!("MEASURED 24 {substeps} {fine:e} for {coarse:e}");
         assert!(fine <= coarse, "S = {substeps}: {fine:e} m, for {coarse:e} m at S = 80");
     }
 }
@@ -118,7 +114,6 @@ fn orientation_of_the_mesh() {
     };
     let meshes = [&grid, &delaunay::alternating(n), &delaunay::delaunay(n, 1), &delaunay::delaunay(n, 2)];
     let means = meshes.map(free_edge);
-    println!("MEASURED 13 {means:?}");
     for (a, b) in means.iter().flat_map(|a| means.iter().map(move |b| (a, b))) {
         assert!(a.distance(*b) < 2e-3, "{a} and {b}");
     }
@@ -145,7 +140,6 @@ fn unstructured_sheet() {
     let converged = fall(&mesh, &options, 640, 15);
     for (substeps, bound) in [(80, 4e-4), (160, 6e-5)] {
         let error = rms(&fall(&mesh, &options, substeps, 15), &converged);
-        println!("MEASURED square2K {substeps} {error:e}");
         assert!(error <= bound, "S = {substeps}: {error:e} m");
     }
 }

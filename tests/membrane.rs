@@ -227,7 +227,6 @@ fn string(backend: Backend) {
         let samples = vibrate(&mut deformer, 180, &taut, |x| half_wave(x.x));
         let f1 = f64::from(tension / RHO).sqrt() / 2.0;
         let (measured, expected) = (frequency(&samples, f64::from(FRAME)), f1 * lattice(N));
-        println!("MEASURED 9 string T {tension} {backend:?} {:+e} decay {:e}", measured / expected - 1.0, decay(&samples));
         assert!(off(measured, expected) < 5e-3, "T = {tension}: {measured} Hz for {expected}");
         assert!(decay(&samples) < 1e-3, "T = {tension}: decays by {}", decay(&samples));
     }
