@@ -26,8 +26,10 @@ fn project_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
     let r = dot(d, d) * inverse_square - 1.0;
     let c = dot(d0, d) * inverse_square;
-    if c > TURN_GUARD && abs(r) < STRETCH_GUARD {
-        return d0 * (-edge.inverse_weight * r * (0.5 - r * (0.125 - r * 0.0625)));
+    let r0 = dot(d0, d0) * inverse_square - 1.0;
+    if c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
+        let unit = 1.0 - r0 * (0.5 - r0 * 0.375);
+        return d0 * (-edge.inverse_weight * unit * r * (0.5 - r * (0.125 - r * 0.0625)));
     }
     return relax_edge(d0, du, edge);
 }

@@ -141,7 +141,7 @@ pub(crate) const ROUND: u32 = 1;
 
 /// SHAKE's direction is used while the edge has turned by less than this (cosine) ...
 const TURN_GUARD: f32 = 0.9;
-/// ... and its squared length is within this share of its rest value.
+/// ... and its squared length is within this share of its rest value, at the substep's start and end.
 const STRETCH_GUARD: f32 = 0.1;
 /// Speed [m/s] at which a vertex that began a substep inside a body is moved out of it.
 const DEPENETRATION: f32 = 1.0;
@@ -158,14 +158,18 @@ pub(crate) fn predict(p: Vec3A, acceleration: Vec3A, substep: &Substep) -> Vec3A
 ///
 /// `C = l - l0`, corrected along the edge's direction at the substep's start (SHAKE: Ryckaert et al. 1977) while the edge
 /// has hardly turned or stretched, else along its current direction (XPBD: Macklin et al. 2016). `l - l0` is a series in
-/// `r = (l/l0)² - 1`, so the common case has no square root; the rest length cancels.
+/// `r = (l/l0)² - 1`, and so is one over the length at the start, so the common case has no square root; the rest length
+/// cancels. Without the second series the edge would be stiffer by its own strain, at every substep; its guard keeps it
+/// from the edges of a scrambled cloth, where it diverges.
 pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     let d = d0 + du;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
     let r = d.dot(d) * inverse_square - 1.0;
     let c = d0.dot(d) * inverse_square;
-    if c > TURN_GUARD && r.abs() < STRETCH_GUARD {
-        d0 * (-edge.inverse_weight * r * (0.5 - r * (0.125 - r * 0.0625)))
+    let r0 = d0.dot(d0) * inverse_square - 1.0;
+    if c > TURN_GUARD && r.abs() < STRETCH_GUARD && r0.abs() < STRETCH_GUARD {
+        let unit = 1.0 - r0 * (0.5 - r0 * 0.375);
+        d0 * (-edge.inverse_weight * unit * r * (0.5 - r * (0.125 - r * 0.0625)))
     } else {
         relax(d0, du, edge)
     }

@@ -50,7 +50,7 @@ impl Default for Quality {
     }
 }
 
-/// What is fixed when a [`Deformer`] is made.
+/// What is fixed when a [`Deformer`](crate::Deformer) is made.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Where the work is done.

@@ -1,7 +1,11 @@
 //! What the test files share: scenes, the f64 reference, and the list of backends.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
+pub mod chain;
+pub mod delaunay;
+pub mod energy;
 pub mod meshes;
+pub mod plain_xpbd;
 pub mod reference;
 
 use cloth_deformer::glam::Vec3;

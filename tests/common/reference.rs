@@ -4,12 +4,33 @@
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec3, Vec3};
 
+/// An edge as a spring: its ends, rest length [m] and stiffness [N/m].
+pub type Spring = (usize, usize, f64, f64);
+
+/// The springs of a mesh: stiffness `K (A1 + A2) / l²` along its edges, K along a thread (an edge without area).
+pub fn springs(mesh: &Mesh, stretch: f64) -> Vec<Spring> {
+    let x: Vec<DVec3> = mesh.positions.iter().map(|x| x.as_dvec3()).collect();
+    let mut areas = std::collections::BTreeMap::new();
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|v| v as usize);
+        let area = (x[b] - x[a]).cross(x[c] - x[a]).length() / 2.0;
+        for (i, j) in [(a, b), (b, c), (c, a)].into_iter().filter(|(i, j)| i != j) {
+            *areas.entry((i.min(j), i.max(j))).or_insert(0.0) += area;
+        }
+    }
+    let spring = |(&(i, j), &area): (&(usize, usize), &f64)| {
+        let rest = x[i].distance(x[j]);
+        (i, j, rest, if area > 0.0 { stretch * area / (rest * rest) } else { stretch })
+    };
+    areas.iter().map(spring).collect()
+}
+
 /// A mass-spring cloth in double precision.
 pub struct Reference {
     pub x: Vec<DVec3>,
     pub v: Vec<DVec3>,
     inverse_mass: Vec<f64>,
-    springs: Vec<(usize, usize, f64, f64)>,
+    springs: Vec<Spring>,
     gravity: DVec3,
 }
 
@@ -17,19 +38,7 @@ impl Reference {
     /// Springs of stiffness `K (A1 + A2) / l²` [N/m] along the mesh's edges, masses [kg], vertices without mass if pinned.
     pub fn new(mesh: &Mesh, masses: &[f32], pinned: &[u32], stretch: f64) -> Reference {
         let x: Vec<DVec3> = mesh.positions.iter().map(|x| x.as_dvec3()).collect();
-        let mut areas = std::collections::BTreeMap::new();
-        for t in &mesh.triangles {
-            let [a, b, c] = t.map(|v| v as usize);
-            let area = (x[b] - x[a]).cross(x[c] - x[a]).length() / 2.0;
-            for (i, j) in [(a, b), (b, c), (c, a)] {
-                *areas.entry((i.min(j), i.max(j))).or_insert(0.0) += area;
-            }
-        }
-        let spring = |(&(i, j), &area): (&(usize, usize), &f64)| {
-            let rest = x[i].distance(x[j]);
-            (i, j, rest, stretch * area / (rest * rest))
-        };
-        let springs = areas.iter().map(spring).collect();
+        let springs = springs(mesh, stretch);
         let mut inverse_mass: Vec<f64> = masses.iter().map(|&m| 1.0 / f64::from(m)).collect();
         pinned.iter().for_each(|&v| inverse_mass[v as usize] = 0.0);
         Reference { v: vec![DVec3::ZERO; x.len()], x, inverse_mass, springs, gravity: DVec3::new(0.0, -9.81, 0.0) }

@@ -1,0 +1,111 @@
+//! Meshes that are barely meshes: every step stays finite on every backend. Input that is no number: an error before a step.
+
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, BuildError, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, StepError};
+
+use common::play;
+
+on_every_backend!(degenerate_meshes_stay_finite, input_that_is_no_number_is_refused);
+
+fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
+    Mesh { positions: positions.iter().map(|&x| x.into()).collect(), triangles: triangles.to_vec() }
+}
+
+/// Name, mesh, pins.
+fn table() -> Vec<(&'static str, Mesh, Vec<u32>)> {
+    let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]];
+    let two = [[0, 2, 1], [1, 2, 3]];
+    let grid = Mesh::grid(5, 5, 1.0, 1.0);
+    let apart = grid.positions.iter().map(|&x| x + 3.0 * Vec3::X);
+    let islands = Mesh {
+        positions: grid.positions.iter().copied().chain(apart).collect(),
+        triangles: grid.triangles.iter().flat_map(|&t| [t, t.map(|v| v + 25)]).collect(),
+    };
+    let rim = |k: u32| Vec3::new((0.1 * k as f32).cos(), 0.0, (0.1 * k as f32).sin());
+    let fan = Mesh {
+        positions: std::iter::once(Vec3::ZERO).chain((0..60).map(rim)).collect(),
+        triangles: (1..60).map(|k| [0, k + 1, k]).collect(),
+    };
+    let collinear = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let coincident = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
+    let book = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0]];
+    let sliver = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1e-7], [0.5, 0.0, 1.0]];
+    vec![
+        ("a triangle without area", mesh(&collinear, &[[0, 1, 2], [0, 3, 1]]), vec![0]),
+        ("nothing but a triangle without area", mesh(&collinear[..3], &[[0, 1, 2]]), vec![0]),
+        ("a sliver", mesh(&sliver, &[[0, 2, 1], [0, 3, 2], [2, 3, 1]]), vec![0]),
+        ("coincident vertices", mesh(&coincident, &two), vec![0]),
+        ("all vertices in one place", mesh(&[[0.5; 3]; 4], &two), vec![0]),
+        ("an edge of no length, pinned", mesh(&coincident, &two), vec![2]),
+        ("one vertex", mesh(&square[..1], &[]), vec![]),
+        ("one vertex, pinned", mesh(&square[..1], &[]), vec![0]),
+        ("a triangle that is one vertex", mesh(&square, &[[0, 2, 1], [3, 3, 3]]), vec![0]),
+        ("a vertex of no triangle", mesh(&square, &two[..1]), vec![0]),
+        ("two islands", islands, vec![0]),
+        ("an edge of three triangles", mesh(&book, &[[0, 2, 1], [0, 1, 3], [0, 4, 1]]), vec![0]),
+        ("the same triangle twice, once turned over", mesh(&square, &[[0, 2, 1], [0, 2, 1], [0, 1, 2]]), vec![0]),
+        ("everything pinned", grid.clone(), (0..25).collect()),
+        ("two pinned ends of an edge", mesh(&square, &two), vec![0, 1]),
+        ("one triangle, all but one pinned", mesh(&square[..3], &[[0, 2, 1]]), vec![0, 1]),
+        ("threads", mesh(&square, &[[0, 1, 1], [1, 3, 3], [3, 2, 2]]), vec![0]),
+        ("a thread on a triangle", mesh(&square, &[[0, 2, 1], [1, 3, 3]]), vec![0]),
+        ("a fan", fan.clone(), vec![1]),
+        ("a fan about its pin", fan, vec![0]),
+        ("nothing pinned", grid, vec![]),
+    ]
+}
+
+/// Everything at once acts on them: bending, air, drag, a collider that they start inside of.
+fn degenerate_meshes_stay_finite(backend: Backend) {
+    let fabrics = [Fabric { stretch: f32::INFINITY, ..Fabric::default() }, Fabric::TOWEL];
+    let ball = Collider::sphere(Vec3::new(0.4, -0.2, 0.4), 0.3);
+    let windy = Attributes { wind: Vec3::new(3.0, 0.0, 1.0), air_density: 1.2, colliders: vec![ball], ..Attributes::default() };
+    for (name, mesh, pinned) in table() {
+        for (fabric, attributes) in fabrics.iter().zip([&Attributes::default(), &windy]) {
+            for method in [Method::SmallSteps, Method::Relaxation { iterations: 4 }] {
+                let (fabric, pinned) = (*fabric, pinned.clone());
+                let options = Options { backend, method, quality: Quality::Substeps(20), fabric, pinned, ..Options::default() };
+                let mut deformer = Deformer::new(&mesh, options).unwrap_or_else(|error| panic!("{name}: {error}"));
+                play(&mut deformer, 10, attributes);
+                let measure = deformer.measure().unwrap();
+                assert!((measure.kinetic_energy + measure.potential_energy).is_finite(), "{name}: {measure:?}");
+                for (v, x) in deformer.positions().unwrap().iter().enumerate() {
+                    assert!(x.is_finite() && x.length() < 100.0, "{name}: vertex {v} is at {x}");
+                }
+                assert!(deformer.velocities().unwrap().iter().all(|v| v.is_finite()), "{name}");
+            }
+        }
+    }
+}
+
+fn input_that_is_no_number_is_refused(backend: Backend) {
+    let grid = Mesh::grid(4, 4, 1.0, 1.0);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let mut mesh = grid.clone();
+        mesh.positions[5].y = bad;
+        let refused = Deformer::new(&mesh, Options { backend, ..Options::default() }).unwrap_err();
+        assert!(matches!(refused, BuildError::Position { vertex: 5, .. }), "{refused}");
+        let mass = Some(vec![bad; 16]);
+        let refused = Deformer::new(&grid, Options { backend, mass, ..Options::default() }).unwrap_err();
+        assert!(matches!(refused, BuildError::Value { .. }), "{refused}");
+
+        let mut deformer = Deformer::new(&grid, Options { backend, pinned: vec![0], ..Options::default() }).unwrap();
+        play(&mut deformer, 1, &Attributes::default());
+        let before = deformer.positions().unwrap().to_vec();
+        let gravity = Attributes { gravity: Vec3::splat(bad), ..Attributes::default() };
+        let damping = Attributes { damping: bad, ..Attributes::default() };
+        let targets = Attributes { pin_targets: Some(vec![Vec3::splat(bad)]), ..Attributes::default() };
+        let collider = Attributes { colliders: vec![Collider::sphere(Vec3::splat(bad), 1.0)], ..Attributes::default() };
+        for attributes in [gravity, damping, targets, collider] {
+            let refused = deformer.step(common::FRAME, &attributes).unwrap_err();
+            assert!(matches!(refused, StepError::Attribute { .. }), "{refused}");
+        }
+        let refused = deformer.step(bad, &Attributes::default()).unwrap_err();
+        assert!(matches!(refused, StepError::TimeStep { .. }), "{refused}");
+        let refused = deformer.set_state(&[Vec3::splat(bad); 16], &[Vec3::ZERO; 16]).unwrap_err();
+        assert!(matches!(refused, StepError::State { name: "positions", .. }), "{refused}");
+        assert_eq!(deformer.positions().unwrap(), before, "nothing moved");
+    }
+}
