@@ -1,7 +1,6 @@
 //! The command line: what can be said, and what each word means.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -10,6 +9,7 @@ use clap::{Parser, value_parser};
 use cloth_deformer::{Backend, Fabric};
 
 use crate::Failure;
+use crate::pins::Pin;
 
 /// Names of the backends.
 pub(crate) const BACKENDS: [(&str, Backend); 3] = [("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
@@ -67,15 +67,6 @@ pub(crate) struct Arguments {
     /// The date to note [default: today]
     #[arg(long, value_name = "YYYY-MM-DD")]
     pub(crate) date: Option<String>,
-}
-
-/// Which vertices are pinned.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Pin {
-    None,
-    Top,
-    Corners,
-    Vertices(Vec<u32>),
 }
 
 impl Arguments {
@@ -140,23 +131,5 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
         _ => Err("it must be a finite number above 0".to_owned()),
-    }
-}
-
-impl FromStr for Pin {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Pin, String> {
-        let index = |word: &str| {
-            let word = word.trim();
-            word.parse()
-                .map_err(|_| format!("`{word}` is no vertex number; give none, top, corners or numbers from 0 with commas"))
-        };
-        match text {
-            "none" => Ok(Pin::None),
-            "top" => Ok(Pin::Top),
-            "corners" => Ok(Pin::Corners),
-            list => list.split(',').map(index).collect::<Result<Vec<u32>, String>>().map(Pin::Vertices),
-        }
     }
 }

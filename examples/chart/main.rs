@@ -20,16 +20,16 @@ use crate::measure::{Effort, Row, Setting};
 use crate::scene::{Scene, Truth};
 
 mod arguments;
-#[allow(
-    unreachable_pub,
-    unused_macros,
-    clippy::needless_for_each,
-    reason = "the tests' own, for their scene and their reference"
-)]
-#[path = "../../tests/common/mod.rs"]
-mod common;
 mod draw;
+#[allow(unreachable_pub, reason = "the tests' own")]
+#[path = "../../tests/common/hang.rs"]
+mod hang;
 mod measure;
+#[path = "../drape/pins.rs"]
+mod pins;
+#[allow(dead_code, unreachable_pub, reason = "the tests' own")]
+#[path = "../../tests/common/reference.rs"]
+mod reference;
 mod scene;
 
 fn main() -> ExitCode {

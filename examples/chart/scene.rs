@@ -1,15 +1,16 @@
 //! The scenes: a cloth, what holds it, and where it should be at the end.
 
-use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-use cloth_deformer::glam::{DVec3, Vec2, Vec3};
+use cloth_deformer::glam::DVec3;
 use cloth_deformer::{Backend, Deformer, Mesh, Options};
 
 use crate::Failure;
-use crate::arguments::{Arguments, Pin};
-use crate::common::{self, reference::Reference};
+use crate::arguments::Arguments;
+use crate::hang::hang;
+use crate::pins::bounds;
+use crate::reference::Reference;
 
 /// Change of the reference, in extents, when its step is halved, that is small enough: a tenth of what single precision leaves.
 const CONVERGED: f64 = 2e-6;
@@ -50,22 +51,17 @@ pub(crate) struct Truth {
 impl Scene {
     /// HANG: a sheet of 1 m x 1 m with n x n vertices, horizontal at rest, let go with one side pinned.
     pub(crate) fn hang(n: u32) -> Scene {
-        let (mesh, options) = common::hang(n, 1, Backend::Cpu);
+        let (mesh, options) = hang(n, 1, Backend::Cpu);
         let title = format!("HANG, {n} x {n} vertices");
         Scene { name: format!("hang{n}"), title, mesh, options, extent: 1.0, horizons: vec![30] }
     }
 
     /// The user's mesh, pinned as the arguments say.
     pub(crate) fn load(path: &Path, arguments: &Arguments) -> Result<Scene, Failure> {
-        let mesh = load_obj(path).map_err(|problem| Failure::input(format_args!("{}: {problem}", path.display())))?;
+        let mesh = Mesh::load_obj(path).map_err(Failure::input)?;
         let (low, high) = bounds(&mesh);
         let extent = f64::from((high - low).max_element());
-        let pinned = match &arguments.pin {
-            Pin::None => Vec::new(),
-            Pin::Top => top(&mesh),
-            Pin::Corners => corners(&mesh),
-            Pin::Vertices(list) => list.clone(),
-        };
+        let pinned = arguments.pin.vertices(&mesh);
         let options = Options { fabric: arguments.membrane(), pinned, ..Options::default() };
         // What is wrong with the mesh or the pins is the crate's to say.
         Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() })
@@ -160,62 +156,4 @@ fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
         }
     }
     masses.iter().map(|&mass| if mass > 0.0 { mass } else { 1e-6 }).collect()
-}
-
-/// The highest vertices; of a mesh that lies flat, the side of lowest z.
-fn top(mesh: &Mesh) -> Vec<u32> {
-    // Part of the extent that rounding in a modeller may spread what is level.
-    const LEVEL: f32 = 1e-4;
-    let (low, high) = bounds(mesh);
-    let extent = high - low;
-    let flat = extent.y <= LEVEL * extent.max_element();
-    let is_top = |x: &Vec3| if flat { x.z <= low.z + LEVEL * extent.z } else { x.y >= high.y - LEVEL * extent.y };
-    (0..).zip(&mesh.positions).filter(|(_, x)| is_top(x)).map(|(vertex, _)| vertex).collect()
-}
-
-/// The vertices nearest the corners of the mesh's bounding rectangle, along its two largest extents.
-fn corners(mesh: &Mesh) -> Vec<u32> {
-    let (low, high) = bounds(mesh);
-    let mut axes = [0, 1, 2];
-    axes.sort_by(|&a, &b| f32::total_cmp(&(high - low)[b], &(high - low)[a]));
-    let across = |point: Vec3| Vec2::new(point[axes[0]], point[axes[1]]);
-    let (low, high) = (across(low), across(high));
-    let nearest = |corner: Vec2| {
-        let distance = |position: &Vec3| across(*position).distance_squared(corner);
-        (0..).zip(&mesh.positions).min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(vertex, _)| vertex)
-    };
-    let rectangle = [low, Vec2::new(high.x, low.y), Vec2::new(low.x, high.y), high];
-    let mut vertices: Vec<u32> = rectangle.into_iter().filter_map(nearest).collect();
-    // A small mesh has one vertex nearest to several corners.
-    vertices.sort_unstable();
-    vertices.dedup();
-    vertices
-}
-
-fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
-    let first = mesh.positions.first().copied().unwrap_or_default();
-    mesh.positions.iter().fold((first, first), |(low, high), &position| (low.min(position), high.max(position)))
-}
-
-/// To be replaced by `Mesh::load_obj`: vertices and faces alone, polygons as fans.
-fn load_obj(path: &Path) -> Result<Mesh, String> {
-    let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
-    let mut mesh = Mesh::default();
-    for (number, line) in (1..).zip(text.lines()) {
-        let bad = || format!("line {number}: `{line}` cannot be read; export it as plain OBJ");
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => {
-                let xyz: Vec<f32> = words.take(3).map(str::parse).collect::<Result<_, _>>().map_err(|_| bad())?;
-                mesh.positions.push(Vec3::from_array(xyz.try_into().map_err(|_| bad())?));
-            }
-            Some("f") => {
-                let index = |word: &str| word.split('/').next()?.parse::<u32>().ok()?.checked_sub(1);
-                let corners: Vec<u32> = words.map(index).collect::<Option<_>>().ok_or_else(bad)?;
-                mesh.triangles.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
-            }
-            _ => {}
-        }
-    }
-    Ok(mesh)
 }

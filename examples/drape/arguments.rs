@@ -1,6 +1,6 @@
 //! The command line: what can be said, and what each word means.
 
-use std::{path::PathBuf, str::FromStr};
+use std::path::PathBuf;
 
 use clap::{
     Parser,
@@ -11,6 +11,7 @@ use clap::{
 use cloth_deformer::{Backend, Fabric, Method, glam::Vec3};
 
 use crate::Failure;
+use crate::pins::Pin;
 
 /// Names of the backends.
 pub(crate) const BACKENDS: [(&str, Backend); 4] =
@@ -22,7 +23,7 @@ pub(crate) const METHODS: [(&str, Method); 3] =
 
 /// Drapes a cloth over a sphere and a floor, and writes every frame as an OBJ file.
 ///
-/// Lengths are metres, masses kilograms, y is up. Without a mesh, a towel of 1 m x 1 m and 64 x 64 vertices falls from 0.7 m.
+/// Lengths are metres, masses kilograms, y is up. Without a mesh, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
 #[derive(Debug, Parser)]
 #[command(
     name = "drape",
@@ -117,15 +118,6 @@ pub(crate) struct Arguments {
     pub(crate) quiet: bool,
 }
 
-/// Which vertices are pinned.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Pin {
-    None,
-    Top,
-    Corners,
-    Vertices(Vec<u32>),
-}
-
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Ball {
@@ -218,22 +210,4 @@ fn vector(text: &str) -> Result<Vec3, String> {
 fn ball(text: &str) -> Result<Ball, String> {
     let [x, y, z, radius] = numbers(text)?;
     if radius > 0.0 { Ok(Ball { center: Vec3::new(x, y, z), radius }) } else { Err("the radius must be above 0".to_owned()) }
-}
-
-impl FromStr for Pin {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Pin, String> {
-        let index = |word: &str| {
-            let word = word.trim();
-            word.parse()
-                .map_err(|_| format!("`{word}` is no vertex number; give none, top, corners or numbers from 0 with commas"))
-        };
-        match text {
-            "none" => Ok(Pin::None),
-            "top" => Ok(Pin::Top),
-            "corners" => Ok(Pin::Corners),
-            list => list.split(',').map(index).collect::<Result<Vec<u32>, String>>().map(Pin::Vertices),
-        }
-    }
 }

@@ -31,6 +31,7 @@ use crate::{
 
 mod arguments;
 mod output;
+mod pins;
 mod preview;
 mod report;
 mod scene;
