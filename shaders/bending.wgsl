@@ -17,14 +17,75 @@ struct BendEntry {
 @group(1) @binding(2) var<storage, read> entries: array<BendEntry>;
 @group(1) @binding(3) var<storage, read> x: array<vec4f>;
 @group(1) @binding(4) var<storage, read> p: array<vec4f>;
-@group(1) @binding(5) var<storage, read_write> moments_out: array<vec4f>;
-@group(1) @binding(6) var<storage, read> moments: array<vec4f>;
+@group(1) @binding(5) var<storage, read_write> moments_out: array<Moment>;
+@group(1) @binding(6) var<storage, read> moments: array<Moment>;
 @group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
 
-// Stiffness times y + tau dy/dt, of the rate the part along y alone: it damps a change of curvature, not a rotation.
-fn bend_moment(y: vec3f, rate: vec3f, row: BendRow) -> vec3f {
-    let growth = dot(y, rate) / max(dot(y, y), 1e-30);
-    return y * (row.stiffness * (1.0 + row.tau * growth));
+// What a vertex's row does: the pull, and the couple that takes the torque out of its damping.
+struct Moment {
+    pull: vec3f,
+    couple: vec3f,
+}
+
+// What a vertex's ring does around it; products are the inertia's xy, xz, yz.
+struct Ring {
+    y: vec3f,
+    y_rate: vec3f,
+    spin: vec3f,
+    inertia: vec3f,
+    products: vec3f,
+}
+
+struct Spin {
+    omega: vec3f,
+    planar: bool,
+}
+
+fn add(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f32) {
+    (*ring).y += d * coefficient;
+    (*ring).y_rate += rate * coefficient;
+    (*ring).spin += cross(d, rate);
+    (*ring).inertia += vec3f(d.y * d.y + d.z * d.z, d.x * d.x + d.z * d.z, d.x * d.x + d.y * d.y);
+    (*ring).products -= vec3f(d.x * d.y, d.x * d.z, d.y * d.z);
+}
+
+// Stiffness times y + tau dy/dt, the rate measured against the ring's own rotation; see src/kernels.rs.
+fn bend_moment(ring: Ring, row: BendRow) -> Moment {
+    if row.tau == 0.0 {
+        return Moment(ring.y * row.stiffness, vec3f());
+    }
+    let damping = row.stiffness * row.tau;
+    let turn = unspin(ring.inertia, ring.products, ring.spin);
+    if !turn.planar {
+        let growth = dot(ring.y, ring.y_rate) / max(dot(ring.y, ring.y), 1e-30);
+        return Moment(ring.y * (row.stiffness + damping * growth), vec3f());
+    }
+    let resisted = (ring.y_rate - cross(turn.omega, ring.y)) * damping;
+    let couple = unspin(ring.inertia, ring.products, cross(ring.y, resisted)).omega;
+    return Moment(ring.y * row.stiffness + resisted, couple);
+}
+
+fn couple_of(own: vec3f, other: vec3f, entry: BendEntry) -> vec3f {
+    return own * select(1.0, 0.0, entry.forward == 0.0) + other * select(1.0, 0.0, entry.backward == 0.0);
+}
+
+// Solves I omega = spin for a symmetric inertia, unless the ring is (nearly) in one line.
+fn unspin(inertia: vec3f, products: vec3f, spin: vec3f) -> Spin {
+    let scale = 1.0 / max(inertia.x + inertia.y + inertia.z, 1e-30);
+    let i = inertia * scale;
+    let q = products * scale;
+    let diagonal = vec3f(i.y * i.z - q.z * q.z, i.x * i.z - q.y * q.y, i.x * i.y - q.x * q.x);
+    let corners = vec3f(q.y * q.z - q.x * i.z, q.x * q.z - q.y * i.y, q.x * q.y - q.z * i.x);
+    let determinant = i.x * diagonal.x + q.x * corners.x + q.y * corners.y;
+    if determinant < 1e-4 {
+        return Spin(vec3f(), false);
+    }
+    let omega = vec3f(
+        diagonal.x * spin.x + corners.x * spin.y + corners.y * spin.z,
+        corners.x * spin.x + diagonal.y * spin.y + corners.z * spin.z,
+        corners.y * spin.x + corners.z * spin.y + diagonal.z * spin.z,
+    );
+    return Spin(omega * (scale / determinant), true);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -33,14 +94,15 @@ fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     if v >= params.vertices {
         return;
     }
-    var y = vec3f();
-    var rate = vec3f();
+    var ring = Ring();
     for (var k = spans[v].start; k < spans[v].end; k++) {
         let entry = entries[k];
-        y += (x[entry.other].xyz - x[v].xyz) * entry.forward;
-        rate += (p[entry.other].xyz - p[v].xyz) * entry.forward;
+        if entry.forward != 0.0 {
+            let rate = (p[entry.other].xyz - p[v].xyz) * substep.rate;
+            add(&ring, x[entry.other].xyz - x[v].xyz, rate, entry.forward);
+        }
     }
-    moments_out[v] = vec4f(bend_moment(y, rate * substep.rate, rows[v]), 0.0);
+    moments_out[v] = bend_moment(ring, rows[v]);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -49,9 +111,15 @@ fn bend_forces(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     if i >= params.vertices {
         return;
     }
-    var force = -moments[i].xyz * rows[i].diagonal;
+    let own = moments[i];
+    var force = -own.pull * rows[i].diagonal;
     for (var k = spans[i].start; k < spans[i].end; k++) {
-        force -= moments[entries[k].other].xyz * entries[k].backward;
+        let entry = entries[k];
+        force -= moments[entry.other].pull * entry.backward;
+        if params.damped != 0u {
+            let d = x[entry.other].xyz - x[i].xyz;
+            force -= cross(couple_of(own.couple, moments[entry.other].couple, entry), d);
+        }
     }
     u[i] += vec4f(force * (x[i].w * substep.gain), 0.0);
 }

@@ -12,7 +12,8 @@ struct Params {
     vertices: u32,
     bodies: u32,
     pins: u32,
-    padding: vec2u,
+    damped: u32,
+    padding: u32,
 }
 
 struct Substep {

@@ -216,7 +216,7 @@ fn check_options(mesh: &Mesh, edges: &[[u32; 2]], options: &Options) -> Result<(
     let vertices = mesh.positions.len();
     let value = |name: &str, value: f32, holds: bool, remedy: &'static str| match holds {
         true => Ok(()),
-        false => Err(BuildError::Value { name: name.to_owned(), value, remedy }),
+        false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
     };
     let positive = |x: f32| x > 0.0 && x.is_finite();
     let not_negative = |x: f32| x >= 0.0 && x.is_finite();

@@ -23,8 +23,15 @@ pub(crate) struct Cpu {
     pub p: Vec<Vec4>,
     /// Displacement over this substep [m], being made.
     pub u: Vec<Vec4>,
-    /// Bending rigidity times mean curvature normal; empty without bending.
-    moments: Vec<Vec4>,
+    /// What each vertex's bending row does; empty without bending.
+    moments: Vec<Moment>,
+}
+
+/// See [`kernels::bend_moment`].
+#[derive(Debug, Clone, Copy, Default)]
+struct Moment {
+    pull: Vec3A,
+    couple: Vec3A,
 }
 
 impl Cpu {
@@ -66,15 +73,15 @@ impl Cpu {
         let Plan { cloth, coefficients, params, .. } = plan;
         let bending = plan.bending.then(|| (&coefficients.bending, &cloth.bending().entries));
         if let Some((rows, entries)) = bending {
-            self.moments.resize(x.len(), Vec4::ZERO);
+            self.moments.resize(x.len(), Moment::default());
             for_each(&mut self.moments, |v, moment| {
-                let (mut y, mut rate) = (Vec3A::ZERO, Vec3A::ZERO);
-                for entry in entries.of(v as u32) {
+                let mut ring = kernels::Ring::default();
+                for entry in entries.of(v as u32).iter().filter(|entry| entry.forward != 0.0) {
                     let j = entry.other as usize;
-                    y += xyz(x[j] - x[v]) * entry.forward;
-                    rate += xyz(p[j] - p[v]) * entry.forward;
+                    ring.add(xyz(x[j] - x[v]), xyz(p[j] - p[v]) * substep.rate, entry.forward);
                 }
-                *moment = kernels::bend_moment(y, rate * substep.rate, &rows[v]).extend(0.0);
+                let (pull, couple) = kernels::bend_moment(&ring, &rows[v]);
+                *moment = Moment { pull, couple };
             });
         }
         let moments = &self.moments;
@@ -91,9 +98,15 @@ impl Cpu {
             let mut by = kernels::predict(xyz(p[i]), ambient, substep);
             let gain = w * substep.gain;
             if let Some((rows, entries)) = bending {
-                let mut force = -xyz(moments[i]) * rows[i].diagonal;
+                let own = moments[i];
+                let mut force = -own.pull * rows[i].diagonal;
                 for entry in entries.of(i as u32) {
-                    force -= xyz(moments[entry.other as usize]) * entry.backward;
+                    let other = moments[entry.other as usize];
+                    force -= other.pull * entry.backward;
+                    if params.damped != 0 {
+                        let d = xyz(x[entry.other as usize] - x[i]);
+                        force -= kernels::couple(own.couple, other.couple, entry).cross(d);
+                    }
                 }
                 by += force * gain;
             }

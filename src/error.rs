@@ -69,7 +69,7 @@ pub enum BuildError {
         /// The option, with its index where it is a list.
         name: String,
         /// What was given.
-        value: f32,
+        value: String,
         /// What it must be.
         remedy: &'static str,
     },

@@ -27,16 +27,16 @@ pub struct Fabric {
 impl Fabric {
     /// A towel: heavy (between the median and the 95 % of density) and thick (near the 95 % of bending), quick to settle.
     /// The main example's cloth.
-    pub const TOWEL: Fabric = Fabric { density: 0.4, stretch: 5000.0, bending: 1e-4, damping: 0.06 };
+    pub const TOWEL: Fabric = Fabric { density: 0.4, stretch: 5000.0, bending: 1e-4, damping: 0.12 };
     /// Plain woven cotton: the median of density and of bending along the warp.
-    pub const COTTON: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1.4e-5, damping: 0.03 };
+    pub const COTTON: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1.4e-5, damping: 0.06 };
     /// Light woven silk: density and bending between the 5 % and the median.
-    pub const SILK: Fabric = Fabric { density: 0.06, stretch: 3000.0, bending: 3e-6, damping: 0.03 };
+    pub const SILK: Fabric = Fabric { density: 0.06, stretch: 3000.0, bending: 3e-6, damping: 0.06 };
     /// Denim: just inside the 95 % of density, at that of bending along the warp, the stiffest woven stretch.
-    pub const DENIM: Fabric = Fabric { density: 0.45, stretch: 10_000.0, bending: 1.1e-4, damping: 0.03 };
+    pub const DENIM: Fabric = Fabric { density: 0.45, stretch: 10_000.0, bending: 1.1e-4, damping: 0.06 };
     /// A knitted jersey: median density, bending between the 5 % and the median, stretch in the middle of the knits', more
     /// than ten times as soft as a woven cloth's.
-    pub const JERSEY: Fabric = Fabric { density: 0.2, stretch: 300.0, bending: 5e-6, damping: 0.03 };
+    pub const JERSEY: Fabric = Fabric { density: 0.2, stretch: 300.0, bending: 5e-6, damping: 0.06 };
 
     /// Every preset with its name in lower case.
     pub const PRESETS: [(&'static str, Fabric); 5] = [

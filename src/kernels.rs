@@ -27,7 +27,9 @@ pub(crate) struct Params {
     pub vertices: u32,
     pub bodies: u32,
     pub pins: u32,
-    pub padding: [u32; 2],
+    /// 1 if bending is damped.
+    pub damped: u32,
+    pub padding: u32,
 }
 
 /// What differs from one substep to the next.
@@ -188,15 +190,74 @@ pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
     d * (spring.stiffness * (length - spring.rest) / length)
 }
 
-/// Moment of a row: its stiffness times `y + tau dy/dt`, `y = sum_j c_vj (x_j - x_v)` the mean curvature normal.
+/// What a vertex's ring does around it, gathered neighbour by neighbour: `d` points to it, `rate` is how fast `d` changes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Ring {
+    /// Mean curvature normal `y = sum_j c_vj d_j`, and its rate.
+    pub y: Vec3A,
+    pub y_rate: Vec3A,
+    /// Sum of `d x rate`, and of `|d|² 1 - d d^T`: its diagonal, and its xy, xz, yz.
+    pub spin: Vec3A,
+    pub inertia: Vec3A,
+    pub products: Vec3A,
+}
+
+impl Ring {
+    /// Adds the neighbour at `d` with coefficient `c_vj`.
+    pub(crate) fn add(&mut self, d: Vec3A, rate: Vec3A, coefficient: f32) {
+        self.y += d * coefficient;
+        self.y_rate += rate * coefficient;
+        self.spin += d.cross(rate);
+        self.inertia += Vec3A::new(d.y * d.y + d.z * d.z, d.x * d.x + d.z * d.z, d.x * d.x + d.y * d.y);
+        self.products -= Vec3A::new(d.x * d.y, d.x * d.z, d.y * d.z);
+    }
+}
+
+/// Moment and couple of a vertex's bending row.
 ///
-/// Of the rate, the part along `y` alone: how fast the curvature changes, not how the cloth turns. The whole rate would
-/// exert the torque `-tau B D y x dy/dt`, which brakes the rotation of a cloth that is bent but rigid; any part along `y`
-/// exerts none, and takes the power `tau B D (y.dy/dt)²/|y|²`, never negative.
-pub(crate) fn bend_moment(y: Vec3A, rate: Vec3A, row: &BendRow) -> Vec3A {
-    // Below 1e-15 a curvature has no direction left, and the damping fades out.
-    let growth = y.dot(rate) / y.length_squared().max(1e-30);
-    y * (row.stiffness * (1.0 + row.tau * growth))
+/// The moment is `stiffness (y + tau dy/dt)`; neighbour `j` feels `-c_vj` times it. Taken as it is, the rate `dy/dt` would
+/// also brake the rotation of cloth that is bent but rigid, by the torque `-tau B D y x dy/dt`. So the rate is measured
+/// against the ring's own rotation, `omega = I^-1 sum d x dd/dt`, and what that adds to the dissipation's gradient is the
+/// couple: neighbour `j` also feels `couple x d_j`. Together they exert no torque, and never give energy.
+/// A ring in one line (a free edge) has no rotation about itself; there the part of the rate along `y` alone is damped.
+pub(crate) fn bend_moment(ring: &Ring, row: &BendRow) -> (Vec3A, Vec3A) {
+    if row.tau == 0.0 {
+        return (ring.y * row.stiffness, Vec3A::ZERO);
+    }
+    let damping = row.stiffness * row.tau;
+    let (omega, planar) = unspin(ring.inertia, ring.products, ring.spin);
+    if !planar {
+        // Below 1e-15 a curvature has no direction left, and the damping fades out.
+        let growth = ring.y.dot(ring.y_rate) / ring.y.dot(ring.y).max(1e-30);
+        return (ring.y * (row.stiffness + damping * growth), Vec3A::ZERO);
+    }
+    let resisted = (ring.y_rate - omega.cross(ring.y)) * damping;
+    let (couple, _) = unspin(ring.inertia, ring.products, ring.y.cross(resisted));
+    (ring.y * row.stiffness + resisted, couple)
+}
+
+/// The couples that act between a vertex and a neighbour: of the rows whose ring has the other in it.
+pub(crate) fn couple(own: Vec3A, other: Vec3A, entry: &BendEntry) -> Vec3A {
+    let in_ring = |coefficient: f32| if coefficient == 0.0 { 0.0 } else { 1.0 };
+    own * in_ring(entry.forward) + other * in_ring(entry.backward)
+}
+
+/// Solves `I omega = spin` for a symmetric inertia; false, and nothing, if the ring is (nearly) in one line.
+fn unspin(inertia: Vec3A, products: Vec3A, spin: Vec3A) -> (Vec3A, bool) {
+    let scale = 1.0 / (inertia.x + inertia.y + inertia.z).max(1e-30);
+    let (i, q) = (inertia * scale, products * scale);
+    let diagonal = Vec3A::new(i.y * i.z - q.z * q.z, i.x * i.z - q.y * q.y, i.x * i.y - q.x * q.x);
+    let corners = Vec3A::new(q.y * q.z - q.x * i.z, q.x * q.z - q.y * i.y, q.x * q.y - q.z * i.x);
+    let determinant = i.x * diagonal.x + q.x * corners.x + q.y * corners.y;
+    if determinant < 1e-4 {
+        return (Vec3A::ZERO, false);
+    }
+    let omega = Vec3A::new(
+        diagonal.x * spin.x + corners.x * spin.y + corners.y * spin.z,
+        corners.x * spin.x + diagonal.y * spin.y + corners.z * spin.z,
+        corners.y * spin.x + corners.z * spin.y + diagonal.z * spin.z,
+    );
+    (omega * (scale / determinant), true)
 }
 
 /// Force [N] of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into

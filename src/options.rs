@@ -105,23 +105,25 @@ pub enum Warning {
 impl Options {
     /// Checks what does not depend on the mesh.
     pub(crate) fn check_numbers(&self) -> Result<(), BuildError> {
-        let refuse = |name: &str, value: f32, remedy| Err(BuildError::Value { name: name.to_owned(), value, remedy });
+        let refuse = |name: &str, value: String, remedy| Err(BuildError::Value { name: name.to_owned(), value, remedy });
         match self.quality {
             Quality::Substeps(count) if !(1..=MAX_SUBSTEPS).contains(&count) => {
-                return refuse("quality: Substeps", count as f32, "must be 1 to 65536");
+                return refuse("quality: Substeps", count.to_string(), "must be 1 to 65536");
             }
             Quality::Strain(tolerance) if !(tolerance > 0.0 && tolerance.is_finite()) => {
-                return refuse("quality: Strain", tolerance, "must be finite and above 0; 0.03 is three per cent");
+                return refuse("quality: Strain", tolerance.to_string(), "must be finite and above 0; 0.03 is three per cent");
             }
             _ => {}
         }
         match self.method {
             Method::Relaxation { iterations } if !(1..=MAX_SUBSTEPS).contains(&iterations) => {
-                refuse("method: Relaxation iterations", iterations as f32, "must be 1 to 65536")
+                refuse("method: Relaxation iterations", iterations.to_string(), "must be 1 to 65536")
             }
-            Method::Springs if self.fabric.stretch.is_infinite() => {
-                refuse("fabric.stretch", self.fabric.stretch, "explicit springs cannot be inextensible; use SmallSteps")
-            }
+            Method::Springs if self.fabric.stretch.is_infinite() => refuse(
+                "fabric.stretch",
+                self.fabric.stretch.to_string(),
+                "explicit springs cannot be inextensible; use SmallSteps",
+            ),
             _ => Ok(()),
         }
     }

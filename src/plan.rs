@@ -103,6 +103,7 @@ impl<'a> Plan<'a> {
             vertices: cloth.rest.len() as u32,
             bodies: bodies.len() as u32,
             pins: pins.len() as u32,
+            damped: u32::from(options.fabric.damping > 0.0),
             ..Params::default()
         };
         Plan {

@@ -134,7 +134,7 @@ impl Bending {
         let rows = gpu.filled("bend rows", &plan.coefficients.bending);
         let spans = gpu.filled("bend spans", &entries.spans);
         let entries = gpu.filled("bend entries", &entries.items);
-        let moments = gpu.buffer("moments", x.size());
+        let moments = gpu.buffer("moments", 2 * x.size());
         let module = gpu.module("bending", shader!("bending"));
         let table = [(0, Bind::Read(&rows)), (1, Bind::Read(&spans)), (2, Bind::Read(&entries)), (3, Bind::Read(x))];
         let gather = [&table[..], &[(4, Bind::Read(p)), (5, Bind::Write(&moments))]].concat();
