@@ -25,7 +25,7 @@ fn reference(mesh: &Mesh, options: &Options, steps: u32, frames: u32) -> Vec<Vec
     reference.run(f64::from(frames) / 60.0, steps).positions()
 }
 
-/// 10. Order of convergence, where the stiffness is resolved (S* = 18) and the error above single precision's floor (1e-5).
+/// Test 10: order of convergence, where the stiffness is resolved (S* = 18) and the error above single precision's floor (1e-5).
 #[test]
 fn second_order() {
     let (mesh, options) = hang(8, 20, Backend::Cpu);
@@ -43,7 +43,7 @@ fn second_order() {
     }
 }
 
-/// 11. The middle of the free edge of an inextensible sheet falls freely until the pull of the pins arrives; how far it has
+/// Test 11: the middle of the free edge of an inextensible sheet falls freely until the pull of the pins arrives; how far it has
 /// come in by then depends on the resolution, by 2.5e-4 m from N = 32 to 64 at 0.25 s and by 5e-2 m at 0.5 s.
 #[test]
 fn resolution_figures() {
@@ -87,7 +87,7 @@ fn gate_at_128() {
     gate(128, 320, Backend::Cpu, 13_000, 2.4e-4);
 }
 
-/// 24. Single precision: finer substeps do not make it worse. Velocities from differences of positions would.
+/// Test 24: single precision: finer substeps do not make it worse. Velocities from differences of positions would.
 #[test]
 fn finer_is_not_worse() {
     let (mesh, options) = hang(32, 80, Backend::Cpu);

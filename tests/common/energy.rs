@@ -10,7 +10,9 @@ pub fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     let mut masses = vec![0.0; mesh.positions.len()];
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
-        t.iter().for_each(|&v| masses[v as usize] += density * (b - a).cross(c - a).length() / 6.0);
+        for &v in t {
+            masses[v as usize] += density * (b - a).cross(c - a).length() / 6.0;
+        }
     }
     masses
 }
@@ -29,7 +31,9 @@ pub fn energy(springs: &[Spring], masses: &[f32], g: f64, h: f64, x: &[Vec3], v:
 /// than `2 / (h² (w_i + w_j))`, and gives back no more energy than that when it is released.
 pub fn resolved_at(h: f64, springs: &[Spring], masses: &[f32], pinned: &[u32]) -> Vec<Spring> {
     let mut weight: Vec<f64> = masses.iter().map(|&m| 1.0 / f64::from(m)).collect();
-    pinned.iter().for_each(|&v| weight[v as usize] = 0.0);
+    for &v in pinned {
+        weight[v as usize] = 0.0;
+    }
     let soft = |&(i, j, rest, stiffness): &Spring| (i, j, rest, stiffness.min(2.0 / (h * h * (weight[i] + weight[j]))));
     springs.iter().map(soft).collect()
 }

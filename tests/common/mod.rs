@@ -1,5 +1,5 @@
 //! What the test files share: scenes, the f64 reference, and the list of backends.
-#![allow(dead_code, reason = "each test file uses its own part")]
+#![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
 pub mod chain;
 pub mod delaunay;

@@ -31,7 +31,9 @@ impl Baseline {
     /// At rest at `x` [m], in gravity along -y, undamped; springs are visited in the order given.
     pub fn new(scheme: Scheme, x: Vec<Vec3>, springs: Vec<Spring>, masses: &[f32], pinned: &[u32]) -> Baseline {
         let mut inverse_mass: Vec<f32> = masses.iter().map(|m| 1.0 / m).collect();
-        pinned.iter().for_each(|&v| inverse_mass[v as usize] = 0.0);
+        for &v in pinned {
+            inverse_mass[v as usize] = 0.0;
+        }
         let v = vec![Vec3::ZERO; x.len()];
         let gravity = Vec3::new(0.0, -9.81, 0.0);
         Baseline { scheme, x, v, inverse_mass, springs, gravity, damping: 0.0, started: false }

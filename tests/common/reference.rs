@@ -40,7 +40,9 @@ impl Reference {
         let x: Vec<DVec3> = mesh.positions.iter().map(|x| x.as_dvec3()).collect();
         let springs = springs(mesh, stretch);
         let mut inverse_mass: Vec<f64> = masses.iter().map(|&m| 1.0 / f64::from(m)).collect();
-        pinned.iter().for_each(|&v| inverse_mass[v as usize] = 0.0);
+        for &v in pinned {
+            inverse_mass[v as usize] = 0.0;
+        }
         Reference { v: vec![DVec3::ZERO; x.len()], x, inverse_mass, springs, gravity: DVec3::new(0.0, -9.81, 0.0) }
     }
 
