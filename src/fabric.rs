@@ -14,12 +14,12 @@ pub struct Fabric {
     pub stretch: f32,
     /// Bending rigidity B [N m]: moment per width and curvature. 0: no bending term, at no cost.
     pub bending: f32,
-    /// Retardation time of bending [s] (Kelvin-Voigt: the moment is `B (kappa + damping dkappa/dt)`). It settles a cloth
-    /// without slowing its fall or its turning. 0: undamped. What settles a cloth is `damping * bending / density`: 0.03 s
-    /// at 1e-4 N m and 0.2 kg/m² stills one dropped on a ball in two to three seconds.
+    /// Retardation time of bending [s] (Kelvin-Voigt: the moment is `B (kappa + damping dkappa/dt)`), measured against the
+    /// cloth's own rotation: it stills folds without slowing the cloth's fall or its turning. What swings as a whole, a
+    /// corner that hangs free, is left to the air ([`Attributes::damping`](crate::Attributes::damping)). 0: undamped, at no
+    /// cost. What counts is `damping * bending / density`: 0.06 s at 1e-4 N m and 0.2 kg/m² stills a dropped towel in
+    /// about two seconds.
     ///
-    /// Taut cloth is hardly damped where the substep does not resolve its stretch: its strain then differs from edge to
-    /// edge by more than its curvature shows.
     /// A time, not a rate: a rate would make 0 mean infinitely damped.
     pub damping: f32,
 }
