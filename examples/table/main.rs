@@ -10,6 +10,13 @@ use clap::Parser;
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
 
+#[allow(unreachable_pub, reason = "the tests' own")]
+#[path = "../../tests/common/hang.rs"]
+mod hang;
+#[allow(dead_code, unreachable_pub, reason = "the tests' own")]
+#[path = "../../tests/common/reference.rs"]
+mod reference;
+
 /// A frame [s].
 const FRAME: f32 = 1.0 / 60.0;
 
@@ -71,6 +78,23 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
         for &backend in &backends {
             let again = blown(mesh, backend, 0.0)?.0 == blown(mesh, backend, 0.0)?.0;
             check(&format!("{name}: replays bit for bit"), backend, if again { 0.0 } else { 1.0 }, 0.0);
+        }
+    }
+
+    // Position error at 0.5 s against the f64 reference, its step halved once for N = 32.
+    for (n, substeps, bound) in [(32, 80, 0.9e-4), (64, 160, 1.5e-4), (128, 320, 2.4e-4)] {
+        if arguments.quick && n > 32 {
+            continue;
+        }
+        let (mesh, options) = hang::hang(n, substeps, Backend::Cpu);
+        let masses = hang::grid_masses(n, 0.2);
+        let truth = reference::Reference::new(&mesh, &masses, &options.pinned, 5000.0).run(0.5, 60 * substeps).positions();
+        for &backend in backends.iter().filter(|&&backend| backend != Backend::Hybrid || n < 128) {
+            let mut deformer = Deformer::new(&mesh, Options { backend, ..options.clone() })?;
+            for _ in 0..30 {
+                deformer.step(FRAME, &Attributes::default())?;
+            }
+            check(&format!("HANG N = {n}, S = {substeps}: position error"), backend, rms(deformer.positions()?, &truth), bound);
         }
     }
 
