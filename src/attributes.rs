@@ -12,11 +12,11 @@ use crate::kernels::{self, Body};
 /// The default is gravity alone, in vacuum, undamped. A term that is absent costs nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attributes {
-    /// Gravity [m/s²].
+    /// Gravity (m/s²).
     pub gravity: Vec3,
-    /// Velocity of the air [m/s]. It acts through `air_density` (per triangle) and `damping` (per vertex).
+    /// Velocity of the air (m/s). It acts through `air_density` (per triangle) and `damping` (per vertex).
     pub wind: Vec3,
-    /// Density of the air [kg/m³]; 0: no air. 1.225 at sea level and 15 °C (ISO 2533).
+    /// Density of the air (kg/m³); 0: no air. 1.225 at sea level and 15 °C (ISO 2533).
     pub air_density: f32,
     /// Drag coefficient of a panel across the stream: 1.28 for a flat plate (NASA, "Shape Effects on Drag").
     pub drag: f32,
@@ -24,12 +24,12 @@ pub struct Attributes {
     /// the stream in the plane of stream and normal. Equal to `drag` by default: as near as the form comes to a plate's
     /// pressure force at 45 degrees.
     pub lift: f32,
-    /// Rate [1/s] at which a vertex's velocity tends to `wind`, whatever the triangles' shape: `dv/dt = -damping (v - wind)`.
+    /// Rate (1/s) at which a vertex's velocity tends to `wind`, whatever the triangles' shape: `dv/dt = -damping (v - wind)`.
     pub damping: f32,
     /// What the cloth rests on. A collider that moved since the last step moves evenly through this one; contact and
     /// friction see its velocity. Colliders are told apart by their place in the list.
     pub colliders: Vec<Collider>,
-    /// Where the pinned vertices are at the end of this step [m], in the order of
+    /// Where the pinned vertices are at the end of this step (m), in the order of
     /// [`Options::pinned`](crate::Options::pinned). They get there evenly. `None`: they stay where they are.
     pub pin_targets: Option<Vec<Vec3>>,
 }
@@ -63,25 +63,25 @@ pub struct Collider {
 pub enum Shape {
     /// A ball.
     Sphere {
-        /// Centre [m].
+        /// Centre (m).
         center: Vec3,
-        /// Radius [m], above 0.
+        /// Radius (m), above 0.
         radius: f32,
     },
     /// The half-space below a plane.
     Plane {
-        /// A point of the plane [m].
+        /// A point of the plane (m).
         point: Vec3,
         /// Its normal, out of the solid; any length but 0.
         normal: Vec3,
     },
     /// All points within `radius` of the segment from `a` to `b`.
     Capsule {
-        /// One end of the segment [m].
+        /// One end of the segment (m).
         a: Vec3,
-        /// The other end of the segment [m].
+        /// The other end of the segment (m).
         b: Vec3,
-        /// Radius [m], above 0.
+        /// Radius (m), above 0.
         radius: f32,
     },
 }
@@ -90,19 +90,19 @@ impl Collider {
     /// Friction of a collider made without a word about it.
     const FRICTION: f32 = 0.3;
 
-    /// A sphere: centre [m], radius [m]; friction 0.3.
+    /// A sphere: centre (m), radius (m); friction 0.3.
     #[must_use]
     pub fn sphere(center: Vec3, radius: f32) -> Collider {
         Collider { shape: Shape::Sphere { center, radius }, friction: Collider::FRICTION }
     }
 
-    /// A plane through `point` [m] with `normal` out of the solid; friction 0.3.
+    /// A plane through `point` (m) with `normal` out of the solid; friction 0.3.
     #[must_use]
     pub fn plane(point: Vec3, normal: Vec3) -> Collider {
         Collider { shape: Shape::Plane { point, normal }, friction: Collider::FRICTION }
     }
 
-    /// A capsule around the segment from `a` to `b` [m], radius [m]; friction 0.3.
+    /// A capsule around the segment from `a` to `b` (m), radius (m); friction 0.3.
     #[must_use]
     pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Collider {
         Collider { shape: Shape::Capsule { a, b, radius }, friction: Collider::FRICTION }
@@ -114,7 +114,7 @@ impl Collider {
         Collider { friction, ..self }
     }
 
-    /// Signed distance [m] from the surface to `point` [m], negative inside.
+    /// Signed distance (m) from the surface to `point` (m), negative inside.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
         self.depth_from(point.as_dvec3()) as f32

@@ -17,7 +17,7 @@ use crate::kernels::{BendEntry, BendRow};
 pub(crate) struct Bending {
     /// The neighbours in each vertex's row, and the vertex in theirs.
     pub entries: Lists<BendEntry>,
-    /// `D_v` [1/m²] for each vertex; 0 where it has no row.
+    /// `D_v` (1/m²) for each vertex; 0 where it has no row.
     weight: Vec<f64>,
     /// `-c_vv` for each vertex.
     diagonal: Vec<f64>,
@@ -108,7 +108,7 @@ impl Bending {
         Bending { entries, weight, diagonal }
     }
 
-    /// Bending energy [J] of positions `x` [m] for unit rigidity.
+    /// Bending energy (J) of positions `x` (m) for unit rigidity.
     pub(crate) fn energy(&self, x: &[glam::DVec3]) -> f64 {
         let row = |(v, weight): (usize, &f64)| {
             let entries = self.entries.of(v as u32).iter();
@@ -118,7 +118,7 @@ impl Bending {
         self.weight.iter().enumerate().map(row).sum()
     }
 
-    /// The rows for rigidity `bending` [N m] and retardation time `tau` [s] at substep `h` [s], and the number of vertices
+    /// The rows for rigidity `bending` (N m) and retardation time `tau` (s) at substep `h` (s), and the number of vertices
     /// where the rigidity had to be lowered to stay stable.
     ///
     /// The energy of a row is lowered, not the response of a vertex, so that momentum is kept. The bound on the largest

@@ -14,7 +14,7 @@ use crate::options::Options;
 
 /// Most vertices: an index this small is exact in a float, which the OBJ reader relies on.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
-/// Farther out [m], or faster [m/s], squares soon overflow. `commit.wgsl` has the same bound.
+/// Farther out (m), or faster (m/s), squares soon overflow. `commit.wgsl` has the same bound.
 pub(crate) const MAX_POSITION: f32 = 1e15;
 
 /// A cloth in its own vertex order and local coordinates.
@@ -22,11 +22,11 @@ pub(crate) const MAX_POSITION: f32 = 1e15;
 pub(crate) struct Cloth {
     /// The mesh's index of each vertex.
     pub order: Vec<u32>,
-    /// What was subtracted from the mesh's positions [m], exactly.
+    /// What was subtracted from the mesh's positions (m), exactly.
     pub origin: Vec3,
-    /// Rest positions [m]; w is the inverse mass [1/kg], 0 where pinned.
+    /// Rest positions (m); w is the inverse mass (1/kg), 0 where pinned.
     pub rest: Vec<Vec4>,
-    /// Masses [kg], pinned or not.
+    /// Masses (kg), pinned or not.
     pub mass: Vec<f32>,
     /// Triangles, without those that name a vertex twice.
     pub triangles: Vec<[u32; 3]>,
@@ -36,10 +36,10 @@ pub(crate) struct Cloth {
     pub colors: Vec<Range<usize>>,
     /// Pinned vertices, in the order of the options.
     pub pinned: Vec<u32>,
-    /// Mass over area [kg/m²], and the longest side of the rest shape's box [m].
+    /// Mass over area (kg/m²), and the longest side of the rest shape's box (m).
     pub density: f64,
     pub extent: f64,
-    /// Longest edge [m].
+    /// Longest edge (m).
     pub longest: f32,
     panels: OnceLock<Panels>,
     springs: OnceLock<Lists<Spring>>,
@@ -50,9 +50,9 @@ pub(crate) struct Cloth {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Link {
     pub ends: [u32; 2],
-    /// Rest length [m].
+    /// Rest length (m).
     pub rest: f32,
-    /// Stiffness `K (A1 + A2) / l0²` [N/m]; infinite if inextensible.
+    /// Stiffness `K (A1 + A2) / l0²` (N/m); infinite if inextensible.
     pub stiffness: f64,
     /// The same for K = 1 N/m.
     pub shape: f64,
@@ -134,7 +134,7 @@ impl Cloth {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
     }
 
-    /// Sum of the inverse masses [1/kg] of an edge's ends.
+    /// Sum of the inverse masses (1/kg) of an edge's ends.
     pub(crate) fn weight(&self, link: &Link) -> f64 {
         link.ends.iter().map(|&vertex| f64::from(self.rest[vertex as usize].w)).sum()
     }
@@ -258,7 +258,7 @@ fn check_options(mesh: &Mesh, edges: &[[u32; 2]], options: &Options) -> Result<(
     Ok(())
 }
 
-/// Mass of each vertex [kg] and the mean areal density [kg/m²].
+/// Mass of each vertex (kg) and the mean areal density (kg/m²).
 ///
 /// A vertex of no triangle, or of flat ones alone, has no area to weigh: it takes the mean mass of the others, or if
 /// there are none, that of a square metre shared by all. Alone it moves the same whatever its mass.
@@ -295,7 +295,7 @@ fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
     positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
-/// Area [m²], in double precision: single would lose a thin triangle.
+/// Area (m²), in double precision: single would lose a thin triangle.
 fn area_of(triangle: [u32; 3], positions: &[Vec3]) -> f64 {
     let [a, b, c]: [DVec3; 3] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
     0.5 * (b - a).cross(c - a).length()

@@ -8,7 +8,7 @@ use crate::options::{Method, Options};
 /// The cloth's numbers for substeps of one length.
 #[derive(Debug, Clone)]
 pub(crate) struct Coefficients {
-    /// The substep [s] they are for.
+    /// The substep (s) they are for.
     pub h: f32,
     /// Edges in colour order; none for springs, which are forces.
     pub edges: Batches,

@@ -17,11 +17,11 @@ pub(crate) const PARALLEL: usize = 2 * GRAIN;
 /// The state of the cloth in memory, one value per vertex in the cloth's order.
 #[derive(Debug, Clone)]
 pub(crate) struct Cpu {
-    /// Positions [m], w the inverse mass [1/kg].
+    /// Positions (m), w the inverse mass (1/kg).
     pub x: Vec<Vec4>,
-    /// Displacement over the last substep [m].
+    /// Displacement over the last substep (m).
     pub p: Vec<Vec4>,
-    /// Displacement over this substep [m], being made.
+    /// Displacement over this substep (m), being made.
     pub u: Vec<Vec4>,
     /// What each vertex's bending row does; empty without bending.
     moments: Vec<Moment>,

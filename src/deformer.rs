@@ -30,7 +30,7 @@ pub struct Deformer {
     shown: bool,
 }
 
-/// Shortest step [s]: below it a displacement no longer gives a velocity in single precision.
+/// Shortest step (s): below it a displacement no longer gives a velocity in single precision.
 pub(crate) const MIN_TIME_STEP: f32 = 1e-9;
 
 impl Deformer {
@@ -48,7 +48,7 @@ impl Deformer {
         Ok(Deformer { cloth, options, rates, engine, coefficients: None, motion, positions, velocities, shown: true })
     }
 
-    /// Advances by `dt` [s].
+    /// Advances by `dt` (s).
     ///
     /// # Errors
     /// If `dt` or an attribute is out of its range, or the motion left the finite numbers; the state is then as it was.
@@ -88,7 +88,7 @@ impl Deformer {
         self.shown = false;
     }
 
-    /// Positions [m], one per vertex, in the mesh's order. Reads back from the GPU when they changed.
+    /// Positions (m), one per vertex, in the mesh's order. Reads back from the GPU when they changed.
     ///
     /// # Errors
     /// If the GPU was lost, or the motion left the finite numbers since the last look.
@@ -97,7 +97,7 @@ impl Deformer {
         Ok(&self.positions)
     }
 
-    /// Velocities [m/s], one per vertex, in the mesh's order, half a substep back (leapfrog).
+    /// Velocities (m/s), one per vertex, in the mesh's order, half a substep back (leapfrog).
     ///
     /// # Errors
     /// As [`Deformer::positions`].
@@ -106,7 +106,7 @@ impl Deformer {
         Ok(&self.velocities)
     }
 
-    /// Puts the cloth somewhere else: positions [m] and velocities [m/s], one per vertex, in the mesh's order. Pins are
+    /// Puts the cloth somewhere else: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are
     /// held where this puts them; the rest shape stays the mesh's.
     ///
     /// # Errors
@@ -195,13 +195,13 @@ impl Deformer {
         self.cloth.colors.len()
     }
 
-    /// What is subtracted from positions before they are computed with [m]; 0 unless the mesh is far out.
+    /// What is subtracted from positions before they are computed with (m); 0 unless the mesh is far out.
     #[must_use]
     pub fn origin(&self) -> Vec3 {
         self.cloth.origin
     }
 
-    /// The positions on the GPU, for a renderer on the same device: a `vec4<f32>` a vertex, xyz [m] less
+    /// The positions on the GPU, for a renderer on the same device: a `vec4<f32>` a vertex, xyz (m) less
     /// [`Deformer::origin`], in the order of [`Deformer::vertex_order`]. `None` unless the backend is [`Backend::Gpu`].
     #[cfg(feature = "gpu")]
     #[must_use]

@@ -8,13 +8,13 @@
 /// own: [`Options::edge_scale`](crate::Options::edge_scale) sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fabric {
-    /// Areal density [kg/m²]; above 0.
+    /// Areal density (kg/m²); above 0.
     pub density: f32,
-    /// Membrane stiffness K [N/m]: tension per width and strain. [`f32::INFINITY`]: inextensible. Above 0.
+    /// Membrane stiffness K (N/m): tension per width and strain. [`f32::INFINITY`]: inextensible. Above 0.
     pub stretch: f32,
-    /// Bending rigidity B [N m]: moment per width and curvature. 0: no bending term, at no cost.
+    /// Bending rigidity B (N m): moment per width and curvature. 0: no bending term, at no cost.
     pub bending: f32,
-    /// Retardation time of bending [s] (Kelvin-Voigt: the moment is `B (kappa + damping dkappa/dt)`), measured against the
+    /// Retardation time of bending (s) (Kelvin-Voigt: the moment is `B (kappa + damping dkappa/dt)`), measured against the
     /// cloth's own rotation: it stills folds without slowing the cloth's fall or its turning. What swings as a whole, a
     /// corner that hangs free, is left to the air ([`Attributes::damping`](crate::Attributes::damping)). 0: undamped, at no
     /// cost. What counts is `damping * bending / density`: 0.06 s at 1e-4 N m and 0.2 kg/m² stills a dropped towel in

@@ -1,6 +1,6 @@
 //! The mathematics, as pure functions: values in, values out. `shaders/` holds the same functions under the same names.
 //!
-//! Within a substep of length `h` a vertex is at `x` [m] and will move by `u` [m]; `p` [m] is its displacement over the
+//! Within a substep of length `h` a vertex is at `x` (m) and will move by `u` (m); `p` (m) is its displacement over the
 //! substep before, so its velocity is `p / h`. Everything is written in displacements: formed as `(x - x_prev) / h` in
 //! single precision, a velocity loses gravity altogether once `h^2 g` nears the last bit of `x`. Storing `p` rather than
 //! `v` also spares the rounding of `v -> h v -> v`, which is what makes friction near its threshold drift.
@@ -12,13 +12,13 @@ use glam::{Vec3A, Vec4};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct Params {
-    /// Gravity plus the linear drag toward the wind, `g + c v_air` [m/s²].
+    /// Gravity plus the linear drag toward the wind, `g + c v_air` (m/s²).
     pub acceleration: [f32; 3],
-    /// Substep [s].
+    /// Substep (s).
     pub h: f32,
-    /// Velocity of the air [m/s].
+    /// Velocity of the air (m/s).
     pub wind: [f32; 3],
-    /// Half the density of the air [kg/m³].
+    /// Half the density of the air (kg/m³).
     pub half_density: f32,
     pub drag: f32,
     pub lift: f32,
@@ -38,9 +38,9 @@ pub(crate) struct Params {
 pub(crate) struct Substep {
     /// Share of the last displacement that carries over: drag, and the ratio of this substep to the last.
     pub carry: f32,
-    /// Displacement by a unit of acceleration [s²]: `h²`, half of it in the first substep (leapfrog start).
+    /// Displacement by a unit of acceleration (s²): `h²`, half of it in the first substep (leapfrog start).
     pub gain: f32,
-    /// One over the last substep [1/s]: turns `p` into a velocity.
+    /// One over the last substep (1/s): turns `p` into a velocity.
     pub rate: f32,
     /// Where the substep begins and ends within the step, 0..1.
     pub start: f32,
@@ -53,9 +53,9 @@ pub(crate) struct Substep {
 pub(crate) struct Edge {
     pub a: u32,
     pub b: u32,
-    /// One over the rest length [1/m].
+    /// One over the rest length (1/m).
     pub inverse_rest: f32,
-    /// `1 / (w_a + w_b + a')` [kg], `a'` the shifted compliance over `h²`.
+    /// `1 / (w_a + w_b + a')` (kg), `a'` the shifted compliance over `h²`.
     pub inverse_weight: f32,
 }
 
@@ -72,9 +72,9 @@ pub(crate) struct Span {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Spring {
     pub other: u32,
-    /// Rest length [m].
+    /// Rest length (m).
     pub rest: f32,
-    /// Stiffness [N/m].
+    /// Stiffness (N/m).
     pub stiffness: f32,
 }
 
@@ -84,7 +84,7 @@ pub(crate) struct Spring {
 pub(crate) struct BendRow {
     /// `B_v D_v`; B limited where explicit integration needs it.
     pub stiffness: f32,
-    /// Retardation time [s].
+    /// Retardation time (s).
     pub tau: f32,
     /// `c_vv = -sum_j c_vj`.
     pub diagonal: f32,
@@ -106,7 +106,7 @@ pub(crate) struct BendEntry {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Panel {
     pub corners: [u32; 3],
-    /// Mass [kg] that its force moves: its area times the least areal density of its corners.
+    /// Mass (kg) that its force moves: its area times the least areal density of its corners.
     pub mass: f32,
 }
 
@@ -145,7 +145,7 @@ pub(crate) const ROUND: u32 = 1;
 const TURN_GUARD: f32 = 0.9;
 /// ... and its squared length is within this share of its rest value, at the substep's start and end.
 const STRETCH_GUARD: f32 = 0.1;
-/// Speed [m/s] at which a vertex that began a substep inside a body is moved out of it.
+/// Speed (m/s) at which a vertex that began a substep inside a body is moved out of it.
 const DEPENETRATION: f32 = 1.0;
 /// A vertex that moves by more than this share of a body's radius in a substep is swept along its path.
 const SWEPT: f32 = 0.25;
@@ -184,7 +184,7 @@ pub(crate) fn relax(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * length) - 1.0))
 }
 
-/// Force [N] of a spring on the end that `d` points away from.
+/// Force (N) of a spring on the end that `d` points away from.
 pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
     let length = d.length().max(1e-12);
     d * (spring.stiffness * (length - spring.rest) / length)
@@ -260,7 +260,7 @@ fn unspin(inertia: Vec3A, products: Vec3A, spin: Vec3A) -> (Vec3A, bool) {
     (omega * (scale / determinant), true)
 }
 
-/// Force [N] of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into
+/// Force (N) of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into
 /// a normal part `k_n v_n` and a tangential part `k_t v_t` per area, each `k` limited to `k / (1 + h k A/m)`: exact for a
 /// free panel, and never reverses the velocity relative to the air, however strong the wind.
 pub(crate) fn wind_force(x0: Vec3A, x1: Vec3A, x2: Vec3A, velocity: Vec3A, mass: f32, params: &Params) -> Vec3A {

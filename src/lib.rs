@@ -1,4 +1,5 @@
-//! stub
+#![doc = include_str!("../README.md")]
+
 mod attributes;
 mod batches;
 mod bending;

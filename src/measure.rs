@@ -12,16 +12,16 @@ pub struct Measure {
     pub mean_strain: f32,
     /// Maximum over the edges of `max(0, l/l0 - 1)`.
     pub max_strain: f32,
-    /// Kinetic energy [J], of the velocities half a substep back (leapfrog).
+    /// Kinetic energy (J), of the velocities half a substep back (leapfrog).
     pub kinetic_energy: f64,
-    /// Potential energy [J]: gravity (0 at rest), stretch (none if inextensible) and bending.
+    /// Potential energy (J): gravity (0 at rest), stretch (none if inextensible) and bending.
     pub potential_energy: f64,
-    /// Depth [m] of the deepest vertex in the last step's colliders, 0 if none is inside.
+    /// Depth (m) of the deepest vertex in the last step's colliders, 0 if none is inside.
     pub penetration: f32,
 }
 
 impl Measure {
-    /// Measures the state `x` [m], `v` [m/s], in the cloth's order and local coordinates, in double precision.
+    /// Measures the state `x` (m), `v` (m/s), in the cloth's order and local coordinates, in double precision.
     pub(crate) fn new(cloth: &Cloth, bending: f64, x: &[DVec3], v: &[DVec3], gravity: Vec3, colliders: &[Collider]) -> Measure {
         let gravity = gravity.as_dvec3();
         let (mut kinetic, mut potential) = (0.0, 0.0);

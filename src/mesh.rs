@@ -2,14 +2,14 @@
 
 use glam::Vec3;
 
-/// A triangle mesh: vertex positions [m] and vertex indices, three a triangle.
+/// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
 ///
 /// Any triangles will do: open or closed, several pieces, edges with three or more triangles, vertices that no triangle
 /// uses. A triangle that names a vertex twice is an edge without area: a thread.
 /// [`Deformer::new`](crate::Deformer::new) checks indices and positions.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
-    /// Positions [m], one per vertex.
+    /// Positions (m), one per vertex.
     pub positions: Vec<Vec3>,
     /// Vertex indices of each triangle, counter-clockwise seen from its front.
     pub triangles: Vec<[u32; 3]>,
@@ -17,7 +17,7 @@ pub struct Mesh {
 
 impl Mesh {
     /// A rectangle of `columns` x `rows` vertices in the xz-plane, centred on the origin, its front up (+y):
-    /// `width` [m] along x, `height` [m] along z. Vertices are numbered row by row; all diagonals run the same way.
+    /// `width` (m) along x, `height` (m) along z. Vertices are numbered row by row; all diagonals run the same way.
     ///
     /// With fewer than two columns or rows there is no area, and so no triangle.
     #[must_use]

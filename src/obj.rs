@@ -115,7 +115,7 @@ impl Mesh {
         parse(&String::from_utf8_lossy(&bytes), Some(path))
     }
 
-    /// Reads the text of an OBJ: its `v` lines are the vertices [m], in their order, used or not; its `f` lines are the
+    /// Reads the text of an OBJ: its `v` lines are the vertices (m), in their order, used or not; its `f` lines are the
     /// triangles, in their order, polygons cut into a fan from their first corner.
     ///
     /// Corners are joined by position alone: seams of texture and normals, objects and groups do not cut the cloth.

@@ -23,7 +23,7 @@ pub enum Backend {
 /// How the edges hold together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// Small-step XPBD, one sweep a substep, second order: see `NUMERICS` in the repository's README.
+    /// Small-step XPBD, one sweep a substep, second order in the substep: see "How it works".
     #[default]
     SmallSteps,
     /// Position Verlet and Jakobsen relaxation (2001), the 2013 plug-in's own: stiffness depends on iterations and step.
@@ -40,7 +40,7 @@ pub enum Method {
 pub enum Quality {
     /// This many substeps in each step.
     Substeps(u32),
-    /// As many as keep the worst stretch strain below this, from closed forms (see [`crate::quality`]).
+    /// As many as keep the worst stretch strain below this, from closed forms.
     Strain(f32),
 }
 
@@ -66,7 +66,7 @@ pub struct Options {
     pub gpu: Option<Gpu>,
     /// Vertices that move only as [`Attributes::pin_targets`](crate::Attributes::pin_targets) says; each at most once.
     pub pinned: Vec<u32>,
-    /// Mass of each vertex [kg]; `None`: a third of each of its triangles' `density * area`.
+    /// Mass of each vertex (kg); `None`: a third of each of its triangles' `density * area`.
     pub mass: Option<Vec<f32>>,
     /// Factor on `fabric.stretch` for each of [`Mesh::edges`](crate::Mesh::edges), 0 or above: below 1 along the diagonals gives soft shear.
     ///

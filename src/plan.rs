@@ -11,18 +11,18 @@ use crate::options::{Method, Options};
 /// What the next step must know of the last.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Motion {
-    /// Its substep [s]; 0 if there was none, which makes the first kick half a kick (leapfrog start).
+    /// Its substep (s); 0 if there was none, which makes the first kick half a kick (leapfrog start).
     pub h: f32,
     /// Its colliders.
     pub colliders: Vec<Collider>,
-    /// Its gravity [m/s²], which the potential energy refers to.
+    /// Its gravity (m/s²), which the potential energy refers to.
     pub gravity: Vec3,
-    /// Where it left the pins [m], local.
+    /// Where it left the pins (m), local.
     pub pins: Vec<Vec3>,
 }
 
 impl Motion {
-    /// What displacements are divided by to give velocities [s]: the substep, or 1 where they were given as velocities.
+    /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
     pub(crate) fn unit(&self) -> f32 {
         if self.h > 0.0 { self.h } else { 1.0 }
     }

@@ -28,7 +28,7 @@ impl Rates {
         Rates { unit: unit_rate(cloth), explicit }
     }
 
-    /// Substeps for a step of `dt` [s].
+    /// Substeps for a step of `dt` (s).
     ///
     /// Small steps: the worst strain below the resolved substep is `2 sigma/K (S*/S)²` with membrane stress `sigma`, so
     /// `S = S* sqrt(2 sigma / (K tau))`; K cancels, and the form holds for inextensible cloth. `sigma` is five times
@@ -53,7 +53,7 @@ impl Rates {
         if needed <= f64::from(MAX_SUBSTEPS) { Ok(needed as u32) } else { Err(StepError::TooManySubsteps { needed }) }
     }
 
-    /// Substeps that explicit springs need in a step of `dt` [s], if more than `substeps`.
+    /// Substeps that explicit springs need in a step of `dt` (s), if more than `substeps`.
     pub(crate) fn explicit_shortfall(&self, dt: f32, substeps: u32) -> Option<u32> {
         let needed = f64::from(dt) * self.explicit;
         (needed > f64::from(substeps)).then_some(needed.ceil().min(f64::from(u32::MAX)) as u32)

@@ -13,7 +13,7 @@ fn bending_only(bending: f64) -> Fabric {
     Fabric { density: DENSITY as f32, stretch: f32::INFINITY, bending: bending as f32, damping: 0.0 }
 }
 
-/// The mesh rolled onto a cylinder of curvature `kappa` [1/m], curved along the direction `degrees` from x towards z.
+/// The mesh rolled onto a cylinder of curvature `kappa` (1/m), curved along the direction `degrees` from x towards z.
 fn rolled(mesh: &Mesh, kappa: f64, degrees: f64) -> Vec<Vec3> {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (along, across) = (DVec3::new(cos, 0.0, sin), DVec3::new(-sin, 0.0, cos));
@@ -107,13 +107,13 @@ struct Strip {
     mesh: Mesh,
     weights: Vec<f32>,
     options: Options,
-    /// Length [m] beyond the clamp. Two clamped columns clamp the beam half a cell before the second of them.
+    /// Length (m) beyond the clamp. Two clamped columns clamp the beam half a cell before the second of them.
     length: f64,
     bending: f64,
 }
 
 impl Strip {
-    /// Square cells, 1 m long, B [N m] such that `rho g L³/B = heaviness` at g = 9.81.
+    /// Square cells, 1 m long, B (N m) such that `rho g L³/B = heaviness` at g = 9.81.
     fn new(columns: u32, rows: u32, heaviness: f64, substeps: u32) -> Strip {
         let cell = 1.0 / (columns - 1) as f32;
         let mesh = Mesh::grid(columns, rows, 1.0, cell * (rows - 1) as f32);
@@ -133,12 +133,12 @@ impl Strip {
         Strip { columns, rows, mesh, weights, options, length, bending }
     }
 
-    /// Angular frequency [1/s] of about the slowest motion under `gravity` [m/s²]: a beam's, and a hanging chain's.
+    /// Angular frequency (1/s) of about the slowest motion under `gravity` (m/s²): a beam's, and a hanging chain's.
     fn slowest(&self, gravity: f64) -> f64 {
         (12.36 * self.bending / (DENSITY * self.length.powi(4)) + 1.45 * gravity / self.length).sqrt()
     }
 
-    /// Lets the strip fall and settle, critically damped, for `periods / omega`: sag and reach [m] of the tip.
+    /// Lets the strip fall and settle, critically damped, for `periods / omega`: sag and reach (m) of the tip.
     fn settle(&self, gravity: f64, periods: f64) -> (f64, f64) {
         let omega = self.slowest(gravity);
         let attributes =
@@ -185,7 +185,7 @@ impl Strip {
         (0..rows * columns).map(|v| means[v % columns]).collect()
     }
 
-    /// Sag and reach [m] of the tip from the clamp, mean over the rows.
+    /// Sag and reach (m) of the tip from the clamp, mean over the rows.
     fn tip(&self, positions: &[Vec3]) -> (f64, f64) {
         let tips = positions.iter().skip(self.columns as usize - 1).step_by(self.columns as usize);
         let tip = tips.map(|x| x.as_dvec3()).sum::<DVec3>() / f64::from(self.rows);

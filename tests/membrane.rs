@@ -11,7 +11,7 @@ use common::chain::{self, amplitude, frequency, resolved};
 use common::plain_xpbd::{Baseline, Scheme};
 use common::{FRAME, play, reference};
 
-/// Membrane stiffness [N/m], areal density [kg/m²], gravity [m/s²].
+/// Membrane stiffness (N/m), areal density (kg/m²), gravity (m/s²).
 const K: f32 = 5000.0;
 const RHO: f32 = 0.2;
 const G: f32 = 9.81;
@@ -25,7 +25,7 @@ fn off(measured: f64, expected: f64) -> f64 {
 
 // 5. Catenary.
 
-/// Sag [m] of a chain of `n - 1` equal links, 1 m in all, hung over `span` [m]: the horizontal tension is that with which the
+/// Sag (m) of a chain of `n - 1` equal links, 1 m in all, hung over `span` (m): the horizontal tension is that with which the
 /// links, each inclined by the weight below it, reach across.
 fn polygon_sag(n: u32, span: f64) -> f64 {
     let links = f64::from(n - 1);
@@ -74,7 +74,7 @@ fn substeps_at(ratio: f32) -> u32 {
     (ratio * resolved(STRIP, K)).ceil() as u32
 }
 
-/// Heights [m] below the pins of a strip's middle column, hung from its first row and settled. Without its diagonals the
+/// Heights (m) below the pins of a strip's middle column, hung from its first row and settled. Without its diagonals the
 /// lattice has no Poisson effect, and each column carries its own weight.
 fn hung_strip(method: Method, substeps: u32, backend: Backend) -> Vec<f64> {
     let mesh = Mesh::grid(3, STRIP, 2.0 / (STRIP - 1) as f32, 1.0);

@@ -10,11 +10,11 @@ use common::plain_xpbd::{Baseline, Scheme};
 use common::reference::{Spring, springs};
 use common::{FRAME, delaunay, hang, play};
 
-/// Membrane stiffness [N/m], areal density [kg/m²], gravity [m/s²].
+/// Membrane stiffness (N/m), areal density (kg/m²), gravity (m/s²).
 const K: f32 = 5000.0;
 const RHO: f32 = 0.2;
 const G: f64 = 9.81;
-/// `m g L/2` of HANG [J]: what it gives up when it hangs down.
+/// `m g L/2` of HANG (J): what it gives up when it hangs down.
 const FALL: f64 = RHO as f64 * G / 2.0;
 
 on_every_backend!(conservation, explicit_limit, far_from_the_origin, stress_small);
@@ -29,7 +29,7 @@ fn spinning() -> (Mesh, Vec<f32>, Vec<Vec3>) {
     (mesh, masses, velocities)
 }
 
-/// Drift of momentum [kg m/s], and of angular momentum and energy as shares of their own, in 2 s at S = 80.
+/// Drift of momentum (kg m/s), and of angular momentum and energy as shares of their own, in 2 s at S = 80.
 fn drift(mesh: &Mesh, masses: &[f32], start: &[Vec3], x: &[Vec3], v: &[Vec3]) -> (f64, f64, f64) {
     let (springs, h) = (springs(mesh, f64::from(K)), 1.0 / 4800.0);
     let (p, l) = momenta(masses, x, v);
@@ -156,7 +156,7 @@ fn explicit_limit(backend: Backend) {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Start {
-    /// Every vertex moved at random by up to this much along each axis [m].
+    /// Every vertex moved at random by up to this much along each axis (m).
     Scramble(f32),
     /// Scaled about the middle.
     Collapse(f32),
@@ -173,7 +173,7 @@ const STARTS: [Start; 6] = [
     Start::Speed(1000.0),
 ];
 
-/// Three seconds of HANG from a bad start: the largest rise of the energy after 1 s [J], and the mean strain at the end.
+/// Three seconds of HANG from a bad start: the largest rise of the energy after 1 s (J), and the mean strain at the end.
 fn stress(start: Start, options: &Options, mesh: &Mesh, substeps: f64) -> Result<(f64, f32), StepError> {
     let masses = options.mass.as_ref().expect("HANG has masses");
     let springs = resolved_at(1.0 / (60.0 * substeps), &springs(mesh, f64::from(K)), masses, &options.pinned);

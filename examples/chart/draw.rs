@@ -13,7 +13,7 @@ type Pixel = (f64, f64);
 pub(crate) type Trouble = Box<dyn std::error::Error>;
 
 const SIZE: (u32, u32) = (960, 680);
-/// The plot's left, top, right and bottom [px].
+/// The plot's left, top, right and bottom (px).
 const PLOT: [f64; 4] = [92.0, 100.0, 930.0, 556.0];
 const INK: RGBColor = RGBColor(30, 30, 30);
 const GREY: RGBColor = RGBColor(100, 100, 100);
@@ -21,9 +21,9 @@ const GRID: RGBColor = RGBColor(232, 232, 232);
 const DECADE: RGBColor = RGBColor(200, 200, 200);
 const FRONT: RGBColor = RGBColor(214, 206, 184);
 const BAND: RGBColor = RGBColor(240, 240, 240);
-/// Height of most text [px].
+/// Height of most text (px).
 const TEXT: f64 = 14.0;
-/// Height of the figures along the curves [px].
+/// Height of the figures along the curves (px).
 const SMALL: f64 = 12.0;
 
 /// A chart.
@@ -162,7 +162,7 @@ impl Room {
         }
     }
 
-    /// How much of the box is taken [px²].
+    /// How much of the box is taken (px²).
     fn overlap(&self, [l, t, r, b]: [f64; 4]) -> f64 {
         let area = |o: &[f64; 4]| (r.min(o[2]) - l.max(o[0])).max(0.0) * (b.min(o[3]) - t.max(o[1])).max(0.0);
         self.taken.iter().map(area).sum()
@@ -326,7 +326,7 @@ fn pixel((x, y): Pixel) -> (i32, i32) {
     (x.round() as i32, y.round() as i32)
 }
 
-/// About how wide a text is [px].
+/// About how wide a text is (px).
 fn width(text: &str, size: f64) -> f64 {
     0.56 * size * text.chars().count() as f64
 }

@@ -10,7 +10,7 @@ use crate::Failure;
 use crate::arguments::{Arguments, BACKENDS};
 use crate::scene::{Scene, Truth, rms};
 
-/// A frame [s].
+/// A frame (s).
 const FRAME: f32 = 1.0 / 60.0;
 /// Frames of a timed run, at most; every frame costs the same.
 const TIMED: u32 = 10;
@@ -30,7 +30,7 @@ pub(crate) struct Setting {
 pub(crate) struct Row {
     pub(crate) scene: String,
     pub(crate) setting: Setting,
-    /// Median time of a frame [ms].
+    /// Median time of a frame (ms).
     pub(crate) ms: f64,
     /// RMS distance from the reference over vertices, in extents; infinite if the run exploded, NaN if there is no reference.
     pub(crate) error: f64,
@@ -45,11 +45,11 @@ pub(crate) struct Effort {
     backends: Vec<Backend>,
     /// Ratio of a setting's substeps to those of the one before.
     ratio: f64,
-    /// Longest run on trial [s]; a curve ends there.
+    /// Longest run on trial (s); a curve ends there.
     longest: f64,
     /// Timed runs of each setting, beside the first.
     rounds: u32,
-    /// For the reference's last run [s].
+    /// For the reference's last run (s).
     pub(crate) reference: f64,
 }
 
@@ -72,7 +72,7 @@ impl Effort {
 struct Trial {
     row: Row,
     deformer: Deformer,
-    /// Of a frame in each run [ms].
+    /// Of a frame in each run (ms).
     times: Vec<f64>,
 }
 
@@ -106,7 +106,7 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
     Ok(trials.into_iter().map(Trial::finished).collect())
 }
 
-/// Strain after two seconds of every method and backend, with as many substeps as take `budget` [ms] a frame.
+/// Strain after two seconds of every method and backend, with as many substeps as take `budget` (ms) a frame.
 pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<Row>, Failure> {
     const FRAMES: u32 = 120;
     let mut rows = Vec::new();

@@ -29,7 +29,7 @@ pub(crate) struct Scene {
     pub(crate) mesh: Mesh,
     /// But for method, backend and quality.
     pub(crate) options: Options,
-    /// The largest side of the mesh's bounding box [m].
+    /// The largest side of the mesh's bounding box (m).
     pub(crate) extent: f64,
     /// Frames after which positions may be compared, ascending; the last that the motion is still predictable at is taken.
     horizons: Vec<u32>,
@@ -80,7 +80,7 @@ impl Scene {
         })
     }
 
-    /// Runs the double-precision reference at half the step, and half that, until halving no longer matters or `budget` [s] is
+    /// Runs the double-precision reference at half the step, and half that, until halving no longer matters or `budget` (s) is
     /// spent; then takes the latest horizon at which the motion is still predictable: where halving does not matter, or
     /// at least divides the change by about four, as a method of second order does until chaos sets in.
     pub(crate) fn truth(&self, budget: f64) -> Result<Truth, Failure> {
@@ -139,13 +139,13 @@ impl Scene {
     }
 }
 
-/// Root mean square distance [m] over vertices.
+/// Root mean square distance (m) over vertices.
 pub(crate) fn rms(a: &[DVec3], b: &[DVec3]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
     (sum / a.len().max(1) as f64).sqrt()
 }
 
-/// A third of each triangle's mass to each of its vertices [kg]; a vertex of no triangle gets a little, to be able to fall.
+/// A third of each triangle's mass to each of its vertices (kg); a vertex of no triangle gets a little, to be able to fall.
 fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     let mut masses = vec![0.0; mesh.positions.len()];
     for triangle in &mesh.triangles {

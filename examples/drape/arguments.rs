@@ -93,11 +93,11 @@ pub(crate) struct Arguments {
     #[arg(long)]
     pub(crate) no_floor: bool,
 
-    /// Gravity [m/s2]
+    /// Gravity (m/s2)
     #[arg(long, value_name = "X,Y,Z", default_value = "0,-9.81,0", value_parser = vector, allow_hyphen_values = true)]
     pub(crate) gravity: Vec3,
 
-    /// Velocity of the air [m/s], which has 1.225 kg/m3; without this there is no air
+    /// Velocity of the air (m/s), which has 1.225 kg/m3; without this there is no air
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub(crate) wind: Option<Vec3>,
 
@@ -158,7 +158,7 @@ impl Arguments {
         }
     }
 
-    /// The time step [s].
+    /// The time step (s).
     pub(crate) fn dt(&self) -> f32 {
         1.0 / self.fps
     }

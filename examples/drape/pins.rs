@@ -79,7 +79,7 @@ fn corners(mesh: &Mesh) -> Vec<u32> {
     vertices
 }
 
-/// The corners of the mesh's bounding box [m]; of no mesh, the origin.
+/// The corners of the mesh's bounding box (m); of no mesh, the origin.
 pub(crate) fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
     let first = mesh.positions.first().copied().unwrap_or_default();
     mesh.positions.iter().fold((first, first), |(low, high), &position| (low.min(position), high.max(position)))

@@ -13,12 +13,12 @@ use cloth_deformer::{
 };
 use rayon::prelude::*;
 
-/// Size of a cell [pixels].
+/// Size of a cell (pixels).
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 /// Cells side by side.
 const COLUMNS: usize = 4;
-/// White line between cells [pixels].
+/// White line between cells (pixels).
 const GAP: usize = 2;
 /// Samples a pixel, along each side.
 const SAMPLES: usize = 3;
@@ -40,7 +40,7 @@ const HORIZON: Vec3 = Vec3::new(0.90, 0.91, 0.93);
 const ZENITH: Vec3 = Vec3::new(0.62, 0.69, 0.78);
 const INK: Vec3 = Vec3::new(0.05, 0.06, 0.08);
 
-/// Draws each `(number, positions [m])` into a cell of its own, row by row, four to a row, with the colliders that were
+/// Draws each `(number, positions (m))` into a cell of its own, row by row, four to a row, with the colliders that were
 /// there; returns the picture as a PNG file's bytes.
 ///
 /// # Errors
@@ -82,7 +82,7 @@ struct Scene<'a> {
     colliders: Vec<Collider>,
     camera: Frame,
     light: Frame,
-    /// Middle and radius of all that moves or stands there [m].
+    /// Middle and radius of all that moves or stands there (m).
     middle: Vec3,
     radius: f32,
 }
@@ -235,7 +235,7 @@ struct Frame {
     right: Vec3,
     up: Vec3,
     back: Vec3,
-    /// Half the view's height [m]: at depth 1 m if the rays spread, everywhere if they are parallel.
+    /// Half the view's height (m): at depth 1 m if the rays spread, everywhere if they are parallel.
     half: f32,
     spreads: bool,
 }

@@ -27,14 +27,14 @@ pub(crate) struct Report {
 pub(crate) struct Frame {
     #[serde(rename = "frame")]
     number: u32,
-    /// Duration of `Deformer::step` alone [ms]: on the GPU that is encoding and submitting; reading back is not part of it.
+    /// Duration of `Deformer::step` alone (ms): on the GPU that is encoding and submitting; reading back is not part of it.
     ms: f64,
     substeps: u32,
     mean_strain: f32,
     max_strain: f32,
-    /// Kinetic and potential energy [J].
+    /// Kinetic and potential energy (J).
     energy: f64,
-    /// Depth of the deepest vertex in a collider [m].
+    /// Depth of the deepest vertex in a collider (m).
     penetration: f32,
 }
 

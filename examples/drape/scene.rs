@@ -8,7 +8,7 @@ use crate::{
     pins::bounds,
 };
 
-/// Density of the air at sea level and 15 °C [kg/m³] (ISO 2533).
+/// Density of the air at sea level and 15 °C (kg/m³) (ISO 2533).
 const AIR: f32 = 1.225;
 
 /// All that a run needs.

@@ -17,7 +17,7 @@ mod hang;
 #[path = "../../tests/common/reference.rs"]
 mod reference;
 
-/// A frame [s].
+/// A frame (s).
 const FRAME: f32 = 1.0 / 60.0;
 
 /// Checks and times the backends of this machine.
@@ -136,8 +136,8 @@ fn available() -> Vec<(Backend, Option<String>)> {
     [Backend::Cpu, Backend::Hybrid, Backend::Gpu].into_iter().filter_map(try_backend).collect()
 }
 
-/// 16 frames of a towel on three pins in the wind, its start moved by at most `rounding` [m]: its positions, and how far
-/// it moved (RMS) [m].
+/// 16 frames of a towel on three pins in the wind, its start moved by at most `rounding` (m): its positions, and how far
+/// it moved (RMS) (m).
 fn blown(mesh: &Mesh, backend: Backend, rounding: f32) -> Result<(Vec<Vec3>, f64), Failure> {
     let last = mesh.positions.len() as u32 - 1;
     let pinned = vec![0, last / 2, last];

@@ -9,14 +9,14 @@ pub fn chain(points: Vec<Vec3>) -> Mesh {
     Mesh { positions: points, triangles }
 }
 
-/// A straight chain of `n` vertices along x, from 0 to `length` [m].
+/// A straight chain of `n` vertices along x, from 0 to `length` (m).
 pub fn straight(n: u32, length: f32) -> Mesh {
     chain((0..n).map(|i| Vec3::X * (length * i as f32 / (n - 1) as f32)).collect())
 }
 
-/// Masses [kg] of a chain that is a ribbon as wide as its edges are long, 1 m in all: half an edge's mass at the ends.
+/// Masses (kg) of a chain that is a ribbon as wide as its edges are long, 1 m in all: half an edge's mass at the ends.
 ///
-/// An edge without area has the stiffness K [N/m], that of a square; so such a ribbon has K and rho [kg/m²] of a sheet.
+/// An edge without area has the stiffness K (N/m), that of a square; so such a ribbon has K and rho (kg/m²) of a sheet.
 pub fn ribbon_masses(n: u32, density: f32) -> Vec<f32> {
     let square = density / ((n - 1) * (n - 1)) as f32;
     (0..n).map(|i| if i == 0 || i == n - 1 { 0.5 * square } else { square }).collect()
@@ -39,7 +39,7 @@ pub fn resolved(n: u32, stretch: f32) -> f32 {
     (n - 1) as f32 / 60.0 * (stretch / 0.2).sqrt()
 }
 
-/// Frequency [Hz] of a sinusoid sampled every `dt` [s], by `x[k+1] + x[k-1] = 2 cos(w dt) x[k]` in least squares.
+/// Frequency [Hz] of a sinusoid sampled every `dt` (s), by `x[k+1] + x[k-1] = 2 cos(w dt) x[k]` in least squares.
 pub fn frequency(samples: &[f64], dt: f64) -> f64 {
     let sums = samples.windows(3).map(|x| (x[1] * (x[0] + x[2]), 2.0 * x[1] * x[1]));
     let (top, bottom) = sums.fold((0.0, 0.0), |sum, term| (sum.0 + term.0, sum.1 + term.1));

@@ -5,7 +5,7 @@ use cloth_deformer::glam::{DVec3, Vec3};
 
 use super::reference::Spring;
 
-/// A third of each adjacent triangle's mass [kg].
+/// A third of each adjacent triangle's mass (kg).
 pub fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     let mut masses = vec![0.0; mesh.positions.len()];
     for t in &mesh.triangles {
@@ -17,7 +17,7 @@ pub fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     masses
 }
 
-/// Energy [J] in gravity `g` [m/s²] along -y. Velocities are half a substep `h` back (leapfrog), so heights are taken back
+/// Energy (J) in gravity `g` (m/s²) along -y. Velocities are half a substep `h` back (leapfrog), so heights are taken back
 /// by as much: without that, the energy of a falling cloth is off by `m g v h / 2`.
 pub fn energy(springs: &[Spring], masses: &[f32], g: f64, h: f64, x: &[Vec3], v: &[Vec3]) -> f64 {
     let x: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
@@ -27,7 +27,7 @@ pub fn energy(springs: &[Spring], masses: &[f32], g: f64, h: f64, x: &[Vec3], v:
     motion + springs.iter().map(of_spring).sum::<f64>()
 }
 
-/// The springs as a sweep at substep `h` [s] sees them. An edge whose stiffness the substep does not resolve is no stiffer
+/// The springs as a sweep at substep `h` (s) sees them. An edge whose stiffness the substep does not resolve is no stiffer
 /// than `2 / (h² (w_i + w_j))`, and gives back no more energy than that when it is released.
 pub fn resolved_at(h: f64, springs: &[Spring], masses: &[f32], pinned: &[u32]) -> Vec<Spring> {
     let mut weight: Vec<f64> = masses.iter().map(|&m| 1.0 / f64::from(m)).collect();
@@ -38,7 +38,7 @@ pub fn resolved_at(h: f64, springs: &[Spring], masses: &[f32], pinned: &[u32]) -
     springs.iter().map(soft).collect()
 }
 
-/// Momentum [kg m/s] and angular momentum about the origin [kg m²/s].
+/// Momentum (kg m/s) and angular momentum about the origin (kg m²/s).
 pub fn momenta(masses: &[f32], x: &[Vec3], v: &[Vec3]) -> (DVec3, DVec3) {
     let terms = x.iter().zip(v).zip(masses).map(|((x, v), &m)| (x.as_dvec3(), v.as_dvec3() * f64::from(m)));
     terms.fold((DVec3::ZERO, DVec3::ZERO), |(p, l), (x, mv)| (p + mv, l + x.cross(mv)))

@@ -7,7 +7,7 @@ pub fn top(columns: u32) -> Vec<u32> {
     (0..columns).collect()
 }
 
-/// Masses [kg] that give a grid's borders half of a cell and its corners a quarter: `density` [kg/m²] on 1 m x 1 m.
+/// Masses (kg) that give a grid's borders half of a cell and its corners a quarter: `density` (kg/m²) on 1 m x 1 m.
 pub fn grid_masses(n: u32, density: f32) -> Vec<f32> {
     let cell = density / ((n - 1) * (n - 1)) as f32;
     let half = |k: u32| if k == 0 || k == n - 1 { 0.5 } else { 1.0 };

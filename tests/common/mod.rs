@@ -15,7 +15,7 @@ pub use hang::{grid_masses, hang, top};
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Deformer};
 
-/// A frame [s].
+/// A frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
 
 /// Steps `frames` frames of 1/60 s.
@@ -25,7 +25,7 @@ pub fn play(deformer: &mut Deformer, frames: u32, attributes: &Attributes) {
     }
 }
 
-/// Root mean square distance [m] over vertices.
+/// Root mean square distance (m) over vertices.
 pub fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
     assert_eq!(a.len(), b.len());
     let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();

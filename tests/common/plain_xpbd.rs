@@ -28,7 +28,7 @@ pub struct Baseline {
 }
 
 impl Baseline {
-    /// At rest at `x` [m], in gravity along -y, undamped; springs are visited in the order given.
+    /// At rest at `x` (m), in gravity along -y, undamped; springs are visited in the order given.
     pub fn new(scheme: Scheme, x: Vec<Vec3>, springs: Vec<Spring>, masses: &[f32], pinned: &[u32]) -> Baseline {
         let mut inverse_mass: Vec<f32> = masses.iter().map(|m| 1.0 / m).collect();
         for &v in pinned {

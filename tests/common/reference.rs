@@ -4,7 +4,7 @@
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec3, Vec3};
 
-/// An edge as a spring: its ends, rest length [m] and stiffness [N/m].
+/// An edge as a spring: its ends, rest length (m) and stiffness (N/m).
 pub type Spring = (usize, usize, f64, f64);
 
 /// The springs of a mesh: stiffness `K (A1 + A2) / l²` along its edges, K along a thread (an edge without area).
@@ -35,7 +35,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Springs of stiffness `K (A1 + A2) / l²` [N/m] along the mesh's edges, masses [kg], vertices without mass if pinned.
+    /// Springs of stiffness `K (A1 + A2) / l²` (N/m) along the mesh's edges, masses (kg), vertices without mass if pinned.
     pub fn new(mesh: &Mesh, masses: &[f32], pinned: &[u32], stretch: f64) -> Reference {
         let x: Vec<DVec3> = mesh.positions.iter().map(|x| x.as_dvec3()).collect();
         let springs = springs(mesh, stretch);
@@ -59,7 +59,7 @@ impl Reference {
         force.iter().zip(&self.inverse_mass).map(accelerate).collect()
     }
 
-    /// Kick, drift, kick for `time` [s] in `steps` steps.
+    /// Kick, drift, kick for `time` (s) in `steps` steps.
     pub fn run(mut self, time: f64, steps: u32) -> Reference {
         let dt = time / f64::from(steps);
         let mut a = self.acceleration();
