@@ -8,7 +8,7 @@ use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Meth
 use common::energy::{energy, masses, momenta, resolved_at};
 use common::plain_xpbd::{Baseline, Scheme};
 use common::reference::{Spring, springs};
-use common::{FRAME, delaunay, hang, play};
+use common::{FRAME, hang, meshes, play};
 
 /// Membrane stiffness (N/m), areal density (kg/m²), gravity (m/s²).
 const K: f32 = 5000.0;
@@ -70,9 +70,9 @@ fn colours_in_a_fixed_order_gain_no_energy() {
         (Mesh::grid(n, n, 1.0, 1.0), 20, 180),
         (Mesh::grid(n, n, 1.0, 1.0), 40, 120),
         (Mesh::grid(n, n, 1.0, 1.0), 80, 120),
-        (delaunay::delaunay(n, 1), 20, 120),
-        (delaunay::delaunay(32, 2), 40, 120),
-        (delaunay::alternating(n), 20, 120),
+        (meshes::delaunay(n, 1), 20, 120),
+        (meshes::delaunay(32, 2), 40, 120),
+        (meshes::alternating(n), 20, 120),
     ];
     for (mesh, substeps, frames) in runs {
         let rows = (mesh.positions.len() as f64).sqrt() as u32;

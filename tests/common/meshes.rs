@@ -1,23 +1,27 @@
-//! Meshes that a grid's one diagonal would hide a fault from, on the unit square of the xz-plane, their front up (+y).
+//! Meshes that a grid's one diagonal would hide a fault from, on the unit square of the xz-plane, centred and front up like
+//! `Mesh::grid`; and where real ones are.
+
+use std::path::{Path, PathBuf};
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec2, Vec3};
 
-/// A square of n x n vertices whose diagonals alternate like a chessboard: vertices have four or eight neighbours.
-pub(crate) fn alternating(n: u32) -> Mesh {
-    let positions = Mesh::grid(n, n, 1.0, 1.0).positions;
-    let cells = (1..n).flat_map(|row| (1..n).map(move |column| (column, row)));
-    let split = |(column, row): (u32, u32)| {
-        let d = row * n + column;
-        let (a, b, c) = (d - n - 1, d - n, d - 1);
-        if (row + column) % 2 == 0 { [[a, c, b], [b, c, d]] } else { [[a, c, d], [a, d, b]] }
-    };
-    Mesh { positions, triangles: cells.flat_map(split).collect() }
+/// `n` x `n` vertices whose cells are cut along alternating diagonals.
+pub fn alternating(n: u32) -> Mesh {
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    for (cell, pair) in mesh.triangles.chunks_exact_mut(2).enumerate() {
+        let (row, column) = (cell as u32 / (n - 1), cell as u32 % (n - 1));
+        if (row + column) % 2 == 1 {
+            let [[a, c, b], [_, _, d]] = [pair[0], pair[1]];
+            pair.copy_from_slice(&[[a, c, d], [a, d, b]]);
+        }
+    }
+    mesh
 }
 
 /// Equilateral triangles of side `1/(n - 1)` m: 1 m along x, along z the whole number of rows nearest to 1 m. Every other
 /// row is shifted by half a side, and its ends are closed by half triangles.
-pub(crate) fn equilateral(n: u32) -> Mesh {
+pub fn equilateral(n: u32) -> Mesh {
     let side = 1.0 / f64::from(n - 1);
     let height = side * 0.75_f64.sqrt();
     let rows = (1.0 / height).round() as u32;
@@ -44,50 +48,58 @@ pub(crate) fn equilateral(n: u32) -> Mesh {
     mesh
 }
 
-/// The Delaunay triangulation of n x n points: a grid's, moved at random by up to a third of a cell each way, on the border
-/// along the border only.
-pub(crate) fn delaunay(n: u32, seed: u64) -> Mesh {
+/// `n` x `n` vertices, those inside moved at random by up to 0.3 of the spacing either way: Delaunay's triangulation.
+/// Vertices keep the grid's numbers.
+pub fn delaunay(n: u32, seed: u64) -> Mesh {
     let mut random = fastrand::Rng::with_seed(seed);
-    let mut along = |k: u32| {
-        let shift = if k == 0 || k == n - 1 { 0.0 } else { (random.f64() * 2.0 - 1.0) / 3.0 };
-        (f64::from(k) + shift) / f64::from(n - 1) - 0.5
-    };
-    let mut points: Vec<DVec2> =
-        [(0, 0), (0, n - 1), (n - 1, 0), (n - 1, n - 1)].map(|(x, z)| DVec2::new(along(x), along(z))).into();
-    let is_corner = |x: u32, z: u32| (x == 0 || x == n - 1) && (z == 0 || z == n - 1);
-    let others = (0..n).flat_map(|z| (0..n).map(move |x| (x, z))).filter(|&(x, z)| !is_corner(x, z));
-    points.extend(others.map(|(x, z)| DVec2::new(along(x), along(z))));
-    // Bowyer and Watson (1981): each point replaces the triangles whose circumcircle holds it. All points lie in the square
-    // of the first four, so no larger triangle has to be added and taken away again.
-    let mut triangles = vec![[0, 1, 2], [2, 1, 3]];
-    for p in 4..points.len() {
-        let mut sides = Vec::new();
-        triangles.retain(|&[a, b, c]: &[usize; 3]| {
-            let hit = in_circle([a, b, c].map(|v| points[v]), points[p]);
-            sides.extend([[a, b], [b, c], [c, a]].into_iter().filter(|_| hit));
-            !hit
-        });
-        for &[a, b] in sides.iter().filter(|[a, b]| !sides.contains(&[*b, *a])) {
-            // A point on the border does not make a triangle with the piece of border it lies on.
-            if turn(points[a], points[b], points[p]) > 1e-12 {
-                triangles.push([a, b, p]);
-            }
-        }
-    }
-    Mesh {
-        positions: points.iter().map(|p| Vec3::new(p.x as f32, 0.0, p.y as f32)).collect(),
-        triangles: triangles.iter().map(|t| t.map(|v| v as u32)).collect(),
-    }
+    let spacing = 1.0 / f64::from(n - 1);
+    let inside = |k: u32| k > 0 && k < n - 1;
+    let points: Vec<DVec2> = (0..n * n)
+        .map(|v| {
+            let (column, row) = (v % n, v / n);
+            let mut jitter = || 0.6 * spacing * (random.f64() - 0.5);
+            let moved = if inside(column) && inside(row) { DVec2::new(jitter(), jitter()) } else { DVec2::ZERO };
+            DVec2::new(f64::from(column), f64::from(row)) * spacing + moved
+        })
+        .collect();
+    // Counter-clockwise in (x, z) is clockwise seen from +y.
+    let triangles = triangulate(&points).into_iter().map(|[a, b, c]| [a as u32, c as u32, b as u32]).collect();
+    let positions = points.iter().map(|p| Vec3::new(p.x as f32 - 0.5, 0.0, p.y as f32 - 0.5)).collect();
+    Mesh { positions, triangles }
 }
 
-/// Twice the signed area of a triangle in the xz-plane; above 0 if its front is up.
-fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
-    -(b - a).perp_dot(c - a)
+/// Delaunay's triangulation of points in the unit square, counter-clockwise: a point at a time (Bowyer 1981, Watson 1981).
+fn triangulate(points: &[DVec2]) -> Vec<[usize; 3]> {
+    let n = points.len();
+    let mut p = points.to_vec();
+    // A triangle around all, far enough that its circles are straight lines at the scale of an edge.
+    p.extend([DVec2::new(-100.0, -100.0), DVec2::new(200.0, -100.0), DVec2::new(0.0, 200.0)]);
+    let mut triangles = vec![[n, n + 1, n + 2]];
+    for i in 0..n {
+        let (cavity, rest): (Vec<[usize; 3]>, Vec<_>) = triangles.into_iter().partition(|&t| in_circle(t.map(|v| p[v] - p[i])));
+        let sides: Vec<[usize; 2]> = cavity.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+        triangles = rest;
+        triangles.extend(sides.iter().filter(|[a, b]| !sides.contains(&[*b, *a])).map(|&[a, b]| [a, b, i]));
+    }
+    triangles.retain(|t| t.iter().all(|&v| v < n));
+    triangles
 }
 
-/// Whether `p` is inside the circle through the corners of a triangle whose front is up.
-fn in_circle([a, b, c]: [DVec2; 3], p: DVec2) -> bool {
-    let [a, b, c] = [a - p, b - p, c - p];
-    let lift = |q: DVec2, r: DVec2, s: DVec2| q.length_squared() * r.perp_dot(s);
-    -(lift(a, b, c) + lift(b, c, a) + lift(c, a, b)) > 0.0
+/// Whether the origin is inside the circle through three points in counter-clockwise order.
+fn in_circle([a, b, c]: [DVec2; 3]) -> bool {
+    a.length_squared() * b.perp_dot(c) + b.length_squared() * c.perp_dot(a) + c.length_squared() * a.perp_dot(b) > 0.0
+}
+
+/// The folder of real meshes: the one `CLOTH_MESHES` names, else `../shared/meshes` of the crate's folder if there is one.
+/// With neither, as in a fresh clone, a test makes the same assertions of meshes made here, and says so: this does.
+pub fn folder() -> Option<PathBuf> {
+    if let Some(named) = std::env::var_os("CLOTH_MESHES") {
+        return Some(named.into());
+    }
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/meshes");
+    if !beside.is_dir() {
+        eprintln!("CLOTH_MESHES names no folder of OBJ files and there is no ../shared/meshes: testing generated meshes instead");
+        return None;
+    }
+    Some(beside)
 }

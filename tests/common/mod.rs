@@ -2,7 +2,6 @@
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
 pub mod chain;
-pub mod delaunay;
 pub mod energy;
 pub mod hang;
 pub mod meshes;

@@ -1,0 +1,124 @@
+//! OBJ files on disk: errors name the file, a save is whole or not at all, and nothing is left beside it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Mesh, ObjError};
+
+#[test]
+fn errors_name_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    let message = || Mesh::load_obj(&path).unwrap_err().to_string();
+
+    assert!(message().starts_with(&format!("{}: cannot be read: ", path.display())));
+    assert!(matches!(Mesh::load_obj(folder.path()), Err(ObjError::Read { .. })), "a folder is no mesh");
+    fs::write(&path, "v 0 0 0\nv nan 0 0\n").unwrap();
+    assert_eq!(message(), format!("{}:2: vertex 2 is at (nan, 0, 0); positions must be finite numbers", path.display()));
+    fs::write(&path, "v 0 0 0\nf 1 1 2\n").unwrap();
+    assert_eq!(message(), format!("{}:2: face 1 names vertex 2, but the last one is 1 (counted from 1)", path.display()));
+    fs::write(&path, "").unwrap();
+    assert_eq!(message(), format!("{}: no vertices; give at least one line `v x y z`", path.display()));
+}
+
+#[test]
+fn other_encodings_are_harmless_in_names_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    fs::write(&path, b"# caf\xe9\no \xff\nv 0 0 0\n").unwrap();
+    assert_eq!(Mesh::load_obj(&path).unwrap().positions, [Vec3::ZERO]);
+    fs::write(&path, b"v 0 \xe9 0\n").unwrap();
+    assert!(matches!(Mesh::load_obj(&path), Err(ObjError::Vertex { line: 1, vertex: 1, .. })));
+}
+
+/// Names in a folder, sorted.
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_save_leaves_the_file_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    for mesh in [Mesh::grid(20, 20, 1.0, 1.0), Mesh::grid(3, 2, 1.0, 1.0)] {
+        mesh.save_obj(&path).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), mesh.write_obj().unwrap());
+        assert_eq!(Mesh::load_obj(&path).unwrap(), mesh);
+        assert_eq!(names(folder.path()), ["towel.obj"]);
+    }
+}
+
+#[test]
+fn a_failed_save_leaves_everything_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    let mesh = Mesh::grid(2, 2, 1.0, 1.0);
+    mesh.save_obj(&path).unwrap();
+    let before = fs::read(&path).unwrap();
+
+    let mut nan = mesh.clone();
+    nan.positions[3].y = f32::NAN;
+    let mut outside = mesh.clone();
+    outside.triangles[1][2] = 4;
+    let broken = [
+        (nan, "vertex 3 is at (0.5, NaN, 0.5); positions must be finite numbers"),
+        (outside, "triangle 1 names vertex 4, but the mesh has 4 vertices (numbered from 0)"),
+        (Mesh::default(), "the mesh has no vertices; give it at least one"),
+    ];
+    for (mesh, problem) in broken {
+        assert_eq!(mesh.save_obj(&path).unwrap_err().to_string(), format!("{}: {problem}", path.display()));
+        assert_eq!(mesh.write_obj().unwrap_err().to_string(), problem);
+    }
+
+    // A folder in the way, no folder, a file for a folder, no name.
+    let taken = folder.path().join("taken");
+    fs::create_dir(&taken).unwrap();
+    fs::write(taken.join("inside"), "").unwrap();
+    for bad in [taken, folder.path().join("none/towel.obj"), path.join("towel.obj"), folder.path().into(), PathBuf::new()] {
+        assert!(matches!(mesh.save_obj(&bad), Err(ObjError::Write { file, .. }) if file == bad), "{}", bad.display());
+    }
+    assert_eq!(names(folder.path()), ["taken", "towel.obj"]);
+    assert_eq!(names(&folder.path().join("taken")), ["inside"]);
+    assert_eq!(fs::read(&path).unwrap(), before);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_save_replaces_the_file_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    fs::write(&path, "v 0 0 0\n").unwrap();
+    let reader = fs::File::open(&path).unwrap();
+    Mesh::grid(2, 2, 1.0, 1.0).save_obj(&path).unwrap();
+    // Whoever was reading the old file still reads all of it: it was not written over.
+    assert_eq!(std::io::read_to_string(reader).unwrap(), "v 0 0 0\n");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_save_follows_links_and_keeps_permissions() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let folder = tempfile::tempdir().unwrap();
+    let (path, link) = (folder.path().join("towel.obj"), folder.path().join("link.obj"));
+    fs::write(&path, "old").unwrap();
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+    symlink(&path, &link).unwrap();
+    Mesh::grid(2, 2, 1.0, 1.0).save_obj(&link).unwrap();
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert_eq!(Mesh::load_obj(&path).unwrap().positions.len(), 4);
+    assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_device_is_written_to_not_replaced() {
+    use std::os::unix::fs::FileTypeExt;
+    let full = Path::new("/dev/full");
+    let message = Mesh::grid(2, 2, 1.0, 1.0).save_obj(full).unwrap_err().to_string();
+    assert!(message.starts_with("/dev/full: cannot be written: No space left"), "{message}");
+    assert!(fs::metadata(full).unwrap().file_type().is_char_device());
+}
