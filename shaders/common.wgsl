@@ -1,5 +1,5 @@
 // Shared by every stage: the numbers of a step and of a substep, and how an invocation finds its item.
-// The structs mirror src/kernels.rs member for member; tests/layout.rs compares them.
+// The structs mirror src/kernels.rs member for member; src/layout.rs compares them.
 
 struct Params {
     acceleration: vec3f,

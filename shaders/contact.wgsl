@@ -1,4 +1,5 @@
 // Stage 3: contact with the colliders, friction, and the move. See src/kernels.rs for the reasons.
+// p.w keeps the substep that p was made in: a state that is gone back to brings its own.
 
 struct Body {
     a: vec3f,
@@ -119,7 +120,7 @@ fn contact(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
         }
     }
     x[i] = vec4f(path.x + path.u, w);
-    p[i] = vec4f(path.u, 0.0);
+    p[i] = vec4f(path.u, params.h);
 }
 
 // The same without colliders.
@@ -130,5 +131,5 @@ fn advance(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
         return;
     }
     x[i] = vec4f(x[i].xyz + u[i].xyz, x[i].w);
-    p[i] = vec4f(u[i].xyz, 0.0);
+    p[i] = vec4f(u[i].xyz, params.h);
 }

@@ -12,9 +12,10 @@ struct Panel {
 @group(1) @binding(4) var<storage, read> p: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> u: array<vec4f>;
 
-// k / (1 + h k A/m): exact for a free panel, never reverses the velocity relative to the air.
+// k / (1 + kick k A/m): exact for a free panel, never reverses the velocity relative to the air.
 fn limited(k: f32, area: f32, mass: f32) -> f32 {
-    return k * area / (1.0 + params.h * k * area / mass);
+    let kick = substep.gain / params.h;
+    return k * area / (1.0 + kick * k * area / mass);
 }
 
 // Drag along the stream and lift across it (Keckeisen et al. 2004), as a normal and a tangential part.
@@ -30,10 +31,10 @@ fn wind_force(x0: vec3f, x1: vec3f, x2: vec3f, velocity: vec3f, mass: f32) -> ve
     let along = dot(n, relative);
     let normal = n * along;
     let tangential = relative - normal;
-    let sine2 = along * along / max(dot(relative, relative), 1e-20);
-    let pressure = params.half_density * abs(along);
-    let k_n = limited(pressure * (params.drag + params.lift * (1.0 - sine2)), area, mass);
-    let k_t = limited(pressure * (params.drag - params.lift * sine2), area, mass);
+    let speed = max(length(relative), 1e-10);
+    let sine = abs(along) / speed;
+    let k_n = limited(params.half_density * (params.drag * abs(along) + params.lift * speed * (1.0 - sine * sine)), area, mass);
+    let k_t = limited(params.half_density * abs(along) * (params.drag - params.lift * sine), area, mass);
     return -(normal * k_n + tangential * k_t);
 }
 

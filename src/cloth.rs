@@ -12,9 +12,9 @@ use crate::kernels::{Panel, Spring};
 use crate::mesh::{Mesh, sides};
 use crate::options::Options;
 
-/// Most vertices: an index this small is exact in a float, which the OBJ reader relies on.
+/// Most vertices: as many as buffers of 16 bytes each can be bound for on common GPUs.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
-/// Farther out (m), or faster (m/s), squares soon overflow. `commit.wgsl` has the same bound.
+/// Farther out (m), squares soon overflow. Displacements and given velocities have the same bound, and so has `commit.wgsl`.
 pub(crate) const MAX_POSITION: f32 = 1e15;
 
 /// A cloth in its own vertex order and local coordinates.
@@ -86,20 +86,27 @@ impl Cloth {
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
             sides(triangle).for_each(|side| *side_area.entry(side).or_default() += triangle_area);
         }
-        let (mass, density) = masses(options, &order, &area);
+        let (mass, density) = masses(options, &order, &area)?;
         let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
         let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
         pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
 
-        let (low, high) = bounds(&rest);
-        let extent = f64::from((high - low).max_element());
+        // Vertices without an edge have no say in how large the cloth is.
+        let held: Vec<Vec3> = mesh_edges.iter().flatten().map(|&vertex| rest[rank[vertex as usize] as usize]).collect();
+        let (low, high) = bounds(&held);
+        let extent = f64::from((high - low).max_element().max(0.0));
+        let longest = mesh_edges.iter().map(|ends| {
+            let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
+            a.distance(b)
+        });
+        let longest = longest.fold(0.0, f64::max);
         let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
         for (index, ends) in mesh_edges.iter().enumerate() {
             let [a, b] = ends.map(|vertex| rank[vertex as usize]);
             let ends = [a.min(b), a.max(b)];
             let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
             // Coincident ends have no direction; a length too short to see keeps the arithmetic finite.
-            let length = length.max(1e-7 * extent).max(1e-12);
+            let length = length.max(1e-7 * longest).max(1e-12);
             // An edge without area (a thread, a flat sliver) is given that of a square of its length.
             let area = side_area.get(&ends).copied().filter(|&area| area > 0.0).unwrap_or(length * length);
             let scale = options.edge_scale.as_ref().map_or(1.0, |scale| f64::from(scale[index]));
@@ -107,7 +114,6 @@ impl Cloth {
             let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape });
         }
-        let longest = links.iter().map(|link| link.rest).fold(0.0, f32::max);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
         let (panels, springs, bending) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
@@ -122,7 +128,7 @@ impl Cloth {
             pinned,
             density,
             extent,
-            longest,
+            longest: longest as f32,
             panels,
             springs,
             bending,
@@ -234,48 +240,52 @@ fn check_options(mesh: &Mesh, edges: &[[u32; 2]], options: &Options) -> Result<(
             return Err(BuildError::PinTwice { slot, index });
         }
     }
-    let lists = [("mass", &options.mass, vertices, "vertices"), ("edge_scale", &options.edge_scale, edges.len(), "edges")];
-    for (name, list, expected, things) in lists {
-        let Some(list) = list else { continue };
-        if list.len() != expected {
-            return Err(BuildError::Length { name, given: list.len(), expected, things });
-        }
-        for (index, &given) in list.iter().enumerate() {
-            let name = format!("{name}[{index}]");
-            if things == "vertices" {
-                // 1/m must be finite too.
-                value(
-                    &name,
-                    given,
-                    given.is_normal() && given > 0.0 && (1.0 / given).is_normal(),
-                    "must be finite and above 0 kg; use `pinned` for a fixed vertex",
-                )?;
-            } else {
-                value(&name, given, not_negative(given), "must be finite and 0 or above")?;
-            }
-        }
+    let length = |name, list: &[f32], expected, things| match list.len() == expected {
+        true => Ok(()),
+        false => Err(BuildError::Length { name, given: list.len(), expected, things }),
+    };
+    let each = |name: &str, list: &[f32], holds: fn(f32) -> bool, remedy| match list.iter().position(|&x| !holds(x)) {
+        None => Ok(()),
+        Some(index) => value(&format!("{name}[{index}]"), list[index], false, remedy),
+    };
+    if let Some(mass) = &options.mass {
+        length("mass", mass, vertices, "vertices")?;
+        each("mass", mass, is_mass, "must be finite and above 0 kg; use `pinned` for a fixed vertex")?;
+    }
+    if let Some(scale) = &options.edge_scale {
+        length("edge_scale", scale, edges.len(), "edges")?;
+        each("edge_scale", scale, |x| x >= 0.0 && x.is_finite(), "must be finite and 0 or above")?;
     }
     Ok(())
+}
+
+/// Whether a mass (kg) and its inverse are ordinary numbers.
+fn is_mass(mass: f32) -> bool {
+    mass > 0.0 && mass.is_normal() && (1.0 / mass).is_normal()
 }
 
 /// Mass of each vertex (kg) and the mean areal density (kg/m²).
 ///
 /// A vertex of no triangle, or of flat ones alone, has no area to weigh: it takes the mean mass of the others, or if
 /// there are none, that of a square metre shared by all. Alone it moves the same whatever its mass.
-fn masses(options: &Options, order: &[u32], area: &[f64]) -> (Vec<f32>, f64) {
+fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f64), BuildError> {
     let density = f64::from(options.fabric.density);
     let total: f64 = area.iter().sum();
     if let Some(mass) = &options.mass {
         let mass: Vec<f32> = order.iter().map(|&vertex| mass[vertex as usize]).collect();
         let weighed = mass.iter().map(|&mass| f64::from(mass)).sum::<f64>();
-        return (mass, if total > 0.0 { weighed / total } else { density });
+        return Ok((mass, if total > 0.0 { weighed / total } else { density }));
     }
     let count = area.iter().filter(|&&area| area > 0.0).count();
     let mean = if count == 0 { 1.0 / area.len() as f64 } else { total / count as f64 };
     // Slivers too thin for their mass to be inverted weigh as little as can be.
     let least = 1e-30;
-    let mass = area.iter().map(|&area| (density * if area > 0.0 { area } else { mean }).max(least) as f32).collect();
-    (mass, density)
+    let mass: Vec<f32> = area.iter().map(|&area| (density * if area > 0.0 { area } else { mean }).max(least) as f32).collect();
+    if mass.iter().all(|&mass| is_mass(mass)) {
+        return Ok((mass, density));
+    }
+    let (name, value) = ("fabric.density".to_owned(), options.fabric.density.to_string());
+    Err(BuildError::Value { name, value, remedy: "makes vertices of this mesh too heavy for single precision; lower it" })
 }
 
 /// Origin of the local coordinates: 0 unless the mesh is far out, and such that subtracting it is exact.

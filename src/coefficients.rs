@@ -30,6 +30,8 @@ impl Coefficients {
                     inverse_rest: 1.0 / link.rest,
                     inverse_weight: match method {
                         Method::SmallSteps => shifted(1.0 / (link.stiffness * h * h), cloth.weight(link)),
+                        // Relaxation knows no stiffness; an edge scaled to nothing is still no edge.
+                        _ if link.shape == 0.0 => 0.0,
                         _ => 1.0 / cloth.weight(link),
                     } as f32,
                 });

@@ -116,7 +116,7 @@ impl Cpu {
                     let panel = panels.panels[triangle as usize];
                     let [a, b, c] = panel.corners.map(|corner| corner as usize);
                     let velocity = (xyz(p[a]) + xyz(p[b]) + xyz(p[c])) * (substep.rate / 3.0);
-                    force += kernels::wind_force(xyz(x[a]), xyz(x[b]), xyz(x[c]), velocity, panel.mass, params) / 3.0;
+                    force += kernels::wind_force([xyz(x[a]), xyz(x[b]), xyz(x[c])], velocity, panel.mass, substep, params) / 3.0;
                 }
                 by += force * gain;
             }

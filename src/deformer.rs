@@ -26,6 +26,12 @@ pub struct Deformer {
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
+    /// The same positions as the cloth has them: far from the origin the caller's are coarser.
+    local: Vec<Vec4>,
+    /// What penetration is measured against: the colliders of the last step.
+    colliders: Vec<Collider>,
+    /// Gravity of the last step (m/s²), which the potential energy refers to.
+    gravity: Vec3,
     /// Whether it still is the state.
     shown: bool,
 }
@@ -42,10 +48,24 @@ impl Deformer {
         let cloth = Cloth::new(mesh, &options)?;
         let rates = Rates::new(&cloth, options.method);
         let engine = Engine::new(&cloth, &options)?;
-        let motion = Motion::at_rest(&cloth);
+        let motion = Motion::after(&cloth, &cloth.rest, 0.0);
+        let local = cloth.rest.clone();
         let velocities = vec![Vec3::ZERO; mesh.positions.len()];
         let positions = mesh.positions.clone();
-        Ok(Deformer { cloth, options, rates, engine, coefficients: None, motion, positions, velocities, shown: true })
+        Ok(Deformer {
+            cloth,
+            options,
+            rates,
+            engine,
+            coefficients: None,
+            motion,
+            positions,
+            velocities,
+            local,
+            colliders: Vec::new(),
+            gravity: Vec3::ZERO,
+            shown: true,
+        })
     }
 
     /// Advances by `dt` (s).
@@ -73,7 +93,8 @@ impl Deformer {
         let shortfall = shortfall.map(|needed| Warning::ExplicitLimit { substeps, needed });
         self.motion.h = h;
         self.motion.colliders.clone_from(&attributes.colliders);
-        self.motion.gravity = attributes.gravity;
+        self.colliders.clone_from(&attributes.colliders);
+        self.gravity = attributes.gravity;
         if let Some(targets) = &attributes.pin_targets {
             self.motion.pins = targets.iter().map(|&target| target - self.cloth.origin).collect();
         }
@@ -83,7 +104,8 @@ impl Deformer {
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.
     pub fn reset(&mut self) {
-        self.motion = Motion::at_rest(&self.cloth);
+        self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
+        (self.colliders, self.gravity) = (Vec::new(), Vec3::ZERO);
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
         self.shown = false;
     }
@@ -132,8 +154,7 @@ impl Deformer {
             false => Vec4::ZERO,
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
-        let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
-        self.motion = Motion { h: 0.0, pins, ..std::mem::take(&mut self.motion) };
+        self.motion = Motion::after(cloth, &x, 0.0);
         self.engine.set(&x, &p);
         self.shown = false;
         Ok(())
@@ -146,10 +167,10 @@ impl Deformer {
     pub fn measure(&mut self) -> Result<Measure, StepError> {
         self.show()?;
         let cloth = &self.cloth;
-        let x: Vec<DVec3> = cloth.order.iter().map(|&v| (self.positions[v as usize] - cloth.origin).as_dvec3()).collect();
+        let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
-        let colliders: Vec<Collider> = self.motion.colliders.iter().map(|c| c.relative_to(cloth.origin)).collect();
-        Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.motion.gravity, &colliders))
+        let colliders: Vec<Collider> = self.colliders.iter().map(|c| c.relative_to(cloth.origin)).collect();
+        Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.gravity, &colliders))
     }
 
     /// Waits until the steps so far are done, without reading anything back: for timing, and for renderers that share
@@ -201,7 +222,7 @@ impl Deformer {
         self.cloth.origin
     }
 
-    /// The positions on the GPU, for a renderer on the same device: a `vec4<f32>` a vertex, xyz (m) less
+    /// The positions on the GPU, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): a `vec4<f32>` a vertex, xyz (m) less
     /// [`Deformer::origin`], in the order of [`Deformer::vertex_order`]. `None` unless the backend is [`Backend::Gpu`].
     #[cfg(feature = "gpu")]
     #[must_use]
@@ -225,14 +246,22 @@ impl Deformer {
         }
         let cloth = &self.cloth;
         let unit = self.motion.unit();
-        let (positions, velocities) = (&mut self.positions, &mut self.velocities);
+        let (positions, velocities, local) = (&mut self.positions, &mut self.velocities, &mut self.local);
+        let mut last_h = 0.0;
         let read = self.engine.read(|x, p| {
+            local.clear();
+            local.extend_from_slice(x);
+            last_h = p[0].w;
             for (&vertex, (x, p)) in cloth.order.iter().zip(x.iter().zip(p)) {
                 positions[vertex as usize] = x.truncate() + cloth.origin;
                 velocities[vertex as usize] = p.truncate() / unit;
             }
         });
-        read.map_err(|failure| failure.named(cloth, self.options.method))?;
+        if let Err(failure) = read {
+            // The GPU has gone back to its last good state, and what the next step starts from goes with it.
+            self.motion = Motion::after(cloth, &self.local, last_h);
+            return Err(failure.named(cloth, self.options.method));
+        }
         self.shown = true;
         Ok(())
     }

@@ -98,8 +98,13 @@ impl Engine {
             #[cfg(feature = "gpu")]
             Engine::Hybrid(hybrid) => {
                 let before = (hybrid.cpu.x.clone(), hybrid.cpu.p.clone());
-                hybrid.step(plan)?;
-                hybrid.cpu.keep_or_restore(before)
+                match hybrid.step(plan) {
+                    Ok(()) => hybrid.cpu.keep_or_restore(before),
+                    Err(failure) => {
+                        (hybrid.cpu.x, hybrid.cpu.p) = before;
+                        Err(failure)
+                    }
+                }
             }
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.step(plan),

@@ -125,7 +125,7 @@ pub enum StepError {
     },
     /// The tolerance asks for more substeps than a step takes.
     #[error(
-        "the step needs {needed} substeps, more than {limit}; use a shorter dt, a larger strain tolerance or Quality::Substeps",
+        "the step needs {needed} substeps (times iterations), more than {limit}; use a shorter dt, a larger strain tolerance or Quality::Substeps",
         limit = crate::quality::MAX_SUBSTEPS
     )]
     TooManySubsteps {

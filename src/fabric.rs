@@ -12,7 +12,8 @@ pub struct Fabric {
     pub density: f32,
     /// Membrane stiffness K (N/m): tension per width and strain. [`f32::INFINITY`]: inextensible. Above 0.
     pub stretch: f32,
-    /// Bending rigidity B (N m): moment per width and curvature. 0: no bending term, at no cost.
+    /// Bending rigidity B (N m): moment per width and curvature, from a flat rest shape, as cloth is cut. 0: no bending term,
+    /// at no cost.
     pub bending: f32,
     /// Retardation time of bending (s) (Kelvin-Voigt: the moment is `B (kappa + damping dkappa/dt)`), measured against the
     /// cloth's own rotation: it stills folds without slowing the cloth's fall or its turning. What swings as a whole, a

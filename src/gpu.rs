@@ -19,11 +19,13 @@ pub(crate) use device::shader;
 use device::{Bind, Stage};
 pub(crate) use forces::Forces;
 
-/// From this many vertices on a GPU beats the CPU: see `benches/results` for the table it was read from.
+/// From this many vertices on a GPU beats the CPU: `benches/results/table_h200.md` is the table it was read from.
 pub(crate) const WORTHWHILE: usize = 1024;
 
 /// Rounded up so that a uniform of any size may start there.
 const SLOT: u64 = 256;
+/// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
+const LONGEST_SUBMIT: usize = 16_384;
 /// What `commit.wgsl` calls none.
 const NONE: u32 = u32::MAX;
 
@@ -157,22 +159,28 @@ impl GpuEngine {
             Some(contact) if !plan.bodies.is_empty() => &contact.stage,
             _ => &self.advance,
         };
-        let mut encoder = self.gpu.encoder();
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            for substep in 0..plan.substeps.len() {
-                self.forces.encode(&mut pass, plan, substep);
-                for _ in 0..plan.sweeps {
-                    for (color, batch) in self.batches.iter().enumerate() {
-                        sweep.encode(&mut pass, &[(color as u64 * SLOT) as u32], batch.count as usize);
+        let dispatches = 8 + plan.sweeps as usize * self.batches.len();
+        let substeps: Vec<usize> = (0..plan.substeps.len()).collect();
+        for some in substeps.chunks((LONGEST_SUBMIT / dispatches).max(1)) {
+            let mut encoder = self.gpu.encoder();
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                for &substep in some {
+                    self.forces.encode(&mut pass, plan, substep);
+                    for _ in 0..plan.sweeps {
+                        for (color, batch) in self.batches.iter().enumerate() {
+                            sweep.encode(&mut pass, &[(color as u64 * SLOT) as u32], batch.count as usize);
+                        }
                     }
+                    advance.encode(&mut pass, &[], vertices);
                 }
-                advance.encode(&mut pass, &[], vertices);
+                if some.last() == substeps.last() {
+                    self.check.encode(&mut pass, &[], vertices);
+                    self.commit.encode(&mut pass, &[], vertices);
+                }
             }
-            self.check.encode(&mut pass, &[], vertices);
-            self.commit.encode(&mut pass, &[], vertices);
+            self.gpu.queue.submit([encoder.finish()]);
         }
-        self.gpu.queue.submit([encoder.finish()]);
     }
 
     fn prepare_contact(&mut self, bodies: &[Body]) {
@@ -201,22 +209,19 @@ impl GpuEngine {
 
     /// Waits for what was submitted.
     pub(crate) fn wait(&self) -> Result<(), Failure> {
-        let done = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
-        done.map(|_| ()).map_err(|error| Failure::Gpu(error.to_string()))
+        self.gpu.wait().map_err(Failure::Gpu)
     }
 
-    /// Waits for the GPU and shows its state to `look`.
+    /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         let size = self.forces.x.size();
         let parts = [(&self.forces.x, 0), (&self.forces.p, size), (&self.first_bad, 2 * size)];
         let seen = self.gpu.read(&self.staging, &parts, self.gpu.encoder(), |bytes| {
             let (state, first_bad) = bytes.split_at(2 * size as usize);
             let first_bad: u32 = bytemuck::pod_read_unaligned(first_bad);
-            if first_bad == NONE {
-                let state: &[Vec4] = bytemuck::cast_slice(state);
-                let (x, p) = state.split_at(state.len() / 2);
-                look(x, p);
-            }
+            let state: &[Vec4] = bytemuck::cast_slice(state);
+            let (x, p) = state.split_at(state.len() / 2);
+            look(x, p);
             first_bad
         });
         match seen.map_err(Failure::Gpu)? {

@@ -1,4 +1,5 @@
-//! The mathematics, as pure functions: values in, values out. `shaders/` holds the same functions under the same names.
+//! The mathematics, as pure functions: values in, values out. `shaders/` holds the same functions; where a stage has the plain name,
+//! its function says of what (`project`, `project_edge`).
 //!
 //! Within a substep of length `h` a vertex is at `x` (m) and will move by `u` (m); `p` (m) is its displacement over the
 //! substep before, so its velocity is `p / h`. Everything is written in displacements: formed as `(x - x_prev) / h` in
@@ -260,11 +261,14 @@ fn unspin(inertia: Vec3A, products: Vec3A, spin: Vec3A) -> (Vec3A, bool) {
     (omega * (scale / determinant), true)
 }
 
-/// Force (N) of the air on a triangle: drag along the stream and lift across it (Keckeisen et al. 2004), resolved into
-/// a normal part `k_n v_n` and a tangential part `k_t v_t` per area, each `k` limited to `k / (1 + h k A/m)`: exact for a
-/// free panel, and never reverses the velocity relative to the air, however strong the wind.
-pub(crate) fn wind_force(x0: Vec3A, x1: Vec3A, x2: Vec3A, velocity: Vec3A, mass: f32, params: &Params) -> Vec3A {
-    let cross = (x1 - x0).cross(x2 - x0);
+/// Force (N) of the air on a triangle (Keckeisen et al. 2004). With `v` its velocity relative to the air, `v_n` and `v_t` the
+/// parts along and across its normal, and `s = |v_n|/|v|`: drag `-rho/2 A C_D |v_n| v` along the stream, and lift
+/// `-rho/2 A C_L |v| (v_n - s² v)` across it, largest at 45 degrees.
+///
+/// Resolved into `-A (k_n v_n + k_t v_t)`, each `k` limited to `k / (1 + kick k A/m)`, `kick` (s) being the time the force acts:
+/// exact for a free panel in steady air, and never reverses the velocity relative to it, however strong the wind.
+pub(crate) fn wind_force(x: [Vec3A; 3], velocity: Vec3A, mass: f32, substep: &Substep, params: &Params) -> Vec3A {
+    let cross = (x[1] - x[0]).cross(x[2] - x[0]);
     let double_area = cross.length();
     if double_area < 1e-20 {
         return Vec3A::ZERO;
@@ -275,11 +279,12 @@ pub(crate) fn wind_force(x0: Vec3A, x1: Vec3A, x2: Vec3A, velocity: Vec3A, mass:
     let along = n.dot(relative);
     let normal = n * along;
     let tangential = relative - normal;
-    let sine2 = along * along / relative.dot(relative).max(1e-20);
-    let pressure = params.half_density * along.abs();
-    let limited = |k: f32| k * area / (1.0 + params.h * k * area / mass);
-    let k_n = limited(pressure * (params.drag + params.lift * (1.0 - sine2)));
-    let k_t = limited(pressure * (params.drag - params.lift * sine2));
+    let speed = relative.length().max(1e-10);
+    let sine = along.abs() / speed;
+    let kick = substep.gain / params.h;
+    let limited = |k: f32| k * area / (1.0 + kick * k * area / mass);
+    let k_n = limited(params.half_density * (params.drag * along.abs() + params.lift * speed * (1.0 - sine * sine)));
+    let k_t = limited(params.half_density * along.abs() * (params.drag - params.lift * sine));
     -(normal * k_n + tangential * k_t)
 }
 

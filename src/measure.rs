@@ -14,7 +14,8 @@ pub struct Measure {
     pub max_strain: f32,
     /// Kinetic energy (J), of the velocities half a substep back (leapfrog).
     pub kinetic_energy: f64,
-    /// Potential energy (J): gravity (0 at rest), stretch (none if inextensible) and bending.
+    /// Potential energy (J): gravity (0 at rest), stretch (none if inextensible) and bending. Below the resolved substep the
+    /// stretch that one sweep leaves is counted at the full stiffness, and may be most of it.
     pub potential_energy: f64,
     /// Depth (m) of the deepest vertex in the last step's colliders, 0 if none is inside.
     pub penetration: f32,

@@ -1,6 +1,6 @@
 //! A step as numbers: what attributes, options and the last step come to, before any engine runs.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider};
 use crate::cloth::Cloth;
@@ -13,15 +13,19 @@ use crate::options::{Method, Options};
 pub(crate) struct Motion {
     /// Its substep (s); 0 if there was none, which makes the first kick half a kick (leapfrog start).
     pub h: f32,
-    /// Its colliders.
+    /// Its colliders, which those of the next step move from; none if the state was set.
     pub colliders: Vec<Collider>,
-    /// Its gravity (m/s²), which the potential energy refers to.
-    pub gravity: Vec3,
     /// Where it left the pins (m), local.
     pub pins: Vec<Vec3>,
 }
 
 impl Motion {
+    /// Where a state in the cloth's order leaves off, made by a substep of `h` (0: set, not stepped to).
+    pub(crate) fn after(cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
+        let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
+        Motion { h, pins, ..Motion::default() }
+    }
+
     /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
     pub(crate) fn unit(&self) -> f32 {
         if self.h > 0.0 { self.h } else { 1.0 }
@@ -43,13 +47,6 @@ pub(crate) struct Plan<'a> {
     /// The force terms that the scene has; springs are the method.
     pub bending: bool,
     pub wind: bool,
-}
-
-impl Motion {
-    pub(crate) fn at_rest(cloth: &Cloth) -> Motion {
-        let pins = cloth.pinned.iter().map(|&vertex| cloth.rest[vertex as usize].truncate()).collect();
-        Motion { pins, ..Motion::default() }
-    }
 }
 
 impl<'a> Plan<'a> {

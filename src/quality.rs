@@ -41,16 +41,23 @@ impl Rates {
             (Quality::Strain(_), Method::Relaxation { .. }) => (60.0 * dt - 1e-3).ceil(),
             (Quality::Strain(_), Method::Springs) => (1.05 * dt * self.explicit).ceil(),
             (Quality::Strain(tolerance), Method::SmallSteps) => {
-                let gravity = f64::from(attributes.gravity.length());
+                let gravity = attributes.gravity.as_dvec3().length();
                 let speed2 = attributes.wind.as_dvec3().length_squared();
                 let pressure = 0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * speed2;
                 let stress = TRANSIENT * (cloth.density * gravity + pressure) * cloth.extent;
                 let rate = self.unit * (2.0 * stress / f64::from(tolerance)).sqrt();
-                coarsened((rate.max(LEAST_RATE) * dt - 1e-3).ceil())
+                // Once the stiffness is resolved, and with a margin that is always stable, more substeps show no more.
+                let resolved = std::f64::consts::SQRT_2 * self.unit * f64::from(options.fabric.stretch).sqrt();
+                coarsened((rate.min(resolved).max(LEAST_RATE) * dt - 1e-3).ceil())
             }
         };
+        let sweeps = if let Method::Relaxation { iterations } = options.method { f64::from(iterations) } else { 1.0 };
         let needed = needed.max(1.0);
-        if needed <= f64::from(MAX_SUBSTEPS) { Ok(needed as u32) } else { Err(StepError::TooManySubsteps { needed }) }
+        if needed * sweeps <= f64::from(MAX_SUBSTEPS) {
+            Ok(needed as u32)
+        } else {
+            Err(StepError::TooManySubsteps { needed: needed * sweeps })
+        }
     }
 
     /// Substeps that explicit springs need in a step of `dt` (s), if more than `substeps`.
@@ -60,7 +67,7 @@ impl Rates {
     }
 }
 
-/// Rounded up to three binary digits and a bit, so that a breeze does not change the substep every frame.
+/// Rounded up to five binary digits, so that a breeze does not change the substep every frame.
 fn coarsened(count: f64) -> f64 {
     let unit = (count / 16.0).log2().floor().exp2().max(1.0);
     (count / unit).ceil() * unit

@@ -126,6 +126,8 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         if frame > 1 {
             let start = Instant::now();
             let done = deformer.step(dt, &attributes).map_err(failed)?;
+            // A GPU has only been told what to do: the step is over when it has done it.
+            deformer.wait().map_err(failed)?;
             seconds = start.elapsed().as_secs_f64();
             substeps = done.substeps;
             for warning in done.warnings {

@@ -27,7 +27,7 @@ pub(crate) struct Report {
 pub(crate) struct Frame {
     #[serde(rename = "frame")]
     number: u32,
-    /// Duration of `Deformer::step` alone (ms): on the GPU that is encoding and submitting; reading back is not part of it.
+    /// Duration of `Deformer::step` alone (ms), on the GPU until it is done there; reading back is not part of it.
     ms: f64,
     substeps: u32,
     mean_strain: f32,

@@ -99,6 +99,12 @@ impl Gpu {
         self.make(label, size, usage)
     }
 
+    /// A storage buffer that a renderer may take vertices from.
+    pub(crate) fn vertex_buffer(&self, label: &str, size: u64) -> wgpu::Buffer {
+        use wgpu::BufferUsages;
+        self.make(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | BufferUsages::VERTEX)
+    }
+
     /// A storage buffer with these values; an item of zeros if there are none.
     pub(crate) fn filled<T: Pod>(&self, label: &str, values: &[T]) -> wgpu::Buffer {
         let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);
@@ -153,12 +159,22 @@ impl Gpu {
                 // The receiver waits below; if it gave up there is nobody to tell.
                 let _ = send.send(mapped);
             });
-            self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| error.to_string())?;
+            self.wait()?;
             receive.recv().map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
             let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| error.to_string());
             staging.unmap();
             seen
         })
+    }
+
+    /// Waits for what was submitted.
+    pub(crate) fn wait(&self) -> Result<(), String> {
+        // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
+        let poll = || self.device.poll(wgpu::PollType::wait_indefinitely());
+        match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
+            Ok(polled) => polled.map(|_| ()).map_err(|error| error.to_string()),
+            Err(_) => Err("the device was lost".to_owned()),
+        }
     }
 
     /// An encoder of commands.

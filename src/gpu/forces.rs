@@ -39,11 +39,15 @@ struct Bending {
 impl Forces {
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth) -> Result<Forces, String> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
-        let largest = gpu.device.limits().max_storage_buffer_binding_size;
-        if size > largest {
-            return Err(format!("the cloth needs buffers of {size} bytes, the device binds {largest} at most"));
+        // Of the buffers that the cloth may come to need, the largest: bending's moments, its entries, springs, edges.
+        let needed = (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64);
+        let limits = gpu.device.limits();
+        let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        if needed > largest {
+            return Err(format!("the cloth needs buffers of {needed} bytes, the device binds {largest} at most"));
         }
-        let [x, p, u] = ["x", "p", "u"].map(|name| gpu.buffer(name, size));
+        let [p, u] = ["p", "u"].map(|name| gpu.buffer(name, size));
+        let x = gpu.vertex_buffer("x", size);
         let params = gpu.uniform("params", &[0; size_of::<Params>()]);
         let substeps = gpu.uniform("substeps", &[0; SLOT as usize]);
         let frame = frame(gpu, &params, &substeps);
