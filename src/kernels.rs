@@ -4,7 +4,7 @@
 //! Within a substep of length `h` a vertex is at `x` (m) and will move by `u` (m); `p` (m) is its displacement over the
 //! substep before, so its velocity is `p / h`. Everything is written in displacements: formed as `(x - x_prev) / h` in
 //! single precision, a velocity loses gravity altogether once `h^2 g` nears the last bit of `x`. Storing `p` rather than
-//! `v` also spares the rounding of `v -> h v -> v`, which is what makes friction near its threshold drift.
+//! `v` spares a division and lets no rounding of `v -> h v -> v` add up over thousands of substeps.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3A, Vec4};
@@ -290,7 +290,9 @@ pub(crate) fn wind_force(x: [Vec3A; 3], velocity: Vec3A, mass: f32, substep: &Su
 
 /// Contact of a vertex at `x` about to move by `u` with one body: `(x, u)` afterwards.
 ///
-/// The gap is formed in displacements, so that it is right to the last bit of `u`, not of `x`. What the vertex was already
+/// The gap is formed in displacements, so that it is right to the last bit of `u`, not of `x`: formed in positions it loses
+/// part of `h² g` to rounding at hundreds of substeps, and with it part of friction (0.4 % of the acceleration at 16.9
+/// degrees and friction 0.3, 320 substeps, a metre from the origin; more farther out). What the vertex was already
 /// inside by is taken out of `x` at a bounded speed and gives it no velocity; the rest is taken out of `u`, and is what
 /// friction (Coulomb, relative to the body's own motion) is measured by. A fast vertex is swept along its path.
 pub(crate) fn contact(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
@@ -364,7 +366,6 @@ fn respond(x: Vec3A, u: Vec3A, n: Vec3A, before: f32, after: f32, step: Vec3A, f
     let relative = u - step;
     let slip = relative - n * n.dot(relative);
     let length = slip.length();
-    // Subtracted rather than scaled by 1 - ratio, which rounds the same way every substep.
     let u = u - slip * (friction * push / length.max(1e-30)).min(1.0);
     (x + n * old.min(DEPENETRATION * h), u)
 }

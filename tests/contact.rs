@@ -17,6 +17,7 @@ on_every_backend!(
     a_start_inside_is_freed_without_a_kick,
     a_moving_floor_carries_the_cloth,
     a_growing_sphere_pushes,
+    a_set_state_forgets_where_colliders_were,
 );
 
 /// A sheet lying on a plane tilted by `degrees` about z, friction .3.
@@ -190,6 +191,19 @@ fn a_growing_sphere_pushes(backend: Backend) {
         assert!(depth <= 1e-6, "frame {frame}: {depth} m deep");
     }
     assert!(deformer.positions().unwrap()[40].y >= 0.245, "lifted by the growth");
+}
+
+/// Where a scene is cut, a collider that was elsewhere before did not fly here.
+fn a_set_state_forgets_where_colliders_were(backend: Backend) {
+    let mesh = Mesh::grid(5, 5, 0.3, 0.3);
+    let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let at =
+        |y: f32| Attributes { gravity: Vec3::ZERO, colliders: vec![Collider::sphere(Vec3::Y * y, 0.1)], ..Attributes::default() };
+    deformer.step(FRAME, &at(1.0)).unwrap();
+    deformer.set_state(&mesh.positions, &[Vec3::ZERO; 25]).unwrap();
+    deformer.step(FRAME, &at(-0.5)).unwrap();
+    assert_eq!(deformer.positions().unwrap(), mesh.positions);
 }
 
 /// A towel stays on a sphere, however many substeps: peers' friction depends on them and lets it slide off.
