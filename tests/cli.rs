@@ -289,7 +289,7 @@ fn what_cannot_be_is_refused_in_one_line() {
         (&["--strain", "nan"], &["--strain", "finite"]),
         (&["--strain", "0"], &["--strain", "above 0"]),
         (&["--strain", "inf"], &["--strain", "finite"]),
-        (&["--strain", "1e-30"], &["substeps"]),
+        (&["--fps", "0.01"], &["substeps"]),
         (&["--iterations", "4"], &["--iterations", "relaxation"]),
         (&["--method", "relaxation", "--iterations", "0"], &["--iterations"]),
         (&["--method", "magic"], &["--method", "magic", "small-steps"]),
