@@ -203,7 +203,9 @@ fn a_set_state_forgets_where_colliders_were(backend: Backend) {
     deformer.step(FRAME, &at(1.0)).unwrap();
     deformer.set_state(&mesh.positions, &[Vec3::ZERO; 25]).unwrap();
     deformer.step(FRAME, &at(-0.5)).unwrap();
-    assert_eq!(deformer.positions().unwrap(), mesh.positions);
+    // Nothing but rounding in the edges moves it.
+    let moved = common::rms(deformer.positions().unwrap(), &mesh.positions);
+    assert!(moved <= 1e-7, "flung by {moved} m");
 }
 
 /// A towel stays on a sphere, however many substeps: peers' friction depends on them and lets it slide off.

@@ -62,7 +62,7 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let mut check = |name: &str, backend: Backend, figure: f64, bound: f64| {
         let holds = figure <= bound;
         good &= holds;
-        println!("| {name} | {backend:?} | {figure:.2e} | {bound:.0e} | {} |", if holds { "ok" } else { "**FAILS**" });
+        println!("| {name} | {backend:?} | {figure:.2e} | {bound:.1e} | {} |", if holds { "ok" } else { "**FAILS**" });
     };
     let grid = Mesh::grid(41, 41, 1.0, 1.0);
     let meshes = [Some(("grid 41", grid)), arguments.mesh.as_ref().map(Mesh::load_obj).transpose()?.map(|mesh| ("mesh", mesh))];
