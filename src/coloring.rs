@@ -192,12 +192,15 @@ mod tests {
         let mesh = Mesh::grid(9, 9, 1.0, 1.0);
         let edges = mesh.edges();
         let coloring = color(&edges, &mesh.positions);
-        let color_of = |a: u32, b: u32| coloring.of[edges.binary_search(&[a.min(b), a.max(b)]).unwrap()];
-        let centre = 40;
-        for step in [1, 9, 8] {
-            let pair = [color_of(centre, centre + step), color_of(centre, centre - step)];
-            assert_eq!(pair[0] / 2, pair[1] / 2, "colours {pair:?} of a straight pair are 2k and 2k + 1");
-        }
+        // Steps of 1, 9 and 8 are the grid's three directions; each has two colours of its own, to the very border.
+        let mut pairs = [1, 9, 8].map(|step| {
+            let along = edges.iter().zip(&coloring.of).filter(|([a, b], _)| b - a == step);
+            let colors: std::collections::BTreeSet<u32> = along.map(|(_, &color)| color).collect();
+            assert_eq!(colors.len(), 2, "step {step} has the colours {colors:?}");
+            colors.into_iter().collect::<Vec<_>>()
+        });
+        pairs.sort();
+        assert_eq!(pairs, [[0, 1], [2, 3], [4, 5]]);
     }
 
     #[test]
