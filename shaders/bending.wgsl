@@ -97,9 +97,11 @@ fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     var ring = Ring();
     for (var k = spans[v].start; k < spans[v].end; k++) {
         let entry = entries[k];
-        if entry.forward != 0.0 {
-            let rate = (p[entry.other].xyz - p[v].xyz) * substep.rate;
-            add(&ring, x[entry.other].xyz - x[v].xyz, rate, entry.forward);
+        let d = x[entry.other].xyz - x[v].xyz;
+        if params.damped == 0u {
+            ring.y += d * entry.forward;
+        } else if entry.forward != 0.0 {
+            add(&ring, d, (p[entry.other].xyz - p[v].xyz) * substep.rate, entry.forward);
         }
     }
     moments_out[v] = bend_moment(ring, rows[v]);

@@ -41,30 +41,31 @@ fn relax_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * l) - 1.0));
 }
 
-@compute @workgroup_size(WORKGROUP)
-fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let k = item(id, groups);
+fn correct(k: u32, relaxation: bool) {
     if k >= batch.count {
         return;
     }
     let edge = edges[batch.first + k];
     let x_a = x[edge.a];
     let x_b = x[edge.b];
-    let impulse = vec4f(project_edge(x_a.xyz - x_b.xyz, u[edge.a].xyz - u[edge.b].xyz, edge), 0.0);
-    u[edge.a] += impulse * x_a.w;
-    u[edge.b] -= impulse * x_b.w;
+    let d0 = x_a.xyz - x_b.xyz;
+    let du = u[edge.a].xyz - u[edge.b].xyz;
+    var impulse: vec3f;
+    if relaxation {
+        impulse = relax_edge(d0, du, edge);
+    } else {
+        impulse = project_edge(d0, du, edge);
+    }
+    u[edge.a] += vec4f(impulse * x_a.w, 0.0);
+    u[edge.b] -= vec4f(impulse * x_b.w, 0.0);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    correct(item(id, groups), false);
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn relax(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let k = item(id, groups);
-    if k >= batch.count {
-        return;
-    }
-    let edge = edges[batch.first + k];
-    let x_a = x[edge.a];
-    let x_b = x[edge.b];
-    let impulse = vec4f(relax_edge(x_a.xyz - x_b.xyz, u[edge.a].xyz - u[edge.b].xyz, edge), 0.0);
-    u[edge.a] += impulse * x_a.w;
-    u[edge.b] -= impulse * x_b.w;
+    correct(item(id, groups), true);
 }

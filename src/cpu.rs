@@ -76,9 +76,14 @@ impl Cpu {
             self.moments.resize(x.len(), Moment::default());
             for_each(&mut self.moments, |v, moment| {
                 let mut ring = kernels::Ring::default();
-                for entry in entries.of(v as u32).iter().filter(|entry| entry.forward != 0.0) {
+                for entry in entries.of(v as u32) {
                     let j = entry.other as usize;
-                    ring.add(xyz(x[j] - x[v]), xyz(p[j] - p[v]) * substep.rate, entry.forward);
+                    let d = xyz(x[j] - x[v]);
+                    if params.damped == 0 {
+                        ring.y += d * entry.forward;
+                    } else if entry.forward != 0.0 {
+                        ring.add(d, xyz(p[j] - p[v]) * substep.rate, entry.forward);
+                    }
                 }
                 let (pull, couple) = kernels::bend_moment(&ring, &rows[v]);
                 *moment = Moment { pull, couple };

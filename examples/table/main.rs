@@ -112,10 +112,6 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
             let mut cells = Vec::new();
             let mut substeps = 0;
             for &backend in &backends {
-                if backend == Backend::Hybrid && n > 256 {
-                    cells.push("-".to_owned());
-                    continue;
-                }
                 let (ms, count) = time(n, quality, backend)?;
                 substeps = count;
                 cells.push(format!("{ms:.3}"));
