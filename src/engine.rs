@@ -68,7 +68,7 @@ impl Engine {
         Ok(match options.backend {
             Backend::Cpu => Engine::Cpu(Cpu::new(cloth)),
             Backend::Auto if cloth.rest.len() < gpu::WORTHWHILE => Engine::Cpu(Cpu::new(cloth)),
-            Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth)) {
+            Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
                 Ok(gpu) => Engine::Gpu(Box::new(gpu)),
                 Err(_) => Engine::Cpu(Cpu::new(cloth)),
             },
@@ -77,7 +77,7 @@ impl Engine {
                 Engine::Hybrid(Box::new(gpu.map_err(refuse("Backend::Hybrid"))?))
             }
             Backend::Gpu => {
-                let gpu = find(true).and_then(|gpu| GpuEngine::new(gpu, cloth));
+                let gpu = find(true).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method));
                 Engine::Gpu(Box::new(gpu.map_err(refuse("Backend::Gpu"))?))
             }
         })

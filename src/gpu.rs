@@ -47,8 +47,8 @@ pub(crate) struct GpuEngine {
     edges: wgpu::Buffer,
     /// The substep that `edges` are for.
     edges_h: Option<f32>,
-    project: Stage,
-    relax: Stage,
+    /// The method's edge kernel.
+    sweep: Stage,
     advance: Stage,
     contact: Option<Contact>,
     check: Stage,
@@ -68,7 +68,7 @@ struct Contact {
 }
 
 impl GpuEngine {
-    pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<GpuEngine, String> {
+    pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, String> {
         let batches: Vec<Batch> =
             cloth.colors.iter().map(|range| Batch { first: range.start as u32, count: range.len() as u32 }).collect();
         gpu.clone().checked(|| {
@@ -84,7 +84,7 @@ impl GpuEngine {
             let first_bad = gpu.buffer("first_bad", 4);
             let staging = gpu.staging("state", 2 * size + 4);
 
-            let sweep = gpu.module("project", shader!("project"));
+            let edge_kernels = gpu.module("project", shader!("project"));
             let moves = gpu.module("contact", shader!("contact"));
             let keeps = gpu.module("commit", shader!("commit"));
             let (x, p, u) = (&forces.x, &forces.p, &forces.u);
@@ -97,8 +97,8 @@ impl GpuEngine {
             let checked = [(0, Bind::Write(x)), (1, Bind::Write(p)), (4, Bind::Write(&first_bad))];
             let kept = [(2, Bind::Write(&x_good)), (3, Bind::Write(&p_good))];
             let frame = &forces.frame;
-            let project = Stage::new(&gpu, frame, &sweep, "project", &swept);
-            let relax = Stage::new(&gpu, frame, &sweep, "relax", &swept);
+            let entry = if matches!(method, Method::Relaxation { .. }) { "relax" } else { "project" };
+            let sweep = Stage::new(&gpu, frame, &edge_kernels, entry, &swept);
             let advance =
                 Stage::new(&gpu, frame, &moves, "advance", &[(0, Bind::Write(x)), (1, Bind::Write(p)), (2, Bind::Read(u))]);
             let check = Stage::new(&gpu, frame, &keeps, "check", &checked);
@@ -111,8 +111,7 @@ impl GpuEngine {
                 batches,
                 edges,
                 edges_h,
-                project,
-                relax,
+                sweep,
                 advance,
                 contact,
                 check,
@@ -155,7 +154,6 @@ impl GpuEngine {
             self.prepare_contact(&plan.bodies);
         }
         let vertices = plan.cloth.rest.len();
-        let sweep = if matches!(plan.method, Method::Relaxation { .. }) { &self.relax } else { &self.project };
         let advance = match &self.contact {
             Some(contact) if !plan.bodies.is_empty() => &contact.stage,
             _ => &self.advance,
@@ -170,7 +168,7 @@ impl GpuEngine {
                     self.forces.encode(&mut pass, plan, substep);
                     for _ in 0..plan.sweeps {
                         for (color, batch) in self.batches.iter().enumerate() {
-                            sweep.encode(&mut pass, &[(color as u64 * SLOT) as u32], batch.count as usize);
+                            self.sweep.encode(&mut pass, &[(color as u64 * SLOT) as u32], batch.count as usize);
                         }
                     }
                     advance.encode(&mut pass, &[], vertices);
