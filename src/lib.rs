@@ -22,6 +22,7 @@ mod measure;
 mod mesh;
 mod obj;
 mod options;
+mod pc2;
 mod plan;
 mod quality;
 mod whole;
@@ -37,5 +38,6 @@ pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
 pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
+pub use pc2::{Pc2Error, PointCache};
 #[cfg(feature = "gpu")]
 pub use wgpu;
