@@ -114,7 +114,7 @@ impl PointCache {
         if let Some(problem) = problem {
             return Err(Pc2Error::Sample { sample, problem, vertices: self.vertices });
         }
-        let mut numbers = positions.iter().flat_map(|x| x.to_array());
+        let mut numbers = positions.iter().flat_map(Vec3::to_array);
         numbers
             .try_for_each(|number| self.file.write_all(&number.to_le_bytes()))
             .map_err(|reason| Pc2Error::Write { file: self.path.clone(), reason })?;

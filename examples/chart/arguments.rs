@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::error::ErrorKind;
+use clap::builder::PossibleValuesParser;
 use clap::{Parser, value_parser};
 use cloth_deformer::{Backend, Fabric};
 
 use crate::Failure;
+use crate::command::{self, one_of};
 use crate::pins::Pin;
 
 /// Names of the backends.
@@ -72,15 +72,7 @@ pub(crate) struct Arguments {
 impl Arguments {
     /// The arguments this process was given, or the help that was asked for.
     pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
-        match Arguments::try_parse() {
-            Ok(arguments) => Ok(Ok(arguments)),
-            Err(help) if help.kind() == ErrorKind::DisplayHelp => Ok(Err(help)),
-            Err(error) => {
-                let text = error.to_string();
-                let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
-                Err(Failure::input(format_args!("{}; see --help", text.trim_start_matches("error: "))))
-            }
-        }
+        command::read()
     }
 
     /// The fabric as far as every method and the reference know it: without bending.
@@ -116,15 +108,6 @@ fn civil_date(days: u64) -> String {
     let march = (5 * day + 2) / 153;
     let month = if march < 10 { march + 3 } else { march - 9 };
     format!("{}-{month:02}-{:02}", era * 400 + year + u64::from(month <= 2), day - (153 * march + 2) / 5 + 1)
-}
-
-/// One of a table's names, for its value.
-fn one_of<T: Clone + Send + Sync + 'static, const N: usize>(table: [(&'static str, T); N]) -> impl TypedValueParser<Value = T> {
-    let names = table.each_ref().map(|&(name, _)| name);
-    PossibleValuesParser::new(names).try_map(move |given| {
-        let named = table.iter().find(|&&(name, _)| name == given);
-        named.map(|(_, value)| value.clone()).ok_or("not in the table")
-    })
 }
 
 fn positive(text: &str) -> Result<f64, String> {

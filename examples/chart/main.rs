@@ -20,6 +20,8 @@ use crate::measure::{Effort, Row, Setting};
 use crate::scene::{Scene, Truth};
 
 mod arguments;
+#[path = "../drape/command.rs"]
+mod command;
 mod draw;
 #[allow(unreachable_pub, reason = "the tests' own")]
 #[path = "../../tests/common/hang.rs"]

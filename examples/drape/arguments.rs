@@ -2,16 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::{
-    Parser,
-    builder::{PossibleValuesParser, TypedValueParser},
-    error::ErrorKind,
-    value_parser,
-};
+use clap::{Parser, value_parser};
 use cloth_deformer::{Backend, Fabric, Method, glam::Vec3};
 
-use crate::Failure;
-use crate::pins::Pin;
+use crate::{
+    Failure,
+    command::{self, one_of},
+    pins::Pin,
+};
 
 /// Names of the backends.
 pub(crate) const BACKENDS: [(&str, Backend); 4] =
@@ -132,14 +130,9 @@ pub(crate) struct Ball {
 impl Arguments {
     /// The arguments this process was given, or the help that was asked for.
     pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
-        match Arguments::try_parse() {
+        match command::read::<Arguments>()? {
             Ok(arguments) => arguments.checked().map(Ok),
-            Err(help) if help.kind() == ErrorKind::DisplayHelp => Ok(Err(help)),
-            Err(error) => {
-                let text = error.to_string();
-                let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
-                Err(Failure::input(format_args!("{}; see --help", text.trim_start_matches("error: "))))
-            }
+            Err(help) => Ok(Err(help)),
         }
     }
 
@@ -169,15 +162,6 @@ impl Arguments {
     pub(crate) fn dt(&self) -> f32 {
         1.0 / self.fps
     }
-}
-
-/// One of a table's names, for its value.
-fn one_of<T: Clone + Send + Sync + 'static, const N: usize>(table: [(&'static str, T); N]) -> impl TypedValueParser<Value = T> {
-    let names = table.each_ref().map(|&(name, _)| name);
-    PossibleValuesParser::new(names).try_map(move |given| {
-        let named = table.iter().find(|&&(name, _)| name == given);
-        named.map(|(_, value)| value.clone()).ok_or("not in the table")
-    })
 }
 
 fn finite(text: &str) -> Result<f32, String> {

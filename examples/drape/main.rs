@@ -30,6 +30,7 @@ use crate::{
 };
 
 mod arguments;
+mod command;
 mod output;
 mod pins;
 mod preview;
