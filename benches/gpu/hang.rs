@@ -35,20 +35,19 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Plays HANG on a backend.
-    pub(crate) fn new(n: u32, substeps: u32, backend: Backend, gpu: Option<&Gpu>) -> Result<Run, Failure> {
-        let mut deformer = sheet(n, substeps, backend, gpu)?;
+    /// Plays HANG from its start.
+    fn of(cloth: &mut Deformer, n: u32) -> Result<Run, Failure> {
         let masses = scene::grid_masses(n, 0.2);
         let total: f64 = masses.iter().map(|&mass| f64::from(mass)).sum();
         let mut run = Run { mean_strain: 0.0, max_strain: 0.0, drop: 0.0, energy: f64::NEG_INFINITY };
         for frame in 1..=FRAMES {
-            deformer.step(FRAME, &Attributes::default())?;
+            cloth.step(FRAME, &Attributes::default())?;
             if frame % SAMPLE > 0 {
                 continue;
             }
-            let measure = deformer.measure()?;
+            let measure = cloth.measure()?;
             let height = |x: &[Vec3]| x.iter().zip(&masses).map(|(x, &mass)| f64::from(x.y) * f64::from(mass)).sum::<f64>();
-            let height = height(deformer.positions()?) / total;
+            let height = height(cloth.positions()?) / total;
             if frame == SAMPLE {
                 run.drop = -height;
             }
@@ -88,42 +87,54 @@ pub(crate) fn make(mesh: &Mesh, options: Options, gpu: Option<&Gpu>) -> Result<D
     Ok(Deformer::new(mesh, Options { gpu: gpu.cloned(), ..options })?)
 }
 
-/// The least substeps with which the motion is right, to a sixteenth, and the run that shows it; `None` if no run of at
-/// most `patience` (s) was right.
-///
-/// Strain falls as the substeps squared where it is the sweep's alone, which makes the first guesses; what is found is
-/// what was run.
-pub(crate) fn least_substeps(
-    n: u32,
-    first: u32,
-    backend: Backend,
-    gpu: Option<&Gpu>,
-    patience: f64,
-) -> Result<Option<(u32, Run)>, Failure> {
-    let (mut wrong, mut right) = (0, None);
-    let mut substeps = first;
-    loop {
-        let begin = std::time::Instant::now();
-        let run = Run::new(n, substeps, backend, gpu)?;
-        let seconds = begin.elapsed().as_secs_f64();
+/// A sheet that was played for two seconds, and what came of it.
+#[derive(Debug)]
+pub(crate) struct Trial {
+    pub(crate) substeps: u32,
+    pub(crate) run: Run,
+    pub(crate) cloth: Deformer,
+}
+
+impl Trial {
+    fn new(n: u32, substeps: u32, backend: Backend, gpu: Option<&Gpu>) -> Result<Trial, Failure> {
+        let mut cloth = sheet(n, substeps, backend, gpu)?;
+        let run = Run::of(&mut cloth, n)?;
         eprintln!("  N = {n}, S = {substeps}: strain {:.2e}, drop {:.4} m, {}", run.mean_strain, run.drop, run.verdict());
-        if run.is_right() {
-            right = Some((substeps, run));
+        Ok(Trial { substeps, run, cloth })
+    }
+}
+
+/// 20 substeps, and if they are not it the least with which the motion is right, to a sixteenth, unless a run would last
+/// longer than `patience` (s).
+///
+/// Strain falls as the substeps squared where it is the sweep's alone, which makes the guesses; what is found is what was
+/// run.
+pub(crate) fn trials(n: u32, backend: Backend, gpu: Option<&Gpu>, patience: f64) -> Result<Vec<Trial>, Failure> {
+    let begin = std::time::Instant::now();
+    let fixed = Trial::new(n, 20, backend, gpu)?;
+    let seconds = begin.elapsed().as_secs_f64() / 20.0;
+    let guess = |trial: &Trial| f64::from(trial.substeps) * (trial.run.mean_strain / STRAIN).sqrt();
+    let (mut wrong, mut right) = if fixed.run.is_right() { (0, 20) } else { (20, u32::MAX) };
+    let mut next = guess(&fixed);
+    let mut least = None;
+    while right > wrong + (right / 16).max(1) {
+        let (low, high) = (f64::from(wrong), f64::from(right));
+        let substeps = match (wrong, right) {
+            (_, u32::MAX) => (1.05 * next).clamp(1.15 * low + 1.0, 3.0 * low) as u32,
+            (0, _) => (1.05 * next).clamp(high / 3.0, high - 1.0).max(1.0) as u32,
+            _ => (low * high).sqrt().ceil().min(high - 1.0) as u32,
+        };
+        if right == u32::MAX && seconds * f64::from(substeps) > patience {
+            break;
+        }
+        let trial = Trial::new(n, substeps, backend, gpu)?;
+        next = guess(&trial);
+        if trial.run.is_right() {
+            right = substeps;
+            least = Some(trial);
         } else {
             wrong = substeps;
         }
-        let guess = f64::from(substeps) * (run.mean_strain / STRAIN).sqrt();
-        let next = match right {
-            None => (1.05 * guess).clamp(1.15 * f64::from(substeps) + 1.0, 3.0 * f64::from(substeps)),
-            Some((least, _)) if least - wrong <= (least / 16).max(1) => return Ok(right),
-            Some((least, _)) if wrong == 0 => {
-                (1.05 * guess).clamp(f64::from(least) / 3.0, f64::from(least) - 1.0).floor().max(1.0)
-            }
-            Some((least, _)) => (f64::from(wrong) * f64::from(least)).sqrt().ceil().min(f64::from(least) - 1.0),
-        };
-        if right.is_none() && seconds * next / f64::from(substeps) > patience {
-            return Ok(None);
-        }
-        substeps = next as u32;
     }
+    Ok([Some(fixed), least].into_iter().flatten().collect())
 }

@@ -17,7 +17,7 @@ use clap::{Parser, value_parser};
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Options, wgpu};
 
 use crate::checks::Checks;
-use crate::hang::{Run, make, scene, sheet};
+use crate::hang::{Run, Trial, make, scene, sheet};
 use crate::timing::{DeviceClock, Times, time};
 
 mod checks;
@@ -95,14 +95,12 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let good = arguments.unchecked || Checks::new(&backends, gpu.as_ref()).run(arguments.mesh.as_deref(), arguments.quick)?;
 
     let clock = gpu.as_ref().and_then(DeviceClock::new);
-    let mut bench = Bench { arguments, backends, gpu: gpu.as_ref(), clock, rows: Vec::new() };
-    let default: &[u32] = if arguments.quick { &[32, 64, 128] } else { &[32, 64, 128, 256, 512, 1024, 2048] };
-    bench.sheets(if arguments.sizes.is_empty() { default } else { &arguments.sizes })?;
-    bench.terms(if arguments.quick { &[64] } else { &[128, 512] })?;
+    let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, rows: Vec::new() };
     bench.crowd()?;
-    if let Some(path) = &arguments.csv {
-        std::fs::write(path, csv(&bench.rows, &adapter, arguments))?;
-    }
+    bench.terms(if arguments.quick { &[64] } else { &[128, 512] })?;
+    let default: &[u32] = if arguments.quick { &[32, 64, 128] } else { &[32, 64, 128, 256, 512, 1024, 2048] };
+    // The largest last: what is there when patience ends is kept.
+    bench.sheets(if arguments.sizes.is_empty() { default } else { &arguments.sizes })?;
     Ok(good)
 }
 
@@ -136,6 +134,7 @@ struct Row {
 /// What times share.
 struct Bench<'a> {
     arguments: &'a Arguments,
+    adapter: String,
     backends: Vec<Backend>,
     gpu: Option<&'a Gpu>,
     clock: Option<DeviceClock>,
@@ -172,33 +171,25 @@ impl Bench<'_> {
         );
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
         let judge = *self.backends.last().ok_or("no backend")?;
-        let mut guess = 20;
         for &n in sizes {
             eprintln!("HANG, N = {n} ..");
-            let least = hang::least_substeps(n, guess, judge, self.gpu, self.arguments.patience)?;
-            let fixed = match least {
-                Some((20, run)) => Some(run),
-                // The search began there, or it is as cheap.
-                _ => Some(Run::new(n, 20, judge, self.gpu)?),
-            };
-            let mut settings = vec![(20, fixed)];
-            match least {
-                Some((substeps, run)) if substeps != 20 => settings.push((substeps, Some(run))),
-                Some(_) => {}
-                None => println!("| {n} | - | | | | none right within {} s a run | | | | | | |", self.arguments.patience),
+            let mut trials = hang::trials(n, judge, self.gpu, self.arguments.patience)?;
+            for trial in &mut trials {
+                self.sheet(n, trial, judge)?;
             }
-            guess = least.map_or(guess, |(substeps, _)| substeps);
-            for (substeps, run) in settings {
-                self.sheet(n, substeps, run)?;
+            if !trials.iter().any(|trial| trial.run.is_right()) {
+                println!("| {n} | more | | | | none right within {} s a run | | | | | | |", self.arguments.patience);
             }
+            self.save()?;
         }
         Ok(())
     }
 
     /// A line of the table.
-    fn sheet(&mut self, n: u32, substeps: u32, run: Option<Run>) -> Result<(), Failure> {
-        let mut cells = Vec::new();
-        let mut deep = String::from("- | -");
+    fn sheet(&mut self, n: u32, trial: &mut Trial, judge: Backend) -> Result<(), Failure> {
+        let Trial { substeps, run, cloth } = trial;
+        let run = *run;
+        let (mut cells, mut deep) = (Vec::new(), String::from("- | -"));
         for backend in [Backend::Cpu, Backend::Hybrid, Backend::Gpu] {
             // Seconds a frame tell no more than that it is too slow.
             let too_slow = match backend {
@@ -210,23 +201,34 @@ impl Bench<'_> {
                 cells.push("-".to_owned());
                 continue;
             }
-            let cloth = sheet(n, substeps, backend, self.gpu)?;
-            let times = self.time(("hang", n, substeps), backend, &mut [cloth], &Attributes::default())?;
+            let row = ("hang", n, *substeps);
+            let times = if backend == judge {
+                self.time(row, backend, std::slice::from_mut(cloth), &Attributes::default())?
+            } else {
+                self.time(row, backend, &mut [sheet(n, *substeps, backend, self.gpu)?], &Attributes::default())?
+            };
             cells.push(format!("{:.3}", times.frame));
             if backend == Backend::Gpu {
                 let device = times.device.map_or("-".to_owned(), |ms| format!("{ms:.3}"));
                 deep = format!("{:.3} | {device}", times.queued);
             }
             if let Some(row) = self.rows.last_mut() {
-                row.run = run;
+                row.run = Some(run);
             }
         }
         let newton = NEWTON.iter().find(|(size, _)| *size == n).map_or("", |(_, cell)| cell);
-        let judged = run.map_or("| | | ".to_owned(), |run| {
-            format!("{:.2e} | {:.2e} | {:.4} | {}", run.mean_strain, run.max_strain, run.drop, run.verdict())
-        });
-        println!("| {n} | {substeps} | {judged} | {} | {deep} | {newton} |", cells.join(" | "));
+        let Run { mean_strain, max_strain, drop, .. } = run;
+        let motion = format!("{mean_strain:.2e} | {max_strain:.2e} | {drop:.4} | {}", run.verdict());
+        println!("| {n} | {substeps} | {motion} | {} | {deep} | {newton} |", cells.join(" | "));
         Ok(())
+    }
+
+    /// Writes what there is so far.
+    fn save(&self) -> Result<(), Failure> {
+        match &self.arguments.csv {
+            Some(path) => Ok(std::fs::write(path, csv(&self.rows, &self.adapter, self.arguments))?),
+            None => Ok(()),
+        }
     }
 
     /// What the terms of a scene cost, at 20 substeps.
