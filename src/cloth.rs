@@ -11,6 +11,7 @@ use crate::error::BuildError;
 use crate::kernels::{Panel, Spring};
 use crate::mesh::{Mesh, sides};
 use crate::options::Options;
+use crate::stripes::Stripes;
 
 /// Most vertices: as many as buffers of 16 bytes each can be bound for on common GPUs.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
@@ -44,6 +45,7 @@ pub(crate) struct Cloth {
     panels: OnceLock<Panels>,
     springs: OnceLock<Lists<Spring>>,
     bending: OnceLock<Bending>,
+    stripes: OnceLock<Stripes>,
 }
 
 /// An edge of the cloth.
@@ -116,7 +118,7 @@ impl Cloth {
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
-        let (panels, springs, bending) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        let (panels, springs, bending, stripes) = (OnceLock::new(), OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(Cloth {
             order,
             origin,
@@ -132,6 +134,7 @@ impl Cloth {
             panels,
             springs,
             bending,
+            stripes,
         })
     }
 
@@ -164,6 +167,11 @@ impl Cloth {
             let around = corners.flat_map(|(index, triangle)| triangle.map(|vertex| (vertex, index as u32)));
             Panels { panels, around: Lists::new(rest.len(), around) }
         })
+    }
+
+    /// The sweep's tasks; built for the processor alone.
+    pub(crate) fn stripes(&self) -> &Stripes {
+        self.stripes.get_or_init(|| Stripes::new(&self.links, self.swept().len(), self.rest.len()))
     }
 
     /// The springs at each vertex; built for [`Method::Springs`](crate::Method::Springs) alone.

@@ -1,6 +1,5 @@
 //! What depends on the length of the substep: computed once, kept while the length stays.
 
-use crate::batches::Batches;
 use crate::cloth::Cloth;
 use crate::kernels::{BendRow, Edge};
 use crate::options::{Method, Options};
@@ -11,7 +10,7 @@ pub(crate) struct Coefficients {
     /// The substep (s) they are for.
     pub h: f32,
     /// Edges in colour order; none for springs, which are forces.
-    pub edges: Batches,
+    pub edges: Vec<Edge>,
     /// Rows of the bending energy; empty without bending.
     pub bending: Vec<BendRow>,
     /// Vertices whose bending had to be softened.
@@ -21,7 +20,7 @@ pub(crate) struct Coefficients {
 impl Coefficients {
     pub(crate) fn new(cloth: &Cloth, options: &Options, h: f32) -> Coefficients {
         let edges = match options.method {
-            Method::Springs => Batches::new(Vec::new(), Vec::new(), cloth.rest.len()),
+            Method::Springs => Vec::new(),
             method => {
                 let h = f64::from(h);
                 let edges = cloth.swept().iter().map(|link| Edge {
@@ -35,7 +34,7 @@ impl Coefficients {
                         _ => 1.0 / cloth.weight(link),
                     } as f32,
                 });
-                Batches::new(edges.collect(), cloth.colors.clone(), cloth.rest.len())
+                edges.collect()
             }
         };
         let fabric = options.fabric;

@@ -3,7 +3,7 @@
 use glam::Vec4;
 
 use crate::cloth::Cloth;
-use crate::cpu::{self, Cpu};
+use crate::cpu::Cpu;
 use crate::error::{BuildError, StepError};
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuEngine};
@@ -85,27 +85,9 @@ impl Engine {
 
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         match self {
-            Engine::Cpu(cpu) => {
-                let before = (cpu.x.clone(), cpu.p.clone());
-                // One entry into the thread pool a step; each loop in it then costs a few microseconds, not a wake-up.
-                if cpu.x.len() < cpu::PARALLEL {
-                    cpu.step(plan);
-                } else {
-                    rayon::scope(|_| cpu.step(plan));
-                }
-                cpu.keep_or_restore(before)
-            }
+            Engine::Cpu(cpu) => cpu.step(plan),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => {
-                let before = (hybrid.cpu.x.clone(), hybrid.cpu.p.clone());
-                match hybrid.step(plan) {
-                    Ok(()) => hybrid.cpu.keep_or_restore(before),
-                    Err(failure) => {
-                        (hybrid.cpu.x, hybrid.cpu.p) = before;
-                        Err(failure)
-                    }
-                }
-            }
+            Engine::Hybrid(hybrid) => hybrid.step(plan),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.step(plan),
         }

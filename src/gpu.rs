@@ -147,7 +147,7 @@ impl GpuEngine {
     fn submit(&mut self, plan: &Plan<'_>) {
         self.forces.prepare(&self.gpu, plan);
         if self.edges_h != Some(plan.coefficients.h) && plan.sweeps > 0 {
-            self.gpu.write(&self.edges, plan.coefficients.edges.edges());
+            self.gpu.write(&self.edges, &plan.coefficients.edges);
             self.edges_h = Some(plan.coefficients.h);
         }
         if !plan.bodies.is_empty() {

@@ -29,21 +29,31 @@ impl Hybrid {
         &self.gpu.name
     }
 
+    /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        self.cpu.begin();
+        match self.substeps(plan) {
+            Ok(()) => self.cpu.end(),
+            Err(reason) => {
+                self.cpu.revert();
+                Err(Failure::Gpu(reason))
+            }
+        }
+    }
+
+    fn substeps(&mut self, plan: &Plan<'_>) -> Result<(), String> {
         let Hybrid { gpu, forces, staging, cpu } = self;
-        let prepared = gpu.checked(|| {
+        gpu.checked(|| {
             forces.prepare(gpu, plan);
             Ok(())
-        });
-        prepared.map_err(Failure::Gpu)?;
-        for (index, substep) in plan.substeps.iter().enumerate() {
+        })?;
+        for index in 0..plan.substeps.len() {
             gpu.write(&forces.x, &cpu.x);
             gpu.write(&forces.p, &cpu.p);
             let mut encoder = gpu.encoder();
             forces.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), plan, index);
-            let back = gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)));
-            back.map_err(Failure::Gpu)?;
-            cpu.finish(plan, substep);
+            gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)))?;
+            cpu.substeps(plan, index..index + 1, false);
         }
         Ok(())
     }

@@ -1,12 +1,12 @@
 #![doc = include_str!("../README.md")]
 
 mod attributes;
-mod batches;
 mod bending;
 mod cloth;
 mod coefficients;
 mod coloring;
 mod cpu;
+mod crew;
 mod deformer;
 mod engine;
 mod error;
@@ -16,6 +16,7 @@ mod gpu;
 #[cfg(feature = "gpu")]
 mod hybrid;
 mod kernels;
+mod lanes;
 #[cfg(all(test, feature = "gpu"))]
 mod layout;
 mod measure;
@@ -24,6 +25,7 @@ mod obj;
 mod options;
 mod plan;
 mod quality;
+mod stripes;
 mod whole;
 
 pub use attributes::{Attributes, Collider, Shape};

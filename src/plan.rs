@@ -40,6 +40,7 @@ pub(crate) struct Plan<'a> {
     pub params: Params,
     pub substeps: Vec<Substep>,
     pub bodies: Vec<Body>,
+    /// In the order of their vertices.
     pub pins: Vec<Pin>,
     /// Sweeps over the edges in each substep.
     pub sweeps: u32,
@@ -79,7 +80,7 @@ impl<'a> Plan<'a> {
             .map(|(index, collider)| collider.body(motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest))
             .collect();
         let targets = attributes.pin_targets.iter().flatten();
-        let pins: Vec<Pin> = targets
+        let mut pins: Vec<Pin> = targets
             .zip(&motion.pins)
             .zip(&cloth.pinned)
             .map(|((&to, from), &vertex)| Pin {
@@ -89,6 +90,7 @@ impl<'a> Plan<'a> {
                 padding: 0,
             })
             .collect();
+        pins.sort_unstable_by_key(|pin| pin.vertex);
         let params = Params {
             acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h,
@@ -119,5 +121,10 @@ impl<'a> Plan<'a> {
             bending: options.fabric.bending > 0.0,
             wind: attributes.air_density > 0.0,
         }
+    }
+
+    /// Whether bending is damped.
+    pub(crate) fn damped(&self) -> bool {
+        self.params.damped != 0
     }
 }
