@@ -299,7 +299,7 @@ impl Loops<'_> {
 
     /// Displacements of the pins among these vertices.
     fn lead_pins(&self, vertices: Range<u32>, substep: &Substep) {
-        let pins = &self.plan.pins;
+        let pins = self.plan.pins;
         let first = pins.partition_point(|pin| pin.vertex < vertices.start);
         for pin in pins[first..].iter().take_while(|pin| pin.vertex < vertices.end) {
             let (origin, goal) = (Vec3A::from(pin.origin), Vec3A::from(pin.goal));
@@ -328,7 +328,7 @@ impl Loops<'_> {
             let (x, u) = unsafe { (self.x.get(i), self.u.get(i)) };
             let (mut at, mut by) = (xyz(x), xyz(u));
             if !free && x.w > 0.0 {
-                for body in &self.plan.bodies {
+                for body in self.plan.bodies {
                     (at, by) = kernels::contact(at, by, body, substep, &self.plan.params);
                 }
             }

@@ -10,7 +10,7 @@ use crate::error::{BuildError, StepError};
 use crate::measure::Measure;
 use crate::mesh::Mesh;
 use crate::options::{Backend, Options, StepReport, Warning};
-use crate::plan::{Motion, Plan};
+use crate::plan::{Lists, Motion, Plan};
 use crate::quality::Rates;
 
 /// A cloth in motion.
@@ -23,6 +23,7 @@ pub struct Deformer {
     /// For the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
+    lists: Lists,
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
@@ -59,6 +60,7 @@ impl Deformer {
             engine,
             coefficients: None,
             motion,
+            lists: Lists::default(),
             positions,
             velocities,
             local,
@@ -84,7 +86,7 @@ impl Deformer {
             Some(last) if last.h.to_bits() == h.to_bits() => last,
             stale => stale.insert(Coefficients::new(&self.cloth, &self.options, h)),
         };
-        let plan = Plan::new(&self.cloth, &self.options, coefficients, &self.motion, substeps, attributes);
+        let plan = Plan::new(&self.cloth, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.lists);
         self.engine.step(&plan).map_err(|failure| failure.named(&self.cloth, self.options.method))?;
 
         let limited = coefficients.bending_limited;
@@ -96,7 +98,8 @@ impl Deformer {
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         if let Some(targets) = &attributes.pin_targets {
-            self.motion.pins = targets.iter().map(|&target| target - self.cloth.origin).collect();
+            self.motion.pins.clear();
+            self.motion.pins.extend(targets.iter().map(|&target| target - self.cloth.origin));
         }
         self.shown = false;
         Ok(StepReport { substeps, warnings: limited.into_iter().chain(shortfall).collect() })

@@ -151,7 +151,7 @@ impl GpuEngine {
             self.edges_h = Some(plan.coefficients.h);
         }
         if !plan.bodies.is_empty() {
-            self.prepare_contact(&plan.bodies);
+            self.prepare_contact(plan.bodies);
         }
         let vertices = plan.cloth.rest.len();
         let advance = match &self.contact {

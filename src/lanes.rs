@@ -43,7 +43,8 @@ impl Packed {
         self.vertices = x.len();
         for task in tasks {
             let start = self.lanes.len();
-            let mut rest = task.edges.as_slice();
+            // Springs are forces: no edge is swept.
+            let mut rest = if edges.is_empty() { &[] } else { task.edges.as_slice() };
             for color in colors {
                 let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < color.end));
                 self.lanes.extend(now.chunks(WIDTH).map(|places| Lanes::new(places, edges, x)));

@@ -75,7 +75,7 @@ impl Forces {
         }
         gpu.write(&self.substeps, &slots);
         if !plan.pins.is_empty() {
-            gpu.write(&self.pins, &plan.pins);
+            gpu.write(&self.pins, plan.pins);
         }
         if plan.bending {
             let h = plan.coefficients.h;
