@@ -5,10 +5,11 @@ use std::ops::Range;
 use glam::{Vec3, Vec3A, Vec4};
 
 use crate::cloth::{Cloth, MAX_POSITION, Panels};
+use crate::coarse::Coarse;
 use crate::crew::{Crew, Shared};
 use crate::engine::Failure;
 use crate::kernels::{self, BendEntry, BendRow, Substep, xyz};
-use crate::lanes::{self, Packed};
+use crate::lanes::{self, Packed, Rule};
 use crate::options::Method;
 use crate::plan::Plan;
 
@@ -30,6 +31,7 @@ pub(crate) struct Cpu {
     /// The edges of each round, for substeps of `packed_h`.
     first: Packed,
     second: Packed,
+    coarse: Coarse,
     packed_h: Option<f32>,
     crew: Crew,
     wide: bool,
@@ -40,7 +42,13 @@ pub(crate) struct Cpu {
 enum Round {
     /// Bending moments of every stripe.
     Moments,
-    /// Displacements of every stripe, predicted, and its own edges.
+    /// With levels: displacements of every stripe, predicted; then the rounds of [`Correction`](crate::coarse::Correction).
+    Predict,
+    Restrict,
+    Coarser,
+    CoarseStripes,
+    CoarseBorders,
+    /// The rest of every stripe, and its own edges.
     Stripes,
     /// The edges between stripes.
     Borders,
@@ -59,6 +67,7 @@ impl Cpu {
             couples: Vec::new(),
             first: Packed::default(),
             second: Packed::default(),
+            coarse: Coarse::default(),
             packed_h: None,
             crew: Crew::default(),
             wide: lanes::is_wide(),
@@ -109,8 +118,9 @@ impl Cpu {
         let coefficients = plan.coefficients;
         if self.packed_h.map(f32::to_bits) != Some(coefficients.h.to_bits()) {
             for (packed, tasks) in [(&mut self.first, &stripes.first), (&mut self.second, &stripes.second)] {
-                packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &self.x);
+                packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &plan.cloth.inverse_mass());
             }
+            self.coarse.pack(plan.cloth, &coefficients.levels);
             self.packed_h = Some(coefficients.h);
         }
         let bending = predict && plan.bending;
@@ -118,48 +128,71 @@ impl Cpu {
             self.pulls.resize(self.x.len(), Vec3A::ZERO);
             self.couples.resize(if plan.damped() { self.x.len() } else { 0 }, Vec3A::ZERO);
         }
+        let coarse = self.coarse.tasks();
+        let [restrict, coarser, coarse_stripes, coarse_borders] = coarse.unwrap_or_default();
         let all = [
-            (Round::Moments, stripes.ranges.len()),
-            (Round::Stripes, stripes.first.len()),
-            (Round::Borders, stripes.second.len()),
+            (Round::Moments, bending, stripes.ranges.len()),
+            (Round::Predict, coarse.is_some(), stripes.ranges.len()),
+            (Round::Restrict, coarse.is_some(), restrict),
+            (Round::Coarser, coarse.is_some(), coarser),
+            (Round::CoarseStripes, coarse.is_some(), coarse_stripes),
+            (Round::CoarseBorders, coarse_borders > 0, coarse_borders),
+            (Round::Stripes, true, stripes.first.len()),
+            (Round::Borders, !stripes.second.is_empty(), stripes.second.len()),
         ];
-        let rounds = if bending { &all[..] } else { &all[1..] };
-        self.crew.prepare(rounds.iter().map(|round| round.1));
+        let present = || all.iter().filter(|round| round.1);
+        self.crew.prepare(present().map(|round| round.2));
+        let mut kinds = [Round::Stripes; 8];
+        kinds.iter_mut().zip(present()).for_each(|(kind, round)| *kind = round.0);
+
         let sweeps = plan.sweeps.max(1);
+        let wide = self.wide;
+        let (x, u) = (Shared::new(&mut self.x), Shared::new(&mut self.u));
+        let levels = self.coarse.share(plan, x, u, wide);
         let at = Loops {
             plan,
-            x: Shared::new(&mut self.x),
+            x,
             p: Shared::new(&mut self.p),
-            u: Shared::new(&mut self.u),
+            u,
             pulls: Shared::new(&mut self.pulls),
             couples: Shared::new(&mut self.couples),
         };
-        let (first, second, wide) = (&self.first, &self.second, self.wide);
+        let (first, second) = (&self.first, &self.second);
+        let begin = |task: usize, substep: &Substep| {
+            let range = stripes.ranges[task].clone();
+            if predict {
+                at.predict(range.clone(), substep);
+            }
+            at.lead_pins(range, substep);
+        };
         let work = |turn: u32, kind: usize, task: usize| {
             let substep = &plan.substeps[substeps.start + (turn / sweeps) as usize];
             let (begins, ends) = (turn % sweeps == 0, turn % sweeps + 1 == sweeps);
-            let range = || stripes.ranges[task].clone();
-            match rounds[kind].0 {
-                Round::Moments if begins => at.moments(range(), substep),
-                Round::Moments => {}
-                Round::Stripes => {
-                    if begins && predict {
-                        at.predict(range(), substep);
-                    }
-                    if begins {
-                        at.lead_pins(range(), substep);
+            match (kinds[kind], &levels) {
+                (Round::Stripes, levels) => {
+                    match levels {
+                        Some(levels) => levels.hand_down(stripes.ranges[task].clone()),
+                        None if begins => begin(task, substep),
+                        None => {}
                     }
                     at.sweep(first, task, wide);
                     if ends {
                         at.advance(&stripes.first[task].vertices, substep);
                     }
                 }
-                Round::Borders => {
+                (Round::Borders, _) => {
                     at.sweep(second, task, wide);
                     if ends {
                         at.advance(&stripes.second[task].vertices, substep);
                     }
                 }
+                (Round::Moments, _) if begins => at.moments(stripes.ranges[task].clone(), substep),
+                (Round::Predict, _) => begin(task, substep),
+                (Round::Restrict, Some(levels)) => levels.restrict(task),
+                (Round::Coarser, Some(levels)) => levels.coarser(),
+                (Round::CoarseStripes, Some(levels)) => levels.sweep(task, false),
+                (Round::CoarseBorders, Some(levels)) => levels.sweep(task, true),
+                _ => {}
             }
         };
         let turns = substeps.len() as u32 * sweeps;
@@ -310,14 +343,13 @@ impl Loops<'_> {
     }
 
     fn sweep(&self, edges: &Packed, task: usize, wide: bool) {
+        let rule = match self.plan.method {
+            Method::SmallSteps => Rule::Project,
+            Method::Relaxation { .. } => Rule::Relax,
+            Method::Springs => return,
+        };
         // SAFETY: see Loops.
-        unsafe {
-            match self.plan.method {
-                Method::SmallSteps => edges.sweep(task, self.x, self.u, wide),
-                Method::Relaxation { .. } => edges.relax(task, self.x, self.u),
-                Method::Springs => {}
-            }
-        }
+        unsafe { edges.sweep(task, self.x, self.u, rule, wide) };
     }
 
     /// Contact, and the move.

@@ -27,8 +27,7 @@ pub(crate) struct Shared<T> {
     length: usize,
 }
 
-#[expect(unsafe_code, reason = "tasks of one round write disjoint vertices: see Stripes")]
-impl<T: Copy> Shared<T> {
+impl<T> Shared<T> {
     pub(crate) fn new(items: &mut [T]) -> Shared<T> {
         Shared { start: items.as_mut_ptr(), length: items.len() }
     }
@@ -40,7 +39,10 @@ impl<T: Copy> Shared<T> {
     pub(crate) fn pointer(self) -> *mut T {
         self.start
     }
+}
 
+#[expect(unsafe_code, reason = "tasks of one round write disjoint items: see Stripes")]
+impl<T: Copy> Shared<T> {
     /// # Safety
     /// The slice is alive, `index` is below its length, and nobody writes there meanwhile.
     pub(crate) unsafe fn get(self, index: usize) -> T {
@@ -74,8 +76,8 @@ unsafe impl<T: Send> Sync for Shared<T> {}
 // SAFETY: as above.
 unsafe impl<T: Send> Send for Shared<T> {}
 
-/// Looks at the others' progress before a thread goes to sleep: some 30 us, longer than most tasks.
-const PATIENCE: u32 = 2_000;
+/// Looks at the others' progress before a thread goes to sleep: some 0.2 ms, longer than any task of a cloth worth sharing.
+const PATIENCE: u32 = 5_000;
 
 impl Crew {
     /// Makes ready for rounds of `counts` tasks; allocates only when there are more than ever before.

@@ -82,13 +82,19 @@ impl Deformer {
         attributes.validate(self.cloth.pinned.len())?;
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
+        let on_gpu = self.backend() == Backend::Gpu;
         let coefficients = match &mut self.coefficients {
             Some(last) if last.h.to_bits() == h.to_bits() => last,
-            stale => stale.insert(Coefficients::new(&self.cloth, &self.options, h)),
+            stale => {
+                // Not yet on the GPU.
+                let levels = if on_gpu { 0 } else { self.rates.levels(&self.cloth, &self.options, h) };
+                stale.insert(Coefficients::new(&self.cloth, &self.options, h, levels))
+            }
         };
         let plan = Plan::new(&self.cloth, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.lists);
         self.engine.step(&plan).map_err(|failure| failure.named(&self.cloth, self.options.method))?;
 
+        let levels = coefficients.levels.len() as u32;
         let limited = coefficients.bending_limited;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let shortfall = self.rates.explicit_shortfall(dt, substeps);
@@ -102,7 +108,7 @@ impl Deformer {
             self.motion.pins.extend(targets.iter().map(|&target| target - self.cloth.origin));
         }
         self.shown = false;
-        Ok(StepReport { substeps, warnings: limited.into_iter().chain(shortfall).collect() })
+        Ok(StepReport { substeps, levels, warnings: limited.into_iter().chain(shortfall).collect() })
     }
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.

@@ -33,21 +33,21 @@ pub(crate) struct Packed {
 }
 
 impl Packed {
-    /// Packs the edges of `tasks`, which are places in `edges`, colour by colour. `x` has the inverse masses.
+    /// Packs the edges of `tasks`, which are places in `edges`, colour by colour, given the vertices' inverse masses.
     ///
     /// # Panics
-    /// If an edge's vertex is not one of `x`, or a colour names a vertex twice.
-    pub(crate) fn pack(&mut self, tasks: &[Task], edges: &[Edge], colors: &[Range<usize>], x: &[Vec4]) {
+    /// If an edge's vertex has no inverse mass, or a colour names a vertex twice.
+    pub(crate) fn pack(&mut self, tasks: &[Task], edges: &[Edge], colors: &[Range<usize>], inverse_mass: &[f32]) {
         self.lanes.clear();
         self.of.clear();
-        self.vertices = x.len();
+        self.vertices = inverse_mass.len();
         for task in tasks {
             let start = self.lanes.len();
             // Springs are forces: no edge is swept.
             let mut rest = if edges.is_empty() { &[] } else { task.edges.as_slice() };
             for color in colors {
                 let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < color.end));
-                self.lanes.extend(now.chunks(WIDTH).map(|places| Lanes::new(places, edges, x)));
+                self.lanes.extend(now.chunks(WIDTH).map(|places| Lanes::new(places, edges, inverse_mass)));
                 rest = later;
             }
             self.of.push(start..self.lanes.len());
@@ -58,36 +58,43 @@ impl Packed {
     ///
     /// # Safety
     /// No other thread may write `u` at the task's vertices meanwhile, nor `x`, nor read `u` there; both have as many
-    /// items as the `x` that the edges were packed with.
+    /// items as the inverse masses that the edges were packed with.
     #[expect(unsafe_code, reason = "see the safety section; tasks are kept apart by Stripes and Crew")]
-    pub(crate) unsafe fn sweep(&self, task: usize, x: Shared<Vec4>, u: Shared<Vec4>, wide: bool) {
+    pub(crate) unsafe fn sweep(&self, task: usize, x: Shared<Vec4>, u: Shared<Vec4>, rule: Rule, wide: bool) {
         debug_assert!(x.len() == self.vertices && u.len() == self.vertices, "one item per vertex");
         let lanes = &self.lanes[self.of[task].clone()];
-        #[cfg(target_arch = "x86_64")]
-        if wide {
-            // SAFETY: the caller's promise; `wide` is the detected feature.
-            return unsafe { avx2::project(lanes, x, u) };
+        // SAFETY: the caller's promise; `wide` is the detected feature.
+        unsafe {
+            match rule {
+                #[cfg(target_arch = "x86_64")]
+                Rule::Project if wide => avx2::project::<false>(lanes, x, u),
+                #[cfg(target_arch = "x86_64")]
+                Rule::Pull if wide => avx2::project::<true>(lanes, x, u),
+                Rule::Project => lanes.iter().for_each(|lanes| each(lanes, x, u, kernels::project)),
+                Rule::Pull => lanes.iter().for_each(|lanes| each(lanes, x, u, kernels::project_coarse)),
+                Rule::Relax => lanes.iter().for_each(|lanes| each(lanes, x, u, kernels::relax)),
+            }
         }
-        let _ = wide;
-        // SAFETY: the caller's promise.
-        lanes.iter().for_each(|lanes| unsafe { each(lanes, x, u, kernels::project) });
-    }
-
-    /// The same along the edges' current directions: Jakobsen's relaxation.
-    ///
-    /// # Safety
-    /// As [`Packed::sweep`].
-    #[expect(unsafe_code, reason = "see Packed::sweep")]
-    pub(crate) unsafe fn relax(&self, task: usize, x: Shared<Vec4>, u: Shared<Vec4>) {
-        // SAFETY: the caller's promise.
-        self.lanes[self.of[task].clone()].iter().for_each(|lanes| unsafe { each(lanes, x, u, kernels::relax) });
     }
 }
 
+/// Which of the edge kernels a sweep is of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Rule {
+    /// [`kernels::project`].
+    Project,
+    /// [`kernels::project_coarse`].
+    Pull,
+    /// [`kernels::relax`].
+    Relax,
+}
+
 impl Lanes {
-    fn new(places: &[u32], edges: &[Edge], x: &[Vec4]) -> Lanes {
+    fn new(places: &[u32], edges: &[Edge], inverse_mass: &[f32]) -> Lanes {
         let edge = |lane: usize| edges[places[lane.min(places.len() - 1)] as usize];
-        let share = |lane: usize, end: u32| if lane < places.len() { edge(lane).inverse_weight * x[end as usize].w } else { 0.0 };
+        let share = |lane: usize, end: u32| {
+            if lane < places.len() { edge(lane).inverse_weight * inverse_mass[end as usize] } else { 0.0 }
+        };
         let lanes = Lanes {
             a: std::array::from_fn(|lane| edge(lane).a),
             b: std::array::from_fn(|lane| edge(lane).b),
@@ -98,7 +105,7 @@ impl Lanes {
         for lane in 0..places.len() {
             let clash = |end: u32| lanes.a[..lane].contains(&end) || lanes.b[..lane].contains(&end);
             let (a, b) = (lanes.a[lane], lanes.b[lane]);
-            assert!((a as usize) < x.len() && (b as usize) < x.len() && a != b, "an edge from {a} to {b}");
+            assert!((a as usize) < inverse_mass.len() && (b as usize) < inverse_mass.len() && a != b, "an edge from {a} to {b}");
             assert!(!clash(a) && !clash(b), "vertex {a} or {b} is in one batch twice");
         }
         lanes
@@ -129,10 +136,10 @@ mod avx2 {
 
     use super::{Lanes, Shared, Vec4, WIDTH, kernels};
 
-    /// [`kernels::project`] for each lane.
+    /// [`kernels::project`] for each lane; `PULL`: [`kernels::project_coarse`].
     #[expect(unsafe_code, reason = "see Packed::sweep")]
     #[target_feature(enable = "avx2,fma")]
-    pub(super) unsafe fn project(all: &[Lanes], x: Shared<Vec4>, u: Shared<Vec4>) {
+    pub(super) unsafe fn project<const PULL: bool>(all: &[Lanes], x: Shared<Vec4>, u: Shared<Vec4>) {
         #[repr(align(32))]
         struct Scales([f32; WIDTH]);
         let (mut scale_a, mut scale_b) = (Scales([0.0; WIDTH]), Scales([0.0; WIDTH]));
@@ -182,6 +189,9 @@ mod avx2 {
                         let both = _mm256_insertf128_ps::<1>(low, _mm_broadcast_ss(&scale_a.0[k + 4]));
                         d0[k] = _mm256_add_ps(d0[k], _mm256_andnot_ps(both, du[k]));
                     }
+                }
+                if PULL {
+                    scale = _mm256_and_ps(scale, _mm256_cmp_ps::<_CMP_NLE_UQ>(r, _mm256_setzero_ps()));
                 }
                 _mm256_store_ps(scale_a.0.as_mut_ptr(), _mm256_mul_ps(scale, _mm256_load_ps(lanes.share_a.as_ptr())));
                 _mm256_store_ps(scale_b.0.as_mut_ptr(), _mm256_mul_ps(scale, _mm256_load_ps(lanes.share_b.as_ptr())));
@@ -234,26 +244,32 @@ mod tests {
     use crate::{Fabric, Mesh, Options};
 
     /// `u` after one sweep, in tasks, or edge by edge in the plain colour order.
-    fn swept(cloth: &Cloth, edges: &[Edge], start: &[Vec4], wide: Option<bool>) -> Vec<Vec4> {
+    fn swept(cloth: &Cloth, edges: &[Edge], start: &[Vec4], rule: Rule, wide: Option<bool>) -> Vec<Vec4> {
+        let kernel = match rule {
+            Rule::Project => kernels::project,
+            Rule::Pull => kernels::project_coarse,
+            Rule::Relax => kernels::relax,
+        };
         let (mut x, mut u) = (cloth.rest.clone(), start.to_vec());
         let Some(wide) = wide else {
             for edge in edges {
                 let (a, b) = (edge.a as usize, edge.b as usize);
-                let impulse = kernels::project(xyz(x[a] - x[b]), xyz(u[a] - u[b]), edge).extend(0.0);
+                let impulse = kernel(xyz(x[a] - x[b]), xyz(u[a] - u[b]), edge).extend(0.0);
                 u[a] += impulse * x[a].w;
                 u[b] -= impulse * x[b].w;
             }
             return u;
         };
         let stripes = Stripes::new(&cloth.links, cloth.swept().len(), x.len());
+        let weights: Vec<f32> = x.iter().map(|x| x.w).collect();
         for tasks in [&stripes.first, &stripes.second] {
             let mut packed = Packed::default();
-            packed.pack(tasks, edges, &cloth.colors, &x);
+            packed.pack(tasks, edges, &cloth.colors, &weights);
             for task in 0..tasks.len() {
                 #[expect(unsafe_code, reason = "one thread, both slices alive")]
                 // SAFETY: nobody else is here.
                 unsafe {
-                    packed.sweep(task, Shared::new(&mut x), Shared::new(&mut u), wide);
+                    packed.sweep(task, Shared::new(&mut x), Shared::new(&mut u), rule, wide);
                 }
             }
         }
@@ -271,15 +287,17 @@ mod tests {
             let fabric = Fabric { stretch, ..Fabric::default() };
             let options = Options { fabric, pinned: vec![0, 36, 500], ..Options::default() };
             let cloth = Cloth::new(&mesh, &options).unwrap();
-            let edges = Coefficients::new(&cloth, &options, 1.0 / 1200.0).edges;
+            let edges = Coefficients::new(&cloth, &options, 1.0 / 1200.0, 0).edges;
             let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
-            let plain = swept(&cloth, &edges, &start, None);
-            let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);
-            assert!(moved > 0.01 * size, "{size}: something is corrected");
-            for wide in [false, is_wide()] {
-                let lanes = swept(&cloth, &edges, &start, Some(wide));
-                let apart = plain.iter().zip(&lanes).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
-                assert!(apart <= 3e-6 * (moved + size), "{size} {stretch} wide {wide}: {apart} apart, {moved} moved");
+            for rule in [Rule::Project, Rule::Pull, Rule::Relax] {
+                let plain = swept(&cloth, &edges, &start, rule, None);
+                let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);
+                assert!(moved > 0.01 * size, "{size}: something is corrected");
+                for wide in [false, is_wide()] {
+                    let lanes = swept(&cloth, &edges, &start, rule, Some(wide));
+                    let apart = plain.iter().zip(&lanes).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
+                    assert!(apart <= 3e-6 * (moved + size), "{rule:?} {size} {stretch} wide {wide}: {apart} of {moved}");
+                }
             }
         }
     }

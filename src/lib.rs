@@ -1,8 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+mod aggregates;
 mod attributes;
 mod bending;
 mod cloth;
+mod coarse;
 mod coefficients;
 mod coloring;
 mod cpu;
@@ -19,6 +21,7 @@ mod kernels;
 mod lanes;
 #[cfg(all(test, feature = "gpu"))]
 mod layout;
+mod levels;
 mod measure;
 mod mesh;
 mod obj;
@@ -38,6 +41,6 @@ pub use gpu::Gpu;
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
-pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
+pub use options::{Backend, Levels, Method, Options, Quality, StepReport, Warning};
 #[cfg(feature = "gpu")]
 pub use wgpu;
