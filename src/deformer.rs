@@ -7,6 +7,8 @@ use crate::cloth::{Cloth, MAX_POSITION};
 use crate::coefficients::Coefficients;
 use crate::engine::Engine;
 use crate::error::{BuildError, StepError};
+#[cfg(feature = "gpu")]
+use crate::gpu::Surface;
 use crate::measure::Measure;
 use crate::mesh::Mesh;
 use crate::options::{Backend, Options, StepReport, Warning};
@@ -233,12 +235,33 @@ impl Deformer {
 
     /// The positions on the GPU, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): a `vec4<f32>` a vertex, xyz (m) less
     /// [`Deformer::origin`], in the order of [`Deformer::vertex_order`]. `None` unless the backend is [`Backend::Gpu`].
+    /// [`Deformer::surface`] has normals and indices as well.
     #[cfg(feature = "gpu")]
     #[must_use]
     pub fn position_buffer(&self) -> Option<&wgpu::Buffer> {
         match &self.engine {
             Engine::Gpu(gpu) => Some(gpu.position_buffer()),
             _ => None,
+        }
+    }
+
+    /// The cloth as a renderer on the same device draws it: positions, normals and indices, nothing through the CPU.
+    /// `None` unless the backend is [`Backend::Gpu`].
+    ///
+    /// Submits the normals' computation behind the steps so far, so call it each frame; what is drawn from the buffers
+    /// must be submitted to the same queue, after this and before the next step. The first call builds what it needs; a
+    /// cloth that is never drawn pays nothing.
+    ///
+    /// # Errors
+    /// If the GPU was lost, or has no room.
+    #[cfg(feature = "gpu")]
+    pub fn surface(&mut self) -> Result<Option<Surface>, StepError> {
+        match &mut self.engine {
+            Engine::Gpu(gpu) => {
+                let surface = gpu.surface(&self.cloth);
+                surface.map(Some).map_err(|failure| failure.named(&self.cloth, self.options.method))
+            }
+            _ => Ok(None),
         }
     }
 

@@ -4,6 +4,7 @@
 
 mod device;
 mod forces;
+mod normals;
 
 use glam::Vec4;
 
@@ -18,6 +19,8 @@ pub(crate) use device::WORKGROUP;
 pub(crate) use device::shader;
 use device::{Bind, Stage};
 pub(crate) use forces::Forces;
+use normals::Normals;
+pub use normals::Surface;
 
 /// From this many vertices on a GPU beats the CPU: in `benches/results/table_h200.md` its 0.52 ms a frame are passed at
 /// about 1240, and a part of the frame is spent elsewhere.
@@ -57,6 +60,8 @@ pub(crate) struct GpuEngine {
     p_good: wgpu::Buffer,
     first_bad: wgpu::Buffer,
     staging: wgpu::Buffer,
+    /// Made when the cloth is first drawn.
+    normals: Option<Normals>,
 }
 
 /// The stage that knows colliders, made when there are some, and made again when there are more.
@@ -120,6 +125,7 @@ impl GpuEngine {
                 p_good,
                 first_bad,
                 staging,
+                normals: None,
             };
             engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
             Ok(engine)

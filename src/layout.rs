@@ -48,6 +48,7 @@ fn modules() -> Vec<(&'static str, naga::Module)> {
         ("project", shader!("project")),
         ("contact", shader!("contact")),
         ("commit", shader!("commit")),
+        ("normals", shader!("normals")),
     ];
     sources
         .into_iter()

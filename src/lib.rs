@@ -26,6 +26,7 @@ mod measure;
 mod mesh;
 mod obj;
 mod options;
+mod pc2;
 mod plan;
 mod quality;
 mod stripes;
@@ -37,10 +38,12 @@ pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(feature = "gpu")]
-pub use gpu::Gpu;
+pub use gpu::{Gpu, Surface};
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
 pub use options::{Backend, Levels, Method, Options, Quality, StepReport, Warning};
+pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
+pub use pc2::{Pc2Error, PointCache};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -1,37 +1,92 @@
 //! Files that are there whole or not at all.
 
 use std::{
-    fs::{self, File, OpenOptions},
-    io::{self, Write},
+    fs::{self, File, OpenOptions, Permissions},
+    io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
 };
 
 /// Writes `bytes` to `path`, whole or not at all: on an error, what was at `path` is as it was.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut whole = Whole::create(path)?;
+    whole.write_all(bytes)?;
+    whole.finish()
+}
+
+/// A file in the making, for what is too long to be held. Until it is finished, what was at its path is as it was;
+/// dropped before, it leaves no trace.
 ///
 /// The bytes go to a new file in the same folder, which then takes the name: a rename inside one file system is atomic.
 /// It is not synced, so the promise holds for a full disk and for a process that ends midway, not for a power cut; a
 /// sync would cost more than the frame it saves.
-pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // A link is followed, not replaced. What has no file behind it yet is written where it says.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
-    let existing = fs::metadata(&target).ok();
-    if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
-        // A pipe or a device holds nothing that could stay whole, and must not be replaced by a file.
-        return OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+#[derive(Debug)]
+pub(crate) struct Whole {
+    file: Option<BufWriter<File>>,
+    /// `None` for what holds nothing that could stay whole.
+    place: Option<Place>,
+}
+
+#[derive(Debug)]
+struct Place {
+    temporary: PathBuf,
+    target: PathBuf,
+    permissions: Option<Permissions>,
+}
+
+impl Whole {
+    pub(crate) fn create(path: &Path) -> io::Result<Whole> {
+        // A link is followed, not replaced. What has no file behind it yet is written where it says.
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        let existing = fs::metadata(&target).ok();
+        if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
+            // A pipe or a device must not be replaced by a file.
+            let file = OpenOptions::new().write(true).open(&target)?;
+            return Ok(Whole { file: Some(BufWriter::new(file)), place: None });
+        }
+        let (file, temporary) = sibling(&target)?;
+        let permissions = existing.filter(fs::Metadata::is_file).map(|found| found.permissions());
+        Ok(Whole { file: Some(BufWriter::new(file)), place: Some(Place { temporary, target, permissions }) })
     }
-    let (mut file, temporary) = sibling(&target)?;
-    let written = file.write_all(bytes).and_then(|()| match existing {
-        Some(found) if found.is_file() => file.set_permissions(found.permissions()),
-        _ => Ok(()),
-    });
-    drop(file); // Windows does not rename an open file.
-    let result = written.and_then(|()| fs::rename(&temporary, &target));
-    if result.is_err() {
-        // The first error is the one to tell.
-        _ = fs::remove_file(&temporary);
+
+    /// Puts the file in its place.
+    pub(crate) fn finish(mut self) -> io::Result<()> {
+        // Closed at the end of this: Windows does not rename an open file.
+        if let Some(mut file) = self.file.take() {
+            file.flush()?;
+            if let Some(permissions) = self.place.as_mut().and_then(|place| place.permissions.take()) {
+                file.get_ref().set_permissions(permissions)?;
+            }
+        }
+        if let Some(Place { temporary, target, .. }) = &self.place {
+            fs::rename(temporary, target)?;
+            self.place = None;
+        }
+        Ok(())
     }
-    result
+}
+
+impl Write for Whole {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.as_mut().map_or(Ok(0), |file| file.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.as_mut().map_or(Ok(()), Write::flush)
+    }
+}
+
+impl Drop for Whole {
+    fn drop(&mut self) {
+        if let Some(file) = self.file.take() {
+            // Without writing what is still in the buffer.
+            drop(file.into_parts());
+        }
+        if let Some(place) = &self.place {
+            // Of two errors the first is the one to tell.
+            _ = fs::remove_file(&place.temporary);
+        }
+    }
 }
 
 /// A new, empty file in the folder of `target`, under a name that no other call takes: not `target`'s with an ending,

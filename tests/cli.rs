@@ -319,6 +319,8 @@ fn what_cannot_be_is_refused_in_one_line() {
         (&["--pin", "left"], &["--pin", "left", "corners"]),
         (&["--pin", ""], &["--pin"]),
         (&["--report", "x", "--preview", "x"], &["--report", "--preview"]),
+        (&["--pc2", "x", "--report", "x"], &["--report", "--pc2"]),
+        (&["--pc2", "missing/x.pc2"], &["--pc2", "missing"]),
         (&["--report", "missing/x.json"], &["missing"]),
         (&["--preview", "."], &["directory"]),
         (&["--out", ""], &["--out"]),
@@ -370,11 +372,29 @@ fn a_directory_that_cannot_be_made_is_refused() {
     assert_eq!(fs::read_to_string(directory.path().join("file")).unwrap(), "not a directory");
 }
 
+/// The point cache holds what the frames hold, to the last bit.
+#[test]
+fn a_point_cache_has_every_frame() {
+    let directory = TempDir::new().unwrap();
+    let vertices = crooked(&directory).positions.len();
+    succeeds(&run(&directory, &["crooked.obj", "--frames", "5", "--pc2", "cache.pc2"]));
+    assert_eq!(names(&directory), set(["cache.pc2", "crooked.obj", "frames"]));
+    let cache = fs::read(directory.path().join("cache.pc2")).unwrap();
+    let (header, samples) = cache.split_at(32);
+    assert_eq!(header[28..], 5_i32.to_le_bytes());
+    let numbers: Vec<u32> = samples.chunks(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+    assert_eq!(numbers.len(), 5 * 3 * vertices);
+    for (sample, name) in numbers.chunks(3 * vertices).zip(frames(5)) {
+        let mesh = Mesh::load_obj(directory.path().join("frames").join(name)).unwrap();
+        assert_eq!(sample, bits(&mesh.positions).as_flattened());
+    }
+}
+
 #[test]
 fn springs_past_their_limit_are_unstable() {
     let directory = TempDir::new().unwrap();
-    let arguments =
-        ["--method", "springs", "--substeps", "1", "--fabric", "denim", "--frames", "500", "--report", "r", "--preview", "p"];
+    let command = "--method springs --substeps 1 --fabric denim --frames 500 --report r --preview p --pc2 c";
+    let arguments: Vec<&str> = command.split(' ').collect();
     let output = run(&directory, &arguments);
     fails(&output, 3, &["frame", "unstable"]);
     let text = stderr(&output);
@@ -423,7 +443,7 @@ fn ctrl_c_leaves_whole_files_only() {
     };
 
     let directory = TempDir::new().unwrap();
-    let mut command = drape(&directory, &["--frames", "100000", "--report", "r.json", "--preview", "p.png"]);
+    let mut command = drape(&directory, &["--frames", "100000", "--report", "r.json", "--preview", "p.png", "--pc2", "c.pc2"]);
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
     while !directory.path().join("frames/frame_0003.obj").exists() {

@@ -105,6 +105,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MU", value_parser = not_negative, allow_hyphen_values = true)]
     pub(crate) friction: Option<f32>,
 
+    /// All frames in one point cache as well, for Blender's Mesh Cache modifier and its kin
+    #[arg(long, value_name = "FILE.pc2")]
+    pub(crate) pc2: Option<PathBuf>,
+
     /// A contact sheet of twelve frames
     #[arg(long, value_name = "FILE.png")]
     pub(crate) preview: Option<PathBuf>,
@@ -144,8 +148,11 @@ impl Arguments {
         if self.iterations.is_some() && !matches!(self.method, Method::Relaxation { .. }) {
             return Err(Failure::input("--iterations belongs to --method relaxation; add that, or leave it out"));
         }
-        if self.report.is_some() && self.report == self.preview {
-            return Err(Failure::input("--report and --preview name the same file; give each its own"));
+        let files = [("--pc2", &self.pc2), ("--preview", &self.preview), ("--report", &self.report)];
+        for (k, (name, file)) in files.iter().enumerate() {
+            if let Some((other, _)) = files[..k].iter().find(|(_, other)| file.is_some() && other == file) {
+                return Err(Failure::input(format_args!("{other} and {name} name the same file; give each its own")));
+            }
         }
         Ok(self)
     }

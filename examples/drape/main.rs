@@ -19,7 +19,7 @@ use std::{
     time::Instant,
 };
 
-use cloth_deformer::{BuildError, Deformer, Mesh, StepError, Warning, glam::Vec3};
+use cloth_deformer::{BuildError, Deformer, Mesh, Pc2Error, PointCache, StepError, Warning, glam::Vec3};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
@@ -114,6 +114,9 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
     let report_file = reserve(&arguments.report)?;
     let preview_file = reserve(&arguments.preview)?;
+    let cache_failed = |error: Pc2Error| Failure::input(format_args!("--pc2: {error}"));
+    let cache = |path| PointCache::create(path, mesh.positions.len(), arguments.frames as usize);
+    let mut cache = arguments.pc2.as_deref().map(cache).transpose().map_err(cache_failed)?;
 
     let mut report = Report::new(&deformer, method, &mesh);
     let mut cells: Vec<(u32, Vec<Vec3>)> = Vec::new();
@@ -141,6 +144,9 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         // Frame 1 is the mesh as it was given, to the last bit: it has not been through the deformer.
         save(&shape, arguments, frame)?;
+        if let Some(cache) = &mut cache {
+            cache.push(&shape.positions).map_err(cache_failed)?;
+        }
         if preview_file.is_some() && is_shown(frame, arguments.frames) {
             cells.push((frame, shape.positions.clone()));
         }
@@ -160,6 +166,9 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     progress.finish_and_clear();
 
+    if let Some(cache) = cache {
+        cache.finish().map_err(cache_failed)?;
+    }
     if let Some(file) = report_file {
         file.write(&report.json()?)?;
     }

@@ -105,6 +105,15 @@ impl Gpu {
         self.make(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | BufferUsages::VERTEX)
     }
 
+    /// A storage buffer with these triangles, one of zeros if there are none, that a renderer may take indices from.
+    pub(crate) fn index_buffer(&self, label: &str, triangles: &[[u32; 3]]) -> wgpu::Buffer {
+        use wgpu::BufferUsages;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | BufferUsages::INDEX;
+        let buffer = self.make(label, size_of_val(triangles).max(12) as u64, usage);
+        self.write(&buffer, triangles);
+        buffer
+    }
+
     /// A storage buffer with these values; an item of zeros if there are none.
     pub(crate) fn filled<T: Pod>(&self, label: &str, values: &[T]) -> wgpu::Buffer {
         let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);

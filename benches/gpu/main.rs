@@ -1,0 +1,303 @@
+//! Checks the backends of this machine against each other, finds the substeps that make the motion right, then times them:
+//! tables in Markdown and a CSV file, to be kept beside the charts they feed (`benches/results`).
+//!
+//! ```text
+//! cargo bench --bench gpu                                  # everything, some minutes on a real GPU
+//! cargo bench --bench gpu -- --quick                       # small sheets, a minute
+//! cargo bench --bench gpu -- --sizes 64,256 --csv gpu.csv --date 2026-11-21 --commit 1234567
+//! ```
+//!
+//! The program that cargo builds needs nothing beside itself: it can be taken to another machine and run there.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, value_parser};
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Options, wgpu};
+
+use crate::checks::Checks;
+use crate::hang::{Run, make, scene, sheet};
+use crate::timing::{DeviceClock, Times, time};
+
+mod checks;
+mod hang;
+mod timing;
+
+/// Cloths of 64 x 64 vertices in a crowd.
+const CROWD: usize = 64;
+/// What NVIDIA Newton 1.8 needs for the same scene, measured elsewhere on an H200: its rows nearest to 1 % mean strain
+/// with the fall right (milliseconds a frame, the strain behind).
+const NEWTON: [(u32, &str); 6] = [
+    (32, "0.41 (0.71 %)"),
+    (64, "4.45 (0.67 %)"),
+    (128, "3.1 (1.1 %)"),
+    (256, "7.5 (4.5 %)"),
+    (512, "63 (4.7 %)"),
+    (1024, "no valid run"),
+];
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Checks and times the backends of this machine.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Fewer checks, small sheets
+    #[arg(long)]
+    quick: bool,
+    /// Vertices along a side of the sheets [default: 32,64,128,256,512,1024,2048; 32,64,128 with --quick]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = value_parser!(u32).range(3..=2048))]
+    sizes: Vec<u32>,
+    /// A mesh to check the backends on, as well as the grid
+    #[arg(long, value_name = "MESH.obj")]
+    mesh: Option<PathBuf>,
+    /// No checks: times alone
+    #[arg(long)]
+    unchecked: bool,
+    /// Longest run of two seconds of motion that is worth it to find the substeps (s)
+    #[arg(long, value_name = "S", default_value = "6")]
+    patience: f64,
+    /// The figures for a chart
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+    /// To note above the table
+    #[arg(long, default_value = "undated")]
+    date: String,
+    /// To note above the table
+    #[arg(long, default_value = "unknown")]
+    commit: String,
+    /// What cargo says to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("gpu: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The whole program, from top to bottom; whether all checks hold.
+fn run(arguments: &Arguments) -> Result<bool, Failure> {
+    let gpu = request();
+    let backends = match gpu {
+        Some(_) => vec![Backend::Cpu, Backend::Hybrid, Backend::Gpu],
+        None => vec![Backend::Cpu],
+    };
+    let adapter = gpu.as_ref().map_or("no GPU", |gpu| &gpu.name).to_owned();
+    let threads = std::thread::available_parallelism().map_or(0, usize::from);
+    println!("{}, commit {}, adapter {adapter}, {threads} CPU threads\n", arguments.date, arguments.commit);
+    let good = arguments.unchecked || Checks::new(&backends, gpu.as_ref()).run(arguments.mesh.as_deref(), arguments.quick)?;
+
+    let clock = gpu.as_ref().and_then(DeviceClock::new);
+    let mut bench = Bench { arguments, backends, gpu: gpu.as_ref(), clock, rows: Vec::new() };
+    let default: &[u32] = if arguments.quick { &[32, 64, 128] } else { &[32, 64, 128, 256, 512, 1024, 2048] };
+    bench.sheets(if arguments.sizes.is_empty() { default } else { &arguments.sizes })?;
+    bench.terms(if arguments.quick { &[64] } else { &[128, 512] })?;
+    bench.crowd()?;
+    if let Some(path) = &arguments.csv {
+        std::fs::write(path, csv(&bench.rows, &adapter, arguments))?;
+    }
+    Ok(good)
+}
+
+/// A device of this program's own: the best adapter at all it can do, with its clock if it has one.
+fn request() -> Option<Gpu> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let power_preference = wgpu::PowerPreference::HighPerformance;
+    let wanted = wgpu::RequestAdapterOptions { power_preference, ..wgpu::RequestAdapterOptions::default() };
+    let adapter = pollster::block_on(instance.request_adapter(&wanted)).ok()?;
+    let descriptor = wgpu::DeviceDescriptor {
+        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+        required_limits: adapter.limits(),
+        ..wgpu::DeviceDescriptor::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).ok()?;
+    Some(Gpu { device, queue, name: adapter.get_info().name })
+}
+
+/// A figure of the tables.
+#[derive(Debug, Clone)]
+struct Row {
+    scene: &'static str,
+    backend: Backend,
+    n: u32,
+    substeps: u32,
+    times: Times,
+    /// Two seconds on the first of the GPU and the CPU that is there: strain and fall are the same on each.
+    run: Option<Run>,
+}
+
+/// What times share.
+struct Bench<'a> {
+    arguments: &'a Arguments,
+    backends: Vec<Backend>,
+    gpu: Option<&'a Gpu>,
+    clock: Option<DeviceClock>,
+    rows: Vec<Row>,
+}
+
+impl Bench<'_> {
+    /// Times some cloths, and keeps the row.
+    fn time(
+        &mut self,
+        row: (&'static str, u32, u32),
+        backend: Backend,
+        cloths: &mut [Deformer],
+        scene: &Attributes,
+    ) -> Result<Times, Failure> {
+        let clock = self.clock.as_ref().filter(|_| backend == Backend::Gpu);
+        let times = time(cloths, scene, clock)?;
+        let (scene, n, substeps) = row;
+        self.rows.push(Row { scene, backend, n, substeps, times, run: None });
+        Ok(times)
+    }
+
+    /// HANG: at 20 substeps, and at the least that make the motion right.
+    fn sheets(&mut self, sizes: &[u32]) -> Result<(), Failure> {
+        println!(
+            "\nHANG, ms a frame (medians, nothing read back): at 20 substeps, and at the least whose motion is right: mean strain"
+        );
+        println!(
+            "of the samples every 20 frames over 2 s at most 1 %, centre of mass down by .372 m within 2 % at frame 20, no energy"
+        );
+        println!("gained. Queued: frames submitted behind one another; device: the same by the GPU's clock.\n");
+        println!(
+            "| N | S | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | Newton 1.8 (H200, measured elsewhere) |"
+        );
+        println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+        let judge = *self.backends.last().ok_or("no backend")?;
+        let mut guess = 20;
+        for &n in sizes {
+            eprintln!("HANG, N = {n} ..");
+            let least = hang::least_substeps(n, guess, judge, self.gpu, self.arguments.patience)?;
+            let fixed = match least {
+                Some((20, run)) => Some(run),
+                // The search began there, or it is as cheap.
+                _ => Some(Run::new(n, 20, judge, self.gpu)?),
+            };
+            let mut settings = vec![(20, fixed)];
+            match least {
+                Some((substeps, run)) if substeps != 20 => settings.push((substeps, Some(run))),
+                Some(_) => {}
+                None => println!("| {n} | - | | | | none right within {} s a run | | | | | | |", self.arguments.patience),
+            }
+            guess = least.map_or(guess, |(substeps, _)| substeps);
+            for (substeps, run) in settings {
+                self.sheet(n, substeps, run)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A line of the table.
+    fn sheet(&mut self, n: u32, substeps: u32, run: Option<Run>) -> Result<(), Failure> {
+        let mut cells = Vec::new();
+        let mut deep = String::from("- | -");
+        for backend in [Backend::Cpu, Backend::Hybrid, Backend::Gpu] {
+            // Seconds a frame tell no more than that it is too slow.
+            let too_slow = match backend {
+                Backend::Hybrid => n > 512,
+                Backend::Cpu => n > 1024,
+                _ => false,
+            };
+            if too_slow || !self.backends.contains(&backend) {
+                cells.push("-".to_owned());
+                continue;
+            }
+            let cloth = sheet(n, substeps, backend, self.gpu)?;
+            let times = self.time(("hang", n, substeps), backend, &mut [cloth], &Attributes::default())?;
+            cells.push(format!("{:.3}", times.frame));
+            if backend == Backend::Gpu {
+                let device = times.device.map_or("-".to_owned(), |ms| format!("{ms:.3}"));
+                deep = format!("{:.3} | {device}", times.queued);
+            }
+            if let Some(row) = self.rows.last_mut() {
+                row.run = run;
+            }
+        }
+        let newton = NEWTON.iter().find(|(size, _)| *size == n).map_or("", |(_, cell)| cell);
+        let judged = run.map_or("| | | ".to_owned(), |run| {
+            format!("{:.2e} | {:.2e} | {:.4} | {}", run.mean_strain, run.max_strain, run.drop, run.verdict())
+        });
+        println!("| {n} | {substeps} | {judged} | {} | {deep} | {newton} |", cells.join(" | "));
+        Ok(())
+    }
+
+    /// What the terms of a scene cost, at 20 substeps.
+    fn terms(&mut self, sizes: &[u32]) -> Result<(), Failure> {
+        println!("\nHANG with more in it, S = 20: ms a frame\n\n| N | scene | {} |", names(&self.backends));
+        println!("|---|---|{}", "---|".repeat(self.backends.len()));
+        let bent = Fabric { bending: 1e-4, damping: 0.03, ..scene::hang(3, 20, Backend::Cpu).1.fabric };
+        let breeze =
+            Attributes { wind: cloth_deformer::glam::Vec3::new(1.0, 0.0, 2.0), air_density: 1.225, ..Attributes::default() };
+        for &n in sizes {
+            let plain = scene::hang(n, 20, Backend::Cpu).1.fabric;
+            let scenes = [
+                ("hang", plain, Attributes::default()),
+                ("bending", bent, Attributes::default()),
+                ("bending, wind", bent, breeze.clone()),
+            ];
+            for (name, fabric, attributes) in scenes {
+                let mut cells = Vec::new();
+                for backend in self.backends.clone() {
+                    let (mesh, options) = scene::hang(n, 20, backend);
+                    let cloth = make(&mesh, Options { fabric, ..options }, self.gpu)?;
+                    let times = self.time((name, n, 20), backend, &mut [cloth], &attributes)?;
+                    cells.push(format!("{:.3}", times.frame));
+                }
+                println!("| {n} | {name} | {} |", cells.join(" | "));
+            }
+        }
+        Ok(())
+    }
+
+    /// Many cloths at once, beside one.
+    fn crowd(&mut self) -> Result<(), Failure> {
+        println!(
+            "\n{CROWD} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n\n| backend | one | {CROWD} | times |\n|---|---|---|---|"
+        );
+        for backend in self.backends.clone() {
+            if backend == Backend::Hybrid {
+                continue;
+            }
+            let gpu = self.gpu;
+            let cloths = |count| (0..count).map(|_| sheet(64, 20, backend, gpu)).collect::<Result<Vec<_>, _>>();
+            let one = self.time(("one of a crowd", 64, 20), backend, &mut cloths(1)?, &Attributes::default())?.frame;
+            let all = self.time(("crowd", 64, 20), backend, &mut cloths(CROWD)?, &Attributes::default())?.frame;
+            println!("| {backend:?} | {one:.3} | {all:.3} | {:.2} |", all / one);
+        }
+        Ok(())
+    }
+}
+
+fn names(backends: &[Backend]) -> String {
+    backends.iter().map(|backend| format!("{backend:?}")).collect::<Vec<_>>().join(" | ")
+}
+
+/// A line a row. What was not measured stays empty.
+fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
+    let mut text =
+        String::from("scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,ms_queued,ms_device\n");
+    for Row { scene, backend, n, substeps, times, run } in rows {
+        let figure = |figure: Option<f64>| figure.map_or(String::new(), |figure| format!("{figure:.4e}"));
+        let motion =
+            [run.map(|run| run.mean_strain), run.map(|run| run.max_strain), run.map(|run| run.drop)].map(figure).join(",");
+        let backend = format!("{backend:?}").to_lowercase();
+        let adapter = if backend == "cpu" { "" } else { adapter }.replace(',', ";");
+        let (scene, device) = (scene.replace(',', " and"), figure(times.device));
+        let Arguments { date, commit, .. } = arguments;
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "{scene},{backend},small-steps,{n},{substeps},{:.4},{motion},{adapter},{date},{commit},{:.4},{device}",
+            times.frame, times.queued
+        );
+    }
+    text
+}

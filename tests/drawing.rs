@@ -1,0 +1,148 @@
+//! A caller's device, and the buffers that a renderer draws from.
+#![cfg(feature = "gpu")]
+
+mod common;
+
+use cloth_deformer::glam::{DVec3, Vec3, Vec4};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Gpu, Mesh, Options, Quality, wgpu};
+use common::{FRAME, play, rms};
+
+/// A device at wgpu's default limits, as a renderer has it.
+fn modest() -> Gpu {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
+    let descriptor = wgpu::DeviceDescriptor { required_limits: wgpu::Limits::default(), ..wgpu::DeviceDescriptor::default() };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    assert_eq!(device.limits().max_storage_buffers_per_shader_stage, 8);
+    Gpu { device, queue, name: "the caller's".to_owned() }
+}
+
+/// What is in a buffer.
+fn read<T: bytemuck::Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<T> {
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let staging =
+        gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size: buffer.size(), usage, mapped_at_creation: false });
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
+    gpu.queue.submit([encoder.finish()]);
+    staging.map_async(wgpu::MapMode::Read, .., |mapped| mapped.unwrap());
+    gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    bytemuck::pod_collect_to_vec(&staging.get_mapped_range(..).unwrap())
+}
+
+/// A crumpled sheet a little off the origin, with what meshes may have besides: a vertex of no triangle, a thread, a
+/// triangle too small to see.
+fn sheet() -> Mesh {
+    let mut mesh = Mesh::grid(13, 11, 1.0, 0.9);
+    let wave = |k: usize, f: f32| (k as f32 * f).sin();
+    mesh.positions.iter_mut().enumerate().for_each(|(k, x)| *x += 0.02 * Vec3::new(wave(k, 0.7), wave(k, 1.1), wave(k, 1.7)));
+    let next = mesh.positions.len() as u32;
+    mesh.positions.extend([Vec3::Y, Vec3::X, 2.0 * Vec3::X]);
+    mesh.triangles.extend([[next + 1, next + 2, next + 2], [0, 0, 1]]);
+    mesh.positions.extend([Vec3::ZERO, 1e-11 * Vec3::X, 1e-11 * Vec3::Z].map(|x| x + 2.0 * Vec3::Y));
+    mesh.triangles.push([next + 3, next + 5, next + 4]);
+    mesh
+}
+
+/// Normals as the definition has them, in double precision, in the mesh's order.
+fn normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; positions.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
+        triangle.iter().for_each(|&vertex| sums[vertex as usize] += (b - a).cross(c - a));
+    }
+    sums.into_iter().map(DVec3::normalize_or_zero).collect()
+}
+
+#[test]
+fn a_surface_is_the_cloth() {
+    let gpu = modest();
+    // Far out, the buffer holds positions less an origin.
+    for offset in [Vec3::ZERO, Vec3::splat(5e3)] {
+        let mut mesh = sheet();
+        mesh.positions.iter_mut().for_each(|x| *x += offset);
+        let options = Options { backend: Backend::Gpu, gpu: Some(gpu.clone()), pinned: vec![0, 12], ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let first = cloth.surface().unwrap().unwrap();
+        for frame in 0..3 {
+            let surface = cloth.surface().unwrap().unwrap();
+            assert_eq!(surface.positions, first.positions, "the same buffers from frame to frame");
+            assert_eq!((&surface.normals, &surface.indices), (&first.normals, &first.indices));
+            assert_eq!(&surface.positions, cloth.position_buffer().unwrap());
+
+            let order = cloth.vertex_order().to_vec();
+            let indices: Vec<[u32; 3]> = read(&gpu, &surface.indices);
+            let named: Vec<[u32; 3]> = indices.iter().map(|triangle| triangle.map(|vertex| order[vertex as usize])).collect();
+            let whole: Vec<[u32; 3]> = mesh.triangles.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+            assert_eq!(named, whole);
+            assert_eq!(surface.index_count as usize, 3 * whole.len());
+
+            let (local, found): (Vec<Vec4>, Vec<Vec4>) = (read(&gpu, &surface.positions), read(&gpu, &surface.normals));
+            let origin = cloth.origin();
+            let positions = cloth.positions().unwrap();
+            let mut relative = vec![Vec3::ZERO; positions.len()];
+            for (x, &vertex) in local.iter().zip(&order) {
+                assert_eq!(x.truncate() + origin, positions[vertex as usize]);
+                relative[vertex as usize] = x.truncate();
+            }
+            let expected = normals(&relative, &mesh.triangles);
+            let mut turned = 0.0_f64;
+            for (normal, &vertex) in found.iter().zip(&order) {
+                let apart = normal.truncate().as_dvec3().distance(expected[vertex as usize]);
+                assert!(
+                    normal.w == 0.0 && apart <= 1e-5,
+                    "frame {frame}, vertex {vertex}: {normal}, {}",
+                    expected[vertex as usize]
+                );
+                turned = turned.max(normal.truncate().as_dvec3().distance(DVec3::Y));
+            }
+            assert!(turned > 0.1, "nothing but a flat sheet");
+            let (lone, small) = (mesh.positions.len() - 6, mesh.positions.len() - 3);
+            assert_eq!(expected[lone], DVec3::ZERO);
+            assert!(offset != Vec3::ZERO || expected[small].y > 0.99, "{}", expected[small]);
+            play(&mut cloth, 4, &Attributes { wind: Vec3::new(1.0, 0.5, 2.0), air_density: 1.2, ..Attributes::default() });
+        }
+    }
+}
+
+#[test]
+fn only_a_cloth_on_the_gpu_has_a_surface() {
+    for backend in [Backend::Cpu, Backend::Hybrid] {
+        let mut cloth = Deformer::new(&Mesh::grid(3, 3, 1.0, 1.0), Options { backend, ..Options::default() }).unwrap();
+        assert!(cloth.surface().unwrap().is_none());
+    }
+    // A vertex alone has a surface without triangles.
+    let mesh = Mesh { positions: vec![Vec3::ONE], triangles: Vec::new() };
+    let mut cloth = Deformer::new(&mesh, Options { backend: Backend::Gpu, ..Options::default() }).unwrap();
+    assert_eq!(cloth.surface().unwrap().unwrap().index_count, 0);
+}
+
+/// Everything at once, on both backends that need a device, agrees with the CPU as it does on a device with higher limits.
+#[test]
+fn default_limits_are_enough() {
+    let gpu = modest();
+    let mesh = Mesh::grid(41, 37, 1.0, 0.9);
+    let attributes = Attributes {
+        wind: Vec3::new(1.0, 0.0, 2.0),
+        air_density: 1.2,
+        colliders: vec![Collider::sphere(Vec3::new(0.0, -0.32, 0.0), 0.3), Collider::plane(0.5 * Vec3::NEG_Y, Vec3::Y)],
+        pin_targets: Some(vec![mesh.positions[0] + 0.02 * Vec3::Y]),
+        ..Attributes::default()
+    };
+    let run = |backend, gpu: Option<&Gpu>| {
+        let (fabric, quality) = (Fabric::TOWEL, Quality::Substeps(20));
+        let options = Options { backend, fabric, quality, pinned: vec![0], gpu: gpu.cloned(), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        for _ in 0..6 {
+            cloth.step(FRAME, &attributes).unwrap();
+        }
+        assert_eq!(cloth.adapter(), gpu.map(|gpu| gpu.name.as_str()));
+        cloth.positions().unwrap().to_vec()
+    };
+    let cpu = run(Backend::Cpu, None);
+    let moved = rms(&cpu, &mesh.positions);
+    for backend in [Backend::Hybrid, Backend::Gpu] {
+        let apart = rms(&cpu, &run(backend, Some(&gpu)));
+        assert!(moved > 0.01 && apart <= 1e-4 * moved, "{backend:?}: {apart} m apart, moved {moved} m");
+    }
+}
