@@ -13,6 +13,10 @@ struct Params {
     bodies: u32,
     pins: u32,
     damped: u32,
+    predicted: u32,
+    substeps: u32,
+    sweeps: u32,
+    relaxed: u32,
     padding: u32,
 }
 

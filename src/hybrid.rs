@@ -19,7 +19,7 @@ pub(crate) struct Hybrid {
 impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
         gpu.clone().checked(|| {
-            let forces = Forces::new(&gpu, cloth)?;
+            let forces = Forces::new(&gpu, cloth, 0)?;
             let staging = gpu.staging("u", forces.u.size());
             Ok(Hybrid { gpu, forces, staging, cpu: Cpu::new(cloth) })
         })
@@ -32,15 +32,19 @@ impl Hybrid {
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let Hybrid { gpu, forces, staging, cpu } = self;
         let prepared = gpu.checked(|| {
-            forces.prepare(gpu, plan);
+            forces.prepare(gpu, plan, false);
             Ok(())
         });
         prepared.map_err(Failure::Gpu)?;
         for (index, substep) in plan.substeps.iter().enumerate() {
-            gpu.write(&forces.x, &cpu.x);
-            gpu.write(&forces.p, &cpu.p);
+            let state = &forces.states[0];
+            gpu.write(&state.x, &cpu.x);
+            gpu.write(&state.p, &cpu.p);
             let mut encoder = gpu.encoder();
-            forces.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), plan, index);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            forces.set_frame(&mut pass, index);
+            forces.encode(&mut pass, plan, 0);
+            drop(pass);
             let back = gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)));
             back.map_err(Failure::Gpu)?;
             cpu.finish(plan, substep);

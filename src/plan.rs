@@ -89,6 +89,12 @@ impl<'a> Plan<'a> {
                 padding: 0,
             })
             .collect();
+        let (bending, wind) = (options.fabric.bending > 0.0, attributes.air_density > 0.0);
+        let sweeps = match options.method {
+            Method::SmallSteps => 1,
+            Method::Relaxation { iterations } => iterations,
+            Method::Springs => 0,
+        };
         let params = Params {
             acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h,
@@ -101,6 +107,10 @@ impl<'a> Plan<'a> {
             bodies: bodies.len() as u32,
             pins: pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
+            predicted: u32::from(bending || wind || options.method == Method::Springs || !pins.is_empty()),
+            substeps: count,
+            sweeps,
+            relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
             ..Params::default()
         };
         Plan {
@@ -110,14 +120,10 @@ impl<'a> Plan<'a> {
             substeps: (0..count).map(substep).collect(),
             bodies,
             pins,
-            sweeps: match options.method {
-                Method::SmallSteps => 1,
-                Method::Relaxation { iterations } => iterations,
-                Method::Springs => 0,
-            },
+            sweeps,
             method: options.method,
-            bending: options.fabric.bending > 0.0,
-            wind: attributes.air_density > 0.0,
+            bending,
+            wind,
         }
     }
 }

@@ -1,0 +1,73 @@
+// A substep of a patch in workgroup memory. Beside its own vertices the workgroup holds all that they depend on through
+// the colours of the sweep, and computes that too, without keeping it: so no workgroup waits for another, and the result
+// is that of visiting the colours one after another.
+
+@group(1) @binding(1) var<storage, read> x: array<vec4f>;
+// The last displacements, or, if forces have predicted them, this substep's.
+@group(1) @binding(2) var<storage, read> motion: array<vec4f>;
+@group(1) @binding(3) var<storage, read> bodies: array<Body>;
+@group(1) @binding(4) var<storage, read_write> x_out: array<vec4f>;
+@group(1) @binding(5) var<storage, read_write> p_out: array<vec4f>;
+
+var<workgroup> at: array<vec4f, ROOM>;
+var<workgroup> by: array<vec4f, ROOM>;
+
+fn correct(edge: Edge) {
+    let x_a = at[edge.a];
+    let x_b = at[edge.b];
+    let impulse = project_edge(x_a.xyz - x_b.xyz, by[edge.a].xyz - by[edge.b].xyz, edge);
+    by[edge.a] += vec4f(impulse * x_a.w, 0.0);
+    by[edge.b] -= vec4f(impulse * x_b.w, 0.0);
+}
+
+@compute @workgroup_size(LANES)
+fn substep_of_patch(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let index = group.x + group.y * groups.x;
+    if index >= PATCHES {
+        return;
+    }
+    let own = patch_at(index);
+    // The first edges of a colour are fetched while the colour before is worked on.
+    var first = own.edges;
+    var next = edge_at(first + EDGE * lane);
+    for (var k = lane; k < own.all; k += LANES) {
+        let v = table[own.vertices + k];
+        let x_v = x[v];
+        var u = motion[v].xyz;
+        if params.predicted == 0u {
+            u = select(predict_displacement(u, substep), vec3f(), x_v.w == 0.0);
+        }
+        at[k] = x_v;
+        by[k] = vec4f(u, 0.0);
+    }
+    workgroupBarrier();
+    for (var color = 0u; color < COLORS; color++) {
+        let end = table[own.ends + color];
+        var edge = next;
+        next = edge_at(end + EDGE * lane);
+        for (var k = first + EDGE * lane; k < end; k += EDGE * LANES) {
+            if k >= first + EDGE * LANES {
+                edge = edge_at(k);
+            }
+            correct(edge);
+        }
+        first = end;
+        workgroupBarrier();
+    }
+    for (var k = lane; k < own.own; k += LANES) {
+        let v = table[own.vertices + k];
+        let w = at[k].w;
+        var path = Path(at[k].xyz, by[k].xyz);
+        if w > 0.0 {
+            for (var body = 0u; body < params.bodies; body++) {
+                path = contact_body(path.x, path.u, bodies[body], substep);
+            }
+        }
+        x_out[v] = vec4f(path.x + path.u, w);
+        p_out[v] = vec4f(path.u, params.h);
+    }
+}

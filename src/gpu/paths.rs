@@ -1,0 +1,158 @@
+//! Test: every way to do a step agrees with the CPU, and patches hold what they must.
+
+use glam::{Vec3, Vec4};
+
+use super::patches::Patches;
+use super::{Gpu, GpuEngine, Path};
+use crate::attributes::{Attributes, Collider};
+use crate::cloth::Cloth;
+use crate::coefficients::Coefficients;
+use crate::cpu::Cpu;
+use crate::engine::Engine;
+use crate::mesh::Mesh;
+use crate::options::{Method, Options};
+use crate::plan::{Motion, Plan};
+
+/// A step (s) and its substeps.
+const DT: f32 = 1.0 / 60.0;
+const SUBSTEPS: u32 = 11;
+
+/// A jittered grid with diagonals either way and names in no order; a second part, and a vertex of no triangle.
+fn mesh(columns: u32, rows: u32) -> Mesh {
+    let mut random = fastrand::Rng::with_seed(5);
+    let mut grid = Mesh::grid(columns, rows, 1.0, 1.0);
+    grid.triangles.clear();
+    for corner in (0..columns * (rows - 1)).filter(|corner| corner % columns + 1 < columns && corner / columns != rows / 3) {
+        let [a, b, c, d] = [corner, corner + 1, corner + columns, corner + columns + 1];
+        let halves = if random.bool() { [[a, c, b], [b, c, d]] } else { [[a, c, d], [a, d, b]] };
+        grid.triangles.extend(halves);
+    }
+    grid.positions.push(Vec3::splat(0.3));
+    let mut names: Vec<u32> = (0..grid.positions.len() as u32).collect();
+    random.shuffle(&mut names);
+    let mut mesh = Mesh { positions: grid.positions.clone(), triangles: Vec::new() };
+    for (x, &name) in grid.positions.iter().zip(&names) {
+        mesh.positions[name as usize] = *x + 0.003 * Vec3::from_array([0; 3].map(|_| random.f32() - 0.5));
+    }
+    mesh.triangles = grid.triangles.iter().map(|triangle| triangle.map(|vertex| names[vertex as usize])).collect();
+    mesh
+}
+
+/// The state after a few steps of colliders, led pins and, if asked for, bending and wind.
+fn play(engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool) -> (Vec<Vec4>, Vec<Vec4>) {
+    let wave = |k: usize, f: f32| (k as f32 * f).sin();
+    let p: Vec<Vec4> = (0..cloth.rest.len()).map(|k| 0.3 * Vec4::new(wave(k, 0.7), wave(k, 1.1), wave(k, 1.7), 0.0)).collect();
+    let p: Vec<Vec4> = p.iter().zip(&cloth.rest).map(|(p, x)| if x.w > 0.0 { *p } else { Vec4::ZERO }).collect();
+    engine.set(&cloth.rest, &p);
+    let mut motion = Motion::after(cloth, &cloth.rest, 0.0);
+    let coefficients = Coefficients::new(cloth, options, DT / SUBSTEPS as f32);
+    for frame in 0..4_u8 {
+        let mut attributes = Attributes { damping: 0.5, ..Attributes::default() };
+        let center = Vec3::new(0.1, -0.31 + 0.02 * f32::from(frame), 0.0);
+        attributes.colliders = vec![Collider::sphere(center, 0.3).with_friction(0.3), Collider::plane(Vec3::Y * -0.05, Vec3::Y)];
+        if windy {
+            (attributes.wind, attributes.air_density) = (Vec3::new(2.0, 4.0, -3.0), 1.2);
+        }
+        // Led in some frames, then held.
+        if frame % 2 == 0 {
+            attributes.pin_targets = Some(motion.pins.iter().map(|&pin| pin + Vec3::new(0.01, 0.02, 0.0)).collect());
+        }
+        let plan = Plan::new(cloth, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes);
+        engine.step(&plan).unwrap();
+        if let Some(targets) = attributes.pin_targets {
+            motion.pins = targets;
+        }
+        motion.h = coefficients.h;
+        motion.colliders = attributes.colliders;
+    }
+    let mut state = (Vec::new(), Vec::new());
+    engine.read(|x, p| state = (x.to_vec(), p.to_vec())).unwrap();
+    state
+}
+
+/// Root mean square distance (m) over vertices.
+fn apart(a: &[Vec4], b: &[Vec4]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from((*a - *b).truncate().length_squared())).sum();
+    (sum / a.len() as f64).sqrt()
+}
+
+#[test]
+fn every_path_agrees_with_the_cpu() {
+    let gpu = Gpu::shared(true).unwrap();
+    let relaxation = Method::Relaxation { iterations: 3 };
+    for (name, mesh) in [("grid", Mesh::grid(31, 23, 1.0, 0.8)), ("any", mesh(27, 31))] {
+        for (method, windy) in [(Method::SmallSteps, false), (Method::SmallSteps, true), (relaxation, false)] {
+            let mut options = Options { method, pinned: vec![3, 100, 200], ..Options::default() };
+            options.fabric.bending = if windy { 1e-4 } else { 0.0 };
+            let cloth = Cloth::new(&mesh, &options).unwrap();
+            let (x, p) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, windy);
+            let (moved, speed) = (apart(&x, &cloth.rest), apart(&p, &vec![Vec4::ZERO; p.len()]));
+            assert!(moved > 0.01, "{name}: moved by {moved} m");
+            for (path, own) in [(Path::Colours, 0), (Path::Halo, 40), (Path::Halo, 200), (Path::Whole, 40)] {
+                let engine = GpuEngine::with_path(gpu.clone(), &cloth, method, path, own).unwrap();
+                let swept_in_patches = matches!(engine.sweep, super::Sweep::Halo(_));
+                assert_eq!(swept_in_patches, path != Path::Colours && method == Method::SmallSteps, "{name}: {path:?} {method:?}");
+                assert_eq!(engine.whole.is_some(), path == Path::Whole);
+                let (x_gpu, p_gpu) = play(&mut Engine::Gpu(Box::new(engine)), &cloth, &options, windy);
+                let (dx, dp) = (apart(&x, &x_gpu) / moved, apart(&p, &p_gpu) / speed);
+                println!("{name}, {method:?}, windy {windy}: {path:?} of {own} is {dx:e} and {dp:e} apart");
+                // Rounding alone; an edge left out or visited out of turn makes 1e-3 and more.
+                assert!(dx <= 2e-5 && dp <= 2e-4, "{name}, {method:?}, windy {windy}: {path:?} of {own}: {dx:e}, {dp:e} apart");
+            }
+        }
+    }
+}
+
+/// A cut of the cloth, played by hand: each patch, alone and from its own vertices and halo only, gives its own vertices
+/// the bits that visiting the colours gives them.
+#[test]
+fn patches_hold_all_that_their_own_vertices_depend_on() {
+    for (mesh, own) in [(Mesh::grid(40, 37, 1.0, 1.0), 64), (mesh(33, 29), 50), (mesh(5, 4), 7)] {
+        let cloth = Cloth::new(&mesh, &Options { pinned: vec![0], ..Options::default() }).unwrap();
+        let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
+        let patches = Patches::new(&cloth.rest, &ends, &cloth.colors, own, 400).unwrap();
+        // Any rule that depends on order: here each edge mixes what its ends know.
+        let mix = |a: u64, b: u64| (a.rotate_left(7) ^ b.wrapping_mul(0x9e37_79b9_7f4a_7c15), b.rotate_left(11) ^ a);
+        let start = |v: u32| u64::from(v) + 1;
+        let mut all: Vec<u64> = (0..cloth.rest.len() as u32).map(start).collect();
+        for &[a, b] in &ends {
+            let (a, b) = (a as usize, b as usize);
+            (all[a], all[b]) = mix(all[a], all[b]);
+        }
+        let mut kept = 0;
+        let header = 4 + cloth.colors.len();
+        for patch in patches.table.chunks(header).take(patches.count) {
+            let [vertices, own, count, mut first] = [0, 1, 2, 3].map(|word| patch[word] as usize);
+            assert!(own <= count && count <= 400);
+            let names = &patches.table[vertices..vertices + count];
+            let mut local: Vec<u64> = names.iter().map(|&v| start(v)).collect();
+            for &end in &patch[4..] {
+                for edge in patches.table[first..end as usize].chunks(3) {
+                    let (a, b) = ((edge[0] & 0xffff) as usize, (edge[0] >> 16) as usize);
+                    (local[a], local[b]) = mix(local[a], local[b]);
+                }
+                first = end as usize;
+            }
+            for (&v, value) in names.iter().zip(&local).take(own) {
+                assert_eq!(*value, all[v as usize], "vertex {v}");
+                kept += 1;
+            }
+        }
+        assert_eq!(kept, cloth.rest.len(), "every vertex has one patch");
+        assert!(patches.count > 3);
+    }
+}
+
+#[test]
+fn a_fan_that_no_patch_holds_is_refused() {
+    let mut mesh = Mesh { positions: vec![Vec3::ZERO], triangles: Vec::new() };
+    for k in 0..300_u32 {
+        let angle = k as f32 * 0.02;
+        mesh.positions.push(Vec3::new(angle.cos(), 0.0, angle.sin()));
+        mesh.triangles.extend((k > 0).then_some([0, k, k + 1]));
+    }
+    let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+    let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
+    assert!(Patches::new(&cloth.rest, &ends, &cloth.colors, 64, 200).is_none());
+    assert!(Patches::new(&cloth.rest, &ends, &cloth.colors, 64, 400).is_some());
+}
