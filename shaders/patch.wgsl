@@ -13,11 +13,16 @@ var<workgroup> at: array<vec4f, ROOM>;
 var<workgroup> by: array<vec4f, ROOM>;
 
 fn correct(edge: Edge) {
+    if edge.a == NO_EDGE {
+        return;
+    }
     let x_a = at[edge.a];
     let x_b = at[edge.b];
-    let impulse = project_edge(x_a.xyz - x_b.xyz, by[edge.a].xyz - by[edge.b].xyz, edge);
-    by[edge.a] += vec4f(impulse * x_a.w, 0.0);
-    by[edge.b] -= vec4f(impulse * x_b.w, 0.0);
+    let u_a = by[edge.a];
+    let u_b = by[edge.b];
+    let impulse = project_edge(x_a.xyz - x_b.xyz, u_a.xyz - u_b.xyz, edge);
+    by[edge.a] = u_a + vec4f(impulse * x_a.w, 0.0);
+    by[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
 
 @compute @workgroup_size(LANES)
@@ -30,12 +35,13 @@ fn substep_of_patch(
     if index >= PATCHES {
         return;
     }
-    let own = patch_at(index);
-    // The first edges of a colour are fetched while the colour before is worked on.
-    var first = own.edges;
-    var next = edge_at(first + EDGE * lane);
-    for (var k = lane; k < own.all; k += LANES) {
-        let v = table[own.vertices + k];
+    // A lane's first edges of the next colours: memory takes longer to answer than a colour to sweep.
+    var next = edge_at(index, 0u, lane);
+    var second = edge_at(index, 1u, lane);
+    var third = edge_at(index, 2u, lane);
+    let all = all_vertices(index);
+    for (var k = lane; k < all; k += LANES) {
+        let v = vertex_at(index, k);
         let x_v = x[v];
         var u = motion[v].xyz;
         if params.predicted == 0u {
@@ -46,20 +52,20 @@ fn substep_of_patch(
     }
     workgroupBarrier();
     for (var color = 0u; color < COLORS; color++) {
-        let end = table[own.ends + color];
-        var edge = next;
-        next = edge_at(end + EDGE * lane);
-        for (var k = first + EDGE * lane; k < end; k += EDGE * LANES) {
-            if k >= first + EDGE * LANES {
-                edge = edge_at(k);
-            }
-            correct(edge);
+        let edge = next;
+        next = second;
+        second = third;
+        third = edge_at(index, color + 3u, lane);
+        correct(edge);
+        let width = width_of(color);
+        for (var k = lane + LANES; k < width; k += LANES) {
+            correct(edge_at(index, color, k));
         }
-        first = end;
         workgroupBarrier();
     }
-    for (var k = lane; k < own.own; k += LANES) {
-        let v = table[own.vertices + k];
+    let own = own_vertices(index);
+    for (var k = lane; k < own; k += LANES) {
+        let v = vertex_at(index, k);
         let w = at[k].w;
         var path = Path(at[k].xyz, by[k].xyz);
         if w > 0.0 {

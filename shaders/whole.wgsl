@@ -9,9 +9,8 @@
 @group(1) @binding(6) var<storage, read_write> work: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> first_bad: atomic<u32>;
 
-// Three numbers a vertex: four would leave room for fewer.
+// Three numbers a vertex and nothing beside: room for 4096 of them in 48 KiB.
 var<workgroup> by: array<f32, 3 * ROOM>;
-var<workgroup> bad: atomic<u32>;
 
 fn moved(k: u32) -> vec3f {
     return vec3f(by[3u * k], by[3u * k + 1u], by[3u * k + 2u]);
@@ -23,28 +22,45 @@ fn move_by(k: u32, u: vec3f) {
     by[3u * k + 2u] = u.z;
 }
 
-fn correct(edge: Edge) {
+// An edge with what does not change while edges are swept, fetched before it is its turn.
+struct Held {
+    edge: Edge,
+    d0: vec3f,
+    w_a: f32,
+    w_b: f32,
+}
+
+fn hold(color: u32, k: u32) -> Held {
+    let edge = edge_at(0u, color, k);
+    if edge.a == NO_EDGE {
+        return Held(edge, vec3f(), 0.0, 0.0);
+    }
     let x_a = work[edge.a];
     let x_b = work[edge.b];
+    return Held(edge, x_a.xyz - x_b.xyz, x_a.w, x_b.w);
+}
+
+fn correct(held: Held) {
+    let edge = held.edge;
+    if edge.a == NO_EDGE {
+        return;
+    }
     let u_a = moved(edge.a);
     let u_b = moved(edge.b);
     var impulse: vec3f;
     if params.relaxed != 0u {
-        impulse = relax_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
+        impulse = relax_edge(held.d0, u_a - u_b, edge);
     } else {
-        impulse = project_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
+        impulse = project_edge(held.d0, u_a - u_b, edge);
     }
-    move_by(edge.a, u_a + impulse * x_a.w);
-    move_by(edge.b, u_b - impulse * x_b.w);
+    move_by(edge.a, u_a + impulse * held.w_a);
+    move_by(edge.b, u_b - impulse * held.w_b);
 }
 
 @compute @workgroup_size(LANES)
 fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
-    let own = patch_at(0u);
-    if lane == 0u {
-        atomicStore(&bad, atomicLoad(&first_bad));
-    }
-    for (var v = lane; v < own.all; v += LANES) {
+    let all = params.vertices;
+    for (var v = lane; v < all; v += LANES) {
         work[v] = x[v];
         move_by(v, p[v].xyz);
     }
@@ -52,7 +68,7 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     for (var index = 0u; index < params.substeps; index++) {
         let now = substeps[index];
-        for (var v = lane; v < own.all; v += LANES) {
+        for (var v = lane; v < all; v += LANES) {
             if work[v].w != 0.0 {
                 move_by(v, predict_displacement(moved(v), now));
             } else if params.pins == 0u {
@@ -65,17 +81,24 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
         for (var sweep = 0u; sweep < params.sweeps; sweep++) {
-            var first = own.edges;
+            // Two of a colour ahead: more than a lane has in a cloth of 2048 vertices and as many lanes as can be.
+            var next = hold(0u, lane);
+            var after = hold(0u, lane + LANES);
             for (var color = 0u; color < COLORS; color++) {
-                let end = table[own.ends + color];
-                for (var k = first + EDGE * lane; k < end; k += EDGE * LANES) {
-                    correct(edge_at(k));
+                let held = next;
+                let held_after = after;
+                next = hold(color + 1u, lane);
+                after = hold(color + 1u, lane + LANES);
+                correct(held);
+                correct(held_after);
+                let width = width_of(color);
+                for (var k = lane + 2u * LANES; k < width; k += LANES) {
+                    correct(hold(color, k));
                 }
-                first = end;
                 workgroupBarrier();
             }
         }
-        for (var v = lane; v < own.all; v += LANES) {
+        for (var v = lane; v < all; v += LANES) {
             let w = work[v].w;
             var path = Path(work[v].xyz, moved(v));
             if w > 0.0 {
@@ -89,19 +112,17 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         storageBarrier();
         workgroupBarrier();
     }
-    for (var v = lane; v < own.all; v += LANES) {
+    for (var v = lane; v < all; v += LANES) {
         if !(is_bounded(work[v].xyz) && is_bounded(moved(v))) {
-            atomicMin(&bad, v);
+            atomicMin(&first_bad, v);
         }
     }
+    storageBarrier();
     workgroupBarrier();
-    if atomicLoad(&bad) != NONE {
-        if lane == 0u {
-            atomicMin(&first_bad, atomicLoad(&bad));
-        }
+    if atomicLoad(&first_bad) != NONE {
         return;
     }
-    for (var v = lane; v < own.all; v += LANES) {
+    for (var v = lane; v < all; v += LANES) {
         x[v] = work[v];
         p[v] = vec4f(moved(v), params.h);
     }

@@ -42,8 +42,9 @@ const SLOT: u64 = 256;
 const LONGEST_SUBMIT: usize = 16_384;
 /// Sweeps in one dispatch, for the same reason.
 const LONGEST_DISPATCH: u32 = 2048;
-/// Vertices up to which one workgroup is faster than many.
+/// Vertices up to which one workgroup is faster than many, and cloths of any size from which one each is.
 const WHOLE_ALONE: usize = 1024;
+const CROWD: usize = 4;
 /// Workgroups that a patch for each keeps a large GPU busy, and the own vertices that a patch has at least and at most.
 const PATCHES: usize = 128;
 const OWN: [usize; 2] = [48, 1024];
@@ -52,6 +53,42 @@ const IN_PATCH: usize = 32;
 const IN_WHOLE: usize = 12;
 /// What `bounds.wgsl` calls none.
 const NONE: u32 = u32::MAX;
+
+/// Patches of a cloth, if it can be cut.
+fn cut(cloth: &Cloth, own: usize, room: usize) -> Option<Patches> {
+    let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
+    Patches::new(&cloth.rest, &ends, &cloth.colors, own, room)
+}
+
+/// Dispatches on their way to the device: one pass and one submit, or as few as it bears.
+struct Work<'a> {
+    gpu: &'a Gpu,
+    encoder: wgpu::CommandEncoder,
+    pass: wgpu::ComputePass<'static>,
+    dispatches: usize,
+}
+
+impl<'a> Work<'a> {
+    fn new(gpu: &'a Gpu) -> Work<'a> {
+        let mut encoder = gpu.encoder();
+        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
+        Work { gpu, encoder, pass, dispatches: 0 }
+    }
+
+    /// The pass, with room for some dispatches that belong together. What was bound may have to be bound again.
+    fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
+        if self.dispatches > 0 && self.dispatches + dispatches > LONGEST_SUBMIT {
+            std::mem::replace(self, Work::new(self.gpu)).submit();
+        }
+        self.dispatches += dispatches;
+        &mut self.pass
+    }
+
+    fn submit(self) {
+        drop(self.pass);
+        self.gpu.queue.submit([self.encoder.finish()]);
+    }
+}
 
 /// A cloth on the GPU.
 #[derive(Debug)]
@@ -103,15 +140,8 @@ impl GpuEngine {
             let bodies = sweep::bodies(&gpu);
             let first_bad = gpu.buffer("first_bad", 4);
             let memory = gpu.device.limits().max_compute_workgroup_storage_size as usize;
-            let cut = |own, room| {
-                let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
-                Patches::new(&cloth.rest, &ends, &cloth.colors, own, room)
-            };
-            let whole = (path == Path::Whole).then(|| cut(vertices, (memory - 16) / IN_WHOLE)).flatten();
-            let whole = whole.filter(|patches| patches.count == 1 && method != Method::Springs);
-            let whole = whole.map(|patches| Whole::new(&gpu, patches, &forces, &bodies, &first_bad));
-            let patches = (path != Path::Colours && method == Method::SmallSteps).then(|| cut(own, memory / IN_PATCH)).flatten();
-            let sweep = match patches {
+            let patches = (path != Path::Colours && method == Method::SmallSteps).then(|| cut(cloth, own, memory / IN_PATCH));
+            let sweep = match patches.flatten() {
                 Some(patches) => Sweep::Halo(Halo::new(&gpu, patches, &forces, &bodies)),
                 None => Sweep::Colours(Colours::new(&gpu, cloth, &forces, &bodies)),
             };
@@ -126,7 +156,11 @@ impl GpuEngine {
             let bound: Vec<_> = made.iter().map(|made| [&made[..], &kept, &checked].concat()).collect();
             let commit = Stage::new(&gpu, &forces.frame, Entry::new(&keeps, "commit"), &bound);
             let staging = gpu.staging("state", 2 * size + 4);
+            let whole = None;
             let mut engine = GpuEngine { gpu, forces, bodies, sweep, whole, check, commit, first_bad, staging };
+            if path == Path::Whole {
+                engine.make_whole(cloth, method);
+            }
             engine.set(&cloth.rest, &vec![Vec4::ZERO; vertices]);
             Ok(engine)
         })
@@ -140,30 +174,60 @@ impl GpuEngine {
         &self.forces.states[0].x
     }
 
+    /// Prepares for steps in one workgroup, if the cloth fits into one.
+    fn make_whole(&mut self, cloth: &Cloth, method: Method) {
+        let room = self.gpu.device.limits().max_compute_workgroup_storage_size as usize / IN_WHOLE;
+        if self.whole.is_some() || cloth.rest.len() > room || method == Method::Springs {
+            return;
+        }
+        if let Some(patches) = cut(cloth, room, room).filter(|patches| patches.count == 1) {
+            self.whole = Some(Whole::new(&self.gpu, patches, &self.forces, &self.bodies, &self.first_bad));
+        }
+    }
+
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         gpu.checked(|| {
-            let path = self.path(plan);
-            self.prepare(plan, path);
-            self.submit(plan, path);
+            let mut work = Work::new(&gpu);
+            let path = self.prepare(plan, false);
+            self.encode(&mut work, plan, path);
+            work.submit();
             Ok(())
         })
         .map_err(Failure::Gpu)
     }
 
-    fn path(&self, plan: &Plan<'_>) -> Path {
-        let gathers = plan.bending || plan.wind || plan.method == Method::Springs;
-        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps);
-        match (&self.sweep, &self.whole) {
-            (_, Some(_)) if !gathers && sweeps <= LONGEST_DISPATCH => Path::Whole,
-            (Sweep::Halo(_), _) => Path::Halo,
-            (Sweep::Colours(_), _) => Path::Colours,
+    /// Submits a step of each, those on one device together; returns before they are done. The failures, by the number
+    /// that each was given.
+    ///
+    /// Dispatches that share no buffer run side by side, so each of many small cloths is one workgroup's work.
+    pub(crate) fn step_all(jobs: &mut [(usize, &mut GpuEngine, Plan<'_>)]) -> Vec<(usize, Failure)> {
+        let mut failures = Vec::new();
+        let crowd = jobs.len() >= CROWD;
+        jobs.sort_by(|(_, a, _), (_, b, _)| a.gpu.device.cmp(&b.gpu.device));
+        for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.device == b.gpu.device) {
+            let gpu = together[0].1.gpu.clone();
+            let submitted = gpu.checked(|| {
+                let mut work = Work::new(&gpu);
+                let paths: Vec<Path> = together.iter_mut().map(|(_, engine, plan)| engine.prepare(plan, crowd)).collect();
+                together.iter().zip(paths).for_each(|((_, engine, plan), path)| engine.encode(&mut work, plan, path));
+                work.submit();
+                Ok(())
+            });
+            if let Err(reason) = submitted {
+                failures.extend(together.iter().map(|(index, _, _)| (*index, Failure::Gpu(reason.clone()))));
+            }
         }
+        failures
     }
 
-    /// Uploads what the step needs and is not there yet.
-    fn prepare(&mut self, plan: &Plan<'_>, path: Path) {
+    /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
+    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
+        if crowd {
+            self.make_whole(plan.cloth, plan.method);
+        }
+        let path = self.path(plan, crowd);
         let GpuEngine { gpu, forces, bodies, sweep, whole, first_bad, .. } = self;
         let moved = forces.prepare(gpu, plan, path == Path::Whole);
         if bodies.send(gpu, &plan.bodies) | moved {
@@ -180,54 +244,55 @@ impl GpuEngine {
             (_, Sweep::Colours(colours), _) => colours.prepare(gpu, plan),
             (_, Sweep::Halo(halo), _) => halo.prepare(gpu, plan),
         }
+        path
     }
 
-    fn submit(&self, plan: &Plan<'_>, path: Path) {
+    fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
+        let gathers = plan.bending || plan.wind || plan.method == Method::Springs;
+        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps);
+        let pays = crowd || plan.cloth.rest.len() <= WHOLE_ALONE;
+        match (&self.sweep, &self.whole) {
+            (_, Some(_)) if pays && !gathers && sweeps <= LONGEST_DISPATCH => Path::Whole,
+            (Sweep::Halo(_), _) => Path::Halo,
+            (Sweep::Colours(_), _) => Path::Colours,
+        }
+    }
+
+    /// Encodes a step.
+    fn encode(&self, work: &mut Work, plan: &Plan<'_>, path: Path) {
+        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
+            let pass = work.room_for(1);
+            self.forces.set_frame(pass, 0);
+            whole.encode(pass);
+            return;
+        }
         let last = plan.substeps.len() - 1;
-        let dispatches = match &self.sweep {
-            _ if path == Path::Whole => 0,
-            Sweep::Colours(colours) => 4 + colours.dispatches(plan),
-            Sweep::Halo(_) => 5,
-        };
-        let longest = (LONGEST_SUBMIT / dispatches.max(1)).max(1);
-        for first in (0..=last).step_by(longest) {
-            let mut encoder = self.gpu.encoder();
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            self.forces.set_frame(&mut pass, 0);
-            if let (Path::Whole, Some(whole)) = (path, &self.whole) {
-                whole.encode(&mut pass);
-            } else {
-                (first..=last).take(longest).for_each(|substep| self.encode(&mut pass, plan, substep));
+        let mut made = 0;
+        for substep in 0..=last {
+            let turn = turn(substep);
+            let [from, to] = TURNS[turn];
+            made = to;
+            let pass = work.room_for(self.dispatches(plan));
+            self.forces.set_frame(pass, substep);
+            if plan.params.predicted != 0 || matches!(self.sweep, Sweep::Colours(_)) {
+                self.forces.encode(pass, plan, from);
             }
-            drop(pass);
-            self.gpu.queue.submit([encoder.finish()]);
-            if path == Path::Whole {
-                break;
+            match &self.sweep {
+                Sweep::Halo(halo) => halo.encode(pass, plan, turn),
+                Sweep::Colours(colours) => colours.encode(pass, plan, turn),
             }
         }
+        let pass = work.room_for(2);
+        self.forces.set_frame(pass, last);
+        self.check.encode(pass, made - 1, &[], plan.cloth.rest.len());
+        self.commit.encode(pass, made - 1, &[], plan.cloth.rest.len());
     }
 
-    /// Encodes one substep, and after the last the commit.
-    fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, substep: usize) {
-        let turn = turn(substep);
-        let [from, to] = TURNS[turn];
-        self.forces.set_frame(pass, substep);
+    /// Dispatches of a substep.
+    fn dispatches(&self, plan: &Plan<'_>) -> usize {
         match &self.sweep {
-            Sweep::Halo(halo) => {
-                if plan.params.predicted != 0 {
-                    self.forces.encode(pass, plan, from);
-                }
-                halo.encode(pass, plan, turn);
-            }
-            Sweep::Colours(colours) => {
-                self.forces.encode(pass, plan, from);
-                colours.encode(pass, plan, turn);
-            }
-        }
-        if substep + 1 == plan.substeps.len() {
-            let vertices = plan.cloth.rest.len();
-            self.check.encode(pass, to - 1, &[], vertices);
-            self.commit.encode(pass, to - 1, &[], vertices);
+            Sweep::Halo(_) => Forces::dispatches(plan) * plan.params.predicted as usize + 1,
+            Sweep::Colours(colours) => Forces::dispatches(plan) + colours.dispatches(plan),
         }
     }
 

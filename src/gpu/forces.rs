@@ -140,6 +140,11 @@ impl Forces {
         self.frame.set(pass, 0, &[(substep as u64 * SLOT) as u32]);
     }
 
+    /// Dispatches of a substep.
+    pub(crate) fn dispatches(plan: &Plan<'_>) -> usize {
+        1 + usize::from(plan.bending) + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
+    }
+
     /// Encodes the stage for one substep that starts from state number `from`.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();

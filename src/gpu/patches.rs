@@ -13,23 +13,24 @@ use rayon::prelude::*;
 use crate::coloring::Lists;
 use crate::kernels::Edge;
 
-/// Words of an edge in the table: `EDGE` of `table.wgsl`.
-const EDGE: usize = 3;
-/// Words of a header before the ends of the colours.
-const HEADER: usize = 4;
+/// What `table.wgsl` calls none.
+const NO_EDGE: u32 = u32::MAX;
 
 /// Patches as `table.wgsl` reads them.
 #[derive(Debug, Clone)]
 pub(crate) struct Patches {
-    /// A header a patch (where its vertices start, how many are its own, how many there are, where its edges start, where
-    /// each colour of them ends), its vertices, and behind all those the edges of all.
+    /// How many edges of the colours before a colour there is room for in each patch; then for each patch how many vertices
+    /// are its own and how many it holds; then for each its vertices, its own first, in [`Patches::largest`] words; then for
+    /// each its edges: of each colour all ends as a pair of places among the patch's vertices, all inverse lengths, all
+    /// inverse weights. Every patch has as much room as the one that needs most, so that nothing must be looked up to find
+    /// something.
     pub table: Vec<u32>,
     pub count: usize,
     pub colors: usize,
-    /// Most vertices that a patch holds, and all of them together.
+    /// Most vertices that a patch holds, and most edges of a colour.
     pub largest: usize,
-    pub held: usize,
-    /// Where in the table the edges start, and which of the cloth's each is.
+    pub widest: usize,
+    /// Where in the table the edges start; the cloth's edge that each word stands for.
     edges: usize,
     sources: Vec<u32>,
 }
@@ -72,45 +73,55 @@ impl Patches {
     }
 
     fn lay_out(patches: &[Patch], ends: &[[u32; 2]], colors: usize) -> Patches {
-        let header = HEADER + colors;
-        let held: usize = patches.iter().map(|patch| patch.vertices.len()).sum();
-        let edges = patches.len() * header + held;
+        let count = patches.len();
+        let largest = patches.iter().map(|patch| patch.vertices.len()).max().unwrap_or(0);
+        let width = |color: usize| patches.iter().map(|patch| patch.edges[color].len()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..colors).map(width).collect();
+        let starts: Vec<usize> = (0..=colors).map(|color| widths[..color].iter().sum()).collect();
+        let edges = starts.len() + count * (2 + largest);
+        let block = 3 * starts[colors];
         let mut table = vec![0; edges];
-        let mut sources = Vec::new();
-        let mut vertices = patches.len() * header;
+        table.iter_mut().zip(&starts).for_each(|(word, &start)| *word = start as u32);
+        let mut sources = vec![NO_EDGE; count * block];
+        table.resize(edges + count * block, NO_EDGE);
         let mut place = vec![0; ends.iter().flatten().max().map_or(0, |&last| last as usize + 1)];
-        for (patch, at) in patches.iter().zip((0..).step_by(header)) {
-            let all = patch.vertices.len();
-            let header = [vertices, patch.own, all, table.len()].map(|word| word as u32);
-            table[at..at + HEADER].copy_from_slice(&header);
-            table[vertices..vertices + all].copy_from_slice(&patch.vertices);
-            vertices += all;
-            // A vertex without edges may lie beyond the last that has one.
-            let known = patch.vertices.iter().enumerate();
-            known.for_each(|(k, &v)| if let Some(place) = place.get_mut(v as usize) { *place = k as u32 });
+        for (index, patch) in patches.iter().enumerate() {
+            let counts = starts.len() + 2 * index;
+            (table[counts], table[counts + 1]) = (patch.own as u32, patch.vertices.len() as u32);
+            let list = starts.len() + 2 * count + index * largest;
+            table[list..list + patch.vertices.len()].copy_from_slice(&patch.vertices);
+            for (k, &vertex) in patch.vertices.iter().enumerate() {
+                // A vertex without edges may lie beyond the last that has one.
+                place.get_mut(vertex as usize).into_iter().for_each(|place| *place = k as u32);
+            }
             for (color, list) in patch.edges.iter().enumerate() {
-                for &edge in list {
+                let start = index * block + 3 * starts[color];
+                for (k, &edge) in list.iter().enumerate() {
                     let [a, b] = ends[edge as usize].map(|vertex| place[vertex as usize]);
-                    table.extend([a | b << 16, 0, 0]);
-                    sources.push(edge);
+                    table[edges + start + k] = a | b << 16;
+                    sources[start + widths[color] + k] = edge;
+                    sources[start + 2 * widths[color] + k] = edge;
                 }
-                table[at + HEADER + color] = table.len() as u32;
             }
         }
-        let largest = patches.iter().map(|patch| patch.vertices.len()).max().unwrap_or(0);
-        Patches { table, count: patches.len(), colors, largest, held, edges, sources }
-    }
-
-    /// Edges of all patches together.
-    pub(crate) fn edges_held(&self) -> usize {
-        self.sources.len()
+        let widest = widths.into_iter().max().unwrap_or(0);
+        Patches { table, count, colors, largest, widest, edges, sources }
     }
 
     /// Fills in the edges' numbers; returns where in the table (in words) they start.
     pub(crate) fn set_edges(&mut self, edges: &[Edge]) -> usize {
-        for (words, &source) in self.table[self.edges..].chunks_exact_mut(EDGE).zip(&self.sources) {
-            let edge = edges[source as usize];
-            (words[1], words[2]) = (edge.inverse_rest.to_bits(), edge.inverse_weight.to_bits());
+        let starts: Vec<usize> = self.table[..=self.colors].iter().map(|&start| start as usize).collect();
+        let words = self.table[self.edges..].chunks_mut((3 * starts[self.colors]).max(1));
+        let sources = self.sources.chunks((3 * starts[self.colors]).max(1));
+        for (words, sources) in words.zip(sources) {
+            for range in starts.windows(2) {
+                let width = range[1] - range[0];
+                for at in 3 * range[0] + width..3 * range[1] {
+                    let Some(edge) = edges.get(sources[at] as usize) else { continue };
+                    let inverse = if at < 3 * range[0] + 2 * width { edge.inverse_rest } else { edge.inverse_weight };
+                    words[at] = inverse.to_bits();
+                }
+            }
         }
         self.edges
     }
@@ -131,8 +142,7 @@ fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32
 /// The two halves of a set of vertices, across its longest extent.
 fn cut(mut set: Vec<u32>, rest: &[Vec4]) -> [Vec<u32>; 2] {
     let at = |vertex: u32| rest[vertex as usize].truncate();
-    let (low, high) =
-        set.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &v| (low.min(at(v)), high.max(at(v))));
+    let (low, high) = set.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &v| (low.min(at(v)), high.max(at(v))));
     let axis = (high - low).max_position();
     let middle = set.len() / 2;
     set.select_nth_unstable_by(middle, |&a, &b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(&b)));

@@ -91,7 +91,11 @@ fn every_path_agrees_with_the_cpu() {
             for (path, own) in [(Path::Colours, 0), (Path::Halo, 40), (Path::Halo, 200), (Path::Whole, 40)] {
                 let engine = GpuEngine::with_path(gpu.clone(), &cloth, method, path, own).unwrap();
                 let swept_in_patches = matches!(engine.sweep, super::Sweep::Halo(_));
-                assert_eq!(swept_in_patches, path != Path::Colours && method == Method::SmallSteps, "{name}: {path:?} {method:?}");
+                assert_eq!(
+                    swept_in_patches,
+                    path != Path::Colours && method == Method::SmallSteps,
+                    "{name}: {path:?} {method:?}"
+                );
                 assert_eq!(engine.whole.is_some(), path == Path::Whole);
                 let (x_gpu, p_gpu) = play(&mut Engine::Gpu(Box::new(engine)), &cloth, &options, windy);
                 let (dx, dp) = (apart(&x, &x_gpu) / moved, apart(&p, &p_gpu) / speed);
@@ -120,18 +124,20 @@ fn patches_hold_all_that_their_own_vertices_depend_on() {
             (all[a], all[b]) = mix(all[a], all[b]);
         }
         let mut kept = 0;
-        let header = 4 + cloth.colors.len();
-        for patch in patches.table.chunks(header).take(patches.count) {
-            let [vertices, own, count, mut first] = [0, 1, 2, 3].map(|word| patch[word] as usize);
+        let starts: Vec<usize> = patches.table[..=cloth.colors.len()].iter().map(|&start| start as usize).collect();
+        let lists = starts.len() + 2 * patches.count;
+        let edges = lists + patches.count * patches.largest;
+        for (index, counts) in patches.table[starts.len()..lists].chunks(2).enumerate() {
+            let (own, count) = (counts[0] as usize, counts[1] as usize);
             assert!(own <= count && count <= 400);
-            let names = &patches.table[vertices..vertices + count];
+            let names = &patches.table[lists + index * patches.largest..][..count];
             let mut local: Vec<u64> = names.iter().map(|&v| start(v)).collect();
-            for &end in &patch[4..] {
-                for edge in patches.table[first..end as usize].chunks(3) {
-                    let (a, b) = ((edge[0] & 0xffff) as usize, (edge[0] >> 16) as usize);
+            for range in starts.windows(2) {
+                let block = edges + 3 * (index * starts[cloth.colors.len()] + range[0]);
+                for &pair in patches.table[block..][..range[1] - range[0]].iter().filter(|&&pair| pair != u32::MAX) {
+                    let (a, b) = ((pair & 0xffff) as usize, (pair >> 16) as usize);
                     (local[a], local[b]) = mix(local[a], local[b]);
                 }
-                first = end as usize;
             }
             for (&v, value) in names.iter().zip(&local).take(own) {
                 assert_eq!(*value, all[v as usize], "vertex {v}");

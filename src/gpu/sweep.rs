@@ -26,10 +26,7 @@ pub(super) fn turn(substep: usize) -> usize {
 }
 
 /// A group for each of [`TURNS`].
-fn turns<'a>(
-    states: &'a [State],
-    bound: impl Fn(&'a State, &'a State) -> Vec<(u32, Bind<'a>)>,
-) -> Vec<Vec<(u32, Bind<'a>)>> {
+fn turns<'a>(states: &'a [State], bound: impl Fn(&'a State, &'a State) -> Vec<(u32, Bind<'a>)>) -> Vec<Vec<(u32, Bind<'a>)>> {
     TURNS.iter().map(|&[from, to]| bound(&states[from], &states[to])).collect()
 }
 
@@ -121,8 +118,7 @@ impl Halo {
     pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent) -> Halo {
         let table = gpu.filled("patches", &patches.table);
         let module = gpu.module("patch", shader!("predict", "edge", "body", "table", "patch"));
-        // No more lanes than a colour has edges.
-        let lanes = lanes(gpu, patches.largest / 2, 512);
+        let lanes = lanes(gpu, patches.widest);
         let constants = constants(&patches, lanes);
         let entry = Entry { module: &module, name: "substep_of_patch", constants: &constants };
         let stage = Stage::new(gpu, &forces.frame, entry, &Halo::bound(&table, forces, bodies));
@@ -172,7 +168,7 @@ impl Whole {
     pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent, first_bad: &wgpu::Buffer) -> Whole {
         let table = gpu.filled("patches", &patches.table);
         let module = gpu.module("whole", shader!("predict", "edge", "body", "bounds", "table", "whole"));
-        let lanes = lanes(gpu, patches.largest / 2, 1024);
+        let lanes = lanes(gpu, patches.widest);
         let constants = constants(&patches, lanes);
         let entry = Entry { module: &module, name: "step_of_whole", constants: &constants };
         let bound = Whole::bound(&table, forces, bodies, first_bad);
@@ -210,11 +206,11 @@ impl Whole {
     }
 }
 
-/// Invocations of a workgroup that has this many things to do at a time: what the device allows, and no more than pay.
-fn lanes(gpu: &Gpu, things: usize, most: usize) -> usize {
+/// Invocations of a workgroup: no more than a colour has edges, and than the device allows.
+fn lanes(gpu: &Gpu, edges: usize) -> usize {
     let limits = gpu.device.limits();
     let allowed = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x) as usize;
-    things.next_power_of_two().clamp(64, most).min(allowed)
+    edges.next_power_of_two().clamp(64, 1024).min(allowed)
 }
 
 fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 4] {
