@@ -12,10 +12,16 @@
 var<workgroup> at: array<vec4f, ROOM>;
 var<workgroup> by: array<vec4f, ROOM>;
 
-fn correct(edge: Edge) {
-    if edge.a == NO_EDGE {
-        return;
+fn place(k: u32, x_v: vec4f, motion_v: vec3f) {
+    var u = motion_v;
+    if params.predicted == 0u {
+        u = select(predict_displacement(motion_v, substep), vec3f(), x_v.w == 0.0);
     }
+    at[k] = x_v;
+    by[k] = vec4f(u, 0.0);
+}
+
+fn correct(edge: Edge) {
     let x_a = at[edge.a];
     let x_b = at[edge.b];
     let u_a = by[edge.a];
@@ -35,35 +41,41 @@ fn substep_of_patch(
     if index >= PATCHES {
         return;
     }
-    // A lane's first edges of the next colours: memory takes longer to answer than a colour to sweep.
-    var next = edge_at(index, 0u, lane);
-    var second = edge_at(index, 1u, lane);
-    var third = edge_at(index, 2u, lane);
-    let all = all_vertices(index);
-    for (var k = lane; k < all; k += LANES) {
+    // A lane's first edges of the next colours are under way while one is swept: memory takes longer to answer.
+    var next = fetch(index, 0u, lane);
+    var second = fetch(index, 1u, lane);
+    var third = fetch(index, 2u, lane);
+    let own = own_vertices(index);
+    for (var k = lane; k < ROOM; k += 2u * LANES) {
+        let l = min(k + LANES, ROOM - 1u);
         let v = vertex_at(index, k);
+        let w = vertex_at(index, l);
         let x_v = x[v];
-        var u = motion[v].xyz;
-        if params.predicted == 0u {
-            u = select(predict_displacement(u, substep), vec3f(), x_v.w == 0.0);
+        let motion_v = motion[v].xyz;
+        let x_w = x[w];
+        let motion_w = motion[w].xyz;
+        place(k, x_v, motion_v);
+        if k + LANES < ROOM {
+            place(l, x_w, motion_w);
         }
-        at[k] = x_v;
-        by[k] = vec4f(u, 0.0);
     }
     workgroupBarrier();
     for (var color = 0u; color < COLORS; color++) {
-        let edge = next;
+        let stored = next;
         next = second;
         second = third;
-        third = edge_at(index, color + 3u, lane);
-        correct(edge);
-        let width = width_of(color);
-        for (var k = lane + LANES; k < width; k += LANES) {
-            correct(edge_at(index, color, k));
+        third = fetch(index, color + 3u, lane);
+        if is_edge(stored, lane) {
+            correct(edge_of(stored));
+        }
+        for (var k = lane + LANES; k < WIDTH; k += LANES) {
+            let more = fetch(index, color, k);
+            if is_edge(more, k) {
+                correct(edge_of(more));
+            }
         }
         workgroupBarrier();
     }
-    let own = own_vertices(index);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(index, k);
         let w = at[k].w;

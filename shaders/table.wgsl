@@ -1,52 +1,45 @@
 // Patches of vertices, as src/gpu/patches.rs lays them out.
+// Every patch has as much room as any needs: so all is where it is, and no lane waits for memory to learn where to look.
 
-// Invocations of a workgroup, vertices that it has room for, colours of the edges, and patches in the table.
+// Invocations of a workgroup, vertices and edges of a colour that a patch has room for, colours, and patches.
 override LANES: u32 = 64u;
 override ROOM: u32 = 64u;
+override WIDTH: u32 = 64u;
 override COLORS: u32 = 6u;
 override PATCHES: u32 = 1u;
 
-// How many edges of the colours before a colour there is room for in each patch; then for each patch how many vertices
-// are its own and how many it holds; then for each its vertices, its own first; then for each its edges.
+// For each patch how many vertices are its own; then for each its vertices, its own first; then for each its edges.
 @group(1) @binding(0) var<storage, read> table: array<u32>;
 
-override COUNTS: u32 = COLORS + 1u;
-
 fn own_vertices(patch_index: u32) -> u32 {
-    return table[COUNTS + 2u * patch_index];
-}
-
-fn all_vertices(patch_index: u32) -> u32 {
-    return table[COUNTS + 2u * patch_index + 1u];
+    return table[patch_index];
 }
 
 fn vertex_at(patch_index: u32, k: u32) -> u32 {
-    return table[COUNTS + 2u * PATCHES + patch_index * ROOM + k];
+    return table[PATCHES + patch_index * ROOM + k];
+}
+
+// An edge as it is stored: both ends, as places in the patch's list of vertices, in one word; then its two numbers.
+// Not looked into when it is fetched, for that would be to wait for it.
+struct Stored {
+    ends: u32,
+    inverse_rest: u32,
+    inverse_weight: u32,
 }
 
 const NO_EDGE: u32 = 0xffffffffu;
 
-// Room for edges of a colour.
-fn width_of(color: u32) -> u32 {
-    return table[color + 1u] - table[color];
+// The edge number k of a colour; what is past the last colour must not be used.
+fn fetch(patch_index: u32, color: u32, k: u32) -> Stored {
+    let at = PATCHES * (1u + ROOM) + 3u * WIDTH * (patch_index * COLORS + color) + k;
+    return Stored(table[at], table[at + WIDTH], table[at + 2u * WIDTH]);
 }
 
-// The edge number k of a colour, its ends being places in the patch's list of vertices. Where there is none, and past the
-// last colour, both are NO_EDGE.
-fn edge_at(patch_index: u32, color: u32, k: u32) -> Edge {
-    if color >= COLORS {
-        return Edge(NO_EDGE, NO_EDGE, 0.0, 0.0);
-    }
-    let first = table[color];
-    let width = table[color + 1u] - first;
-    if k >= width {
-        return Edge(NO_EDGE, NO_EDGE, 0.0, 0.0);
-    }
-    let edges = COUNTS + PATCHES * (2u + ROOM);
-    let at = edges + 3u * (patch_index * table[COLORS] + first) + k;
-    let ends = table[at];
-    if ends == NO_EDGE {
-        return Edge(NO_EDGE, NO_EDGE, 0.0, 0.0);
-    }
-    return Edge(ends & 0xffffu, ends >> 16u, bitcast<f32>(table[at + width]), bitcast<f32>(table[at + 2u * width]));
+fn is_edge(stored: Stored, k: u32) -> bool {
+    return k < WIDTH && stored.ends != NO_EDGE;
+}
+
+fn edge_of(stored: Stored) -> Edge {
+    let a = stored.ends & 0xffffu;
+    return Edge(a, stored.ends >> 16u, bitcast<f32>(stored.inverse_rest), bitcast<f32>(stored.inverse_weight));
 }

@@ -22,39 +22,33 @@ fn move_by(k: u32, u: vec3f) {
     by[3u * k + 2u] = u.z;
 }
 
-// An edge with what does not change while edges are swept, fetched before it is its turn.
+// An edge as it is stored, and where its ends are: neither changes while edges are swept, or is looked into before its turn.
 struct Held {
-    edge: Edge,
-    d0: vec3f,
-    w_a: f32,
-    w_b: f32,
+    stored: Stored,
+    x_a: vec4f,
+    x_b: vec4f,
 }
 
-fn hold(color: u32, k: u32) -> Held {
-    let edge = edge_at(0u, color, k);
-    if edge.a == NO_EDGE {
-        return Held(edge, vec3f(), 0.0, 0.0);
-    }
-    let x_a = work[edge.a];
-    let x_b = work[edge.b];
-    return Held(edge, x_a.xyz - x_b.xyz, x_a.w, x_b.w);
+fn hold(stored: Stored) -> Held {
+    return Held(stored, work[stored.ends & 0xffffu], work[stored.ends >> 16u]);
 }
 
-fn correct(held: Held) {
-    let edge = held.edge;
-    if edge.a == NO_EDGE {
+fn correct(held: Held, k: u32) {
+    if !is_edge(held.stored, k) {
         return;
     }
+    let edge = edge_of(held.stored);
+    let d0 = held.x_a.xyz - held.x_b.xyz;
     let u_a = moved(edge.a);
     let u_b = moved(edge.b);
     var impulse: vec3f;
     if params.relaxed != 0u {
-        impulse = relax_edge(held.d0, u_a - u_b, edge);
+        impulse = relax_edge(d0, u_a - u_b, edge);
     } else {
-        impulse = project_edge(held.d0, u_a - u_b, edge);
+        impulse = project_edge(d0, u_a - u_b, edge);
     }
-    move_by(edge.a, u_a + impulse * held.w_a);
-    move_by(edge.b, u_b - impulse * held.w_b);
+    move_by(edge.a, u_a + impulse * held.x_a.w);
+    move_by(edge.b, u_b - impulse * held.x_b.w);
 }
 
 @compute @workgroup_size(LANES)
@@ -81,19 +75,22 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
         for (var sweep = 0u; sweep < params.sweeps; sweep++) {
-            // Two of a colour ahead: more than a lane has in a cloth of 2048 vertices and as many lanes as can be.
-            var next = hold(0u, lane);
-            var after = hold(0u, lane + LANES);
+            // A lane's first two edges of the next colours are under way while one is swept.
+            var held = hold(fetch(0u, 0u, lane));
+            var held_too = hold(fetch(0u, 0u, lane + LANES));
+            var next = fetch(0u, 1u, lane);
+            var next_too = fetch(0u, 1u, lane + LANES);
             for (var color = 0u; color < COLORS; color++) {
-                let held = next;
-                let held_after = after;
-                next = hold(color + 1u, lane);
-                after = hold(color + 1u, lane + LANES);
-                correct(held);
-                correct(held_after);
-                let width = width_of(color);
-                for (var k = lane + 2u * LANES; k < width; k += LANES) {
-                    correct(hold(color, k));
+                let first = held;
+                let second = held_too;
+                held = hold(next);
+                held_too = hold(next_too);
+                next = fetch(0u, color + 2u, lane);
+                next_too = fetch(0u, color + 2u, lane + LANES);
+                correct(first, lane);
+                correct(second, lane + LANES);
+                for (var k = lane + 2u * LANES; k < WIDTH; k += LANES) {
+                    correct(hold(fetch(0u, color, k)), k);
                 }
                 workgroupBarrier();
             }

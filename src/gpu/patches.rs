@@ -19,11 +19,9 @@ const NO_EDGE: u32 = u32::MAX;
 /// Patches as `table.wgsl` reads them.
 #[derive(Debug, Clone)]
 pub(crate) struct Patches {
-    /// How many edges of the colours before a colour there is room for in each patch; then for each patch how many vertices
-    /// are its own and how many it holds; then for each its vertices, its own first, in [`Patches::largest`] words; then for
-    /// each its edges: of each colour all ends as a pair of places among the patch's vertices, all inverse lengths, all
-    /// inverse weights. Every patch has as much room as the one that needs most, so that nothing must be looked up to find
-    /// something.
+    /// For each patch how many vertices are its own; then for each its vertices, its own first, in [`Patches::largest`]
+    /// words, filled up with its first; then for each and each colour its edges, in [`Patches::widest`] words each all ends
+    /// as a pair of places among the patch's vertices, all inverse lengths, all inverse weights.
     pub table: Vec<u32>,
     pub count: usize,
     pub colors: usize,
@@ -75,52 +73,42 @@ impl Patches {
     fn lay_out(patches: &[Patch], ends: &[[u32; 2]], colors: usize) -> Patches {
         let count = patches.len();
         let largest = patches.iter().map(|patch| patch.vertices.len()).max().unwrap_or(0);
-        let width = |color: usize| patches.iter().map(|patch| patch.edges[color].len()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..colors).map(width).collect();
-        let starts: Vec<usize> = (0..=colors).map(|color| widths[..color].iter().sum()).collect();
-        let edges = starts.len() + count * (2 + largest);
-        let block = 3 * starts[colors];
-        let mut table = vec![0; edges];
-        table.iter_mut().zip(&starts).for_each(|(word, &start)| *word = start as u32);
-        let mut sources = vec![NO_EDGE; count * block];
-        table.resize(edges + count * block, NO_EDGE);
+        let widest = patches.iter().flat_map(|patch| &patch.edges).map(Vec::len).max().unwrap_or(0);
+        let edges = count * (1 + largest);
+        let words = count * colors * 3 * widest;
+        let mut table = vec![NO_EDGE; edges + words];
+        let mut sources = vec![NO_EDGE; words];
         let mut place = vec![0; ends.iter().flatten().max().map_or(0, |&last| last as usize + 1)];
         for (index, patch) in patches.iter().enumerate() {
-            let counts = starts.len() + 2 * index;
-            (table[counts], table[counts + 1]) = (patch.own as u32, patch.vertices.len() as u32);
-            let list = starts.len() + 2 * count + index * largest;
-            table[list..list + patch.vertices.len()].copy_from_slice(&patch.vertices);
+            table[index] = patch.own as u32;
+            let list = &mut table[count + index * largest..][..largest];
+            list.fill(patch.vertices[0]);
+            list[..patch.vertices.len()].copy_from_slice(&patch.vertices);
             for (k, &vertex) in patch.vertices.iter().enumerate() {
                 // A vertex without edges may lie beyond the last that has one.
                 place.get_mut(vertex as usize).into_iter().for_each(|place| *place = k as u32);
             }
             for (color, list) in patch.edges.iter().enumerate() {
-                let start = index * block + 3 * starts[color];
+                let start = 3 * widest * (index * colors + color);
                 for (k, &edge) in list.iter().enumerate() {
                     let [a, b] = ends[edge as usize].map(|vertex| place[vertex as usize]);
                     table[edges + start + k] = a | b << 16;
-                    sources[start + widths[color] + k] = edge;
-                    sources[start + 2 * widths[color] + k] = edge;
+                    sources[start + widest + k] = edge;
+                    sources[start + 2 * widest + k] = edge;
                 }
             }
         }
-        let widest = widths.into_iter().max().unwrap_or(0);
         Patches { table, count, colors, largest, widest, edges, sources }
     }
 
     /// Fills in the edges' numbers; returns where in the table (in words) they start.
     pub(crate) fn set_edges(&mut self, edges: &[Edge]) -> usize {
-        let starts: Vec<usize> = self.table[..=self.colors].iter().map(|&start| start as usize).collect();
-        let words = self.table[self.edges..].chunks_mut((3 * starts[self.colors]).max(1));
-        let sources = self.sources.chunks((3 * starts[self.colors]).max(1));
-        for (words, sources) in words.zip(sources) {
-            for range in starts.windows(2) {
-                let width = range[1] - range[0];
-                for at in 3 * range[0] + width..3 * range[1] {
-                    let Some(edge) = edges.get(sources[at] as usize) else { continue };
-                    let inverse = if at < 3 * range[0] + 2 * width { edge.inverse_rest } else { edge.inverse_weight };
-                    words[at] = inverse.to_bits();
-                }
+        let width = self.widest.max(1);
+        let lists = self.table[self.edges..].chunks_mut(width).zip(self.sources.chunks(width)).enumerate();
+        for (list, (words, sources)) in lists.filter(|(list, _)| list % 3 > 0) {
+            for (word, &source) in words.iter_mut().zip(sources) {
+                let Some(edge) = edges.get(source as usize) else { continue };
+                *word = if list % 3 == 1 { edge.inverse_rest } else { edge.inverse_weight }.to_bits();
             }
         }
         self.edges

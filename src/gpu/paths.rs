@@ -124,22 +124,19 @@ fn patches_hold_all_that_their_own_vertices_depend_on() {
             (all[a], all[b]) = mix(all[a], all[b]);
         }
         let mut kept = 0;
-        let starts: Vec<usize> = patches.table[..=cloth.colors.len()].iter().map(|&start| start as usize).collect();
-        let lists = starts.len() + 2 * patches.count;
-        let edges = lists + patches.count * patches.largest;
-        for (index, counts) in patches.table[starts.len()..lists].chunks(2).enumerate() {
-            let (own, count) = (counts[0] as usize, counts[1] as usize);
-            assert!(own <= count && count <= 400);
-            let names = &patches.table[lists + index * patches.largest..][..count];
+        let (lists, edges) = patches.table.split_at(patches.count * (1 + patches.largest));
+        let (counts, lists) = lists.split_at(patches.count);
+        let blocks = edges.chunks(cloth.colors.len() * 3 * patches.widest);
+        for ((&own, names), block) in counts.iter().zip(lists.chunks(patches.largest)).zip(blocks) {
+            assert!(own as usize <= names.len() && names.len() <= 400);
             let mut local: Vec<u64> = names.iter().map(|&v| start(v)).collect();
-            for range in starts.windows(2) {
-                let block = edges + 3 * (index * starts[cloth.colors.len()] + range[0]);
-                for &pair in patches.table[block..][..range[1] - range[0]].iter().filter(|&&pair| pair != u32::MAX) {
+            for color in block.chunks(3 * patches.widest) {
+                for &pair in color[..patches.widest].iter().filter(|&&pair| pair != u32::MAX) {
                     let (a, b) = ((pair & 0xffff) as usize, (pair >> 16) as usize);
                     (local[a], local[b]) = mix(local[a], local[b]);
                 }
             }
-            for (&v, value) in names.iter().zip(&local).take(own) {
+            for (&v, value) in names.iter().zip(&local).take(own as usize) {
                 assert_eq!(*value, all[v as usize], "vertex {v}");
                 kept += 1;
             }

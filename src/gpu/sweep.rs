@@ -213,10 +213,11 @@ fn lanes(gpu: &Gpu, edges: usize) -> usize {
     edges.next_power_of_two().clamp(64, 1024).min(allowed)
 }
 
-fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 4] {
+fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 5] {
     [
         ("LANES", lanes as f64),
         ("ROOM", patches.largest as f64),
+        ("WIDTH", patches.widest as f64),
         ("COLORS", patches.colors as f64),
         ("PATCHES", patches.count as f64),
     ]
