@@ -17,7 +17,7 @@ struct Params {
     substeps: u32,
     sweeps: u32,
     relaxed: u32,
-    padding: u32,
+    levels: u32,
 }
 
 struct Substep {

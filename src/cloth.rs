@@ -9,6 +9,7 @@ use crate::bending::Bending;
 use crate::coloring::{self, Lists};
 use crate::error::BuildError;
 use crate::kernels::{Panel, Spring};
+use crate::levels::Hierarchy;
 use crate::mesh::{Mesh, sides};
 use crate::options::Options;
 
@@ -41,9 +42,12 @@ pub(crate) struct Cloth {
     pub extent: f64,
     /// Longest edge (m).
     pub longest: f32,
+    /// Membrane stiffness K (N/m).
+    pub stretch: f64,
     panels: OnceLock<Panels>,
     springs: OnceLock<Lists<Spring>>,
     bending: OnceLock<Bending>,
+    hierarchy: OnceLock<Hierarchy>,
 }
 
 /// An edge of the cloth.
@@ -116,7 +120,6 @@ impl Cloth {
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
-        let (panels, springs, bending) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(Cloth {
             order,
             origin,
@@ -129,9 +132,11 @@ impl Cloth {
             density,
             extent,
             longest: longest as f32,
-            panels,
-            springs,
-            bending,
+            stretch: f64::from(options.fabric.stretch),
+            panels: OnceLock::new(),
+            springs: OnceLock::new(),
+            bending: OnceLock::new(),
+            hierarchy: OnceLock::new(),
         })
     }
 
@@ -181,6 +186,11 @@ impl Cloth {
     /// The rows of the bending energy; built for a fabric that resists bending.
     pub(crate) fn bending(&self) -> &Bending {
         self.bending.get_or_init(|| Bending::new(self))
+    }
+
+    /// The coarse levels; built when a step first wants them.
+    pub(crate) fn hierarchy(&self) -> &Hierarchy {
+        self.hierarchy.get_or_init(|| Hierarchy::new(self))
     }
 }
 

@@ -1,8 +1,9 @@
 //! What depends on the length of the substep: computed once, kept while the length stays.
 
 use crate::batches::Batches;
-use crate::cloth::Cloth;
+use crate::cloth::{Cloth, Link};
 use crate::kernels::{BendRow, Edge};
+use crate::levels::Level;
 use crate::options::{Method, Options};
 
 /// The cloth's numbers for substeps of one length.
@@ -12,6 +13,8 @@ pub(crate) struct Coefficients {
     pub h: f32,
     /// Edges in colour order; none for springs, which are forces.
     pub edges: Batches,
+    /// Coarse edges of each level in use, the finest first.
+    pub levels: Vec<Batches>,
     /// Rows of the bending energy; empty without bending.
     pub bending: Vec<BendRow>,
     /// Vertices whose bending had to be softened.
@@ -19,7 +22,7 @@ pub(crate) struct Coefficients {
 }
 
 impl Coefficients {
-    pub(crate) fn new(cloth: &Cloth, options: &Options, h: f32) -> Coefficients {
+    pub(crate) fn new(cloth: &Cloth, options: &Options, h: f32, levels: usize) -> Coefficients {
         let edges = match options.method {
             Method::Springs => Batches::new(Vec::new(), Vec::new(), cloth.rest.len()),
             method => {
@@ -38,13 +41,26 @@ impl Coefficients {
                 Batches::new(edges.collect(), cloth.colors.clone(), cloth.rest.len())
             }
         };
+        let coarse = |level: &Level| {
+            let edge = |link: &Link| {
+                let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
+                Edge {
+                    a: link.ends[0],
+                    b: link.ends[1],
+                    inverse_rest: 1.0 / link.rest,
+                    inverse_weight: shifted(1.0 / (link.stiffness * f64::from(h).powi(2)), weight) as f32,
+                }
+            };
+            Batches::new(level.links.iter().map(edge).collect(), level.colors.clone(), level.inverse_mass.len())
+        };
+        let levels = if levels == 0 { Vec::new() } else { cloth.hierarchy().levels.iter().take(levels).map(coarse).collect() };
         let fabric = options.fabric;
         let (bending, bending_limited) = if fabric.bending > 0.0 {
             cloth.bending().rows(cloth, f64::from(fabric.bending), f64::from(fabric.damping), f64::from(h))
         } else {
             (Vec::new(), 0)
         };
-        Coefficients { h, edges, bending, bending_limited }
+        Coefficients { h, edges, levels, bending, bending_limited }
     }
 }
 

@@ -4,6 +4,7 @@ use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
 use crate::cloth::{Cloth, MAX_POSITION};
+use crate::coarse::Coarse;
 use crate::engine::Failure;
 use crate::kernels::{self, Substep, xyz};
 use crate::options::Method;
@@ -25,6 +26,7 @@ pub(crate) struct Cpu {
     pub u: Vec<Vec4>,
     /// What each vertex's bending row does; empty without bending.
     moments: Vec<Moment>,
+    coarse: Coarse,
 }
 
 /// See [`kernels::bend_moment`].
@@ -37,7 +39,7 @@ struct Moment {
 impl Cpu {
     pub(crate) fn new(cloth: &Cloth) -> Cpu {
         let zero = vec![Vec4::ZERO; cloth.rest.len()];
-        Cpu { x: cloth.rest.clone(), p: zero.clone(), u: zero, moments: Vec::new() }
+        Cpu { x: cloth.rest.clone(), p: zero.clone(), u: zero, moments: Vec::new(), coarse: Coarse::default() }
     }
 
     /// Puts the state somewhere else.
@@ -143,6 +145,7 @@ impl Cpu {
             let i = pin.vertex as usize;
             self.u[i] = (origin + (goal - origin) * substep.end - xyz(self.x[i])).extend(0.0);
         }
+        self.coarse.correct(plan, &self.x, &mut self.u);
         for _ in 0..plan.sweeps {
             self.sweep(plan);
         }

@@ -114,7 +114,8 @@ impl Deformer {
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
         if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits()) {
-            self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h));
+            let levels = self.rates.levels(&self.cloth, &self.options, h);
+            self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h, levels));
         }
         Ok(substeps)
     }
@@ -135,7 +136,8 @@ impl Deformer {
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
         stepped.map_err(|failure| failure.named(&self.cloth, self.options.method))?;
-        let limited = self.coefficients.as_ref().map_or(0, |coefficients| coefficients.bending_limited);
+        let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending_limited));
+        let (levels, limited) = used.unwrap_or_default();
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let shortfall = self.rates.explicit_shortfall(dt, substeps);
         let shortfall = shortfall.map(|needed| Warning::ExplicitLimit { substeps, needed });
@@ -147,7 +149,7 @@ impl Deformer {
             self.motion.pins = targets.iter().map(|&target| target - self.cloth.origin).collect();
         }
         self.shown = false;
-        Ok(StepReport { substeps, warnings: limited.into_iter().chain(shortfall).collect() })
+        Ok(StepReport { substeps, levels, warnings: limited.into_iter().chain(shortfall).collect() })
     }
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.

@@ -37,7 +37,8 @@ pub(crate) struct Params {
     pub sweeps: u32,
     /// 1 if edges are relaxed (Jakobsen), not projected.
     pub relaxed: u32,
-    pub padding: u32,
+    /// Coarse levels in use.
+    pub levels: u32,
 }
 
 /// What differs from one substep to the next.
@@ -183,6 +184,12 @@ pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     } else {
         relax(d0, du, edge)
     }
+}
+
+/// Impulse of a coarse edge, which is that of an edge but only pulls: centres of cloth may come as near as they like.
+pub(crate) fn project_coarse(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
+    let d = d0 + du;
+    if d.dot(d) * edge.inverse_rest * edge.inverse_rest <= 1.0 { Vec3A::ZERO } else { project(d0, du, edge) }
 }
 
 /// Impulse of an edge along its current direction: Jakobsen's relaxation (2001) where the edge has no compliance.

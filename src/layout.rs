@@ -24,7 +24,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, padding }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Span { start, end }),
         layout!(Pin { origin, vertex, goal, padding }),

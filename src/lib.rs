@@ -1,9 +1,11 @@
 #![doc = include_str!("../README.md")]
 
+mod aggregates;
 mod attributes;
 mod batches;
 mod bending;
 mod cloth;
+mod coarse;
 mod coefficients;
 mod coloring;
 mod cpu;
@@ -18,6 +20,7 @@ mod hybrid;
 mod kernels;
 #[cfg(all(test, feature = "gpu"))]
 mod layout;
+mod levels;
 mod measure;
 mod mesh;
 mod obj;
@@ -36,6 +39,6 @@ pub use gpu::Gpu;
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
-pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
+pub use options::{Backend, Levels, Method, Options, Quality, StepReport, Warning};
 #[cfg(feature = "gpu")]
 pub use wgpu;

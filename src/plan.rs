@@ -111,7 +111,7 @@ impl<'a> Plan<'a> {
             substeps: count,
             sweeps,
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
-            ..Params::default()
+            levels: coefficients.levels.len() as u32,
         };
         Plan {
             cloth,

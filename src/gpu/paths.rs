@@ -45,7 +45,7 @@ fn play(engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool) -> (
     let p: Vec<Vec4> = p.iter().zip(&cloth.rest).map(|(p, x)| if x.w > 0.0 { *p } else { Vec4::ZERO }).collect();
     engine.set(&cloth.rest, &p);
     let mut motion = Motion::after(cloth, &cloth.rest, 0.0);
-    let coefficients = Coefficients::new(cloth, options, DT / SUBSTEPS as f32);
+    let coefficients = Coefficients::new(cloth, options, DT / SUBSTEPS as f32, 0);
     for frame in 0..4_u8 {
         let mut attributes = Attributes { damping: 0.5, ..Attributes::default() };
         let center = Vec3::new(0.1, -0.31 + 0.02 * f32::from(frame), 0.0);
