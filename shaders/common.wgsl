@@ -33,6 +33,15 @@ struct Span {
     end: u32,
 }
 
+// A run of items.
+struct Batch {
+    first: u32,
+    count: u32,
+}
+
+// Of what is in no aggregate.
+const NO_LABEL: u32 = 0xffffffffu;
+
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> substep: Substep;
 

@@ -30,3 +30,12 @@ fn relax_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let l = max(length(d), 1e-12);
     return d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * l) - 1.0));
 }
+
+// That of a coarse edge, which only pulls.
+fn project_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    let d = d0 + du;
+    if dot(d, d) * edge.inverse_rest * edge.inverse_rest <= 1.0 {
+        return vec3f();
+    }
+    return project_edge(d0, du, edge);
+}

@@ -8,18 +8,11 @@
 @group(1) @binding(3) var<storage, read> bodies: array<Body>;
 @group(1) @binding(4) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> p_out: array<vec4f>;
+// What each aggregate of the finest coarse level is corrected by.
+@group(1) @binding(6) var<storage, read> shift: array<vec4f>;
 
 var<workgroup> at: array<vec4f, ROOM>;
 var<workgroup> by: array<vec4f, ROOM>;
-
-fn place(k: u32, x_v: vec4f, motion_v: vec3f) {
-    var u = motion_v;
-    if params.predicted == 0u {
-        u = select(predict_displacement(motion_v, substep), vec3f(), x_v.w == 0.0);
-    }
-    at[k] = x_v;
-    by[k] = vec4f(u, 0.0);
-}
 
 fn correct(edge: Edge) {
     let x_a = at[edge.a];
@@ -46,18 +39,16 @@ fn substep_of_patch(
     var second = fetch(index, 1u, lane);
     var third = fetch(index, 2u, lane);
     let own = own_vertices(index);
-    for (var k = lane; k < ROOM; k += 2u * LANES) {
-        let l = min(k + LANES, ROOM - 1u);
+    for (var k = lane; k < ROOM; k += LANES) {
         let v = vertex_at(index, k);
-        let w = vertex_at(index, l);
         let x_v = x[v];
         let motion_v = motion[v].xyz;
-        let x_w = x[w];
-        let motion_w = motion[w].xyz;
-        place(k, x_v, motion_v);
-        if k + LANES < ROOM {
-            place(l, x_w, motion_w);
+        var corrected = vec3f();
+        if params.levels != 0u {
+            corrected = shift[label_at(index, k)].xyz;
         }
+        at[k] = x_v;
+        by[k] = vec4f(motion_displacement(motion_v, x_v.w, substep) + corrected, 0.0);
     }
     workgroupBarrier();
     for (var color = 0u; color < COLORS; color++) {

@@ -16,3 +16,11 @@ fn predict_displacement(p: vec3f, substep: Substep) -> vec3f {
 fn pin_displacement(pin: Pin, x: vec3f, substep: Substep) -> vec3f {
     return pin.origin + (pin.goal - pin.origin) * substep.end - x;
 }
+
+// From what is there of its motion: the last displacement, or, if forces have predicted it, this substep's.
+fn motion_displacement(motion: vec3f, w: f32, substep: Substep) -> vec3f {
+    if params.predicted != 0u {
+        return motion;
+    }
+    return select(predict_displacement(motion, substep), vec3f(), w == 0.0);
+}

@@ -1,10 +1,5 @@
 // Stage 2, a dispatch a colour: the edges of one colour, which share no vertex. The plain way, for any mesh.
 
-struct Batch {
-    first: u32,
-    count: u32,
-}
-
 @group(1) @binding(0) var<uniform> batch: Batch;
 @group(1) @binding(1) var<storage, read> edges: array<Edge>;
 @group(1) @binding(2) var<storage, read> x: array<vec4f>;

@@ -8,7 +8,8 @@ override WIDTH: u32 = 64u;
 override COLORS: u32 = 6u;
 override PATCHES: u32 = 1u;
 
-// For each patch how many vertices are its own; then for each its vertices, its own first; then for each its edges.
+// For each patch how many vertices are its own; then for each its vertices, its own first; then for each the aggregates
+// that those are in; then for each its edges.
 @group(1) @binding(0) var<storage, read> table: array<u32>;
 
 fn own_vertices(patch_index: u32) -> u32 {
@@ -17,6 +18,10 @@ fn own_vertices(patch_index: u32) -> u32 {
 
 fn vertex_at(patch_index: u32, k: u32) -> u32 {
     return table[PATCHES + patch_index * ROOM + k];
+}
+
+fn label_at(patch_index: u32, k: u32) -> u32 {
+    return table[PATCHES * (1u + ROOM) + patch_index * ROOM + k];
 }
 
 // An edge as it is stored: both ends, as places in the patch's list of vertices, in one word; then its two numbers.
@@ -31,7 +36,7 @@ const NO_EDGE: u32 = 0xffffffffu;
 
 // The edge number k of a colour; what is past the last colour must not be used.
 fn fetch(patch_index: u32, color: u32, k: u32) -> Stored {
-    let at = PATCHES * (1u + ROOM) + 3u * WIDTH * (patch_index * COLORS + color) + k;
+    let at = PATCHES * (1u + 2u * ROOM) + 3u * WIDTH * (patch_index * COLORS + color) + k;
     return Stored(table[at], table[at + WIDTH], table[at + 2u * WIDTH]);
 }
 

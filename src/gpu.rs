@@ -8,6 +8,7 @@
 //! Where neither will do there is a dispatch a colour ([`sweep::Colours`]). A step works on copies and is committed at its
 //! end if all of it is within bounds, so a step that fails leaves the cloth as it was.
 
+mod coarse;
 mod device;
 mod forces;
 mod patches;
@@ -21,13 +22,16 @@ use crate::cloth::Cloth;
 use crate::engine::Failure;
 use crate::options::Method;
 use crate::plan::Plan;
+use coarse::Coarse;
+#[cfg(test)]
+pub(crate) use coarse::Member;
 pub use device::Gpu;
 #[cfg(test)]
 pub(crate) use device::WORKGROUP;
 pub(crate) use device::shader;
 use device::{Bind, Entry, Sent, Stage};
 pub(crate) use forces::Forces;
-use patches::Patches;
+use patches::{Cut, Patches};
 #[cfg(test)]
 pub(crate) use sweep::Batch;
 use sweep::{Colours, Halo, TURNS, Whole, turn};
@@ -55,9 +59,9 @@ const IN_WHOLE: usize = 12;
 const NONE: u32 = u32::MAX;
 
 /// Patches of a cloth, if it can be cut.
-fn cut(cloth: &Cloth, own: usize, room: usize) -> Option<Patches> {
+fn cut(cloth: &Cloth, most: Cut) -> Option<Patches> {
     let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
-    Patches::new(&cloth.rest, &ends, &cloth.colors, own, room)
+    Patches::new(&cloth.rest, &ends, &cloth.colors, most)
 }
 
 /// Dispatches on their way to the device: one pass and one submit, or as few as it bears.
@@ -97,6 +101,11 @@ pub(crate) struct GpuEngine {
     forces: Forces,
     bodies: Sent,
     sweep: Sweep,
+    /// If levels are in use; and a stand-in for what they are corrected by.
+    coarse: Option<Coarse>,
+    no_shift: wgpu::Buffer,
+    /// Vertices or aggregates that a workgroup has room for.
+    room: usize,
     /// If the cloth is small.
     whole: Option<Whole>,
     check: Stage,
@@ -128,21 +137,22 @@ impl GpuEngine {
             Method::SmallSteps => Path::Halo,
             _ => Path::Colours,
         };
-        GpuEngine::with_path(gpu, cloth, method, path, (vertices / PATCHES).clamp(OWN[0], OWN[1]))
+        let room = gpu.device.limits().max_compute_workgroup_storage_size as usize / IN_PATCH;
+        GpuEngine::with_path(gpu, cloth, method, path, Cut { own: (vertices / PATCHES).clamp(OWN[0], OWN[1]), room })
     }
 
-    /// With the best path up to `path`, patches having at most `own` vertices of their own.
-    fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, own: usize) -> Result<GpuEngine, String> {
+    /// With the best path up to `path`.
+    fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, most: Cut) -> Result<GpuEngine, String> {
         gpu.clone().checked(|| {
             let vertices = cloth.rest.len();
             let size = size_of_val(cloth.rest.as_slice()) as u64;
             let forces = Forces::new(&gpu, cloth, 2)?;
             let bodies = sweep::bodies(&gpu);
             let first_bad = gpu.buffer("first_bad", 4);
-            let memory = gpu.device.limits().max_compute_workgroup_storage_size as usize;
-            let patches = (path != Path::Colours && method == Method::SmallSteps).then(|| cut(cloth, own, memory / IN_PATCH));
+            let no_shift = gpu.buffer("no shift", 16);
+            let patches = (path != Path::Colours && method == Method::SmallSteps).then(|| cut(cloth, most));
             let sweep = match patches.flatten() {
-                Some(patches) => Sweep::Halo(Halo::new(&gpu, patches, &forces, &bodies)),
+                Some(patches) => Sweep::Halo(Halo::new(&gpu, patches, &forces, &bodies, &no_shift)),
                 None => Sweep::Colours(Colours::new(&gpu, cloth, &forces, &bodies)),
             };
 
@@ -157,7 +167,21 @@ impl GpuEngine {
             let commit = Stage::new(&gpu, &forces.frame, Entry::new(&keeps, "commit"), &bound);
             let staging = gpu.staging("state", 2 * size + 4);
             let whole = None;
-            let mut engine = GpuEngine { gpu, forces, bodies, sweep, whole, check, commit, first_bad, staging };
+            let coarse = None;
+            let mut engine = GpuEngine {
+                gpu,
+                forces,
+                bodies,
+                sweep,
+                coarse,
+                no_shift,
+                room: most.room,
+                whole,
+                check,
+                commit,
+                first_bad,
+                staging,
+            };
             if path == Path::Whole {
                 engine.make_whole(cloth, method);
             }
@@ -180,7 +204,7 @@ impl GpuEngine {
         if self.whole.is_some() || cloth.rest.len() > room || method == Method::Springs {
             return;
         }
-        if let Some(patches) = cut(cloth, room, room).filter(|patches| patches.count == 1) {
+        if let Some(patches) = cut(cloth, Cut { own: room, room }).filter(|patches| patches.count == 1) {
             self.whole = Some(Whole::new(&self.gpu, patches, &self.forces, &self.bodies, &self.first_bad));
         }
     }
@@ -228,12 +252,25 @@ impl GpuEngine {
             self.make_whole(plan.cloth, plan.method);
         }
         let path = self.path(plan, crowd);
-        let GpuEngine { gpu, forces, bodies, sweep, whole, first_bad, .. } = self;
-        let moved = forces.prepare(gpu, plan, path == Path::Whole);
+        let GpuEngine { gpu, forces, bodies, sweep, coarse, no_shift, room, whole, first_bad, .. } = self;
+        let mut moved = forces.prepare(gpu, plan, path == Path::Whole);
+        let levels = plan.coefficients.levels.len();
+        if levels > 0 {
+            if coarse.as_ref().is_none_or(|coarse| coarse.levels != levels) {
+                moved = true;
+                let room = matches!(sweep, Sweep::Halo(_)).then_some(*room);
+                *coarse = Some(Coarse::new(gpu, plan.cloth, levels, forces, room));
+                if let Sweep::Halo(halo) = sweep {
+                    halo.set_labels(gpu, &plan.cloth.hierarchy().levels[0].label);
+                }
+            }
+            coarse.as_mut().into_iter().for_each(|coarse| coarse.prepare(gpu, plan));
+        }
         if bodies.send(gpu, &plan.bodies) | moved {
+            let shift = coarse.as_ref().map_or(&*no_shift, |coarse| &coarse.shift);
             match sweep {
                 Sweep::Colours(colours) => colours.rebind(gpu, forces, bodies),
-                Sweep::Halo(halo) => halo.rebind(gpu, forces, bodies),
+                Sweep::Halo(halo) => halo.rebind(gpu, forces, bodies, shift),
             }
             if let Some(whole) = whole {
                 whole.rebind(gpu, forces, bodies, first_bad);
@@ -248,7 +285,7 @@ impl GpuEngine {
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        let gathers = plan.bending || plan.wind || plan.method == Method::Springs;
+        let gathers = plan.bending || plan.wind || plan.method == Method::Springs || plan.params.levels > 0;
         let sweeps = plan.params.substeps.saturating_mul(plan.sweeps);
         let pays = crowd || plan.cloth.rest.len() <= WHOLE_ALONE;
         match (&self.sweep, &self.whole) {
@@ -277,9 +314,16 @@ impl GpuEngine {
             if plan.params.predicted != 0 || matches!(self.sweep, Sweep::Colours(_)) {
                 self.forces.encode(pass, plan, from);
             }
+            let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0);
+            if let Some(coarse) = coarse {
+                coarse.encode(pass, plan, turn);
+            }
             match &self.sweep {
                 Sweep::Halo(halo) => halo.encode(pass, plan, turn),
-                Sweep::Colours(colours) => colours.encode(pass, plan, turn),
+                Sweep::Colours(colours) => {
+                    coarse.into_iter().for_each(|coarse| coarse.encode_correct(pass, plan));
+                    colours.encode(pass, plan, turn);
+                }
             }
         }
         let pass = work.room_for(2);
@@ -290,9 +334,10 @@ impl GpuEngine {
 
     /// Dispatches of a substep.
     fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0).map_or(0, Coarse::dispatches);
         match &self.sweep {
-            Sweep::Halo(_) => Forces::dispatches(plan) * plan.params.predicted as usize + 1,
-            Sweep::Colours(colours) => Forces::dispatches(plan) + colours.dispatches(plan),
+            Sweep::Halo(_) => Forces::dispatches(plan) * plan.params.predicted as usize + coarse + 1,
+            Sweep::Colours(colours) => Forces::dispatches(plan) + coarse + 1 + colours.dispatches(plan),
         }
     }
 

@@ -5,7 +5,7 @@ use std::mem::offset_of;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use crate::gpu::{Batch, WORKGROUP, shader};
+use crate::gpu::{Batch, Member, WORKGROUP, shader};
 use crate::kernels::{BendEntry, BendRow, Body, Edge, Panel, Params, Pin, Span, Spring, Substep};
 
 /// A struct as Rust lays it out.
@@ -34,6 +34,7 @@ fn structs() -> Vec<Layout> {
         layout!(Spring { other, rest, stiffness }),
         layout!(Edge { a, b, inverse_rest, inverse_weight }),
         layout!(Batch { first, count }),
+        layout!(Member { item, share }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind }),
     ]
 }
@@ -48,6 +49,10 @@ fn modules() -> Vec<(&'static str, naga::Module)> {
         ("project", shader!("edge", "project")),
         ("contact", shader!("body", "contact")),
         ("commit", shader!("bounds", "commit")),
+        ("restrict", shader!("predict", "restrict")),
+        ("level", shader!("edge", "table", "level")),
+        ("levels", shader!("edge", "levels")),
+        ("coarse", shader!("edge", "coarse")),
         ("patch", shader!("predict", "edge", "body", "table", "patch")),
         ("whole", shader!("predict", "edge", "body", "bounds", "table", "whole")),
     ];

@@ -13,14 +13,14 @@ use rayon::prelude::*;
 use crate::coloring::Lists;
 use crate::kernels::Edge;
 
-/// What `table.wgsl` calls none.
-const NO_EDGE: u32 = u32::MAX;
+/// What `table.wgsl` calls none, of edges and of labels.
+pub(super) const NO_EDGE: u32 = u32::MAX;
 
 /// Patches as `table.wgsl` reads them.
 #[derive(Debug, Clone)]
 pub(crate) struct Patches {
     /// For each patch how many vertices are its own; then for each its vertices, its own first, in [`Patches::largest`]
-    /// words, filled up with its first; then for each and each colour its edges, in [`Patches::widest`] words each all ends
+    /// words, filled up with its first; then for each the aggregates of those; then for each and each colour its edges, in [`Patches::widest`] words each all ends
     /// as a pair of places among the patch's vertices, all inverse lengths, all inverse weights.
     pub table: Vec<u32>,
     pub count: usize,
@@ -31,6 +31,14 @@ pub(crate) struct Patches {
     /// Where in the table the edges start; the cloth's edge that each word stands for.
     edges: usize,
     sources: Vec<u32>,
+}
+
+/// How large patches may be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cut {
+    /// Vertices of its own that a patch has at most, and that it may hold.
+    pub own: usize,
+    pub room: usize,
 }
 
 /// A patch as it is found: its vertices, its own first, and its edges of each colour.
@@ -53,15 +61,14 @@ struct Source<'a> {
 }
 
 impl Patches {
-    /// Cuts the cloth into patches of at most `own` vertices that hold at most `room`. `None` if that cannot be done, as for
-    /// a fan of many edges, or not be done well.
-    pub(crate) fn new(rest: &[Vec4], ends: &[[u32; 2]], colors: &[Range<usize>], own: usize, room: usize) -> Option<Patches> {
+    /// Cuts the cloth into patches. `None` if that cannot be done, as for a fan of many edges, or not be done well.
+    pub(crate) fn new(rest: &[Vec4], ends: &[[u32; 2]], colors: &[Range<usize>], most: Cut) -> Option<Patches> {
         let pairs = ends.iter().enumerate().flat_map(|(edge, &[a, b])| [(a, edge as u32), (b, edge as u32)]);
         let around = Lists::new(rest.len(), pairs);
-        let room = room.min(1 << 16);
+        let room = most.room.min(1 << 16);
         let source = Source { rest, ends, colors, around, room };
         let mut pieces = Vec::new();
-        halve((0..rest.len() as u32).collect(), rest, own.min(room).max(1), &mut pieces);
+        halve((0..rest.len() as u32).collect(), rest, most.own.min(room).max(1), &mut pieces);
         let seen = || vec![false; rest.len()];
         let patches: Option<Vec<Vec<Patch>>> = pieces.into_par_iter().map_init(seen, |seen, own| source.fit(own, seen)).collect();
         let patches: Vec<Patch> = patches?.into_iter().flatten().collect();
@@ -74,7 +81,7 @@ impl Patches {
         let count = patches.len();
         let largest = patches.iter().map(|patch| patch.vertices.len()).max().unwrap_or(0);
         let widest = patches.iter().flat_map(|patch| &patch.edges).map(Vec::len).max().unwrap_or(0);
-        let edges = count * (1 + largest);
+        let edges = count * (1 + 2 * largest);
         let words = count * colors * 3 * widest;
         let mut table = vec![NO_EDGE; edges + words];
         let mut sources = vec![NO_EDGE; words];
@@ -99,6 +106,16 @@ impl Patches {
             }
         }
         Patches { table, count, colors, largest, widest, edges, sources }
+    }
+
+    /// Fills in the aggregates that the vertices are in, and names the vertices anew, as numbers from `base` on.
+    pub(crate) fn set_labels(&mut self, labels: impl Fn(u32) -> u32, base: u32) {
+        let (_, lists) = self.table[..self.edges].split_at_mut(self.count);
+        let (vertices, named) = lists.split_at_mut(self.count * self.largest);
+        for (vertex, label) in vertices.iter_mut().zip(named) {
+            *label = labels(*vertex);
+            *vertex += base;
+        }
     }
 
     /// Fills in the edges' numbers; returns where in the table (in words) they start.

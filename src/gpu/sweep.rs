@@ -26,8 +26,22 @@ pub(super) fn turn(substep: usize) -> usize {
 }
 
 /// A group for each of [`TURNS`].
-fn turns<'a>(states: &'a [State], bound: impl Fn(&'a State, &'a State) -> Vec<(u32, Bind<'a>)>) -> Vec<Vec<(u32, Bind<'a>)>> {
+pub(super) fn turns<'a>(
+    states: &'a [State],
+    bound: impl Fn(&'a State, &'a State) -> Vec<(u32, Bind<'a>)>,
+) -> Vec<Vec<(u32, Bind<'a>)>> {
     TURNS.iter().map(|&[from, to]| bound(&states[from], &states[to])).collect()
+}
+
+/// Runs of items, one for a dispatch each.
+pub(super) fn slots(gpu: &Gpu, batches: impl Iterator<Item = Batch>) -> wgpu::Buffer {
+    let mut bytes = Vec::new();
+    for batch in batches {
+        bytes.extend_from_slice(bytemuck::bytes_of(&batch));
+        bytes.resize(bytes.len().next_multiple_of(SLOT as usize), 0);
+    }
+    bytes.resize(bytes.len().max(SLOT as usize), 0);
+    gpu.uniform("batches", &bytes)
 }
 
 /// A dispatch a colour, and one for contact: for any mesh and any number of sweeps, and what the others are compared with.
@@ -46,11 +60,7 @@ impl Colours {
         let batches: Vec<Batch> =
             cloth.colors.iter().map(|range| Batch { first: range.start as u32, count: range.len() as u32 }).collect();
         let edges = gpu.buffer("edges", (cloth.swept().len().max(1) * size_of::<Edge>()) as u64);
-        let mut slots = vec![0_u8; SLOT as usize * batches.len().max(1)];
-        for (batch, slot) in batches.iter().zip(slots.chunks_mut(SLOT as usize)) {
-            slot[..size_of::<Batch>()].copy_from_slice(bytemuck::bytes_of(batch));
-        }
-        let slots = gpu.uniform("batches", &slots);
+        let slots = slots(gpu, batches.iter().copied());
         let swept = turns(&forces.states, |from, _| {
             vec![
                 (0, Bind::Dynamic(&slots, size_of::<Batch>() as u64)),
@@ -115,17 +125,22 @@ pub(super) struct Halo {
 }
 
 impl Halo {
-    pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent) -> Halo {
+    pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent, shift: &wgpu::Buffer) -> Halo {
         let table = gpu.filled("patches", &patches.table);
         let module = gpu.module("patch", shader!("predict", "edge", "body", "table", "patch"));
         let lanes = lanes(gpu, patches.widest);
         let constants = constants(&patches, lanes);
         let entry = Entry { module: &module, name: "substep_of_patch", constants: &constants };
-        let stage = Stage::new(gpu, &forces.frame, entry, &Halo::bound(&table, forces, bodies));
+        let stage = Stage::new(gpu, &forces.frame, entry, &Halo::bound(&table, forces, bodies, shift));
         Halo { patches, table, h: None, stage }
     }
 
-    fn bound<'a>(table: &'a wgpu::Buffer, forces: &'a Forces, bodies: &'a Sent) -> Vec<Vec<(u32, Bind<'a>)>> {
+    fn bound<'a>(
+        table: &'a wgpu::Buffer,
+        forces: &'a Forces,
+        bodies: &'a Sent,
+        shift: &'a wgpu::Buffer,
+    ) -> Vec<Vec<(u32, Bind<'a>)>> {
         let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
             vec![
                 (0, Bind::Read(table)),
@@ -134,6 +149,7 @@ impl Halo {
                 (3, Bind::Read(&bodies.buffer)),
                 (4, Bind::Write(&to.x)),
                 (5, Bind::Write(&to.p)),
+                (6, Bind::Read(shift)),
             ]
         };
         let mut groups = turns(&forces.states, |from, to| bound(from, to, &from.p));
@@ -141,8 +157,14 @@ impl Halo {
         groups
     }
 
-    pub(super) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent) {
-        self.stage.rebind(gpu, &Halo::bound(&self.table, forces, bodies));
+    pub(super) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, shift: &wgpu::Buffer) {
+        self.stage.rebind(gpu, &Halo::bound(&self.table, forces, bodies, shift));
+    }
+
+    /// Notes which aggregate each vertex is in.
+    pub(super) fn set_labels(&mut self, gpu: &Gpu, labels: &[u32]) {
+        self.patches.set_labels(|vertex| labels[vertex as usize], 0);
+        gpu.write(&self.table, &self.patches.table);
     }
 
     pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
@@ -207,13 +229,13 @@ impl Whole {
 }
 
 /// Invocations of a workgroup: no more than a colour has edges, and than the device allows.
-fn lanes(gpu: &Gpu, edges: usize) -> usize {
+pub(super) fn lanes(gpu: &Gpu, edges: usize) -> usize {
     let limits = gpu.device.limits();
     let allowed = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x) as usize;
     edges.next_power_of_two().clamp(64, 1024).min(allowed)
 }
 
-fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 5] {
+pub(super) fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 5] {
     [
         ("LANES", lanes as f64),
         ("ROOM", patches.largest as f64),
