@@ -93,6 +93,26 @@ impl Engine {
         }
     }
 
+    /// A step of each: those on a GPU together, the others one after another.
+    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<(), Failure>> {
+        #[cfg(feature = "gpu")]
+        let mut together = Vec::new();
+        let mut done = Vec::new();
+        for (index, (engine, plan)) in jobs.into_iter().enumerate() {
+            done.push(Ok(()));
+            match engine {
+                #[cfg(feature = "gpu")]
+                Engine::Gpu(gpu) => together.push((index, &mut **gpu, plan)),
+                engine => done[index] = engine.step(&plan),
+            }
+        }
+        #[cfg(feature = "gpu")]
+        for (index, failure) in GpuEngine::step_all(&mut together) {
+            done[index] = Err(failure);
+        }
+        done
+    }
+
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         match self {
             Engine::Cpu(cpu) => cpu.set(x, p),

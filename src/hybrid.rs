@@ -19,7 +19,7 @@ pub(crate) struct Hybrid {
 impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
         gpu.clone().checked(|| {
-            let forces = Forces::new(&gpu, cloth)?;
+            let forces = Forces::new(&gpu, cloth, 0)?;
             let staging = gpu.staging("u", forces.u.size());
             Ok(Hybrid { gpu, forces, staging, cpu: Cpu::new(cloth) })
         })
@@ -44,14 +44,18 @@ impl Hybrid {
     fn substeps(&mut self, plan: &Plan<'_>) -> Result<(), String> {
         let Hybrid { gpu, forces, staging, cpu } = self;
         gpu.checked(|| {
-            forces.prepare(gpu, plan);
+            forces.prepare(gpu, plan, false);
             Ok(())
         })?;
         for index in 0..plan.substeps.len() {
-            gpu.write(&forces.x, &cpu.x);
-            gpu.write(&forces.p, &cpu.p);
+            let state = &forces.states[0];
+            gpu.write(&state.x, &cpu.x);
+            gpu.write(&state.p, &cpu.p);
             let mut encoder = gpu.encoder();
-            forces.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), plan, index);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            forces.set_frame(&mut pass, index);
+            forces.encode(&mut pass, plan, 0);
+            drop(pass);
             gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)))?;
             cpu.substeps(plan, index..index + 1, false);
         }

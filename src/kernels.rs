@@ -30,7 +30,15 @@ pub(crate) struct Params {
     pub pins: u32,
     /// 1 if bending is damped.
     pub damped: u32,
-    pub padding: u32,
+    /// 1 if there is more to predict by than the last displacement and a uniform acceleration: forces, or pins that are led.
+    pub predicted: u32,
+    pub substeps: u32,
+    /// Sweeps over the edges in a substep.
+    pub sweeps: u32,
+    /// 1 if edges are relaxed (Jakobsen), not projected.
+    pub relaxed: u32,
+    /// Coarse levels in use.
+    pub levels: u32,
 }
 
 /// What differs from one substep to the next.

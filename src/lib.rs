@@ -43,7 +43,6 @@ pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
 pub use options::{Backend, Levels, Method, Options, Quality, StepReport, Warning};
-pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
 pub use pc2::{Pc2Error, PointCache};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -101,6 +101,12 @@ impl<'a> Plan<'a> {
         lists.pins.sort_unstable_by_key(|pin| pin.vertex);
         lists.substeps.clear();
         lists.substeps.extend((0..count).map(substep));
+        let (bending, wind) = (options.fabric.bending > 0.0, attributes.air_density > 0.0);
+        let sweeps = match options.method {
+            Method::SmallSteps => 1,
+            Method::Relaxation { iterations } => iterations,
+            Method::Springs => 0,
+        };
         let params = Params {
             acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h,
@@ -113,7 +119,11 @@ impl<'a> Plan<'a> {
             bodies: lists.bodies.len() as u32,
             pins: lists.pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
-            ..Params::default()
+            predicted: u32::from(bending || wind || options.method == Method::Springs || !lists.pins.is_empty()),
+            substeps: count,
+            sweeps,
+            relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
+            levels: coefficients.levels.len() as u32,
         };
         Plan {
             cloth,
@@ -122,14 +132,10 @@ impl<'a> Plan<'a> {
             substeps: &lists.substeps,
             bodies: &lists.bodies,
             pins: &lists.pins,
-            sweeps: match options.method {
-                Method::SmallSteps => 1,
-                Method::Relaxation { iterations } => iterations,
-                Method::Springs => 0,
-            },
+            sweeps,
             method: options.method,
-            bending: options.fabric.bending > 0.0,
-            wind: attributes.air_density > 0.0,
+            bending,
+            wind,
         }
     }
 
