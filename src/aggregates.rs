@@ -8,7 +8,7 @@ use crate::cloth::{Cloth, Link};
 
 /// Most vertices of the finest aggregates, half as many the fewest, but for pieces cut off. A grid's 4 x 4 blocks fit, and a row more
 /// here and there.
-const FINEST: f64 = 12;
+const FINEST: f64 = 17.5;
 
 /// The mesh's parts, halved again and again across their longest side: which half of which half each vertex is in.
 ///

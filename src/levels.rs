@@ -31,7 +31,8 @@
 //! Stiffness is that of the fabric along the edge, free to contract across it, so that cloth soft in shear stays so.
 //!
 //! # Limits
-//! The worst edge at a lone pin is hardly better. Where the substeps resolve the stiffness, levels have nothing to add.
+//! Pins are the coarse cloth's own worst place, as they are the fine one's: the worst edge there is better by a few times only.
+//! Where the substeps resolve the stiffness, levels have nothing to add.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
