@@ -1,4 +1,5 @@
 // Bending, a force: first each vertex's mean curvature normal times its rigidity, then what its neighbours' ones do to it.
+// The first also predicts: it saves a dispatch.
 
 struct BendRow {
     stiffness: f32,
@@ -12,14 +13,10 @@ struct BendEntry {
     backward: f32,
 }
 
-@group(1) @binding(0) var<storage, read> rows: array<BendRow>;
-@group(1) @binding(1) var<storage, read> spans: array<Span>;
-@group(1) @binding(2) var<storage, read> entries: array<BendEntry>;
-@group(1) @binding(3) var<storage, read> x: array<vec4f>;
-@group(1) @binding(4) var<storage, read> p: array<vec4f>;
-@group(1) @binding(5) var<storage, read_write> moments_out: array<Moment>;
-@group(1) @binding(6) var<storage, read> moments: array<Moment>;
-@group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
+@group(1) @binding(4) var<storage, read> rows: array<BendRow>;
+@group(1) @binding(5) var<storage, read> spans: array<Span>;
+@group(1) @binding(6) var<storage, read> entries: array<BendEntry>;
+@group(1) @binding(7) var<storage, read_write> moments: array<Moment>;
 
 // What a vertex's row does: the pull, and the couple that takes the torque out of its damping.
 struct Moment {
@@ -91,6 +88,7 @@ fn unspin(inertia: vec3f, products: vec3f, spin: vec3f) -> Spin {
 @compute @workgroup_size(WORKGROUP)
 fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let v = item(id, groups);
+    predict_item(v);
     if v >= params.vertices {
         return;
     }
@@ -104,13 +102,13 @@ fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
             add(&ring, d, (p[entry.other].xyz - p[v].xyz) * substep.rate, entry.forward);
         }
     }
-    moments_out[v] = bend_moment(ring, rows[v]);
+    moments[v] = bend_moment(ring, rows[v]);
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn bend_forces(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= params.vertices {
+    if i >= params.vertices || x[i].w == 0.0 {
         return;
     }
     let own = moments[i];

@@ -13,7 +13,11 @@ struct Params {
     bodies: u32,
     pins: u32,
     damped: u32,
-    padding: u32,
+    predicted: u32,
+    substeps: u32,
+    sweeps: u32,
+    relaxed: u32,
+    levels: u32,
 }
 
 struct Substep {
@@ -28,6 +32,15 @@ struct Span {
     start: u32,
     end: u32,
 }
+
+// A run of items.
+struct Batch {
+    first: u32,
+    count: u32,
+}
+
+// Of what is in no aggregate.
+const NO_LABEL: u32 = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> substep: Substep;

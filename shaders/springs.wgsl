@@ -19,7 +19,7 @@ fn spring_force(d: vec3f, spring: Spring) -> vec3f {
 @compute @workgroup_size(WORKGROUP)
 fn springs(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= params.vertices {
+    if i >= params.vertices || x[i].w == 0.0 {
         return;
     }
     var force = vec3f();

@@ -41,7 +41,7 @@ fn wind_force(x0: vec3f, x1: vec3f, x2: vec3f, velocity: vec3f, mass: f32) -> ve
 @compute @workgroup_size(WORKGROUP)
 fn wind(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= params.vertices {
+    if i >= params.vertices || x[i].w == 0.0 {
         return;
     }
     var force = vec3f();

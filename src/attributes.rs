@@ -208,48 +208,51 @@ impl Attributes {
         if targets.len() != pins {
             return Err(StepError::PinTargets { given: targets.len(), pinned: pins });
         }
-        targets.iter().enumerate().try_for_each(|(slot, &target)| finite(&format!("pin_targets[{slot}]"), target))
+        targets.iter().enumerate().try_for_each(|(slot, &target)| finite(format_args!("pin_targets[{slot}]"), target))
     }
 }
 
 impl Collider {
     fn validate(&self, index: usize) -> Result<(), StepError> {
-        let name = |field: &str| format!("colliders[{index}].{field}");
         let positive = |radius: f32| match radius > 0.0 && radius.is_finite() {
             true => Ok(()),
-            false => Err(invalid(&name("radius"), radius, "must be finite and above 0 m")),
+            false => Err(invalid(format_args!("colliders[{index}].radius"), radius, "must be finite and above 0 m")),
         };
-        not_negative(&name("friction"), self.friction)?;
+        not_negative(format_args!("colliders[{index}].friction"), self.friction)?;
         match self.shape {
             Shape::Sphere { center, radius } => {
-                finite(&name("center"), center)?;
+                finite(format_args!("colliders[{index}].center"), center)?;
                 positive(radius)
             }
             Shape::Plane { point, normal } => {
-                finite(&name("point"), point)?;
-                finite(&name("normal"), normal)?;
+                finite(format_args!("colliders[{index}].point"), point)?;
+                finite(format_args!("colliders[{index}].normal"), normal)?;
                 match normal.as_dvec3().try_normalize() {
                     Some(_) => Ok(()),
-                    None => Err(invalid(&name("normal"), normal, "has no direction; give a vector out of the solid")),
+                    None => Err(invalid(
+                        format_args!("colliders[{index}].normal"),
+                        normal,
+                        "has no direction; give a vector out of the solid",
+                    )),
                 }
             }
             Shape::Capsule { a, b, radius } => {
-                finite(&name("a"), a)?;
-                finite(&name("b"), b)?;
+                finite(format_args!("colliders[{index}].a"), a)?;
+                finite(format_args!("colliders[{index}].b"), b)?;
                 positive(radius)
             }
         }
     }
 }
 
-fn invalid(name: &str, value: impl Display, remedy: impl Display) -> StepError {
-    StepError::Attribute { name: name.to_owned(), value: value.to_string(), remedy: remedy.to_string() }
+fn invalid(name: impl Display, value: impl Display, remedy: impl Display) -> StepError {
+    StepError::Attribute { name: name.to_string(), value: value.to_string(), remedy: remedy.to_string() }
 }
 
-fn finite(name: &str, value: Vec3) -> Result<(), StepError> {
+fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
     if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite")) }
 }
 
-fn not_negative(name: &str, value: f32) -> Result<(), StepError> {
+fn not_negative(name: impl Display, value: f32) -> Result<(), StepError> {
     if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite and 0 or above")) }
 }

@@ -9,8 +9,10 @@ use crate::bending::Bending;
 use crate::coloring::{self, Lists};
 use crate::error::BuildError;
 use crate::kernels::{Panel, Spring};
+use crate::levels::Hierarchy;
 use crate::mesh::{Mesh, sides};
 use crate::options::Options;
+use crate::stripes::Stripes;
 
 /// Most vertices: as many as buffers of 16 bytes each can be bound for on common GPUs.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
@@ -41,9 +43,13 @@ pub(crate) struct Cloth {
     pub extent: f64,
     /// Longest edge (m).
     pub longest: f32,
+    /// Membrane stiffness K (N/m).
+    pub stretch: f64,
     panels: OnceLock<Panels>,
     springs: OnceLock<Lists<Spring>>,
     bending: OnceLock<Bending>,
+    hierarchy: OnceLock<Hierarchy>,
+    stripes: OnceLock<Stripes>,
 }
 
 /// An edge of the cloth.
@@ -116,7 +122,6 @@ impl Cloth {
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
-        let (panels, springs, bending) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         Ok(Cloth {
             order,
             origin,
@@ -129,15 +134,23 @@ impl Cloth {
             density,
             extent,
             longest: longest as f32,
-            panels,
-            springs,
-            bending,
+            stretch: f64::from(options.fabric.stretch),
+            panels: OnceLock::new(),
+            springs: OnceLock::new(),
+            bending: OnceLock::new(),
+            hierarchy: OnceLock::new(),
+            stripes: OnceLock::new(),
         })
     }
 
     /// The edges that the sweep visits: all but those between two pins.
     pub(crate) fn swept(&self) -> &[Link] {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
+    }
+
+    /// Inverse mass (1/kg) of each vertex, 0 where pinned.
+    pub(crate) fn inverse_mass(&self) -> Vec<f32> {
+        self.rest.iter().map(|x| x.w).collect()
     }
 
     /// Sum of the inverse masses (1/kg) of an edge's ends.
@@ -166,6 +179,11 @@ impl Cloth {
         })
     }
 
+    /// The sweep's tasks; built for the processor alone.
+    pub(crate) fn stripes(&self) -> &Stripes {
+        self.stripes.get_or_init(|| Stripes::new(&self.links, self.swept().len(), self.rest.len()))
+    }
+
     /// The springs at each vertex; built for [`Method::Springs`](crate::Method::Springs) alone.
     pub(crate) fn springs(&self) -> &Lists<Spring> {
         self.springs.get_or_init(|| {
@@ -181,6 +199,11 @@ impl Cloth {
     /// The rows of the bending energy; built for a fabric that resists bending.
     pub(crate) fn bending(&self) -> &Bending {
         self.bending.get_or_init(|| Bending::new(self))
+    }
+
+    /// The coarse levels; built when a step first wants them.
+    pub(crate) fn hierarchy(&self) -> &Hierarchy {
+        self.hierarchy.get_or_init(|| Hierarchy::new(self))
     }
 }
 

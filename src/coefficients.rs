@@ -1,8 +1,8 @@
 //! What depends on the length of the substep: computed once, kept while the length stays.
 
-use crate::batches::Batches;
-use crate::cloth::Cloth;
+use crate::cloth::{Cloth, Link};
 use crate::kernels::{BendRow, Edge};
+use crate::levels::Level;
 use crate::options::{Method, Options};
 
 /// The cloth's numbers for substeps of one length.
@@ -11,7 +11,9 @@ pub(crate) struct Coefficients {
     /// The substep (s) they are for.
     pub h: f32,
     /// Edges in colour order; none for springs, which are forces.
-    pub edges: Batches,
+    pub edges: Vec<Edge>,
+    /// Coarse edges of each level in use, the finest first.
+    pub levels: Vec<Vec<Edge>>,
     /// Rows of the bending energy; empty without bending.
     pub bending: Vec<BendRow>,
     /// Vertices whose bending had to be softened.
@@ -19,9 +21,9 @@ pub(crate) struct Coefficients {
 }
 
 impl Coefficients {
-    pub(crate) fn new(cloth: &Cloth, options: &Options, h: f32) -> Coefficients {
+    pub(crate) fn new(cloth: &Cloth, options: &Options, h: f32, levels: usize) -> Coefficients {
         let edges = match options.method {
-            Method::Springs => Batches::new(Vec::new(), Vec::new(), cloth.rest.len()),
+            Method::Springs => Vec::new(),
             method => {
                 let h = f64::from(h);
                 let edges = cloth.swept().iter().map(|link| Edge {
@@ -35,16 +37,29 @@ impl Coefficients {
                         _ => 1.0 / cloth.weight(link),
                     } as f32,
                 });
-                Batches::new(edges.collect(), cloth.colors.clone(), cloth.rest.len())
+                edges.collect()
             }
         };
+        let coarse = |level: &Level| {
+            let edge = |link: &Link| {
+                let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
+                Edge {
+                    a: link.ends[0],
+                    b: link.ends[1],
+                    inverse_rest: 1.0 / link.rest,
+                    inverse_weight: shifted(1.0 / (link.stiffness * f64::from(h).powi(2)), weight) as f32,
+                }
+            };
+            level.links.iter().map(edge).collect()
+        };
+        let levels = if levels == 0 { Vec::new() } else { cloth.hierarchy().levels.iter().take(levels).map(coarse).collect() };
         let fabric = options.fabric;
         let (bending, bending_limited) = if fabric.bending > 0.0 {
             cloth.bending().rows(cloth, f64::from(fabric.bending), f64::from(fabric.damping), f64::from(h))
         } else {
             (Vec::new(), 0)
         };
-        Coefficients { h, edges, bending, bending_limited }
+        Coefficients { h, edges, levels, bending, bending_limited }
     }
 }
 

@@ -5,14 +5,14 @@ use glam::{DVec3, Vec3, Vec4};
 use crate::attributes::{Attributes, Collider};
 use crate::cloth::{Cloth, MAX_POSITION};
 use crate::coefficients::Coefficients;
-use crate::engine::Engine;
+use crate::engine::{Engine, Failure};
 use crate::error::{BuildError, StepError};
 #[cfg(feature = "gpu")]
 use crate::gpu::Surface;
 use crate::measure::Measure;
 use crate::mesh::Mesh;
 use crate::options::{Backend, Options, StepReport, Warning};
-use crate::plan::{Motion, Plan};
+use crate::plan::{Lists, Motion, Plan};
 use crate::quality::Rates;
 
 /// A cloth in motion.
@@ -25,6 +25,7 @@ pub struct Deformer {
     /// For the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
+    lists: Lists,
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
@@ -61,6 +62,7 @@ impl Deformer {
             engine,
             coefficients: None,
             motion,
+            lists: Lists::default(),
             positions,
             velocities,
             local,
@@ -76,32 +78,83 @@ impl Deformer {
     /// If `dt` or an attribute is out of its range, or the motion left the finite numbers; the state is then as it was.
     /// On the GPU the last is found when the state is next read: it is then that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
+        let substeps = self.ready(dt, attributes)?;
+        let (engine, plan) = self.job(substeps, attributes);
+        let stepped = engine.step(&plan);
+        self.stepped(stepped, dt, substeps, attributes)
+    }
+
+    /// Advances each of a crowd by `dt` (s), with its own attributes: `step_all(crowd.iter_mut().map(|one| (one, &all)), dt)`.
+    ///
+    /// Those on one GPU go to it together. A large GPU that a small cloth leaves mostly idle does many in little more
+    /// than the time of one; the rest, and those on the CPU, are stepped one after another. In a crowd a cloth may be
+    /// computed in another way than alone; then its motion differs by rounding.
+    ///
+    /// # Errors
+    /// As [`Deformer::step`], for each on its own.
+    pub fn step_all<'a>(
+        crowd: impl IntoIterator<Item = (&'a mut Deformer, &'a Attributes)>,
+        dt: f32,
+    ) -> Vec<Result<StepReport, StepError>> {
+        let mut crowd: Vec<_> = crowd.into_iter().collect();
+        let ready: Vec<_> = crowd.iter_mut().map(|(one, attributes)| one.ready(dt, attributes)).collect();
+        let jobs = crowd.iter_mut().zip(&ready);
+        let jobs = jobs.filter_map(|((one, attributes), substeps)| Some(one.job(*substeps.as_ref().ok()?, attributes)));
+        let mut stepped = Engine::step_all(jobs.collect()).into_iter();
+        let each = crowd.into_iter().zip(ready);
+        each.map(|((one, attributes), substeps)| {
+            let substeps = substeps?;
+            one.stepped(stepped.next().unwrap_or(Ok(())), dt, substeps, attributes)
+        })
+        .collect()
+    }
+
+    /// Checks a step and brings the coefficients up to date; returns its substeps.
+    fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<u32, StepError> {
         if !(dt >= MIN_TIME_STEP && dt.is_finite()) {
             return Err(StepError::TimeStep { dt });
         }
         attributes.validate(self.cloth.pinned.len())?;
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
-        let coefficients = match &mut self.coefficients {
-            Some(last) if last.h.to_bits() == h.to_bits() => last,
-            stale => stale.insert(Coefficients::new(&self.cloth, &self.options, h)),
-        };
-        let plan = Plan::new(&self.cloth, &self.options, coefficients, &self.motion, substeps, attributes);
-        self.engine.step(&plan).map_err(|failure| failure.named(&self.cloth, self.options.method))?;
+        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits()) {
+            let levels = self.rates.levels(&self.cloth, &self.options, h);
+            self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h, levels));
+        }
+        Ok(substeps)
+    }
 
-        let limited = coefficients.bending_limited;
+    /// What the engine is to do, and the engine.
+    fn job<'a>(&'a mut self, substeps: u32, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
+        let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
+        let plan = Plan::new(&self.cloth, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.lists);
+        (&mut self.engine, plan)
+    }
+
+    /// Notes what a step leaves to the next.
+    fn stepped(
+        &mut self,
+        stepped: Result<(), Failure>,
+        dt: f32,
+        substeps: u32,
+        attributes: &Attributes,
+    ) -> Result<StepReport, StepError> {
+        stepped.map_err(|failure| failure.named(&self.cloth, self.options.method))?;
+        let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending_limited));
+        let (levels, limited) = used.unwrap_or_default();
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let shortfall = self.rates.explicit_shortfall(dt, substeps);
         let shortfall = shortfall.map(|needed| Warning::ExplicitLimit { substeps, needed });
-        self.motion.h = h;
+        self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         if let Some(targets) = &attributes.pin_targets {
-            self.motion.pins = targets.iter().map(|&target| target - self.cloth.origin).collect();
+            self.motion.pins.clear();
+            self.motion.pins.extend(targets.iter().map(|&target| target - self.cloth.origin));
         }
         self.shown = false;
-        Ok(StepReport { substeps, warnings: limited.into_iter().chain(shortfall).collect() })
+        Ok(StepReport { substeps, levels, warnings: limited.into_iter().chain(shortfall).collect() })
     }
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.

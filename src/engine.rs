@@ -3,7 +3,7 @@
 use glam::Vec4;
 
 use crate::cloth::Cloth;
-use crate::cpu::{self, Cpu};
+use crate::cpu::Cpu;
 use crate::error::{BuildError, StepError};
 #[cfg(feature = "gpu")]
 use crate::gpu::{self, Gpu, GpuEngine};
@@ -85,30 +85,32 @@ impl Engine {
 
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         match self {
-            Engine::Cpu(cpu) => {
-                let before = (cpu.x.clone(), cpu.p.clone());
-                // One entry into the thread pool a step; each loop in it then costs a few microseconds, not a wake-up.
-                if cpu.x.len() < cpu::PARALLEL {
-                    cpu.step(plan);
-                } else {
-                    rayon::scope(|_| cpu.step(plan));
-                }
-                cpu.keep_or_restore(before)
-            }
+            Engine::Cpu(cpu) => cpu.step(plan),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => {
-                let before = (hybrid.cpu.x.clone(), hybrid.cpu.p.clone());
-                match hybrid.step(plan) {
-                    Ok(()) => hybrid.cpu.keep_or_restore(before),
-                    Err(failure) => {
-                        (hybrid.cpu.x, hybrid.cpu.p) = before;
-                        Err(failure)
-                    }
-                }
-            }
+            Engine::Hybrid(hybrid) => hybrid.step(plan),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.step(plan),
         }
+    }
+
+    /// A step of each: those on a GPU together, the others one after another.
+    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<(), Failure>> {
+        #[cfg(feature = "gpu")]
+        let mut together = Vec::new();
+        let mut done = Vec::new();
+        for (index, (engine, plan)) in jobs.into_iter().enumerate() {
+            done.push(Ok(()));
+            match engine {
+                #[cfg(feature = "gpu")]
+                Engine::Gpu(gpu) => together.push((index, &mut **gpu, plan)),
+                engine => done[index] = engine.step(&plan),
+            }
+        }
+        #[cfg(feature = "gpu")]
+        for (index, failure) in GpuEngine::step_all(&mut together) {
+            done[index] = Err(failure);
+        }
+        done
     }
 
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {

@@ -1,26 +1,43 @@
 //! The kernels run by wgpu: all substeps of a step in one encoder and one submit, nothing read back until asked for.
 //!
 //! A [`Gpu`] lives as long as the program, [`GpuEngine`] and its buffers as long as the cloth, [`Plan`] for one step.
+//!
+//! Practice: a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small cloth
+//! is one workgroup's work, a step in one dispatch ([`sweep::Whole`]). Any other is cut into [`patches`], a substep in one
+//! dispatch ([`sweep::Halo`]); bending and wind, which look at whole rings, come before it in dispatches of their own.
+//! Where neither will do there is a dispatch a colour ([`sweep::Colours`]). A step works on copies and is committed at its
+//! end if all of it is within bounds, so a step that fails leaves the cloth as it was.
 
+mod coarse;
 mod device;
 mod forces;
 mod normals;
+mod patches;
+#[cfg(test)]
+mod paths;
+mod sweep;
 
 use glam::Vec4;
 
 use crate::cloth::Cloth;
 use crate::engine::Failure;
-use crate::kernels::{Body, Edge};
 use crate::options::Method;
 use crate::plan::Plan;
+use coarse::Coarse;
+#[cfg(test)]
+pub(crate) use coarse::Member;
 pub use device::Gpu;
 #[cfg(test)]
 pub(crate) use device::WORKGROUP;
 pub(crate) use device::shader;
-use device::{Bind, Stage};
+use device::{Bind, Entry, Sent, Stage};
 pub(crate) use forces::Forces;
 use normals::Normals;
 pub use normals::Surface;
+use patches::{Cut, Patches};
+#[cfg(test)]
+pub(crate) use sweep::Batch;
+use sweep::{Colours, Halo, TURNS, Whole, turn};
 
 /// From this many vertices on a GPU beats the CPU: in `benches/results/table_h200.md` its 0.52 ms a frame are passed at
 /// about 1240, and a part of the frame is spent elsewhere.
@@ -30,15 +47,54 @@ pub(crate) const WORTHWHILE: usize = 1536;
 const SLOT: u64 = 256;
 /// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
 const LONGEST_SUBMIT: usize = 16_384;
-/// What `commit.wgsl` calls none.
+/// Sweeps in one dispatch, for the same reason.
+const LONGEST_DISPATCH: u32 = 2048;
+/// Vertices up to which one workgroup is faster than many, and cloths of any size from which one each is.
+const WHOLE_ALONE: usize = 1024;
+const CROWD: usize = 4;
+/// Workgroups that a patch for each keeps a large GPU busy, and the own vertices that a patch has at least and at most.
+const PATCHES: usize = 128;
+const OWN: [usize; 2] = [48, 1024];
+/// Bytes of workgroup memory that a vertex takes in a patch, and in a cloth of one.
+const IN_PATCH: usize = 32;
+const IN_WHOLE: usize = 12;
+/// What `bounds.wgsl` calls none.
 const NONE: u32 = u32::MAX;
 
-/// The edges of one colour: `project.wgsl`'s `Batch`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-pub(crate) struct Batch {
-    pub first: u32,
-    pub count: u32,
+/// Patches of a cloth, if it can be cut.
+fn cut(cloth: &Cloth, most: Cut) -> Option<Patches> {
+    let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
+    Patches::new(&cloth.rest, &ends, &cloth.colors, most)
+}
+
+/// Dispatches on their way to the device: one pass and one submit, or as few as it bears.
+struct Work<'a> {
+    gpu: &'a Gpu,
+    encoder: wgpu::CommandEncoder,
+    pass: wgpu::ComputePass<'static>,
+    dispatches: usize,
+}
+
+impl<'a> Work<'a> {
+    fn new(gpu: &'a Gpu) -> Work<'a> {
+        let mut encoder = gpu.encoder();
+        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
+        Work { gpu, encoder, pass, dispatches: 0 }
+    }
+
+    /// The pass, with room for some dispatches that belong together. What was bound may have to be bound again.
+    fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
+        if self.dispatches > 0 && self.dispatches + dispatches > LONGEST_SUBMIT {
+            std::mem::replace(self, Work::new(self.gpu)).submit();
+        }
+        self.dispatches += dispatches;
+        &mut self.pass
+    }
+
+    fn submit(self) {
+        drop(self.pass);
+        self.gpu.queue.submit([self.encoder.finish()]);
+    }
 }
 
 /// A cloth on the GPU.
@@ -46,88 +102,96 @@ pub(crate) struct Batch {
 pub(crate) struct GpuEngine {
     gpu: Gpu,
     forces: Forces,
-    batches: Vec<Batch>,
-    edges: wgpu::Buffer,
-    /// The substep that `edges` are for.
-    edges_h: Option<f32>,
-    /// The method's edge kernel.
-    sweep: Stage,
-    advance: Stage,
-    contact: Option<Contact>,
+    bodies: Sent,
+    sweep: Sweep,
+    /// If levels are in use; and a stand-in for what they are corrected by.
+    coarse: Option<Coarse>,
+    no_shift: wgpu::Buffer,
+    /// Vertices or aggregates that a workgroup has room for.
+    room: usize,
+    /// If the cloth is small.
+    whole: Option<Whole>,
     check: Stage,
     commit: Stage,
-    x_good: wgpu::Buffer,
-    p_good: wgpu::Buffer,
     first_bad: wgpu::Buffer,
     staging: wgpu::Buffer,
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
 }
 
-/// The stage that knows colliders, made when there are some, and made again when there are more.
+/// How a substep's edges are swept.
 #[derive(Debug)]
-struct Contact {
-    stage: Stage,
-    bodies: wgpu::Buffer,
-    capacity: usize,
+enum Sweep {
+    Colours(Colours),
+    Halo(Halo),
+}
+
+/// How a step is done; tests force one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Path {
+    Colours,
+    Halo,
+    Whole,
 }
 
 impl GpuEngine {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, String> {
-        let batches: Vec<Batch> =
-            cloth.colors.iter().map(|range| Batch { first: range.start as u32, count: range.len() as u32 }).collect();
-        gpu.clone().checked(|| {
-            let size = size_of_val(cloth.rest.as_slice()) as u64;
-            let forces = Forces::new(&gpu, cloth)?;
-            let edges = gpu.buffer("edges", (cloth.swept().len().max(1) * size_of::<Edge>()) as u64);
-            let mut slots = vec![0_u8; SLOT as usize * batches.len().max(1)];
-            for (batch, slot) in batches.iter().zip(slots.chunks_mut(SLOT as usize)) {
-                slot[..size_of::<Batch>()].copy_from_slice(bytemuck::bytes_of(batch));
-            }
-            let slots = gpu.uniform("batches", &slots);
-            let [x_good, p_good] = ["x_good", "p_good"].map(|name| gpu.buffer(name, size));
-            let first_bad = gpu.buffer("first_bad", 4);
-            let staging = gpu.staging("state", 2 * size + 4);
+        let vertices = cloth.rest.len();
+        let path = match method {
+            _ if vertices <= WHOLE_ALONE => Path::Whole,
+            Method::SmallSteps => Path::Halo,
+            _ => Path::Colours,
+        };
+        let room = gpu.device.limits().max_compute_workgroup_storage_size as usize / IN_PATCH;
+        GpuEngine::with_path(gpu, cloth, method, path, Cut { own: (vertices / PATCHES).clamp(OWN[0], OWN[1]), room })
+    }
 
-            let edge_kernels = gpu.module("project", shader!("project"));
-            let moves = gpu.module("contact", shader!("contact"));
-            let keeps = gpu.module("commit", shader!("commit"));
-            let (x, p, u) = (&forces.x, &forces.p, &forces.u);
-            let swept = [
-                (0, Bind::Dynamic(&slots, size_of::<Batch>() as u64)),
-                (1, Bind::Read(&edges)),
-                (2, Bind::Read(x)),
-                (3, Bind::Write(u)),
-            ];
-            let checked = [(0, Bind::Write(x)), (1, Bind::Write(p)), (4, Bind::Write(&first_bad))];
-            let kept = [(2, Bind::Write(&x_good)), (3, Bind::Write(&p_good))];
-            let frame = &forces.frame;
-            let entry = if matches!(method, Method::Relaxation { .. }) { "relax" } else { "project" };
-            let sweep = Stage::new(&gpu, frame, &edge_kernels, entry, &swept);
-            let advance =
-                Stage::new(&gpu, frame, &moves, "advance", &[(0, Bind::Write(x)), (1, Bind::Write(p)), (2, Bind::Read(u))]);
-            let check = Stage::new(&gpu, frame, &keeps, "check", &checked);
-            let commit = Stage::new(&gpu, frame, &keeps, "commit", &[&checked[..], &kept[..]].concat());
-            let contact = None;
-            let edges_h = None;
+    /// With the best path up to `path`.
+    fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, most: Cut) -> Result<GpuEngine, String> {
+        gpu.clone().checked(|| {
+            let vertices = cloth.rest.len();
+            let size = size_of_val(cloth.rest.as_slice()) as u64;
+            let forces = Forces::new(&gpu, cloth, 2)?;
+            let bodies = sweep::bodies(&gpu);
+            let first_bad = gpu.buffer("first_bad", 4);
+            let no_shift = gpu.buffer("no shift", 16);
+            let patches = (path != Path::Colours && method == Method::SmallSteps).then(|| cut(cloth, most));
+            let sweep = match patches.flatten() {
+                Some(patches) => Sweep::Halo(Halo::new(&gpu, patches, &forces, &bodies, &no_shift)),
+                None => Sweep::Colours(Colours::new(&gpu, cloth, &forces, &bodies)),
+            };
+
+            let keeps = gpu.module("commit", shader!("bounds", "commit"));
+            let [own, works @ ..] = forces.states.as_slice() else { unreachable!("Forces::new was asked for three states") };
+            let made: Vec<_> = works.iter().map(|work| [(0, Bind::Read(&work.x)), (1, Bind::Read(&work.p))]).collect();
+            let kept = [(2, Bind::Write(&own.x)), (3, Bind::Write(&own.p))];
+            let checked = [(4, Bind::Write(&first_bad))];
+            let bound: Vec<_> = made.iter().map(|made| [&made[..], &checked].concat()).collect();
+            let check = Stage::new(&gpu, &forces.frame, Entry::new(&keeps, "check"), &bound);
+            let bound: Vec<_> = made.iter().map(|made| [&made[..], &kept, &checked].concat()).collect();
+            let commit = Stage::new(&gpu, &forces.frame, Entry::new(&keeps, "commit"), &bound);
+            let staging = gpu.staging("state", 2 * size + 4);
+            let whole = None;
+            let coarse = None;
             let mut engine = GpuEngine {
                 gpu,
                 forces,
-                batches,
-                edges,
-                edges_h,
+                bodies,
                 sweep,
-                advance,
-                contact,
+                coarse,
+                no_shift,
+                room: most.room,
+                whole,
                 check,
                 commit,
-                x_good,
-                p_good,
                 first_bad,
                 staging,
                 normals: None,
             };
-            engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
+            if path == Path::Whole {
+                engine.make_whole(cloth, method);
+            }
+            engine.set(&cloth.rest, &vec![Vec4::ZERO; vertices]);
             Ok(engine)
         })
     }
@@ -137,78 +201,157 @@ impl GpuEngine {
     }
 
     pub(crate) fn position_buffer(&self) -> &wgpu::Buffer {
-        &self.forces.x
+        &self.forces.states[0].x
+    }
+
+    /// Prepares for steps in one workgroup, if the cloth fits into one.
+    fn make_whole(&mut self, cloth: &Cloth, method: Method) {
+        let room = self.gpu.device.limits().max_compute_workgroup_storage_size as usize / IN_WHOLE;
+        if self.whole.is_some() || cloth.rest.len() > room || method == Method::Springs {
+            return;
+        }
+        if let Some(patches) = cut(cloth, Cut { own: room, room }).filter(|patches| patches.count == 1) {
+            self.whole = Some(Whole::new(&self.gpu, patches, &self.forces, &self.bodies, &self.first_bad));
+        }
     }
 
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         gpu.checked(|| {
-            self.submit(plan);
+            let mut work = Work::new(&gpu);
+            let path = self.prepare(plan, false);
+            self.encode(&mut work, plan, path);
+            work.submit();
             Ok(())
         })
         .map_err(Failure::Gpu)
     }
 
-    fn submit(&mut self, plan: &Plan<'_>) {
-        self.forces.prepare(&self.gpu, plan);
-        if self.edges_h != Some(plan.coefficients.h) && plan.sweeps > 0 {
-            self.gpu.write(&self.edges, plan.coefficients.edges.edges());
-            self.edges_h = Some(plan.coefficients.h);
+    /// Submits a step of each, those on one device together; returns before they are done. The failures, by the number
+    /// that each was given.
+    ///
+    /// Dispatches that share no buffer run side by side, so each of many small cloths is one workgroup's work.
+    pub(crate) fn step_all(jobs: &mut [(usize, &mut GpuEngine, Plan<'_>)]) -> Vec<(usize, Failure)> {
+        let mut failures = Vec::new();
+        let crowd = jobs.len() >= CROWD;
+        jobs.sort_by(|(_, a, _), (_, b, _)| a.gpu.device.cmp(&b.gpu.device));
+        for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.device == b.gpu.device) {
+            let gpu = together[0].1.gpu.clone();
+            let submitted = gpu.checked(|| {
+                let mut work = Work::new(&gpu);
+                let paths: Vec<Path> = together.iter_mut().map(|(_, engine, plan)| engine.prepare(plan, crowd)).collect();
+                together.iter().zip(paths).for_each(|((_, engine, plan), path)| engine.encode(&mut work, plan, path));
+                work.submit();
+                Ok(())
+            });
+            if let Err(reason) = submitted {
+                failures.extend(together.iter().map(|(index, _, _)| (*index, Failure::Gpu(reason.clone()))));
+            }
         }
-        if !plan.bodies.is_empty() {
-            self.prepare_contact(&plan.bodies);
+        failures
+    }
+
+    /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
+    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
+        if crowd {
+            self.make_whole(plan.cloth, plan.method);
         }
-        let vertices = plan.cloth.rest.len();
-        let advance = match &self.contact {
-            Some(contact) if !plan.bodies.is_empty() => &contact.stage,
-            _ => &self.advance,
-        };
-        let dispatches = 8 + plan.sweeps as usize * self.batches.len();
-        let substeps: Vec<usize> = (0..plan.substeps.len()).collect();
-        for some in substeps.chunks((LONGEST_SUBMIT / dispatches).max(1)) {
-            let mut encoder = self.gpu.encoder();
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                for &substep in some {
-                    self.forces.encode(&mut pass, plan, substep);
-                    for _ in 0..plan.sweeps {
-                        for (color, batch) in self.batches.iter().enumerate() {
-                            self.sweep.encode(&mut pass, &[(color as u64 * SLOT) as u32], batch.count as usize);
-                        }
-                    }
-                    advance.encode(&mut pass, &[], vertices);
-                }
-                if some.last() == substeps.last() {
-                    self.check.encode(&mut pass, &[], vertices);
-                    self.commit.encode(&mut pass, &[], vertices);
+        let path = self.path(plan, crowd);
+        let GpuEngine { gpu, forces, bodies, sweep, coarse, no_shift, room, whole, first_bad, .. } = self;
+        let mut moved = forces.prepare(gpu, plan, path == Path::Whole);
+        let levels = plan.coefficients.levels.len();
+        if levels > 0 {
+            if coarse.as_ref().is_none_or(|coarse| coarse.levels != levels) {
+                moved = true;
+                let room = matches!(sweep, Sweep::Halo(_)).then_some(*room);
+                *coarse = Some(Coarse::new(gpu, plan.cloth, levels, forces, room));
+                if let Sweep::Halo(halo) = sweep {
+                    halo.set_labels(gpu, &plan.cloth.hierarchy().levels[0].label);
                 }
             }
-            self.gpu.queue.submit([encoder.finish()]);
+            coarse.as_mut().into_iter().for_each(|coarse| coarse.prepare(gpu, plan));
+        }
+        if bodies.send(gpu, &plan.bodies) | moved {
+            let shift = coarse.as_ref().map_or(&*no_shift, |coarse| &coarse.shift);
+            match sweep {
+                Sweep::Colours(colours) => colours.rebind(gpu, forces, bodies),
+                Sweep::Halo(halo) => halo.rebind(gpu, forces, bodies, shift),
+            }
+            if let Some(whole) = whole {
+                whole.rebind(gpu, forces, bodies, first_bad);
+            }
+        }
+        match (path, sweep, whole) {
+            (Path::Whole, _, Some(whole)) => whole.prepare(gpu, plan),
+            (_, Sweep::Colours(colours), _) => colours.prepare(gpu, plan),
+            (_, Sweep::Halo(halo), _) => halo.prepare(gpu, plan),
+        }
+        path
+    }
+
+    fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
+        let gathers = plan.bending || plan.wind || plan.method == Method::Springs || plan.params.levels > 0;
+        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps);
+        let pays = crowd || plan.cloth.rest.len() <= WHOLE_ALONE;
+        match (&self.sweep, &self.whole) {
+            (_, Some(_)) if pays && !gathers && sweeps <= LONGEST_DISPATCH => Path::Whole,
+            (Sweep::Halo(_), _) => Path::Halo,
+            (Sweep::Colours(_), _) => Path::Colours,
         }
     }
 
-    fn prepare_contact(&mut self, bodies: &[Body]) {
-        let contact = match &mut self.contact {
-            Some(contact) if contact.capacity >= bodies.len() => contact,
-            small => {
-                let capacity = bodies.len().next_power_of_two();
-                let buffer = self.gpu.buffer("bodies", (capacity * size_of::<Body>()) as u64);
-                let Forces { x, p, u, frame, .. } = &self.forces;
-                let bound = [(0, Bind::Write(x)), (1, Bind::Write(p)), (2, Bind::Read(u)), (3, Bind::Read(&buffer))];
-                let module = self.gpu.module("contact", shader!("contact"));
-                let stage = Stage::new(&self.gpu, frame, &module, "contact", &bound);
-                small.insert(Contact { stage, bodies: buffer, capacity })
+    /// Encodes a step.
+    fn encode(&self, work: &mut Work, plan: &Plan<'_>, path: Path) {
+        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
+            let pass = work.room_for(1);
+            self.forces.set_frame(pass, 0);
+            whole.encode(pass);
+            return;
+        }
+        let last = plan.substeps.len() - 1;
+        let mut made = 0;
+        for substep in 0..=last {
+            let turn = turn(substep);
+            let [from, to] = TURNS[turn];
+            made = to;
+            let pass = work.room_for(self.dispatches(plan));
+            self.forces.set_frame(pass, substep);
+            if plan.params.predicted != 0 || matches!(self.sweep, Sweep::Colours(_)) {
+                self.forces.encode(pass, plan, from);
             }
-        };
-        self.gpu.write(&contact.bodies, bodies);
+            let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0);
+            if let Some(coarse) = coarse {
+                coarse.encode(pass, plan, turn);
+            }
+            match &self.sweep {
+                Sweep::Halo(halo) => halo.encode(pass, plan, turn),
+                Sweep::Colours(colours) => {
+                    coarse.into_iter().for_each(|coarse| coarse.encode_correct(pass, plan));
+                    colours.encode(pass, plan, turn);
+                }
+            }
+        }
+        let pass = work.room_for(2);
+        self.forces.set_frame(pass, last);
+        self.check.encode(pass, made - 1, &[], plan.cloth.rest.len());
+        self.commit.encode(pass, made - 1, &[], plan.cloth.rest.len());
+    }
+
+    /// Dispatches of a substep.
+    fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0).map_or(0, Coarse::dispatches);
+        match &self.sweep {
+            Sweep::Halo(_) => Forces::dispatches(plan) * plan.params.predicted as usize + coarse + 1,
+            Sweep::Colours(colours) => Forces::dispatches(plan) + coarse + 1 + colours.dispatches(plan),
+        }
     }
 
     /// Puts the state somewhere else.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
-        for (buffer, values) in [(&self.forces.x, x), (&self.forces.p, p), (&self.x_good, x), (&self.p_good, p)] {
-            self.gpu.write(buffer, values);
-        }
+        let state = &self.forces.states[0];
+        self.gpu.write(&state.x, x);
+        self.gpu.write(&state.p, p);
         self.gpu.write(&self.first_bad, &[NONE]);
     }
 
@@ -219,8 +362,9 @@ impl GpuEngine {
 
     /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
-        let size = self.forces.x.size();
-        let parts = [(&self.forces.x, 0), (&self.forces.p, size), (&self.first_bad, 2 * size)];
+        let state = &self.forces.states[0];
+        let size = state.x.size();
+        let parts = [(&state.x, 0), (&state.p, size), (&self.first_bad, 2 * size)];
         let seen = self.gpu.read(&self.staging, &parts, self.gpu.encoder(), |bytes| {
             let (state, first_bad) = bytes.split_at(2 * size as usize);
             let first_bad: u32 = bytemuck::pod_read_unaligned(first_bad);

@@ -19,7 +19,7 @@ pub(crate) struct Hybrid {
 impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
         gpu.clone().checked(|| {
-            let forces = Forces::new(&gpu, cloth)?;
+            let forces = Forces::new(&gpu, cloth, 0)?;
             let staging = gpu.staging("u", forces.u.size());
             Ok(Hybrid { gpu, forces, staging, cpu: Cpu::new(cloth) })
         })
@@ -29,21 +29,35 @@ impl Hybrid {
         &self.gpu.name
     }
 
+    /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        self.cpu.begin();
+        match self.substeps(plan) {
+            Ok(()) => self.cpu.end(),
+            Err(reason) => {
+                self.cpu.revert();
+                Err(Failure::Gpu(reason))
+            }
+        }
+    }
+
+    fn substeps(&mut self, plan: &Plan<'_>) -> Result<(), String> {
         let Hybrid { gpu, forces, staging, cpu } = self;
-        let prepared = gpu.checked(|| {
-            forces.prepare(gpu, plan);
+        gpu.checked(|| {
+            forces.prepare(gpu, plan, false);
             Ok(())
-        });
-        prepared.map_err(Failure::Gpu)?;
-        for (index, substep) in plan.substeps.iter().enumerate() {
-            gpu.write(&forces.x, &cpu.x);
-            gpu.write(&forces.p, &cpu.p);
+        })?;
+        for index in 0..plan.substeps.len() {
+            let state = &forces.states[0];
+            gpu.write(&state.x, &cpu.x);
+            gpu.write(&state.p, &cpu.p);
             let mut encoder = gpu.encoder();
-            forces.encode(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), plan, index);
-            let back = gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)));
-            back.map_err(Failure::Gpu)?;
-            cpu.finish(plan, substep);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            forces.set_frame(&mut pass, index);
+            forces.encode(&mut pass, plan, 0);
+            drop(pass);
+            gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)))?;
+            cpu.substeps(plan, index..index + 1, false);
         }
         Ok(())
     }

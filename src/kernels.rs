@@ -30,7 +30,15 @@ pub(crate) struct Params {
     pub pins: u32,
     /// 1 if bending is damped.
     pub damped: u32,
-    pub padding: u32,
+    /// 1 if there is more to predict by than the last displacement and a uniform acceleration: forces, or pins that are led.
+    pub predicted: u32,
+    pub substeps: u32,
+    /// Sweeps over the edges in a substep.
+    pub sweeps: u32,
+    /// 1 if edges are relaxed (Jakobsen), not projected.
+    pub relaxed: u32,
+    /// Coarse levels in use.
+    pub levels: u32,
 }
 
 /// What differs from one substep to the next.
@@ -143,9 +151,11 @@ pub(crate) const PLANE: u32 = 0;
 pub(crate) const ROUND: u32 = 1;
 
 /// SHAKE's direction is used while the edge has turned by less than this (cosine) ...
-const TURN_GUARD: f32 = 0.9;
+pub(crate) const TURN_GUARD: f32 = 0.9;
 /// ... and its squared length is within this share of its rest value, at the substep's start and end.
-const STRETCH_GUARD: f32 = 0.1;
+pub(crate) const STRETCH_GUARD: f32 = 0.1;
+/// No edge is shorter (m) where its length divides.
+pub(crate) const LEAST_LENGTH: f32 = 1e-12;
 /// Speed (m/s) at which a vertex that began a substep inside a body is moved out of it.
 const DEPENETRATION: f32 = 1.0;
 /// A vertex that moves by more than this share of a body's radius in a substep is swept along its path.
@@ -178,16 +188,22 @@ pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     }
 }
 
+/// Impulse of a coarse edge, which is that of an edge but only pulls: centres of cloth may come as near as they like.
+pub(crate) fn project_coarse(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
+    let d = d0 + du;
+    if d.dot(d) * edge.inverse_rest * edge.inverse_rest <= 1.0 { Vec3A::ZERO } else { project(d0, du, edge) }
+}
+
 /// Impulse of an edge along its current direction: Jakobsen's relaxation (2001) where the edge has no compliance.
 pub(crate) fn relax(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     let d = d0 + du;
-    let length = d.length().max(1e-12);
+    let length = d.length().max(LEAST_LENGTH);
     d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * length) - 1.0))
 }
 
 /// Force (N) of a spring on the end that `d` points away from.
 pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
-    let length = d.length().max(1e-12);
+    let length = d.length().max(LEAST_LENGTH);
     d * (spring.stiffness * (length - spring.rest) / length)
 }
 

@@ -1,12 +1,14 @@
 #![doc = include_str!("../README.md")]
 
+mod aggregates;
 mod attributes;
-mod batches;
 mod bending;
 mod cloth;
+mod coarse;
 mod coefficients;
 mod coloring;
 mod cpu;
+mod crew;
 mod deformer;
 mod engine;
 mod error;
@@ -16,8 +18,10 @@ mod gpu;
 #[cfg(feature = "gpu")]
 mod hybrid;
 mod kernels;
+mod lanes;
 #[cfg(all(test, feature = "gpu"))]
 mod layout;
+mod levels;
 mod measure;
 mod mesh;
 mod obj;
@@ -25,6 +29,7 @@ mod options;
 mod pc2;
 mod plan;
 mod quality;
+mod stripes;
 mod whole;
 
 pub use attributes::{Attributes, Collider, Shape};
@@ -37,7 +42,7 @@ pub use gpu::{Gpu, Surface};
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
-pub use options::{Backend, Method, Options, Quality, StepReport, Warning};
+pub use options::{Backend, Levels, Method, Options, Quality, StepReport, Warning};
 pub use pc2::{Pc2Error, PointCache};
 #[cfg(feature = "gpu")]
 pub use wgpu;

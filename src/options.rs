@@ -53,6 +53,19 @@ impl Default for Quality {
     }
 }
 
+/// Corrections on coarser cloths ahead of each sweep, which keep strain from growing with the number of vertices: see
+/// "How it works". For [`Method::SmallSteps`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Levels {
+    /// As many as pay: none where the substeps resolve the stiffness or nearly so, or the mesh is small.
+    #[default]
+    Auto,
+    /// None: nothing is built or run.
+    Off,
+    /// This many, or as many as the mesh has; the finest has aggregates of about 16 vertices, each next one of four times as many.
+    Count(u32),
+}
+
 /// What is fixed when a [`Deformer`](crate::Deformer) is made.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
@@ -62,6 +75,8 @@ pub struct Options {
     pub method: Method,
     /// How finely a step is divided.
     pub quality: Quality,
+    /// What carries stress farther than an edge in one substep.
+    pub levels: Levels,
     /// What the cloth is made of.
     pub fabric: Fabric,
     /// A device of the caller's, for [`Deformer::position_buffer`](crate::Deformer::position_buffer); `None`: one is requested when needed.
@@ -83,6 +98,8 @@ pub struct Options {
 pub struct StepReport {
     /// Substeps taken.
     pub substeps: u32,
+    /// Coarse levels in each of them.
+    pub levels: u32,
     /// What the caller should know.
     pub warnings: Vec<Warning>,
 }

@@ -32,15 +32,24 @@ impl Motion {
     }
 }
 
+/// The lists of a plan, kept from step to step so that a step allocates nothing.
+#[derive(Debug, Default)]
+pub(crate) struct Lists {
+    substeps: Vec<Substep>,
+    bodies: Vec<Body>,
+    pins: Vec<Pin>,
+}
+
 /// All that an engine needs for one step.
 #[derive(Debug)]
 pub(crate) struct Plan<'a> {
     pub cloth: &'a Cloth,
     pub coefficients: &'a Coefficients,
     pub params: Params,
-    pub substeps: Vec<Substep>,
-    pub bodies: Vec<Body>,
-    pub pins: Vec<Pin>,
+    pub substeps: &'a [Substep],
+    pub bodies: &'a [Body],
+    /// In the order of their vertices.
+    pub pins: &'a [Pin],
     /// Sweeps over the edges in each substep.
     pub sweeps: u32,
     pub method: Method,
@@ -58,6 +67,7 @@ impl<'a> Plan<'a> {
         motion: &Motion,
         count: u32,
         attributes: &Attributes,
+        lists: &'a mut Lists,
     ) -> Plan<'a> {
         let h = coefficients.h;
         let drag = f64::from(attributes.damping);
@@ -75,20 +85,28 @@ impl<'a> Plan<'a> {
             }
         };
         let colliders = attributes.colliders.iter().enumerate();
-        let bodies: Vec<Body> = colliders
-            .map(|(index, collider)| collider.body(motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest))
-            .collect();
+        lists.bodies.clear();
+        lists.bodies.extend(colliders.map(|(index, collider)| {
+            collider.body(motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest)
+        }));
         let targets = attributes.pin_targets.iter().flatten();
-        let pins: Vec<Pin> = targets
-            .zip(&motion.pins)
-            .zip(&cloth.pinned)
-            .map(|((&to, from), &vertex)| Pin {
-                origin: from.to_array(),
-                vertex,
-                goal: (to - cloth.origin).to_array(),
-                padding: 0,
-            })
-            .collect();
+        let pin = |((&to, from), &vertex): ((&Vec3, &Vec3), &u32)| Pin {
+            origin: from.to_array(),
+            vertex,
+            goal: (to - cloth.origin).to_array(),
+            padding: 0,
+        };
+        lists.pins.clear();
+        lists.pins.extend(targets.zip(&motion.pins).zip(&cloth.pinned).map(pin));
+        lists.pins.sort_unstable_by_key(|pin| pin.vertex);
+        lists.substeps.clear();
+        lists.substeps.extend((0..count).map(substep));
+        let (bending, wind) = (options.fabric.bending > 0.0, attributes.air_density > 0.0);
+        let sweeps = match options.method {
+            Method::SmallSteps => 1,
+            Method::Relaxation { iterations } => iterations,
+            Method::Springs => 0,
+        };
         let params = Params {
             acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h,
@@ -98,26 +116,31 @@ impl<'a> Plan<'a> {
             lift: attributes.lift,
             fraction: 1.0 / count as f32,
             vertices: cloth.rest.len() as u32,
-            bodies: bodies.len() as u32,
-            pins: pins.len() as u32,
+            bodies: lists.bodies.len() as u32,
+            pins: lists.pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
-            ..Params::default()
+            predicted: u32::from(bending || wind || options.method == Method::Springs || !lists.pins.is_empty()),
+            substeps: count,
+            sweeps,
+            relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
+            levels: coefficients.levels.len() as u32,
         };
         Plan {
             cloth,
             coefficients,
             params,
-            substeps: (0..count).map(substep).collect(),
-            bodies,
-            pins,
-            sweeps: match options.method {
-                Method::SmallSteps => 1,
-                Method::Relaxation { iterations } => iterations,
-                Method::Springs => 0,
-            },
+            substeps: &lists.substeps,
+            bodies: &lists.bodies,
+            pins: &lists.pins,
+            sweeps,
             method: options.method,
-            bending: options.fabric.bending > 0.0,
-            wind: attributes.air_density > 0.0,
+            bending,
+            wind,
         }
+    }
+
+    /// Whether bending is damped.
+    pub(crate) fn damped(&self) -> bool {
+        self.params.damped != 0
     }
 }

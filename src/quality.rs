@@ -4,7 +4,7 @@
 use crate::attributes::Attributes;
 use crate::cloth::Cloth;
 use crate::error::StepError;
-use crate::options::{Method, Options, Quality};
+use crate::options::{Levels, Method, Options, Quality};
 
 /// Most substeps in a step.
 pub(crate) const MAX_SUBSTEPS: u32 = 1 << 16;
@@ -12,6 +12,9 @@ pub(crate) const MAX_SUBSTEPS: u32 = 1 << 16;
 const LEAST_RATE: f64 = 20.0 * 60.0;
 /// Peak stress in motion over the static stress `rho g L`.
 const TRANSIENT: f64 = 5.0;
+
+/// Vertices below which levels cost more than they bring.
+const SMALL: usize = 1000;
 
 /// What the closed forms need to know of a cloth.
 #[derive(Debug, Clone, Copy)]
@@ -57,6 +60,27 @@ impl Rates {
             Ok(needed as u32)
         } else {
             Err(StepError::TooManySubsteps { needed: needed * sweeps })
+        }
+    }
+
+    /// Coarse levels to ask for at substep `h` (s).
+    ///
+    /// Level l, its aggregates about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps; the first that is
+    /// carries the whole load, and coarser ones have nothing to add. Where half of `S*` is taken, none pays.
+    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, h: f32) -> usize {
+        if options.method != Method::SmallSteps {
+            return 0;
+        }
+        match options.levels {
+            Levels::Off => 0,
+            Levels::Count(count) => count as usize,
+            Levels::Auto => {
+                let shortfall = self.unit * f64::from(options.fabric.stretch).sqrt() * f64::from(h);
+                if shortfall < 2.0 || cloth.rest.len() < SMALL {
+                    return 0;
+                }
+                (shortfall / 4.0).log2().ceil().max(0.0) as usize + 1
+            }
         }
     }
 

@@ -178,7 +178,41 @@ fn reset_replays(backend: Backend) {
     assert_eq!(deformer.positions().unwrap(), first);
 }
 
-on_every_backend!(replay, reset_replays, a_failed_step_leaves_the_state, measure_is_right);
+on_every_backend!(replay, reset_replays, a_failed_step_leaves_the_state, measure_is_right, a_crowd_moves_as_each_alone);
+
+/// Cloths of several sizes, one of them windy, one led; and one whose step is refused, which holds up none of the others.
+fn a_crowd_moves_as_each_alone(backend: Backend) {
+    let sheet = |n: u32, k: f32| {
+        let (mesh, mut options) = common::hang(n, 10 + n % 4, backend);
+        options.fabric.bending = if n == 14 { 1e-4 } else { 0.0 };
+        let attributes = Attributes { gravity: Vec3::new(k, -9.81, 0.0), ..Attributes::default() };
+        (mesh, options, attributes)
+    };
+    let mut scenes: Vec<_> =
+        [9, 14, 34, 9, 12, 12].into_iter().zip([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).map(|(n, k)| sheet(n, k)).collect();
+    scenes[1].2.air_density = 1.2;
+    scenes[3].2.pin_targets = Some((0..9).map(|k| scenes[3].0.positions[k] + 0.01 * Vec3::Y).collect());
+    let new = |(mesh, options, _): &(Mesh, Options, Attributes)| Deformer::new(mesh, options.clone()).unwrap();
+    let mut alone: Vec<Deformer> = scenes.iter().map(new).collect();
+    let mut crowd: Vec<Deformer> = scenes.iter().map(new).collect();
+    let absurd = Attributes { gravity: Vec3::NAN, ..Attributes::default() };
+    for frame in 0..4 {
+        let attributes = |k: usize| if (frame, k) == (2, 4) { &absurd } else { &scenes[k].2 };
+        let crowd = crowd.iter_mut().enumerate().map(|(k, one)| (one, attributes(k)));
+        let stepped = Deformer::step_all(crowd, FRAME);
+        for (k, (one, stepped)) in alone.iter_mut().zip(stepped).enumerate() {
+            let expected = one.step(FRAME, attributes(k));
+            assert_eq!(stepped.is_ok(), (frame, k) != (2, 4));
+            assert_eq!(stepped.map_err(|error| error.to_string()), expected.map_err(|error| error.to_string()));
+        }
+    }
+    for (k, (one, other)) in alone.iter_mut().zip(&mut crowd).enumerate() {
+        let apart = common::rms(one.positions().unwrap(), other.positions().unwrap());
+        let moved = common::rms(one.positions().unwrap(), &scenes[k].0.positions);
+        assert!(moved > 1e-3 && apart <= 1e-5 * moved, "{k}: {apart} m apart of {moved}");
+        assert!(backend != Backend::Cpu || apart == 0.0);
+    }
+}
 
 /// Large enough to be split over threads: the same bits on one as on two.
 #[test]

@@ -190,17 +190,18 @@ fn stress(start: Start, options: &Options, mesh: &Mesh, substeps: f64) -> Result
     }
     let mut deformer = Deformer::new(mesh, options.clone()).unwrap();
     deformer.set_state(&x, &v)?;
-    // Whole and half steps do not quite match in a cloth that shakes, so the energy is averaged over a quarter of a second.
+    // Whole and half steps do not quite match in a cloth that shakes, so the energy is averaged over half a second: over a
+    // quarter the mean still rises and falls by 5e-3 of the fall, by which roundings decide.
     let mut means = Vec::new();
-    for quarter in 0..12 {
+    for half in 0..6 {
         let mut sum = 0.0;
-        for _ in 0..15 {
+        for _ in 0..30 {
             deformer.step(FRAME, &Attributes::default())?;
             let v = deformer.velocities()?.to_vec();
             sum += energy(&springs, masses, G, 1.0 / (60.0 * substeps), deformer.positions()?, &v);
         }
-        if quarter >= 4 {
-            means.push(sum / 15.0);
+        if half >= 2 {
+            means.push(sum / 30.0);
         }
     }
     let rise = means.windows(2).map(|mean| mean[1] - mean[0]).fold(f64::NEG_INFINITY, f64::max);
@@ -211,12 +212,12 @@ fn bound(start: Start) -> f32 {
     if start == Start::Collapse(0.0) { 0.06 } else { 0.01 }
 }
 
-/// The energy may not rise after 1 s by more than a long run's may (test 25), and the cloth must be whole at the end.
+/// The energy may not rise after 1 s, and the cloth must be whole at the end.
 fn survives(n: u32, substeps: u32, backend: Backend) {
     for start in STARTS {
         let (mesh, options) = hang(n, substeps, backend);
         let (rise, strain) = stress(start, &options, &mesh, f64::from(substeps)).unwrap();
-        assert!(rise <= 5e-3 * FALL, "{start:?}, S = {substeps}: the energy rises by {rise} J");
+        assert!(rise <= 0.0, "{start:?}, S = {substeps}: the energy rises by {rise} J");
         assert!(strain <= bound(start), "{start:?}, S = {substeps}: mean strain {strain}");
     }
 }

@@ -49,12 +49,12 @@ impl Found {
     }
 }
 
-/// A shader: the common part and the stage's own.
+/// A shader: the common part, what it shares with some others, and its own.
 macro_rules! shader {
-    ($name:literal) => {
+    ($($name:literal),+) => {
         concat!(
             include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/common.wgsl")),
-            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl"))
+            $(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $name, ".wgsl"))),+
         )
     };
 }
@@ -121,7 +121,7 @@ impl Gpu {
         buffer
     }
 
-    /// A uniform buffer with these bytes.
+    /// A uniform buffer with these bytes, that are never changed.
     pub(crate) fn uniform(&self, label: &str, bytes: &[u8]) -> wgpu::Buffer {
         let buffer = self.make(label, bytes.len() as u64, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         self.write(&buffer, bytes);
@@ -249,39 +249,108 @@ impl Group {
     }
 }
 
-/// A kernel and the buffers it works on. Group 0 is the frame's, group 1 its own.
+/// A kernel and the buffers it works on. Group 0 is the frame's, group 1 its own: of these it has several alike where the
+/// state moves between buffers.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pipeline: wgpu::ComputePipeline,
-    own: Group,
+    own: Vec<Group>,
+}
+
+/// A shader's entry point, and what its overridable constants are.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Entry<'a> {
+    pub module: &'a wgpu::ShaderModule,
+    pub name: &'a str,
+    pub constants: &'a [(&'a str, f64)],
+}
+
+impl<'a> Entry<'a> {
+    pub(crate) fn new(module: &'a wgpu::ShaderModule, name: &'a str) -> Entry<'a> {
+        Entry { module, name, constants: &[] }
+    }
 }
 
 impl Stage {
-    pub(crate) fn new(gpu: &Gpu, frame: &Group, module: &wgpu::ShaderModule, entry: &str, bound: &[(u32, Bind<'_>)]) -> Stage {
-        let own = Group::new(gpu, bound);
+    pub(crate) fn new(gpu: &Gpu, frame: &Group, entry: Entry<'_>, bound: &[Vec<(u32, Bind<'_>)>]) -> Stage {
+        let own: Vec<Group> = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
         let layout = wgpu::PipelineLayoutDescriptor {
-            label: Some(entry),
-            bind_group_layouts: &[Some(&frame.layout), Some(&own.layout)],
+            label: Some(entry.name),
+            bind_group_layouts: &[Some(&frame.layout), Some(&own[0].layout)],
             immediate_size: 0,
         };
         let layout = gpu.device.create_pipeline_layout(&layout);
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
+            label: Some(entry.name),
             layout: Some(&layout),
-            module,
-            entry_point: Some(entry),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            module: entry.module,
+            entry_point: Some(entry.name),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: entry.constants,
+                // No kernel reads what it has not written there.
+                zero_initialize_workgroup_memory: false,
+            },
             cache: None,
         });
         Stage { pipeline, own }
     }
 
-    /// Runs the kernel on `items` items.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, offsets: &[u32], items: usize) {
-        let groups = items.div_ceil(WORKGROUP);
+    /// Binds other buffers, as many groups and bound alike.
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: &[Vec<(u32, Bind<'_>)>]) {
+        self.own = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
+    }
+
+    /// Runs the kernel on `items` items, with its group number `turn`.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, turn: usize, offsets: &[u32], items: usize) {
+        self.encode_groups(pass, turn, offsets, items.div_ceil(WORKGROUP));
+    }
+
+    /// Runs the kernel in this many workgroups.
+    pub(crate) fn encode_groups(&self, pass: &mut wgpu::ComputePass<'_>, turn: usize, offsets: &[u32], groups: usize) {
         let rows = groups.div_ceil(MAX_GROUPS).max(1);
         pass.set_pipeline(&self.pipeline);
-        self.own.set(pass, 1, offsets);
+        self.own[turn].set(pass, 1, offsets);
         pass.dispatch_workgroups(groups.div_ceil(rows) as u32, rows as u32, 1);
+    }
+}
+
+/// A buffer of values that the CPU writes when they changed; made again when they outgrow it.
+#[derive(Debug)]
+pub(crate) struct Sent {
+    label: &'static str,
+    usage: wgpu::BufferUsages,
+    pub buffer: wgpu::Buffer,
+    bytes: Vec<u8>,
+}
+
+impl Sent {
+    /// A storage buffer with room for `size` bytes.
+    pub(crate) fn storage(gpu: &Gpu, label: &'static str, size: usize) -> Sent {
+        Sent::new(gpu, label, size, wgpu::BufferUsages::STORAGE)
+    }
+
+    /// A uniform buffer with room for `size` bytes.
+    pub(crate) fn uniform(gpu: &Gpu, label: &'static str, size: usize) -> Sent {
+        Sent::new(gpu, label, size, wgpu::BufferUsages::UNIFORM)
+    }
+
+    fn new(gpu: &Gpu, label: &'static str, size: usize, usage: wgpu::BufferUsages) -> Sent {
+        let usage = usage | wgpu::BufferUsages::COPY_DST;
+        Sent { label, usage, buffer: gpu.make(label, size as u64, usage), bytes: Vec::with_capacity(size) }
+    }
+
+    /// Brings the buffer up to date; true if it had to be made again, and so must be bound again.
+    pub(crate) fn send<T: Pod>(&mut self, gpu: &Gpu, values: &[T]) -> bool {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let grown = bytes.len() as u64 > self.buffer.size();
+        if grown {
+            self.buffer = gpu.make(self.label, bytes.len().next_power_of_two() as u64, self.usage);
+        }
+        if grown || self.bytes != bytes {
+            gpu.queue.write_buffer(&self.buffer, 0, bytes);
+            self.bytes.clear();
+            self.bytes.extend_from_slice(bytes);
+        }
+        grown
     }
 }

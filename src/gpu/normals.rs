@@ -4,7 +4,7 @@ use crate::cloth::Cloth;
 use crate::engine::Failure;
 
 use super::GpuEngine;
-use super::device::{Bind, Gpu, Group, Stage, shader};
+use super::device::{Bind, Entry, Gpu, Group, Stage, shader};
 
 /// A cloth on the GPU, ready to be drawn by a renderer on the same device: [`Deformer::surface`](crate::Deformer::surface).
 ///
@@ -42,7 +42,7 @@ impl Normals {
         let normals = gpu.vertex_buffer("normals", positions.size());
         let spans = gpu.filled("normal spans", &around.spans);
         let around = gpu.filled("triangles around", &around.items);
-        let bound = [
+        let bound = vec![
             (0, Bind::Read(&indices)),
             (1, Bind::Read(&spans)),
             (2, Bind::Read(&around)),
@@ -51,7 +51,7 @@ impl Normals {
         ];
         let frame = Group::new(gpu, &[]);
         let module = gpu.module("normals", shader!("normals"));
-        let stage = Stage::new(gpu, &frame, &module, "gather_normals", &bound);
+        let stage = Stage::new(gpu, &frame, Entry::new(&module, "gather_normals"), &[bound]);
         let index_count = 3 * cloth.triangles.len() as u32;
         let surface = Surface { positions: positions.clone(), normals, indices, index_count };
         Normals { surface, vertices: cloth.rest.len(), frame, stage }
@@ -62,7 +62,7 @@ impl Normals {
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             self.frame.set(&mut pass, 0, &[]);
-            self.stage.encode(&mut pass, &[], self.vertices);
+            self.stage.encode(&mut pass, 0, &[], self.vertices);
         }
         gpu.queue.submit([encoder.finish()]);
     }

@@ -1,0 +1,92 @@
+//! A step allocates nothing once the scene has been met; what a driver does inside a submit is its own.
+
+#[macro_use]
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality};
+use common::FRAME;
+
+struct Counting;
+
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[expect(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything to the system's")]
+// SAFETY: every call is the system allocator's own.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::SeqCst);
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// Everything a scene can have, on the move.
+fn scene(method: Method, backend: Backend) -> (Deformer, impl FnMut(&mut Deformer)) {
+    let n = 60;
+    let fabric = Fabric { bending: 1e-5, damping: 0.03, ..Fabric::default() };
+    let substeps = if method == Method::Springs { 200 } else { 10 };
+    let options =
+        Options { backend, method, quality: Quality::Substeps(substeps), fabric, pinned: vec![0, n - 1], ..Options::default() };
+    let mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let mut targets = vec![mesh.positions[0], mesh.positions[n as usize - 1]];
+    let mut attributes = Attributes {
+        wind: Vec3::new(1.0, 0.0, 2.0),
+        air_density: 1.2,
+        colliders: vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.0), 0.3), Collider::plane(Vec3::new(0.0, -1.0, 0.0), Vec3::Y)],
+        ..Attributes::default()
+    };
+    let advance = move |deformer: &mut Deformer| {
+        targets[0].y += 1e-3;
+        match &mut attributes.pin_targets {
+            Some(held) => held.copy_from_slice(&targets),
+            empty => *empty = Some(targets.clone()),
+        }
+        attributes.wind.x += 0.01;
+        deformer.step(FRAME, &attributes).unwrap();
+    };
+    (Deformer::new(&mesh, options).unwrap(), advance)
+}
+
+/// Allocations in each of some steps after the first.
+fn counted(method: Method, backend: Backend) -> Vec<usize> {
+    let (mut deformer, mut advance) = scene(method, backend);
+    advance(&mut deformer);
+    let step = |_| {
+        deformer.wait().unwrap();
+        let before = COUNT.load(Ordering::SeqCst);
+        advance(&mut deformer);
+        COUNT.load(Ordering::SeqCst) - before
+    };
+    (0..20).map(step).collect()
+}
+
+/// One test, so that no other allocates meanwhile.
+#[test]
+fn a_step_allocates_nothing() {
+    // In a pool of its own: to enter one from outside, rayon allocates a queue's block now and then.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    for method in [Method::SmallSteps, Method::Relaxation { iterations: 3 }, Method::Springs] {
+        let counts = pool.install(|| counted(method, Backend::Cpu));
+        assert!(counts.iter().all(|&count| count == 0), "{method:?}: {counts:?}");
+    }
+    #[cfg(feature = "gpu")]
+    for backend in [Backend::Hybrid, Backend::Gpu] {
+        // wgpu and the driver allocate for every encoder and submit; nothing of ours grows with time.
+        let counts = counted(Method::SmallSteps, backend);
+        let (early, late) = (counts[..10].iter().max(), counts[10..].iter().max());
+        println!("{backend:?}: {counts:?} allocations a step");
+        assert!(late <= early, "{backend:?}: {counts:?}");
+    }
+}
