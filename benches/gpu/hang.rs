@@ -32,6 +32,8 @@ pub(crate) struct Run {
     /// Highest energy of any sample, above the start's (J): motion and height. What a sweep leaves of stretch is no energy
     /// that it can give back, and is judged as strain.
     pub(crate) energy: f64,
+    /// Coarse levels that ran.
+    pub(crate) levels: u32,
 }
 
 impl Run {
@@ -39,9 +41,9 @@ impl Run {
     fn of(cloth: &mut Deformer, n: u32) -> Result<Run, Failure> {
         let masses = scene::grid_masses(n, 0.2);
         let total: f64 = masses.iter().map(|&mass| f64::from(mass)).sum();
-        let mut run = Run { mean_strain: 0.0, max_strain: 0.0, drop: 0.0, energy: f64::NEG_INFINITY };
+        let mut run = Run { mean_strain: 0.0, max_strain: 0.0, drop: 0.0, energy: f64::NEG_INFINITY, levels: 0 };
         for frame in 1..=FRAMES {
-            cloth.step(FRAME, &Attributes::default())?;
+            run.levels = cloth.step(FRAME, &Attributes::default())?.levels;
             if frame % SAMPLE > 0 {
                 continue;
             }

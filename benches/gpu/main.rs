@@ -24,8 +24,8 @@ mod checks;
 mod hang;
 mod timing;
 
-/// Cloths of 64 x 64 vertices in a crowd.
-const CROWD: usize = 64;
+/// Cloths of 64 x 64 vertices in a crowd, and with --quick.
+const CROWD: [usize; 2] = [64, 8];
 /// What NVIDIA Newton 1.8 needs for the same scene, measured elsewhere on an H200: its rows nearest to 1 % mean strain
 /// with the fall right (milliseconds a frame, the strain behind).
 const NEWTON: [(u32, &str); 6] = [
@@ -167,9 +167,9 @@ impl Bench<'_> {
         );
         println!("gained. Queued: frames submitted behind one another; device: the same by the GPU's clock.\n");
         println!(
-            "| N | S | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | Newton 1.8 (H200, measured elsewhere) |"
+            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | Newton 1.8 (H200, measured elsewhere) |"
         );
-        println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+        println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
         let judge = *self.backends.last().ok_or("no backend")?;
         for &n in sizes {
             eprintln!("HANG, N = {n} ..");
@@ -178,7 +178,7 @@ impl Bench<'_> {
                 self.sheet(n, trial, judge)?;
             }
             if !trials.iter().any(|trial| trial.run.is_right()) {
-                println!("| {n} | more | | | | none right within {} s a run | | | | | | |", self.arguments.patience);
+                println!("| {n} | more | | | | | none right within {} s a run | | | | | | |", self.arguments.patience);
             }
             self.save()?;
         }
@@ -217,8 +217,8 @@ impl Bench<'_> {
             }
         }
         let newton = NEWTON.iter().find(|(size, _)| *size == n).map_or("", |(_, cell)| cell);
-        let Run { mean_strain, max_strain, drop, .. } = run;
-        let motion = format!("{mean_strain:.2e} | {max_strain:.2e} | {drop:.4} | {}", run.verdict());
+        let Run { mean_strain, max_strain, drop, levels, .. } = run;
+        let motion = format!("{levels} | {mean_strain:.2e} | {max_strain:.2e} | {drop:.4} | {}", run.verdict());
         println!("| {n} | {substeps} | {motion} | {} | {deep} | {newton} |", cells.join(" | "));
         Ok(())
     }
@@ -262,16 +262,16 @@ impl Bench<'_> {
     /// Many cloths at once, beside one.
     fn crowd(&mut self) -> Result<(), Failure> {
         println!(
-            "\n{CROWD} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n\n| backend | one | {CROWD} | times |\n|---|---|---|---|"
+            "\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n\n| backend | one | {count} | times |\n|---|---|---|---|"
         );
         for backend in self.backends.clone() {
             if backend == Backend::Hybrid {
                 continue;
             }
             let gpu = self.gpu;
-            let cloths = |count| (0..count).map(|_| sheet(64, 20, backend, gpu)).collect::<Result<Vec<_>, _>>();
+            let cloths = |how_many| (0..how_many).map(|_| sheet(64, 20, backend, gpu)).collect::<Result<Vec<_>, _>>();
             let one = self.time(("one of a crowd", 64, 20), backend, &mut cloths(1)?, &Attributes::default())?.frame;
-            let all = self.time(("crowd", 64, 20), backend, &mut cloths(CROWD)?, &Attributes::default())?.frame;
+            let all = self.time(("crowd", 64, 20), backend, &mut cloths(count)?, &Attributes::default())?.frame;
             println!("| {backend:?} | {one:.3} | {all:.3} | {:.2} |", all / one);
         }
         Ok(())
@@ -284,12 +284,14 @@ fn names(backends: &[Backend]) -> String {
 
 /// A line a row. What was not measured stays empty.
 fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
-    let mut text =
-        String::from("scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,ms_queued,ms_device\n");
+    let mut text = String::from(
+        "scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,levels,ms_queued,ms_device\n",
+    );
     for Row { scene, backend, n, substeps, times, run } in rows {
         let figure = |figure: Option<f64>| figure.map_or(String::new(), |figure| format!("{figure:.4e}"));
         let motion =
             [run.map(|run| run.mean_strain), run.map(|run| run.max_strain), run.map(|run| run.drop)].map(figure).join(",");
+        let levels = run.map_or(String::new(), |run| run.levels.to_string());
         let backend = format!("{backend:?}").to_lowercase();
         let adapter = if backend == "cpu" { "" } else { adapter }.replace(',', ";");
         let (scene, device) = (scene.replace(',', " and"), figure(times.device));
@@ -297,7 +299,7 @@ fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "{scene},{backend},small-steps,{n},{substeps},{:.4},{motion},{adapter},{date},{commit},{:.4},{device}",
+            "{scene},{backend},small-steps,{n},{substeps},{:.4},{motion},{adapter},{date},{commit},{levels},{:.4},{device}",
             times.frame, times.queued
         );
     }

@@ -68,10 +68,14 @@ pub(crate) fn time(cloths: &mut [Deformer], attributes: &Attributes, clock: Opti
     Ok(Times { frame, queued, device })
 }
 
-/// A frame of every cloth: one after another until there is a way to submit them together.
+/// A frame of every cloth, submitted together.
 fn step(cloths: &mut [Deformer], attributes: &Attributes) -> Result<(), Failure> {
-    for cloth in cloths {
-        cloth.step(FRAME, attributes)?;
+    match cloths {
+        [alone] => drop(alone.step(FRAME, attributes)?),
+        crowd => {
+            let stepped = Deformer::step_all(crowd.iter_mut().map(|cloth| (cloth, attributes)), FRAME);
+            stepped.into_iter().try_for_each(|step| step.map(drop))?;
+        }
     }
     Ok(())
 }
