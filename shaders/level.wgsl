@@ -18,6 +18,19 @@ fn correct(edge: Edge) {
     by[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
 
+// A colour's edges: the lane's first, and those that it has beside.
+fn sweep(index: u32, color: u32, first: Stored, lane: u32) {
+    if is_edge(first, lane) {
+        correct(edge_of(first));
+    }
+    for (var k = lane + LANES; k < WIDTH; k += LANES) {
+        let more = fetch(index, color, k);
+        if is_edge(more, k) {
+            correct(edge_of(more));
+        }
+    }
+}
+
 @compute @workgroup_size(LANES)
 fn sweep_of_level(
     @builtin(workgroup_id) group: vec3u,
@@ -28,9 +41,10 @@ fn sweep_of_level(
     if index >= PATCHES {
         return;
     }
-    var next = fetch(index, 0u, lane);
+    var first = fetch(index, 0u, lane);
     var second = fetch(index, 1u, lane);
     var third = fetch(index, 2u, lane);
+    var fourth = fetch(index, 3u, lane);
     let own = own_vertices(index);
     for (var k = lane; k < ROOM; k += LANES) {
         let v = vertex_at(index, k);
@@ -42,21 +56,25 @@ fn sweep_of_level(
         }
     }
     workgroupBarrier();
-    for (var color = 0u; color < COLORS; color++) {
-        let stored = next;
-        next = second;
-        second = third;
-        third = fetch(index, color + 3u, lane);
-        if is_edge(stored, lane) {
-            correct(edge_of(stored));
-        }
-        for (var k = lane + LANES; k < WIDTH; k += LANES) {
-            let more = fetch(index, color, k);
-            if is_edge(more, k) {
-                correct(edge_of(more));
-            }
-        }
+    for (var color = 0u; color < COLORS; color += 4u) {
+        sweep(index, color, first, lane);
+        first = fetch(index, color + 4u, lane);
         workgroupBarrier();
+        if color + 1u < COLORS {
+            sweep(index, color + 1u, second, lane);
+            second = fetch(index, color + 5u, lane);
+            workgroupBarrier();
+        }
+        if color + 2u < COLORS {
+            sweep(index, color + 2u, third, lane);
+            third = fetch(index, color + 6u, lane);
+            workgroupBarrier();
+        }
+        if color + 3u < COLORS {
+            sweep(index, color + 3u, fourth, lane);
+            fourth = fetch(index, color + 7u, lane);
+            workgroupBarrier();
+        }
     }
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(index, k);

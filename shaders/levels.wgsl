@@ -24,6 +24,8 @@ struct Stored {
     ends: u32,
     inverse_rest: u32,
     inverse_weight: u32,
+    // How many there are of its colour.
+    width: u32,
 }
 
 override AT_LEVELS: u32 = ROUNDS + 1u;
@@ -35,7 +37,17 @@ fn fetch(round: u32, k: u32) -> Stored {
     let first = table[min(round, ROUNDS)];
     let width = (table[min(round + 1u, ROUNDS)] - first) / 3u;
     let at = first + k;
-    return Stored(table[at], table[at + width], table[at + 2u * width]);
+    return Stored(table[at], table[at + width], table[at + 2u * width], width);
+}
+
+// A colour's edges: the lane's first, and those that it has beside.
+fn sweep(round: u32, first: Stored, lane: u32) {
+    if lane < first.width {
+        correct(first);
+    }
+    for (var k = lane + LANES; k < first.width; k += LANES) {
+        correct(fetch(round, k));
+    }
 }
 
 fn correct(stored: Stored) {
@@ -51,10 +63,30 @@ fn correct(stored: Stored) {
     by[b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
 
+// The level whose turn it is in a round. What those before it were corrected by has been handed down to it.
+fn level_of(round: u32, before: u32, lane: u32) -> u32 {
+    var level = before;
+    while level > 0u && round >= table[AT_LEVELS + LEVELS + 1u + level] {
+        // Whatever the level above does not need any more: from here on it holds what it was corrected by.
+        for (var k = table[AT_LEVELS + level] + lane; k < table[AT_LEVELS + level + 1u]; k += LANES) {
+            by[k] -= predicted[BASE + k];
+        }
+        workgroupBarrier();
+        level--;
+        for (var k = table[AT_LEVELS + level] + lane; k < table[AT_LEVELS + level + 1u]; k += LANES) {
+            by[k] += by[table[AT_LABELS + k]];
+        }
+        workgroupBarrier();
+    }
+    return level;
+}
+
 @compute @workgroup_size(LANES)
 fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
-    var next = fetch(0u, lane);
+    var first = fetch(0u, lane);
     var second = fetch(1u, lane);
+    var third = fetch(2u, lane);
+    var fourth = fetch(3u, lane);
     let finest = table[AT_LEVELS + 1u];
     for (var k = lane; k < finest; k += LANES) {
         at[k] = centers[BASE + k];
@@ -65,48 +97,50 @@ fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
         for (var k = table[AT_LEVELS + level] + lane; k < table[AT_LEVELS + level + 1u]; k += LANES) {
             let start = table[AT_SPANS + k];
             let end = table[AT_SPANS + k + 1u];
-            let first = at[table[AT_MEMBERS + 2u * start]].xyz;
+            let w = centers[BASE + k].w;
+            let origin = at[table[AT_MEMBERS + 2u * start]].xyz;
             var dx = vec3f();
             var u = vec3f();
             for (var m = start; m < end; m++) {
                 let item = table[AT_MEMBERS + 2u * m];
                 let share = bitcast<f32>(table[AT_MEMBERS + 2u * m + 1u]);
-                dx += (at[item].xyz - first) * share;
+                dx += (at[item].xyz - origin) * share;
                 u += by[item].xyz * share;
             }
-            at[k] = vec4f(first + dx, centers[BASE + k].w);
+            at[k] = vec4f(origin + dx, w);
             by[k] = vec4f(u, 0.0);
             predicted[BASE + k] = vec4f(u, 0.0);
         }
         workgroupBarrier();
     }
     storageBarrier();
-    var round = 0u;
-    for (var level = LEVELS; level > 0u; level--) {
-        let here = level - 1u;
-        if level < LEVELS {
-            for (var k = table[AT_LEVELS + here] + lane; k < table[AT_LEVELS + level]; k += LANES) {
-                let above = table[AT_LABELS + k];
-                by[k] += by[above] - predicted[BASE + above];
-            }
+    // Rounds, four at a time as in patch.wgsl: a round is a colour of the level that is its turn.
+    var level = LEVELS - 1u;
+    for (var round = 0u; round < ROUNDS; round += 4u) {
+        level = level_of(round, level, lane);
+        sweep(round, first, lane);
+        first = fetch(round + 4u, lane);
+        workgroupBarrier();
+        if round + 1u < ROUNDS {
+            level = level_of(round + 1u, level, lane);
+            sweep(round + 1u, second, lane);
+            second = fetch(round + 5u, lane);
             workgroupBarrier();
         }
-        // The colours of a level: those of the coarsest come first.
-        let end = table[AT_LEVELS + LEVELS + 1u + here];
-        for (; round < end; round++) {
-            let stored = next;
-            next = second;
-            second = fetch(round + 2u, lane);
-            let width = (table[round + 1u] - table[round]) / 3u;
-            if lane < width {
-                correct(stored);
-            }
-            for (var k = lane + LANES; k < width; k += LANES) {
-                correct(fetch(round, k));
-            }
+        if round + 2u < ROUNDS {
+            level = level_of(round + 2u, level, lane);
+            sweep(round + 2u, third, lane);
+            third = fetch(round + 6u, lane);
+            workgroupBarrier();
+        }
+        if round + 3u < ROUNDS {
+            level = level_of(round + 3u, level, lane);
+            sweep(round + 3u, fourth, lane);
+            fourth = fetch(round + 7u, lane);
             workgroupBarrier();
         }
     }
+    _ = level_of(ROUNDS, level, lane);
     for (var k = lane; k < finest; k += LANES) {
         shift[BASE + k] = by[k] - predicted[BASE + k];
     }

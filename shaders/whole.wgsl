@@ -51,6 +51,15 @@ fn correct(held: Held, k: u32) {
     move_by(edge.b, u_b - impulse * held.x_b.w);
 }
 
+// A colour's edges: the lane's first two, and those that it has beside.
+fn sweep(color: u32, first: Held, second: Held, lane: u32) {
+    correct(first, lane);
+    correct(second, lane + LANES);
+    for (var k = lane + 2u * LANES; k < WIDTH; k += LANES) {
+        correct(hold(fetch(0u, color, k)), k);
+    }
+}
+
 @compute @workgroup_size(LANES)
 fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
     let all = params.vertices;
@@ -75,24 +84,29 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
         for (var sweep = 0u; sweep < params.sweeps; sweep++) {
-            // A lane's first two edges of the next colours are under way while one is swept.
-            var held = hold(fetch(0u, 0u, lane));
-            var held_too = hold(fetch(0u, 0u, lane + LANES));
-            var next = fetch(0u, 1u, lane);
-            var next_too = fetch(0u, 1u, lane + LANES);
-            for (var color = 0u; color < COLORS; color++) {
-                let first = held;
-                let second = held_too;
-                held = hold(next);
-                held_too = hold(next_too);
-                next = fetch(0u, color + 2u, lane);
-                next_too = fetch(0u, color + 2u, lane + LANES);
-                correct(first, lane);
-                correct(second, lane + LANES);
-                for (var k = lane + 2u * LANES; k < WIDTH; k += LANES) {
-                    correct(hold(fetch(0u, color, k)), k);
-                }
+            // A lane's first two edges of the next colour, and where their ends are, are under way while one is swept.
+            // Odd colours have other names than even ones, for to move one to another would be to wait for it.
+            var even = fetch(0u, 0u, lane);
+            var even_too = fetch(0u, 0u, lane + LANES);
+            var odd = fetch(0u, 1u, lane);
+            var odd_too = fetch(0u, 1u, lane + LANES);
+            var even_held = hold(even);
+            var even_held_too = hold(even_too);
+            for (var color = 0u; color < COLORS; color += 2u) {
+                let odd_held = hold(odd);
+                let odd_held_too = hold(odd_too);
+                even = fetch(0u, color + 2u, lane);
+                even_too = fetch(0u, color + 2u, lane + LANES);
+                sweep(color, even_held, even_held_too, lane);
                 workgroupBarrier();
+                if color + 1u < COLORS {
+                    even_held = hold(even);
+                    even_held_too = hold(even_too);
+                    odd = fetch(0u, color + 3u, lane);
+                    odd_too = fetch(0u, color + 3u, lane + LANES);
+                    sweep(color + 1u, odd_held, odd_held_too, lane);
+                    workgroupBarrier();
+                }
             }
         }
         for (var v = lane; v < all; v += LANES) {

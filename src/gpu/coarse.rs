@@ -18,7 +18,7 @@ use super::patches::{Cut, NO_EDGE, Patches};
 use super::sweep::{Batch, TURNS, constants, lanes, turns};
 
 /// Aggregates that a patch has of its own, at most.
-const OWN: usize = 64;
+const OWN: usize = 256;
 
 /// An item that an aggregate is made of: `restrict.wgsl`'s `Member`.
 #[repr(C)]
@@ -105,6 +105,15 @@ impl Coarse {
         let patches = room.and_then(|room| Sweep::patches(gpu, levels, &rest, &starts, forces, room, buffers));
         let sweep = patches.unwrap_or_else(|| Sweep::colours(gpu, levels, &starts, forces, buffers));
         Coarse { levels: count, shift, starts, h: None, restrict_vertices, restrict_aggregates, sweep }
+    }
+
+    /// How many levels are swept in patches.
+    #[cfg(test)]
+    pub(super) fn in_patches(&self) -> Option<usize> {
+        match &self.sweep {
+            Sweep::Patches { fine, .. } => Some(fine.len()),
+            Sweep::Colours { .. } => None,
+        }
     }
 
     pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {

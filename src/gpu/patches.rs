@@ -74,7 +74,7 @@ impl Patches {
         let patches: Vec<Patch> = patches?.into_iter().flatten().collect();
         let held: usize = patches.iter().map(|patch| patch.vertices.len()).sum();
         // So much recomputed is no gain any more.
-        (held <= 8 * rest.len().max(256)).then(|| Patches::lay_out(&patches, ends, colors.len()))
+        (held <= 16 * rest.len().max(256)).then(|| Patches::lay_out(&patches, ends, colors.len()))
     }
 
     fn lay_out(patches: &[Patch], ends: &[[u32; 2]], colors: usize) -> Patches {

@@ -116,6 +116,29 @@ fn every_path_agrees_with_the_cpu() {
     }
 }
 
+#[test]
+fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
+    let gpu = Gpu::shared(true).unwrap();
+    let options = Options { pinned: vec![3, 100, 200], ..Options::default() };
+    let cloth = Cloth::new(&mesh(110, 90), &options).unwrap();
+    let (x, _) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, false, 3);
+    let (plain, _) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, false, 0);
+    assert!(apart(&x, &plain) > 1e-4 * apart(&x, &cloth.rest), "levels matter here");
+    let of_level: Vec<usize> = cloth.hierarchy().levels.iter().map(|level| level.inverse_mass.len()).collect();
+    for (room, in_patches) in [(of_level[0] - 1, Some(1)), (10, None)] {
+        let cut = Cut { own: 100, room: 700 };
+        let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Halo, cut).unwrap();
+        engine.room = room;
+        let mut engine = Engine::Gpu(Box::new(engine));
+        let (x_gpu, _) = play(&mut engine, &cloth, &options, false, 3);
+        let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+        assert_eq!(engine.coarse.as_ref().unwrap().in_patches(), in_patches, "room {room}");
+        let dx = apart(&x, &x_gpu) / apart(&x, &cloth.rest);
+        println!("room for {room} of {of_level:?}: {dx:e} apart");
+        assert!(dx <= 2e-5, "room for {room} of {of_level:?}: {dx:e} apart");
+    }
+}
+
 /// A cut of the cloth, played by hand: each patch, alone and from its own vertices and halo only, gives its own vertices
 /// the bits that visiting the colours gives them.
 #[test]
