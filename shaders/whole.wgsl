@@ -83,7 +83,7 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
             move_by(pin.vertex, pin_displacement(pin, work[pin.vertex].xyz, now));
         }
         workgroupBarrier();
-        for (var sweep = 0u; sweep < params.sweeps; sweep++) {
+        for (var time = 0u; time < params.sweeps; time++) {
             // A lane's first two edges of the next colour, and where their ends are, are under way while one is swept.
             // Odd colours have other names than even ones, for to move one to another would be to wait for it.
             var even = fetch(0u, 0u, lane);
