@@ -40,8 +40,20 @@ fn mesh(columns: u32, rows: u32) -> Mesh {
 
 /// The state after a few steps of colliders, led pins and, if asked for, bending and wind.
 fn play(engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool, levels: usize) -> (Vec<Vec4>, Vec<Vec4>) {
+    play_from(0.3, engine, cloth, options, windy, levels)
+}
+
+/// The same given how far vertices moved in the substep before (m).
+fn play_from(
+    start: f32,
+    engine: &mut Engine,
+    cloth: &Cloth,
+    options: &Options,
+    windy: bool,
+    levels: usize,
+) -> (Vec<Vec4>, Vec<Vec4>) {
     let wave = |k: usize, f: f32| (k as f32 * f).sin();
-    let p: Vec<Vec4> = (0..cloth.rest.len()).map(|k| 0.3 * Vec4::new(wave(k, 0.7), wave(k, 1.1), wave(k, 1.7), 0.0)).collect();
+    let p: Vec<Vec4> = (0..cloth.rest.len()).map(|k| start * Vec4::new(wave(k, 0.7), wave(k, 1.1), wave(k, 1.7), 0.0)).collect();
     let p: Vec<Vec4> = p.iter().zip(&cloth.rest).map(|(p, x)| if x.w > 0.0 { *p } else { Vec4::ZERO }).collect();
     engine.set(&cloth.rest, &p);
     let mut motion = Motion::after(cloth, &cloth.rest, 0.0);
@@ -71,6 +83,17 @@ fn play(engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool, leve
     state
 }
 
+/// Roundings that may part the CPU, with fused multiply-adds, from a GPU. Coarse edges pull or do not, so that a cloth with
+/// levels makes more of a rounding than one without; what is wrong makes more still.
+const ROUNDINGS: f64 = 4.0;
+
+/// How far (m) the last bit of where a cloth starts moves where it ends, `x`.
+fn rounding(cloth: &Cloth, options: &Options, windy: bool, levels: usize, x: &[Vec4]) -> f64 {
+    let starts = [0.3 * (1.0 + f32::EPSILON), 0.3 * (1.0 - f32::EPSILON)];
+    let ends = starts.map(|start| play_from(start, &mut Engine::Cpu(Cpu::new(cloth)), cloth, options, windy, levels).0);
+    ends.iter().map(|end| apart(x, end)).fold(0.0, f64::max)
+}
+
 /// Root mean square distance (m) over vertices.
 fn apart(a: &[Vec4], b: &[Vec4]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from((*a - *b).truncate().length_squared())).sum();
@@ -93,6 +116,7 @@ fn every_path_agrees_with_the_cpu() {
             let (x, p) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, windy, levels);
             let (moved, speed) = (apart(&x, &cloth.rest), apart(&p, &vec![Vec4::ZERO; p.len()]));
             assert!(moved > 0.01, "{name}: moved by {moved} m");
+            let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
             // The smallest room holds the second level alone, so the first is cut into patches.
             let cuts = [(40, room), (30, 320), (200, room)].map(|(own, room)| Cut { own, room });
             let paths = [(Path::Colours, cuts[0]), (Path::Halo, cuts[0]), (Path::Halo, cuts[1]), (Path::Halo, cuts[2])];
@@ -110,7 +134,8 @@ fn every_path_agrees_with_the_cpu() {
                 let what = format!("{name}, {method:?}, windy {windy}, {levels} levels: {path:?}, {cut:?}: {dx:e}, {dp:e} apart");
                 println!("{what}");
                 // Rounding alone; an edge left out or visited out of turn makes 1e-3 and more.
-                assert!(dx <= 2e-5 && dp <= 2e-4, "{what}");
+                let slack = 1.0 + ROUNDINGS * rounding / 2e-5;
+                assert!(dx <= 2e-5 * slack && dp <= 2e-4 * slack, "{what}, one rounding {rounding:e}");
             }
         }
     }
@@ -123,6 +148,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     let cloth = Cloth::new(&mesh(110, 90), &options).unwrap();
     let (x, _) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, false, 3);
     let (plain, _) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, false, 0);
+    let rounding = rounding(&cloth, &options, false, 3, &x) / apart(&x, &cloth.rest);
     assert!(apart(&x, &plain) > 1e-4 * apart(&x, &cloth.rest), "levels matter here");
     let of_level: Vec<usize> = cloth.hierarchy().levels.iter().map(|level| level.inverse_mass.len()).collect();
     for (room, in_patches) in [(of_level[0] - 1, Some(1)), (10, None)] {
@@ -135,7 +161,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
         assert_eq!(engine.coarse.as_ref().unwrap().in_patches(), in_patches, "room {room}");
         let dx = apart(&x, &x_gpu) / apart(&x, &cloth.rest);
         println!("room for {room} of {of_level:?}: {dx:e} apart");
-        assert!(dx <= 2e-5, "room for {room} of {of_level:?}: {dx:e} apart");
+        assert!(dx <= 2e-5 + ROUNDINGS * rounding, "room for {room} of {of_level:?}: {dx:e} apart, one rounding {rounding:e}");
     }
 }
 
