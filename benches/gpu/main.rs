@@ -261,6 +261,7 @@ impl Bench<'_> {
 
     /// Many cloths at once, beside one.
     fn crowd(&mut self) -> Result<(), Failure> {
+        let count = CROWD[usize::from(self.arguments.quick)];
         println!(
             "\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n\n| backend | one | {count} | times |\n|---|---|---|---|"
         );
