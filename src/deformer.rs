@@ -283,6 +283,17 @@ impl Deformer {
         }
     }
 
+    /// What the last step asked of the GPU.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    #[must_use]
+    pub fn gpu_work(&self) -> Option<crate::gpu::GpuWork> {
+        match &self.engine {
+            Engine::Gpu(gpu) => Some(gpu.counted()),
+            _ => None,
+        }
+    }
+
     /// The mesh's index of each vertex of [`Deformer::position_buffer`].
     #[must_use]
     pub fn vertex_order(&self) -> &[u32] {

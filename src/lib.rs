@@ -35,7 +35,7 @@ pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(feature = "gpu")]
-pub use gpu::Gpu;
+pub use gpu::{Gpu, GpuWork};
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;
