@@ -22,42 +22,19 @@ fn move_by(k: u32, u: vec3f) {
     by[3u * k + 2u] = u.z;
 }
 
-// An edge as it is stored, and where its ends are: neither changes while edges are swept, or is looked into before its turn.
-struct Held {
-    stored: Stored,
-    x_a: vec4f,
-    x_b: vec4f,
-}
-
-fn hold(stored: Stored) -> Held {
-    return Held(stored, work[stored.ends & 0xffffu], work[stored.ends >> 16u]);
-}
-
-fn correct(held: Held, k: u32) {
-    if !is_edge(held.stored, k) {
-        return;
-    }
-    let edge = edge_of(held.stored);
-    let d0 = held.x_a.xyz - held.x_b.xyz;
+fn correct(edge: Edge) {
+    let x_a = work[edge.a];
+    let x_b = work[edge.b];
     let u_a = moved(edge.a);
     let u_b = moved(edge.b);
     var impulse: vec3f;
     if params.relaxed != 0u {
-        impulse = relax_edge(d0, u_a - u_b, edge);
+        impulse = relax_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
     } else {
-        impulse = project_edge(d0, u_a - u_b, edge);
+        impulse = project_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
     }
-    move_by(edge.a, u_a + impulse * held.x_a.w);
-    move_by(edge.b, u_b - impulse * held.x_b.w);
-}
-
-// A colour's edges: the lane's first two, and those that it has beside.
-fn sweep(color: u32, first: Held, second: Held, lane: u32) {
-    correct(first, lane);
-    correct(second, lane + LANES);
-    for (var k = lane + 2u * LANES; k < WIDTH; k += LANES) {
-        correct(hold(fetch(0u, color, k)), k);
-    }
+    move_by(edge.a, u_a + impulse * x_a.w);
+    move_by(edge.b, u_b - impulse * x_b.w);
 }
 
 @compute @workgroup_size(LANES)
@@ -84,29 +61,14 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
         for (var time = 0u; time < params.sweeps; time++) {
-            // A lane's first two edges of the next colour, and where their ends are, are under way while one is swept.
-            // Odd colours have other names than even ones, for to move one to another would be to wait for it.
-            var even = fetch(0u, 0u, lane);
-            var even_too = fetch(0u, 0u, lane + LANES);
-            var odd = fetch(0u, 1u, lane);
-            var odd_too = fetch(0u, 1u, lane + LANES);
-            var even_held = hold(even);
-            var even_held_too = hold(even_too);
-            for (var color = 0u; color < COLORS; color += 2u) {
-                let odd_held = hold(odd);
-                let odd_held_too = hold(odd_too);
-                even = fetch(0u, color + 2u, lane);
-                even_too = fetch(0u, color + 2u, lane + LANES);
-                sweep(color, even_held, even_held_too, lane);
-                workgroupBarrier();
-                if color + 1u < COLORS {
-                    even_held = hold(even);
-                    even_held_too = hold(even_too);
-                    odd = fetch(0u, color + 3u, lane);
-                    odd_too = fetch(0u, color + 3u, lane + LANES);
-                    sweep(color + 1u, odd_held, odd_held_too, lane);
-                    workgroupBarrier();
+            for (var color = 0u; color < COLORS; color++) {
+                for (var k = lane; k < WIDTH; k += LANES) {
+                    let stored = fetch(0u, color, k);
+                    if is_edge(stored, k) {
+                        correct(edge_of(stored));
+                    }
                 }
+                workgroupBarrier();
             }
         }
         for (var v = lane; v < all; v += LANES) {

@@ -289,6 +289,7 @@ impl Deformer {
         }
     }
 
+<<<<<<< HEAD
     /// The cloth as a renderer on the same device draws it: positions, normals and indices, nothing through the CPU.
     /// `None` unless the backend is [`Backend::Gpu`].
     ///
@@ -306,6 +307,16 @@ impl Deformer {
                 surface.map(Some).map_err(|failure| failure.named(&self.cloth, self.options.method))
             }
             _ => Ok(None),
+=======
+    /// What the last step asked of the GPU.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    #[must_use]
+    pub fn gpu_work(&self) -> Option<crate::gpu::GpuWork> {
+        match &self.engine {
+            Engine::Gpu(gpu) => Some(gpu.counted()),
+            _ => None,
+>>>>>>> gpu
         }
     }
 

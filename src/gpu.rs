@@ -53,8 +53,8 @@ const LONGEST_DISPATCH: u32 = 2048;
 const WHOLE_ALONE: usize = 1024;
 const CROWD: usize = 4;
 /// Workgroups that a patch for each keeps a large GPU busy, and the own vertices that a patch has at least and at most.
-const PATCHES: usize = 128;
-const OWN: [usize; 2] = [48, 1024];
+const PATCHES: usize = 256;
+const OWN: [usize; 2] = [48, 512];
 /// Bytes of workgroup memory that a vertex takes in a patch, and in a cloth of one.
 const IN_PATCH: usize = 32;
 const IN_WHOLE: usize = 12;
@@ -115,8 +115,23 @@ pub(crate) struct GpuEngine {
     commit: Stage,
     first_bad: wgpu::Buffer,
     staging: wgpu::Buffer,
+<<<<<<< HEAD
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
+=======
+    /// What the last step came to.
+    counted: GpuWork,
+}
+
+/// What a step asks of a GPU, counted: for a roofline beside measured times.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct GpuWork {
+    /// Dispatches that each wait for the one before.
+    pub dispatches: usize,
+    /// Bytes read and written if each dispatch reads what it needs once.
+    pub bytes: usize,
+>>>>>>> gpu
 }
 
 /// How a substep's edges are swept.
@@ -186,7 +201,11 @@ impl GpuEngine {
                 commit,
                 first_bad,
                 staging,
+<<<<<<< HEAD
                 normals: None,
+=======
+                counted: GpuWork::default(),
+>>>>>>> gpu
             };
             if path == Path::Whole {
                 engine.make_whole(cloth, method);
@@ -252,6 +271,28 @@ impl GpuEngine {
         failures
     }
 
+    /// Dispatches and bytes of the last step.
+    pub(crate) fn counted(&self) -> GpuWork {
+        self.counted
+    }
+
+    fn count(&self, plan: &Plan<'_>, path: Path) -> GpuWork {
+        let vertices = plan.cloth.rest.len();
+        let state = 2 * size_of::<Vec4>() * vertices;
+        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
+            return GpuWork { dispatches: 1, bytes: whole.patches.bytes() + 2 * state };
+        }
+        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0).map_or(0, Coarse::bytes);
+        let forces = if plan.params.predicted == 0 { 0 } else { Forces::bytes(plan) };
+        let substep = match &self.sweep {
+            // A halo's vertices are read more than once; each is written once.
+            Sweep::Halo(halo) => forces + halo.patches.bytes() + state,
+            Sweep::Colours(_) => Forces::bytes(plan) + plan.sweeps as usize * 112 * plan.cloth.swept().len() + 2 * state,
+        };
+        let substeps = plan.substeps.len();
+        GpuWork { dispatches: substeps * self.dispatches(plan) + 2, bytes: substeps * (substep + coarse) + 3 * state }
+    }
+
     /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
         if crowd {
@@ -287,6 +328,7 @@ impl GpuEngine {
             (_, Sweep::Colours(colours), _) => colours.prepare(gpu, plan),
             (_, Sweep::Halo(halo), _) => halo.prepare(gpu, plan),
         }
+        self.counted = self.count(plan, path);
         path
     }
 

@@ -38,7 +38,7 @@ pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(feature = "gpu")]
-pub use gpu::{Gpu, Surface};
+pub use gpu::{Gpu, GpuWork, Surface};
 pub use measure::Measure;
 pub use mesh::Mesh;
 pub use obj::ObjError;

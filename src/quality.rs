@@ -66,7 +66,8 @@ impl Rates {
     /// Coarse levels to ask for at substep `h` (s).
     ///
     /// Level l, its aggregates about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps; the first that is
-    /// carries the whole load, and coarser ones have nothing to add. Where half of `S*` is taken, none pays.
+    /// carries the whole load of an even cloth. One more, for next to nothing, carries that of corners and unstructured
+    /// meshes (two pins, 2000 vertices: 2.0e-3 mean strain with it, 3.2e-3 without). Where half of `S*` is taken, none pays.
     pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, h: f32) -> usize {
         if options.method != Method::SmallSteps {
             return 0;
@@ -79,7 +80,7 @@ impl Rates {
                 if shortfall < 2.0 || cloth.rest.len() < SMALL {
                     return 0;
                 }
-                (shortfall / 4.0).log2().ceil().max(0.0) as usize + 1
+                (shortfall / 4.0).log2().ceil().max(0.0) as usize + 2
             }
         }
     }

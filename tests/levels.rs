@@ -76,7 +76,7 @@ fn an_unstructured_sheet_by_two_pins() {
     };
     let (plain, levels) = (strain(Levels::Off), strain(Levels::Auto));
     println!("mean strain {plain:.1e} without levels, {levels:.1e} with");
-    assert!(levels <= plain / 4.0, "mean strain {plain} without levels, {levels} with");
+    assert!(levels <= plain / 5.0, "mean strain {plain} without levels, {levels} with");
 }
 
 /// From 5 substeps to those that resolve the stiffness, by an edge and by two corners, grids and others.
@@ -140,8 +140,8 @@ fn levels_run_where_they_pay() {
         change(&mut options);
         Deformer::new(&mesh, options).unwrap().step(FRAME, &Attributes::default()).unwrap().levels
     };
-    assert_eq!(count(65, 20, |_| {}), 3);
-    assert_eq!(count(129, 20, |_| {}), 4);
+    assert_eq!(count(65, 20, |_| {}), 4);
+    assert_eq!(count(129, 20, |_| {}), 5);
     assert_eq!(count(65, 100, |_| {}), 0, "S* is 168");
     assert_eq!(count(12, 5, |_| {}), 0, "small");
     assert_eq!(count(65, 20, |options| options.levels = Levels::Off), 0);
@@ -190,7 +190,7 @@ fn contact_wind_moving_pins_and_replay() {
                 pin_targets: Some(targets.clone()),
                 ..Attributes::default()
             };
-            assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, 3);
+            assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, 4);
             assert!(deformer.measure().unwrap().penetration <= 1e-6);
             let x = deformer.positions().unwrap();
             assert!(x[0].distance(targets[0]) < 1e-6 && x[n as usize - 1].distance(targets[1]) < 1e-6);

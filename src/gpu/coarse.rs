@@ -36,6 +36,8 @@ pub(super) struct Coarse {
     pub levels: usize,
     /// What each aggregate of each level is corrected by, the finest level first.
     pub shift: wgpu::Buffer,
+    /// Members of all aggregates.
+    items: usize,
     /// Where each level's aggregates start among those of all, and the end.
     starts: Vec<usize>,
     h: Option<f32>,
@@ -83,6 +85,7 @@ impl Coarse {
             let shares = level.members.items.iter().zip(&level.share);
             members.extend(shares.map(|(&item, &share)| Member { item: below as u32 + item, share }));
         }
+        let items = members.len();
         let (spans, members) = (gpu.filled("spans", &spans), gpu.filled("members", &members));
         let batches = (0..count).map(|index| run(starts[index]..starts[index + 1]));
         let slots = super::sweep::slots(gpu, batches);
@@ -104,7 +107,7 @@ impl Coarse {
         let buffers = [&centers, &predicted, &shift];
         let patches = room.and_then(|room| Sweep::patches(gpu, levels, &rest, &starts, forces, room, buffers));
         let sweep = patches.unwrap_or_else(|| Sweep::colours(gpu, levels, &starts, forces, buffers));
-        Coarse { levels: count, shift, starts, h: None, restrict_vertices, restrict_aggregates, sweep }
+        Coarse { levels: count, shift, items, starts, h: None, restrict_vertices, restrict_aggregates, sweep }
     }
 
     /// How many levels are swept in patches.
@@ -150,6 +153,20 @@ impl Coarse {
                 gpu.write(edges, &all);
             }
         }
+    }
+
+    /// Bytes of a substep.
+    pub(super) fn bytes(&self) -> usize {
+        let aggregates = self.starts[self.levels];
+        let swept = match &self.sweep {
+            Sweep::Patches { fine, top } => {
+                let patches: usize = fine.iter().map(|(patches, ..)| patches.bytes()).sum();
+                patches + top.as_ref().map_or(0, |top| size_of_val(top.table.as_slice()))
+            }
+            Sweep::Colours { edges, .. } => 7 * edges.size() as usize,
+        };
+        // Members and what they are averaged from; what is averaged, and what that is corrected by.
+        40 * self.items + 48 * aggregates + swept
     }
 
     /// Dispatches of a substep.

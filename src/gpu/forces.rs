@@ -145,6 +145,16 @@ impl Forces {
         1 + usize::from(plan.bending) + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
     }
 
+    /// Bytes that a substep's forces read and write, if what is gathered is read once.
+    pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
+        let vertices = plan.cloth.rest.len();
+        let bending =
+            if plan.bending { 2 * size_of_val(plan.cloth.bending().entries.items.as_slice()) + 140 * vertices } else { 0 };
+        let wind = if plan.wind { 28 * plan.cloth.triangles.len() + 72 * vertices } else { 0 };
+        let springs = if plan.method == Method::Springs { 24 * plan.cloth.swept().len() + 48 * vertices } else { 0 };
+        48 * vertices + bending + wind + springs
+    }
+
     /// Encodes the stage for one substep that starts from state number `from`.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();

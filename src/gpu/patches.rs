@@ -108,6 +108,11 @@ impl Patches {
         Patches { table, count, colors, largest, widest, edges, sources }
     }
 
+    /// Bytes that a sweep reads: the table, and two vectors for each vertex held.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.table.as_slice()) + 32 * self.count * self.largest
+    }
+
     /// Fills in the aggregates that the vertices are in, and names the vertices anew, as numbers from `base` on.
     pub(crate) fn set_labels(&mut self, labels: impl Fn(u32) -> u32, base: u32) {
         let (_, lists) = self.table[..self.edges].split_at_mut(self.count);

@@ -165,6 +165,32 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     }
 }
 
+/// Whatever the path, a step that leaves the finite numbers is undone on the GPU, and those after it until someone looks.
+#[test]
+fn a_failed_step_is_undone_on_every_path() {
+    let gpu = Gpu::shared(true).unwrap();
+    let options = Options { pinned: vec![3], ..Options::default() };
+    let cloth = Cloth::new(&Mesh::grid(20, 20, 1.0, 1.0), &options).unwrap();
+    let coefficients = Coefficients::new(&cloth, &options, DT / SUBSTEPS as f32, 0);
+    let motion = Motion::after(&cloth, &cloth.rest, 0.0);
+    for path in [Path::Colours, Path::Halo, Path::Whole] {
+        let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, path, Cut { own: 60, room: 500 }).unwrap();
+        let mut step = |gravity: Vec3, read: bool| {
+            let attributes = Attributes { gravity, ..Attributes::default() };
+            engine.step(&Plan::new(&cloth, &options, &coefficients, &motion, SUBSTEPS, &attributes)).unwrap();
+            let mut seen = Vec::new();
+            let failed = read && engine.read(|x, _| seen = x.to_vec()).is_err();
+            (seen, failed)
+        };
+        let (good, failed) = step(Vec3::X, true);
+        assert!(!failed && good != cloth.rest);
+        let _ = step(Vec3::splat(3e38), false);
+        let (after, failed) = step(Vec3::X, true);
+        assert!(failed && after == good, "{path:?}");
+        assert!(!step(Vec3::X, true).1, "{path:?}: once told, it goes on");
+    }
+}
+
 /// A cut of the cloth, played by hand: each patch, alone and from its own vertices and halo only, gives its own vertices
 /// the bits that visiting the colours gives them.
 #[test]
