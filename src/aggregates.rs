@@ -6,8 +6,9 @@ use glam::Vec3;
 
 use crate::cloth::{Cloth, Link};
 
-/// Vertices of the smallest aggregates, about.
-const SMALLEST: f64 = 16.0;
+/// Most vertices of the finest aggregates, half as many the fewest, but for pieces cut off. A grid's 4 x 4 blocks fit, and a row more
+/// here and there.
+const FINEST: f64 = 17.5;
 
 /// The mesh's parts, halved again and again across their longest side: which half of which half each vertex is in.
 ///
@@ -36,7 +37,7 @@ impl Halving {
         let rest: Vec<Vec3> = cloth.rest.iter().map(|x| x.truncate()).collect();
         let mut path = vec![0; vertices];
         for group in by_part.chunk_by_mut(|&a, &b| part[a as usize] == part[b as usize]) {
-            let depth = (group.len() as f64 / SMALLEST).log2().round().max(0.0) as u32;
+            let depth = (group.len() as f64 / FINEST).log2().ceil().max(0.0) as u32;
             halve(group, depth, 0, &rest, &mut path);
         }
         Halving { part, path }
@@ -85,7 +86,7 @@ fn halve(group: &mut [u32], depth: u32, way: u32, rest: &[Vec3], path: &mut [u32
     halve(high, depth - 1, 2 * way + 1, rest, path);
 }
 
-/// Cuts a group in two across the longest side of its box: between two rows, if it has any, where that is nearly in half.
+/// Cuts a group in two across the longest side of its box, between two rows if it has any.
 fn cut<'a>(group: &'a mut [u32], rest: &[Vec3]) -> (&'a mut [u32], &'a mut [u32]) {
     let at = |vertex: &u32| rest[*vertex as usize];
     let low = group.iter().map(at).fold(Vec3::INFINITY, Vec3::min);
@@ -94,15 +95,15 @@ fn cut<'a>(group: &'a mut [u32], rest: &[Vec3]) -> (&'a mut [u32], &'a mut [u32]
     let longest = size.max_element();
     let axis = (0..3).find(|&axis| size[axis] >= 0.9999 * longest).unwrap_or(0);
     let along = |vertex: &u32| at(vertex)[axis];
+    let order = |a: &u32, b: &u32| along(a).total_cmp(&along(b)).then(a.cmp(b));
     let half = group.len() / 2;
-    let middle = along(group.select_nth_unstable_by(half, |a, b| along(a).total_cmp(&along(b)).then(a.cmp(b))).1);
-    let row = 1e-4 * longest;
-    let before = group.iter().filter(|&vertex| along(vertex) < middle - row).count();
-    let through = group.iter().filter(|&vertex| along(vertex) <= middle + row).count();
-    let count = if half - before <= through - half { before } else { through };
-    // A group of few rows may have none near its middle.
-    let count = if 4 * count >= group.len() && 4 * (group.len() - count) >= group.len() { count } else { half };
-    group.select_nth_unstable_by(count, |a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
+    let middle = along(group.select_nth_unstable_by(half, order).1);
+    let before = group.iter().filter(|&vertex| along(vertex) < middle - 1e-4 * longest).count();
+    let through = group.iter().filter(|&vertex| along(vertex) <= middle + 1e-4 * longest).count();
+    let nearest = if half - before <= through - half { before } else { through };
+    // A group of few rows may have none that ends near its middle.
+    let count = if 4 * nearest.min(group.len() - nearest) >= group.len() { nearest } else { half };
+    group.select_nth_unstable_by(count, order);
     group.split_at_mut(count)
 }
 

@@ -25,12 +25,14 @@
 //!
 //! An edge's rest length is the most that the aggregates' centres can be apart in unstretched cloth. The centres of two
 //! shapes that are carried onto each other by a plan that moves mass by `d` on average are at most `d` apart (Kantorovich):
-//! for shapes that are translated copies that is the distance of their centres; about a pin it is the mean distance to it.
+//! for shapes that are translated copies that is the distance of their centres; about a pin it is the mean distance to it (on
+//! the finest levels a little less, for cloth does not gather in one line within a few edges).
 //! Where the rest shape bends by the angle t from one to the other, centres are inside of it and `((t/2)/sin(t/2))²` nearer.
 //! Stiffness is that of the fabric along the edge, free to contract across it, so that cloth soft in shear stays so.
 //!
 //! # Limits
-//! The worst edge at a lone pin is hardly better. Where the substeps resolve the stiffness, levels have nothing to add.
+//! Pins are the coarse cloth's own worst place, as they are the fine one's: the worst edge there is better by a few times only.
+//! Where the substeps resolve the stiffness, levels have nothing to add.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -119,8 +121,17 @@ impl Hierarchy {
                 }
                 _ => Points::new(last.clone(), label.clone(), count),
             };
-            let stiffness = Stiffness::new(cloth, &patches, &aggregate_of);
-            let (links, colors) = connect(cloth, &pairs, &patches, &points, &stiffness);
+            let rings = two_rings(&pairs, &patches);
+            // Near a lone pin fine cloth is not gathered in one line, as the farthest that centres can be apart takes it to be.
+            let gather = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
+            let edges = Edges {
+                cloth,
+                patches: &patches,
+                points: &points,
+                gather,
+                stiffness: Stiffness::new(cloth, &patches, &aggregate_of),
+            };
+            let (links, colors) = edges.color(&[rings, pairs.clone()]);
             let inverse_mass = patches.iter().map(|patch| patch.inverse_mass() as f32).collect();
             levels.push(Level { label, members, share, inverse_mass, links, colors });
             (before, last, item_of) = (Some(last), patches, aggregate_of);
@@ -253,52 +264,58 @@ fn voigt(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
     DVec3::new(a * a, b * b, std::f64::consts::SQRT_2 * a * b)
 }
 
-/// Coarse edges in colour order: links over two rings first, then those of patches that share a fine edge.
-fn connect(
-    cloth: &Cloth,
-    pairs: &[[u32; 2]],
-    patches: &[Patch],
-    points: &Points,
-    stiffness: &Stiffness,
-) -> (Vec<Link>, Vec<Range<usize>>) {
-    let centers: Vec<Vec3> = patches.iter().map(|patch| patch.center.as_vec3()).collect();
-    let (mut links, mut colors) = (Vec::new(), Vec::new());
-    for (pairs, share) in [(&two_rings(pairs, patches)[..], 0.5), (pairs, 1.0)] {
-        let here: Vec<Link> = pairs.iter().filter_map(|&pair| link(cloth, pair, share, patches, points, stiffness)).collect();
-        let ends: Vec<[u32; 2]> = here.iter().map(|link| link.ends).collect();
-        let coloring = coloring::color(&ends, &centers);
-        for color in 0..coloring.colors as u32 {
-            let start = links.len();
-            links.extend(here.iter().zip(&coloring.of).filter(|&(_, &of)| of == color).map(|(link, _)| *link));
-            colors.push(start..links.len());
-        }
-    }
-    (links, colors)
+/// What it takes to make coarse edges.
+struct Edges<'a> {
+    cloth: &'a Cloth,
+    patches: &'a [Patch],
+    points: &'a Points,
+    /// Share of the distance about pins that counts.
+    gather: f64,
+    stiffness: Stiffness,
 }
 
-/// The edge between two patches; none if nothing holds them together.
-fn link(cloth: &Cloth, pair: [u32; 2], share: f64, patches: &[Patch], points: &Points, stiffness: &Stiffness) -> Option<Link> {
-    let [a, b] = pair.map(|patch| &patches[patch as usize]);
-    let n = (b.center - a.center).normalize_or_zero();
-    let turn = 0.5 * a.normal.angle_between(b.normal);
-    let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
-    let mut rest = a.center.distance(b.center) * bent;
-    if a.pinned || b.pinned {
-        rest = rest.max(points.transport(pair, [a.mass, b.mass]));
+impl Edges<'_> {
+    /// The edges between groups of pairs, group after group, in colour order.
+    fn color(&self, groups: &[Vec<[u32; 2]>]) -> (Vec<Link>, Vec<Range<usize>>) {
+        let centers: Vec<Vec3> = self.patches.iter().map(|patch| patch.center.as_vec3()).collect();
+        let (mut links, mut colors) = (Vec::new(), Vec::new());
+        for pairs in groups {
+            let made: Vec<Link> = pairs.iter().filter_map(|&pair| self.between(pair)).collect();
+            let ends: Vec<[u32; 2]> = made.iter().map(|link| link.ends).collect();
+            let coloring = coloring::color(&ends, &centers);
+            for color in 0..coloring.colors as u32 {
+                let start = links.len();
+                links.extend(made.iter().zip(&coloring.of).filter(|&(_, &of)| of == color).map(|(link, _)| *link));
+                colors.push(start..links.len());
+            }
+        }
+        (links, colors)
     }
-    let along = pair.map(|patch| stiffness.along(patch, n));
-    // Of the pinned vertices there may be one only, with hardly an edge.
-    let (area, part) = match (a.pinned, b.pinned) {
-        (true, _) => along[1],
-        (_, true) => along[0],
-        _ => (0.5 * (along[0].0 + along[1].0), along[0].1.min(along[1].1)),
-    };
-    // What would not be a number is no edge either.
-    if !(rest.is_normal() && rest > 0.0 && part > SLACK) {
-        return None;
+
+    /// The edge between two patches; none if nothing holds them together.
+    fn between(&self, pair: [u32; 2]) -> Option<Link> {
+        let [a, b] = pair.map(|patch| &self.patches[patch as usize]);
+        let turn = 0.5 * a.normal.angle_between(b.normal);
+        let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
+        let mut rest = a.center.distance(b.center) * bent;
+        if a.pinned || b.pinned {
+            rest = rest.max(self.gather * self.points.transport(pair, [a.mass, b.mass]));
+        }
+        let n = (b.center - a.center).normalize_or_zero();
+        let along = pair.map(|patch| self.stiffness.along(patch, n));
+        // Of the pinned vertices there may be one only, with hardly an edge.
+        let (area, part) = match (a.pinned, b.pinned) {
+            (true, _) => along[1],
+            (_, true) => along[0],
+            _ => (0.5 * (along[0].0 + along[1].0), along[0].1.min(along[1].1)),
+        };
+        // What would not be a number is no edge either.
+        if !(rest.is_normal() && rest > 0.0 && part > SLACK) {
+            return None;
+        }
+        let shape = area / (rest * rest);
+        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape })
     }
-    let shape = share * area / (rest * rest);
-    Some(Link { ends: pair, rest: rest as f32, stiffness: cloth.stretch * shape, shape })
 }
 
 /// Pairs that are not neighbours but have two neighbours in common, one on either side: not across the end of a slit.
@@ -322,4 +339,190 @@ fn two_rings(pairs: &[[u32; 2]], patches: &[Patch]) -> Vec<[u32; 2]> {
         found.extend(sides.iter().filter(|(b, sides)| **sides == [true; 2] && held(b)).map(|(&b, _)| [a, b]));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::{Mesh, Options};
+
+    /// What holds for the levels of any mesh. Gives them back.
+    fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
+        let cloth = Cloth::new(mesh, &options).unwrap();
+        let levels = Hierarchy::new(&cloth).levels;
+        let mut masses: Vec<f64> = cloth.mass.iter().map(|&mass| f64::from(mass)).collect();
+        let mut pinned: Vec<bool> = cloth.rest.iter().map(|x| x.w == 0.0).collect();
+        let mut of_vertex: Vec<u32> = (0..masses.len() as u32).collect();
+        for level in &levels {
+            let count = level.inverse_mass.len();
+            assert_eq!(level.label.len(), masses.len(), "every item is in an aggregate");
+            assert!(3 * count <= 2 * masses.len(), "a level is much smaller than the one below");
+            let mut sums = vec![0.0; count];
+            for (item, &aggregate) in level.label.iter().enumerate() {
+                sums[aggregate as usize] += masses[item];
+                assert_eq!(pinned[item], level.inverse_mass[aggregate as usize] == 0.0, "the pinned are apart");
+            }
+            for (aggregate, sum) in sums.iter().enumerate() {
+                let span = level.members.spans[aggregate];
+                let range = span.start as usize..span.end as usize;
+                let items = &level.members.items[range.clone()];
+                assert!(!items.is_empty() && items.iter().all(|&item| level.label[item as usize] == aggregate as u32));
+                for (&item, share) in items.iter().zip(&level.share[range]) {
+                    assert!((f64::from(*share) * sum / masses[item as usize] - 1.0).abs() < 1e-5, "shares are by mass");
+                }
+                let inverse = f64::from(level.inverse_mass[aggregate]);
+                assert!(inverse == 0.0 || (inverse * sum - 1.0).abs() < 1e-5);
+            }
+            of_vertex.iter_mut().for_each(|item| *item = level.label[*item as usize]);
+            (masses, pinned) = (sums, level.inverse_mass.iter().map(|&w| w == 0.0).collect());
+
+            // The free vertices of an aggregate are connected: as many joins as it takes.
+            let mut joined: Vec<u32> = (0..of_vertex.len() as u32).collect();
+            for _ in 0..of_vertex.len() {
+                let mut changed = false;
+                for link in holding(&cloth) {
+                    let [a, b] = link.ends.map(|vertex| vertex as usize);
+                    if of_vertex[a] == of_vertex[b] && joined[a] != joined[b] {
+                        (joined[a], joined[b], changed) = (joined[a].min(joined[b]), joined[a].min(joined[b]), true);
+                    }
+                }
+                if !changed {
+                    break;
+                }
+            }
+            let names: BTreeSet<(u32, u32)> =
+                of_vertex.iter().copied().zip(joined).filter(|(of, _)| !pinned[*of as usize]).collect();
+            let free = level.inverse_mass.iter().filter(|&&w| w > 0.0).count();
+            assert_eq!(names.len(), free, "an aggregate is in one piece");
+
+            let mut visited = 0;
+            for range in &level.colors {
+                let mut seen = BTreeSet::new();
+                for link in &level.links[range.clone()] {
+                    let weights = link.ends.map(|end| level.inverse_mass[end as usize]);
+                    assert!(weights[0] + weights[1] > 0.0, "no edge between pins");
+                    assert!(link.rest > 0.0 && link.rest.is_finite() && link.stiffness > 0.0, "{link:?}");
+                    assert!(link.ends.iter().all(|end| seen.insert(*end)), "edges of a colour share no end");
+                    visited += 1;
+                }
+            }
+            assert_eq!(visited, level.links.len());
+        }
+        let again = Hierarchy::new(&cloth).levels;
+        assert!(levels.iter().zip(&again).all(|(a, b)| a.label == b.label), "the same mesh gives the same levels");
+        levels
+    }
+
+    /// Two meshes as one.
+    fn both(mut a: Mesh, b: &Mesh, by: Vec3) -> Mesh {
+        let first = a.positions.len() as u32;
+        a.positions.extend(b.positions.iter().map(|x| *x + by));
+        a.triangles.extend(b.triangles.iter().map(|corners| corners.map(|vertex| vertex + first)));
+        a
+    }
+
+    #[test]
+    fn a_grids_aggregates_are_blocks() {
+        let mass = Some(vec![1e-3; 64 * 64]);
+        let levels = check(&Mesh::grid(64, 64, 1.0, 1.0), Options { mass, ..Options::default() });
+        assert_eq!(levels.iter().map(|level| level.inverse_mass.len()).collect::<Vec<_>>(), [256, 64, 16]);
+        for vertex in 0..64 * 64 {
+            let corner = (vertex / 64) / 4 * 4 * 64 + (vertex % 64) / 4 * 4;
+            assert_eq!(levels[0].label[vertex], levels[0].label[corner]);
+        }
+        // Blocks of 4 x 4 are 4 edges apart, along rows and columns; the distance is that of their centres.
+        let least = levels[0].links.iter().map(|link| link.rest).fold(f32::INFINITY, f32::min);
+        assert!((least * 63.0 - 4.0).abs() < 1e-4);
+        for (columns, rows) in [(129, 129), (100, 37), (400, 2), (7, 7), (2, 2)] {
+            check(&Mesh::grid(columns, rows, 1.0, 1.0), Options { pinned: vec![0, columns - 1], ..Options::default() });
+        }
+    }
+
+    #[test]
+    fn pins_are_apart() {
+        let mesh = Mesh::grid(32, 32, 1.0, 1.0);
+        // A line of pins parts what is on its two sides.
+        check(&mesh, Options { pinned: (0..32).map(|row| 32 * row + 13).collect(), ..Options::default() });
+        check(&mesh, Options { pinned: vec![32 * 14 + 13], ..Options::default() });
+        let levels = check(&mesh, Options { pinned: (0..32 * 32).collect(), ..Options::default() });
+        assert!(levels.iter().all(|level| level.links.is_empty()), "nothing is free");
+        let mass = Some((0..32 * 32).map(|v| 1e-4 * (1.0 + (v % 7) as f32 * 100.0)).collect());
+        check(&mesh, Options { mass, ..Options::default() });
+    }
+
+    #[test]
+    fn pieces_are_apart() {
+        let grid = Mesh::grid(16, 16, 1.0, 1.0);
+        // Two sheets closer to each other than their vertices are.
+        let levels = check(&both(grid.clone(), &grid, Vec3::Y * 1e-3), Options::default());
+        let of = |vertex: usize| levels[0].label[vertex];
+        assert!((0..256).all(|vertex| of(vertex) != of(256 + vertex)));
+        let lone = Mesh { positions: vec![Vec3::ZERO; 50], triangles: Vec::new() };
+        check(&both(grid.clone(), &lone, Vec3::ONE), Options::default());
+        assert!(check(&lone, Options::default()).is_empty());
+        // Three sheets along one edge.
+        let upright = Mesh { positions: grid.positions.iter().map(|x| Vec3::new(x.x, x.z + 0.5, 0.0)).collect(), ..grid.clone() };
+        let mut fin = both(grid, &upright, Vec3::ZERO);
+        fin.triangles.push([7 * 16, 7 * 16 + 1, 256]);
+        check(&fin, Options::default());
+    }
+
+    /// A strip cut along its middle but for its end: no coarse edge spans the cut, except near where it ends.
+    #[test]
+    fn a_slit_is_not_bridged() {
+        let mut mesh = Mesh::grid(64, 32, 2.0, 1.0);
+        let across = |[a, b, c]: &[u32; 3]| {
+            let rows = [a, b, c].map(|vertex| vertex / 64);
+            rows.contains(&15) && rows.contains(&16) && [a, b, c].iter().all(|vertex| *vertex % 64 < 48)
+        };
+        mesh.triangles.retain(|corners| !across(corners));
+        let levels = check(&mesh, Options::default());
+        let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+        let mut rows = vec![BTreeSet::new(); levels[0].inverse_mass.len()];
+        for (x, &aggregate) in cloth.rest.iter().zip(&levels[0].label) {
+            if x.x < 0.25 {
+                rows[aggregate as usize].insert(x.z < 0.0);
+            }
+        }
+        for link in &levels[0].links {
+            let [a, b] = link.ends.map(|end| &rows[end as usize]);
+            assert!(a.is_empty() || b.is_empty() || a == b, "{link:?}");
+        }
+    }
+
+    /// On a tube, centres are inside of it, and the cloth between two of them is longer than their distance.
+    #[test]
+    fn a_tube_is_not_held_round() {
+        let (around, along, radius) = (64_u32, 32_u32, 1.0 / std::f32::consts::TAU);
+        let at = |i: u32| {
+            let turn = (i % around) as f32 / around as f32 * std::f32::consts::TAU;
+            Vec3::new(radius * turn.cos(), (i / around) as f32 / around as f32, radius * turn.sin())
+        };
+        let positions: Vec<Vec3> = (0..around * along).map(at).collect();
+        let quads = (0..around * (along - 1)).flat_map(|i| {
+            let next = i / around * around + (i + 1) % around;
+            [[i, next, i + around], [next, next + around, i + around]]
+        });
+        let mesh = Mesh { positions, triangles: quads.collect() };
+        let levels = check(&mesh, Options::default());
+        let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+        let center = |a: u32| {
+            let of = (0..cloth.rest.len()).filter(|&v| levels[0].label[v] == a);
+            let (sum, mass) = of.fold((DVec3::ZERO, 0.0), |(sum, mass), v| {
+                let m = f64::from(cloth.mass[v]);
+                (sum + cloth.rest[v].truncate().as_dvec3() * m, mass + m)
+            });
+            sum / mass
+        };
+        for link in &levels[0].links {
+            let [a, b] = link.ends.map(center);
+            // Flattened: the arc between them, at the tube's own radius, and the way along it.
+            let angle = (a.with_y(0.0)).angle_between(b.with_y(0.0));
+            let flat = (angle * f64::from(radius)).hypot(a.y - b.y);
+            assert!(f64::from(link.rest) > 0.98 * flat, "{link:?}: flat, they are {flat} apart");
+            assert!(f64::from(link.rest) < 1.1 * flat, "{link:?}: flat, they are {flat} apart");
+        }
+    }
 }

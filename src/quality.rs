@@ -14,7 +14,7 @@ const LEAST_RATE: f64 = 20.0 * 60.0;
 const TRANSIENT: f64 = 5.0;
 
 /// Vertices below which levels cost more than they bring.
-const SMALL: usize = 256;
+const SMALL: usize = 1000;
 
 /// What the closed forms need to know of a cloth.
 #[derive(Debug, Clone, Copy)]
