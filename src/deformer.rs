@@ -289,7 +289,6 @@ impl Deformer {
         }
     }
 
-<<<<<<< HEAD
     /// The cloth as a renderer on the same device draws it: positions, normals and indices, nothing through the CPU.
     /// `None` unless the backend is [`Backend::Gpu`].
     ///
@@ -307,7 +306,9 @@ impl Deformer {
                 surface.map(Some).map_err(|failure| failure.named(&self.cloth, self.options.method))
             }
             _ => Ok(None),
-=======
+        }
+    }
+
     /// What the last step asked of the GPU.
     #[cfg(feature = "gpu")]
     #[doc(hidden)]
@@ -316,7 +317,6 @@ impl Deformer {
         match &self.engine {
             Engine::Gpu(gpu) => Some(gpu.counted()),
             _ => None,
->>>>>>> gpu
         }
     }
 

@@ -115,10 +115,8 @@ pub(crate) struct GpuEngine {
     commit: Stage,
     first_bad: wgpu::Buffer,
     staging: wgpu::Buffer,
-<<<<<<< HEAD
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
-=======
     /// What the last step came to.
     counted: GpuWork,
 }
@@ -131,7 +129,6 @@ pub struct GpuWork {
     pub dispatches: usize,
     /// Bytes read and written if each dispatch reads what it needs once.
     pub bytes: usize,
->>>>>>> gpu
 }
 
 /// How a substep's edges are swept.
@@ -201,11 +198,8 @@ impl GpuEngine {
                 commit,
                 first_bad,
                 staging,
-<<<<<<< HEAD
                 normals: None,
-=======
                 counted: GpuWork::default(),
->>>>>>> gpu
             };
             if path == Path::Whole {
                 engine.make_whole(cloth, method);

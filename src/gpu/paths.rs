@@ -177,7 +177,8 @@ fn a_failed_step_is_undone_on_every_path() {
         let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, path, Cut { own: 60, room: 500 }).unwrap();
         let mut step = |gravity: Vec3, read: bool| {
             let attributes = Attributes { gravity, ..Attributes::default() };
-            engine.step(&Plan::new(&cloth, &options, &coefficients, &motion, SUBSTEPS, &attributes)).unwrap();
+            let mut lists = Lists::default();
+            engine.step(&Plan::new(&cloth, &options, &coefficients, &motion, SUBSTEPS, &attributes, &mut lists)).unwrap();
             let mut seen = Vec::new();
             let failed = read && engine.read(|x, _| seen = x.to_vec()).is_err();
             (seen, failed)
