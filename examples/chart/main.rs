@@ -12,7 +12,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
 
-use cloth_deformer::{Backend, Deformer, Mesh, Method, Options};
+use cloth_deformer::{Backend, Deformer, Levels, Mesh, Method, Options};
 
 use crate::arguments::Arguments;
 use crate::draw::{Axis, Chart, Curve, Line, Look, Marker};
@@ -257,8 +257,8 @@ fn name(setting: &Setting) -> String {
 
 fn look(setting: &Setting) -> Look {
     let marker = match setting.method {
+        Method::SmallSteps if setting.levels == Levels::Off => Marker::Diamond,
         Method::SmallSteps => Marker::Circle,
-        Method::Relaxation { iterations: 1 } => Marker::Diamond,
         Method::Relaxation { .. } => Marker::Square,
         Method::Springs => Marker::Triangle,
     };

@@ -4,7 +4,7 @@ use std::fmt::{self, Display};
 use std::time::Instant;
 
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, BuildError, Deformer, Method, Options, Quality, StepError};
+use cloth_deformer::{Attributes, Backend, BuildError, Deformer, Levels, Method, Options, Quality, StepError};
 
 use crate::Failure;
 use crate::arguments::{Arguments, BACKENDS};
@@ -14,6 +14,8 @@ use crate::scene::{Scene, Truth, rms};
 const FRAME: f32 = 1.0 / 60.0;
 /// Frames of a timed run, at most; every frame costs the same.
 const TIMED: u32 = 10;
+/// Vertices below which the default has no levels.
+const LEVELS_FROM: usize = 1000;
 /// Most substeps on trial.
 const MOST: u32 = 5120;
 
@@ -21,6 +23,7 @@ const MOST: u32 = 5120;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Setting {
     pub(crate) method: Method,
+    pub(crate) levels: Levels,
     pub(crate) backend: Backend,
     pub(crate) substeps: u32,
 }
@@ -41,7 +44,7 @@ pub(crate) struct Row {
 /// How much is measured.
 #[derive(Debug, Clone)]
 pub(crate) struct Effort {
-    methods: Vec<Method>,
+    methods: Vec<(Method, Levels)>,
     backends: Vec<Backend>,
     /// Ratio of a setting's substeps to those of the one before.
     ratio: f64,
@@ -55,16 +58,19 @@ pub(crate) struct Effort {
 
 impl Effort {
     pub(crate) fn new(arguments: &Arguments, backends: Vec<Backend>) -> Effort {
-        let relaxation = arguments.iterations.iter().map(|&iterations| Method::Relaxation { iterations });
-        let methods = [Method::SmallSteps].into_iter().chain(relaxation).chain([Method::Springs]).collect();
+        let relaxation = arguments.iterations.iter().map(|&iterations| (Method::Relaxation { iterations }, Levels::Off));
+        let steps = [Levels::Auto, Levels::Off].map(|levels| (Method::SmallSteps, levels));
+        let methods = steps.into_iter().chain(relaxation).chain([(Method::Springs, Levels::Off)]).collect();
         let (ratio, longest, rounds, reference) =
             if arguments.quick { (2.0, 2.0, 3, 8.0) } else { (std::f64::consts::SQRT_2, 6.0, 5, 60.0) };
         Effort { methods, backends, ratio, longest, rounds, reference }
     }
 
-    /// Every method on every backend.
-    fn curves(&self) -> impl Iterator<Item = (Method, Backend)> {
-        self.backends.iter().flat_map(|&backend| self.methods.iter().map(move |&method| (method, backend)))
+    /// Every method on every backend; without levels too where they may run.
+    fn curves(&self, vertices: usize) -> impl Iterator<Item = (Method, Levels, Backend)> {
+        let all =
+            self.backends.iter().flat_map(|&backend| self.methods.iter().map(move |&(method, levels)| (method, levels, backend)));
+        all.filter(move |&(method, levels, _)| method != Method::SmallSteps || levels == Levels::Auto || vertices >= LEVELS_FROM)
     }
 }
 
@@ -80,13 +86,13 @@ struct Trial {
 /// where more substeps no longer help, or where a run takes too long.
 pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Vec<Row>, Failure> {
     let mut trials = Vec::new();
-    for (method, backend) in effort.curves() {
+    for (method, levels, backend) in effort.curves(scene.mesh.positions.len()) {
         // The plug-in of 2013 took one step a frame.
         let (mut count, mut last): (f64, f64) =
             (if matches!(method, Method::Relaxation { .. }) { 1.0 } else { 5.0 }, f64::INFINITY);
         loop {
             let substeps = count.round() as u32;
-            let (trial, seconds) = Trial::first(scene, Setting { method, backend, substeps }, truth.frames, Some(truth))?;
+            let (trial, seconds) = Trial::first(scene, Setting { method, levels, backend, substeps }, truth.frames, Some(truth))?;
             let error = trial.row.error;
             trials.push(trial);
             let settled = error < truth.change || (error < 3e-3 && error > 0.85 * last);
@@ -110,9 +116,9 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
 pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<Row>, Failure> {
     const FRAMES: u32 = 120;
     let mut rows = Vec::new();
-    for (method, backend) in effort.curves() {
+    for (method, levels, backend) in effort.curves(scene.mesh.positions.len()) {
         // Towards the budget in a few tries, each the quickest of three runs.
-        let mut setting = Setting { method, backend, substeps: 4 };
+        let mut setting = Setting { method, levels, backend, substeps: 4 };
         let mut fits = true;
         for _ in 0..3 {
             let (mut probe, _) = Trial::first(scene, setting, 1, None)?;
@@ -145,6 +151,7 @@ impl Trial {
         let options = Options {
             backend: setting.backend,
             method: setting.method,
+            levels: setting.levels,
             quality: Quality::Substeps(setting.substeps),
             ..scene.options.clone()
         };
@@ -235,6 +242,7 @@ pub(crate) fn cheapest<'a>(front: &[&'a Row]) -> Vec<(i32, &'a Row)> {
 impl Setting {
     pub(crate) fn method(&self) -> &'static str {
         match self.method {
+            Method::SmallSteps if self.levels == Levels::Off => "small-steps-no-levels",
             Method::SmallSteps => "small-steps",
             Method::Relaxation { .. } => "relaxation",
             Method::Springs => "springs",
@@ -259,7 +267,11 @@ impl Setting {
 /// As `drape` takes it.
 impl Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "--method {}", self.method())?;
+        let method = match self.method {
+            Method::SmallSteps if self.levels == Levels::Off => "small-steps --levels off",
+            _ => self.method(),
+        };
+        write!(f, "--method {method}")?;
         if let Method::Relaxation { iterations } = self.method {
             write!(f, " --iterations {iterations}")?;
         }

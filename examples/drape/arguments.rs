@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, value_parser};
-use cloth_deformer::{Backend, Fabric, Method, glam::Vec3};
+use cloth_deformer::{Backend, Fabric, Levels, Method, glam::Vec3};
 
 use crate::{
     Failure,
@@ -18,6 +18,7 @@ pub(crate) const BACKENDS: [(&str, Backend); 4] =
 /// Names of the methods.
 pub(crate) const METHODS: [(&str, Method); 3] =
     [("small-steps", Method::SmallSteps), ("relaxation", Method::Relaxation { iterations: 20 }), ("springs", Method::Springs)];
+const LEVELS: [(&str, Levels); 2] = [("auto", Levels::Auto), ("off", Levels::Off)];
 
 /// Drapes a cloth over a sphere and a floor, and writes every frame as an OBJ file.
 ///
@@ -65,6 +66,10 @@ pub(crate) struct Arguments {
     /// Sweeps a substep, for --method relaxation [default: 20]
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
     iterations: Option<u32>,
+
+    /// Corrections on coarser cloths, which keep fine cloth from stretching: as many as pay, or none
+    #[arg(long, value_name = "WHICH", default_value = "auto", value_parser = one_of(LEVELS))]
+    pub(crate) levels: Levels,
 
     /// What the cloth is made of
     #[arg(long, value_name = "NAME", default_value = "towel", value_parser = one_of(Fabric::PRESETS))]

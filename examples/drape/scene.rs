@@ -35,6 +35,7 @@ impl Scene {
             backend: arguments.backend,
             method: arguments.method(),
             quality,
+            levels: arguments.levels,
             fabric: arguments.fabric,
             pinned: arguments.pin.vertices(&mesh),
             ..Options::default()
