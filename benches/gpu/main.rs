@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, value_parser};
-use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Options, wgpu};
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Levels, Options, wgpu};
 
 use crate::checks::Checks;
 use crate::hang::{Run, Trial, make, scene, sheet};
@@ -262,18 +262,19 @@ impl Bench<'_> {
     /// Many cloths at once, beside one.
     fn crowd(&mut self) -> Result<(), Failure> {
         let count = CROWD[usize::from(self.arguments.quick)];
-        println!(
-            "\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n\n| backend | one | {count} | times |\n|---|---|---|---|"
-        );
-        for backend in self.backends.clone() {
-            if backend == Backend::Hybrid {
-                continue;
+        println!("\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n");
+        println!("| backend | levels | one | {count} | times |\n|---|---|---|---|---|");
+        let scenes = [("crowd", Levels::Auto), ("crowd without levels", Levels::Off)];
+        for backend in self.backends.clone().into_iter().filter(|&backend| backend != Backend::Hybrid) {
+            for (name, levels) in scenes {
+                let gpu = self.gpu;
+                let (mesh, options) = scene::hang(64, 20, backend);
+                let options = Options { levels, ..options };
+                let cloths = |count| (0..count).map(|_| make(&mesh, options.clone(), gpu)).collect::<Result<Vec<_>, _>>();
+                let one = self.time(("one of a crowd", 64, 20), backend, &mut cloths(1)?, &Attributes::default())?.frame;
+                let all = self.time((name, 64, 20), backend, &mut cloths(count)?, &Attributes::default())?.frame;
+                println!("| {backend:?} | {levels:?} | {one:.3} | {all:.3} | {:.2} |", all / one);
             }
-            let gpu = self.gpu;
-            let cloths = |how_many| (0..how_many).map(|_| sheet(64, 20, backend, gpu)).collect::<Result<Vec<_>, _>>();
-            let one = self.time(("one of a crowd", 64, 20), backend, &mut cloths(1)?, &Attributes::default())?.frame;
-            let all = self.time(("crowd", 64, 20), backend, &mut cloths(count)?, &Attributes::default())?.frame;
-            println!("| {backend:?} | {one:.3} | {all:.3} | {:.2} |", all / one);
         }
         Ok(())
     }
