@@ -13,6 +13,8 @@ const LEAST_RATE: f64 = 20.0 * 60.0;
 /// Peak stress in motion over the static stress `rho g L`.
 const TRANSIENT: f64 = 5.0;
 
+/// Acceleration of free fall (m/s²) that levels are chosen for.
+const STANDARD_GRAVITY: f64 = 9.81;
 /// Vertices below which levels cost more than they bring.
 const SMALL: usize = 1000;
 
@@ -76,11 +78,13 @@ impl Rates {
             Levels::Off => 0,
             Levels::Count(count) => count as usize,
             Levels::Auto => {
-                let shortfall = self.unit * f64::from(options.fabric.stretch).sqrt() * f64::from(h);
+                // Stiffer than what lets its own weight stretch the cloth by a ten-thousandth, there is nothing to resolve.
+                let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
+                let shortfall = self.unit * f64::from(options.fabric.stretch).min(useful).sqrt() * f64::from(h);
                 if shortfall < 2.0 || cloth.rest.len() < SMALL {
                     return 0;
                 }
-                (shortfall / 4.0).log2().ceil().max(0.0) as usize + 2
+                (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
             }
         }
     }
