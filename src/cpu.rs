@@ -167,7 +167,7 @@ impl Cpu {
         };
         let work = |turn: u32, kind: usize, task: usize| {
             let substep = &plan.substeps[substeps.start + (turn / sweeps) as usize];
-            let (begins, ends) = (turn % sweeps == 0, turn % sweeps + 1 == sweeps);
+            let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
             match (kinds[kind], &levels) {
                 (Round::Stripes, levels) => {
                     match levels {

@@ -15,7 +15,7 @@ use crate::plan::Plan;
 /// Where the state lives.
 #[derive(Debug)]
 pub(crate) enum Engine {
-    Cpu(Cpu),
+    Cpu(Box<Cpu>),
     #[cfg(feature = "gpu")]
     Hybrid(Box<Hybrid>),
     #[cfg(feature = "gpu")]
@@ -52,7 +52,7 @@ impl Engine {
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
         let refuse = |backend| BuildError::NoGpu { backend, reason: "this build lacks the `gpu` feature".to_owned() };
         match options.backend {
-            Backend::Auto | Backend::Cpu => Ok(Engine::Cpu(Cpu::new(cloth))),
+            Backend::Auto | Backend::Cpu => Ok(Engine::Cpu(Box::new(Cpu::new(cloth)))),
             Backend::Hybrid => Err(refuse("Backend::Hybrid")),
             Backend::Gpu => Err(refuse("Backend::Gpu")),
         }
@@ -66,11 +66,11 @@ impl Engine {
         };
         let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
         Ok(match options.backend {
-            Backend::Cpu => Engine::Cpu(Cpu::new(cloth)),
-            Backend::Auto if cloth.rest.len() < gpu::WORTHWHILE => Engine::Cpu(Cpu::new(cloth)),
+            Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
+            Backend::Auto if cloth.rest.len() < gpu::WORTHWHILE => Engine::Cpu(Box::new(Cpu::new(cloth))),
             Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
                 Ok(gpu) => Engine::Gpu(Box::new(gpu)),
-                Err(_) => Engine::Cpu(Cpu::new(cloth)),
+                Err(_) => Engine::Cpu(Box::new(Cpu::new(cloth))),
             },
             Backend::Hybrid => {
                 let gpu = find(true).and_then(|gpu| Hybrid::new(gpu, cloth));

@@ -307,7 +307,7 @@ impl GpuEngine {
             }
             coarse.as_mut().into_iter().for_each(|coarse| coarse.prepare(gpu, plan));
         }
-        if bodies.send(gpu, &plan.bodies) | moved {
+        if bodies.send(gpu, plan.bodies) | moved {
             let shift = coarse.as_ref().map_or(&*no_shift, |coarse| &coarse.shift);
             match sweep {
                 Sweep::Colours(colours) => colours.rebind(gpu, forces, bodies),

@@ -21,6 +21,8 @@ const LEAST: usize = 512;
 const REACH: f64 = 12.0;
 /// Parts of a border up to this many vertices together are one task.
 const CRUMBS: usize = 128;
+/// No task yet.
+const NONE: u32 = u32::MAX;
 
 /// See the module. Made once for a cloth.
 #[derive(Debug, Clone)]
@@ -98,7 +100,6 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool]) -> Vec<Task> {
         // The lower one leads, so that parts come in the order of their first vertex.
         parent[a.max(b) as usize] = a.min(b);
     }
-    const NONE: u32 = u32::MAX;
     let mut task_of = vec![NONE; waits.len()];
     let mut lists: Vec<Vec<u32>> = Vec::new();
     let mut sizes = vec![0_usize; waits.len()];
@@ -189,7 +190,7 @@ mod tests {
                             for end in swept[place as usize].ends.map(|end| end as usize) {
                                 match round {
                                     1 => {
-                                        assert!(stripes.ranges[index].contains(&(end as u32)), "{name} {length}: not its stripe")
+                                        assert!(stripes.ranges[index].contains(&(end as u32)), "{name} {length}: not its stripe");
                                     }
                                     _ => assert_eq!(owner[end], (2, index), "{name} {length}: not its border"),
                                 }

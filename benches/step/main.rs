@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use plain::Plain;
 
@@ -20,6 +20,8 @@ fn hang(n: u32, fabric: Fabric) -> (Mesh, Options) {
     let options = Options {
         backend: Backend::Cpu,
         quality: Quality::Substeps(SUBSTEPS),
+        // The yardstick has none; `terms` shows what they cost.
+        levels: Levels::Off,
         fabric,
         pinned: (0..n).collect(),
         ..Options::default()
@@ -86,6 +88,7 @@ fn terms(criterion: &mut Criterion) {
     let bending = Fabric { bending: 1e-5, ..bare() };
     let scenes = [
         ("edges alone", bare(), Attributes::default()),
+        ("levels", bare(), Attributes::default()),
         ("bending", bending, Attributes::default()),
         ("damped bending", Fabric { damping: 0.03, ..bending }, Attributes::default()),
         ("wind", bare(), air),
@@ -93,7 +96,8 @@ fn terms(criterion: &mut Criterion) {
     ];
     for (name, fabric, attributes) in scenes {
         let (mesh, options) = hang(n, fabric);
-        let mut deformer = Deformer::new(&mesh, options).expect("a sheet");
+        let levels = if name == "levels" { Levels::Auto } else { Levels::Off };
+        let mut deformer = Deformer::new(&mesh, Options { levels, ..options }).expect("a sheet");
         group.bench_function(name, |bencher| frames(bencher, &mut deformer, &attributes));
     }
     group.finish();

@@ -52,7 +52,7 @@ impl Plain {
             } else {
                 4
             };
-            let color = (first..).find(|color| (taken[a] | taken[b]) & (1 << color) == 0).expect("a free colour");
+            let color = (first..32).find(|color| (taken[a] | taken[b]) & (1 << color) == 0).expect("a free colour");
             taken[a] |= 1 << color;
             taken[b] |= 1 << color;
             let rest = (x[a] - x[b]).truncate().length();

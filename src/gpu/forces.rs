@@ -76,9 +76,9 @@ impl Forces {
     /// another buffer than before.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool) -> bool {
         self.params.send(gpu, std::slice::from_ref(&plan.params));
-        self.pins.send(gpu, &plan.pins);
+        self.pins.send(gpu, plan.pins);
         if all {
-            return self.all_substeps.send(gpu, &plan.substeps);
+            return self.all_substeps.send(gpu, plan.substeps);
         }
         let mut slots = vec![0_u8; plan.substeps.len() * SLOT as usize];
         for (substep, slot) in plan.substeps.iter().zip(slots.chunks_mut(SLOT as usize)) {

@@ -90,7 +90,7 @@ const ROUNDINGS: f64 = 4.0;
 /// How far (m) the last bit of where a cloth starts moves where it ends, `x`.
 fn rounding(cloth: &Cloth, options: &Options, windy: bool, levels: usize, x: &[Vec4]) -> f64 {
     let starts = [0.3 * (1.0 + f32::EPSILON), 0.3 * (1.0 - f32::EPSILON)];
-    let ends = starts.map(|start| play_from(start, &mut Engine::Cpu(Cpu::new(cloth)), cloth, options, windy, levels).0);
+    let ends = starts.map(|start| play_from(start, &mut Engine::Cpu(Box::new(Cpu::new(cloth))), cloth, options, windy, levels).0);
     ends.iter().map(|end| apart(x, end)).fold(0.0, f64::max)
 }
 
@@ -113,7 +113,7 @@ fn every_path_agrees_with_the_cpu() {
             let mut options = Options { method, pinned: vec![3, 100, 200], ..Options::default() };
             options.fabric.bending = if windy { 1e-4 } else { 0.0 };
             let cloth = Cloth::new(&mesh, &options).unwrap();
-            let (x, p) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, windy, levels);
+            let (x, p) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, windy, levels);
             let (moved, speed) = (apart(&x, &cloth.rest), apart(&p, &vec![Vec4::ZERO; p.len()]));
             assert!(moved > 0.01, "{name}: moved by {moved} m");
             let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
@@ -146,8 +146,8 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     let gpu = Gpu::shared(true).unwrap();
     let options = Options { pinned: vec![3, 100, 200], ..Options::default() };
     let cloth = Cloth::new(&mesh(110, 90), &options).unwrap();
-    let (x, _) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, false, 3);
-    let (plain, _) = play(&mut Engine::Cpu(Cpu::new(&cloth)), &cloth, &options, false, 0);
+    let (x, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 3);
+    let (plain, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 0);
     let rounding = rounding(&cloth, &options, false, 3, &x) / apart(&x, &cloth.rest);
     assert!(apart(&x, &plain) > 1e-4 * apart(&x, &cloth.rest), "levels matter here");
     let of_level: Vec<usize> = cloth.hierarchy().levels.iter().map(|level| level.inverse_mass.len()).collect();
