@@ -39,9 +39,9 @@ use patches::{Cut, Patches};
 pub(crate) use sweep::Batch;
 use sweep::{Colours, Halo, TURNS, Whole, turn};
 
-/// From this many vertices on a GPU beats the CPU: in `benches/results/table_h200.md` its 0.52 ms a frame are passed at
-/// about 1240, and a part of the frame is spent elsewhere.
-pub(crate) const WORTHWHILE: usize = 1536;
+/// From this many vertices on a GPU beats the CPU: in `benches/results/gpu_h200.md` 16 cores and the H200 take the same 1.5 ms
+/// for 128 x 128 at 20 substeps.
+pub(crate) const WORTHWHILE: usize = 16_384;
 
 /// Rounded up so that a uniform of any size may start there.
 const SLOT: u64 = 256;
