@@ -24,19 +24,6 @@ fn correct(edge: Edge) {
     by[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
 
-// A colour's edges: the lane's first, and those that it has beside.
-fn sweep(index: u32, color: u32, first: Stored, lane: u32) {
-    if is_edge(first, lane) {
-        correct(edge_of(first));
-    }
-    for (var k = lane + LANES; k < WIDTH; k += LANES) {
-        let more = fetch(index, color, k);
-        if is_edge(more, k) {
-            correct(edge_of(more));
-        }
-    }
-}
-
 @compute @workgroup_size(LANES)
 fn substep_of_patch(
     @builtin(workgroup_id) group: vec3u,

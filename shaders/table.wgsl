@@ -48,3 +48,16 @@ fn edge_of(stored: Stored) -> Edge {
     let a = stored.ends & 0xffffu;
     return Edge(a, stored.ends >> 16u, bitcast<f32>(stored.inverse_rest), bitcast<f32>(stored.inverse_weight));
 }
+
+// A colour's edges: the lane's first, and those that it has beside. What becomes of one, `correct`, is each shader's own.
+fn sweep(index: u32, color: u32, first: Stored, lane: u32) {
+    if is_edge(first, lane) {
+        correct(edge_of(first));
+    }
+    for (var k = lane + LANES; k < WIDTH; k += LANES) {
+        let more = fetch(index, color, k);
+        if is_edge(more, k) {
+            correct(edge_of(more));
+        }
+    }
+}

@@ -62,12 +62,7 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         workgroupBarrier();
         for (var time = 0u; time < params.sweeps; time++) {
             for (var color = 0u; color < COLORS; color++) {
-                for (var k = lane; k < WIDTH; k += LANES) {
-                    let stored = fetch(0u, color, k);
-                    if is_edge(stored, k) {
-                        correct(edge_of(stored));
-                    }
-                }
+                sweep(0u, color, fetch(0u, color, lane), lane);
                 workgroupBarrier();
             }
         }

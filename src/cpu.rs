@@ -117,8 +117,9 @@ impl Cpu {
         let stripes = plan.cloth.stripes();
         let coefficients = plan.coefficients;
         if self.packed_h.map(f32::to_bits) != Some(coefficients.h.to_bits()) {
+            let inverse_mass = plan.cloth.inverse_mass();
             for (packed, tasks) in [(&mut self.first, &stripes.first), (&mut self.second, &stripes.second)] {
-                packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &plan.cloth.inverse_mass());
+                packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
             }
             self.coarse.pack(plan.cloth, &coefficients.levels);
             self.packed_h = Some(coefficients.h);

@@ -5,6 +5,7 @@ mod attributes;
 mod bending;
 mod cloth;
 mod coarse;
+mod coarse_edges;
 mod coefficients;
 mod coloring;
 mod cpu;
