@@ -130,6 +130,10 @@ pub struct GpuWork {
     pub dispatches: usize,
     /// Bytes read and written if each dispatch reads what it needs once.
     pub bytes: usize,
+    /// Colours that each wait for the one before, inside of dispatches.
+    pub rounds: usize,
+    /// Edges corrected in workgroup memory, those of halos in every patch that has them.
+    pub edges: usize,
 }
 
 /// How a substep's edges are swept.
@@ -279,18 +283,27 @@ impl GpuEngine {
     fn count(&self, plan: &Plan<'_>, path: Path) -> GpuWork {
         let vertices = plan.cloth.rest.len();
         let state = 2 * size_of::<Vec4>() * vertices;
-        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
-            return GpuWork { dispatches: 1, bytes: whole.bytes() + 2 * state };
-        }
-        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0).map_or(0, Coarse::bytes);
-        let forces = if plan.params.predicted == 0 { 0 } else { Forces::bytes(plan) };
-        let substep = match &self.sweep {
-            // A halo's vertices are read more than once; each is written once.
-            Sweep::Halo(halo) => forces + halo.patches.bytes() + state,
-            Sweep::Colours(_) => Forces::bytes(plan) + plan.sweeps as usize * 112 * plan.cloth.swept().len() + 2 * state,
-        };
         let substeps = plan.substeps.len();
-        GpuWork { dispatches: substeps * self.dispatches(plan) + 2, bytes: substeps * (substep + coarse) + 3 * state }
+        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
+            let [rounds, edges] = whole.counts(plan).map(|count| substeps * count);
+            return GpuWork { dispatches: 1, bytes: whole.bytes() + 2 * state, rounds, edges };
+        }
+        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0);
+        let forces = if plan.params.predicted == 0 { 0 } else { Forces::bytes(plan) };
+        let (substep, mut rounds, mut edges) = match &self.sweep {
+            // A halo's vertices are read more than once; each is written once.
+            Sweep::Halo(halo) => (forces + halo.patches.bytes() + state, halo.patches.colors, halo.patches.swept),
+            Sweep::Colours(_) => (Forces::bytes(plan) + plan.sweeps as usize * 112 * plan.cloth.swept().len() + 2 * state, 0, 0),
+        };
+        if let Some([more_rounds, more_edges]) = coarse.map(Coarse::counts) {
+            (rounds, edges) = (rounds + more_rounds, edges + more_edges);
+        }
+        GpuWork {
+            dispatches: substeps * self.dispatches(plan) + 2,
+            bytes: substeps * (substep + coarse.map_or(0, Coarse::bytes)) + 3 * state,
+            rounds: substeps * rounds,
+            edges: substeps * edges,
+        }
     }
 
     /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.

@@ -161,10 +161,22 @@ impl Coarse {
         40 * self.items + 48 * aggregates + swept
     }
 
+    /// Colours one after another, and edges, of a substep, but for those that are dispatches of their own.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        match &self.sweep {
+            Sweep::Patches { fine, top } => {
+                let [rounds, edges] = top.as_ref().map_or([0, 0], |(top, ..)| top.counts());
+                let in_patches: usize = fine.iter().map(|(patches, ..)| patches.colors).sum();
+                [rounds + in_patches, edges + fine.iter().map(|(patches, ..)| patches.swept).sum::<usize>()]
+            }
+            Sweep::Colours { .. } => [0, 0],
+        }
+    }
+
     /// Dispatches of a substep.
     pub(super) fn dispatches(&self) -> usize {
         match &self.sweep {
-            Sweep::Patches { fine, top } => 2 * fine.len() + usize::from(top.is_some()),
+            Sweep::Patches { fine, top } => 2 * (fine.len() + usize::from(top.is_some())),
             Sweep::Colours { runs, .. } => 2 + 2 * self.levels + runs.len(),
         }
     }

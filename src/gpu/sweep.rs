@@ -275,6 +275,13 @@ impl Whole {
         }
     }
 
+    /// Colours one after another, and edges, of a substep.
+    pub(super) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
+        let [rounds, edges] = self.top.as_ref().map_or([0, 0], Top::counts);
+        let sweeps = plan.sweeps as usize;
+        [rounds + sweeps * self.patches.colors, edges + sweeps * self.patches.swept]
+    }
+
     /// Bytes of a step, those that stay on the chip counted once.
     pub(super) fn bytes(&self) -> usize {
         self.table.size() as usize + 2 * self.work.size() as usize
@@ -285,11 +292,14 @@ impl Whole {
     }
 }
 
+/// Invocations that run in step, on most devices.
+const SUBGROUP: usize = 32;
+
 /// Invocations of a workgroup: no more than a colour has edges, and than the device allows.
 pub(super) fn lanes(gpu: &Gpu, edges: usize) -> usize {
     let limits = gpu.device.limits();
     let allowed = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x) as usize;
-    edges.next_power_of_two().clamp(64, 1024).min(allowed)
+    edges.next_multiple_of(SUBGROUP).clamp(64, 1024).min(allowed)
 }
 
 pub(super) fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 5] {

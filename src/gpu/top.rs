@@ -33,12 +33,17 @@ pub(super) struct Top {
 impl Top {
     /// Of the cloth's levels from number `finest` on.
     pub(super) fn new(all: &[Level], finest: usize) -> Top {
+        Top::with_width(all, finest, WIDEST)
+    }
+
+    fn with_width(all: &[Level], finest: usize, most: usize) -> Top {
         let levels = &all[finest..];
         let mut place = vec![0];
         levels.iter().for_each(|level| place.push(place[place.len() - 1] + level.inverse_mass.len()));
         let (averaged, aggregates) = (place[1], place[levels.len()]);
-        let widest = levels.iter().flat_map(|level| &level.colors).map(ExactSizeIterator::len).max().unwrap_or(1);
-        let width = widest.next_power_of_two().clamp(32, WIDEST);
+        let widest = levels.iter().flat_map(|level| &level.colors).map(ExactSizeIterator::len).max().unwrap_or(0).max(1);
+        // Parts alike, of full subgroups.
+        let width = widest.div_ceil(widest.div_ceil(most)).next_multiple_of(32);
 
         let (mut runs, mut first_color) = (Vec::new(), vec![0; levels.len()]);
         for (index, level) in levels.iter().enumerate().rev() {
@@ -71,6 +76,12 @@ impl Top {
             table[edges + 3 * width * color..].iter_mut().zip(moved).for_each(|(word, [a, b])| *word = a | b << 16);
         }
         Top { table, levels: levels.len(), averaged, aggregates, members, width, colors, edges, runs }
+    }
+
+    /// Colours, or parts of them, and edges.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        let parts = self.runs.iter().map(|(_, part)| part.len()).filter(|&edges| edges > 0);
+        [parts.clone().count(), parts.sum()]
     }
 
     /// Fills in the edges' numbers.
@@ -124,5 +135,60 @@ pub(super) fn push_members(table: &mut Vec<u32>, level: &Level, below: u32, room
         let listed = items.iter().zip(shares).map(|(&item, share)| [below + item, share.to_bits()]);
         let filled = std::iter::repeat([below + items[0], 0]);
         table.extend(listed.chain(filled).take(room).flatten());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloth::Cloth;
+    use crate::{Mesh, Options};
+
+    /// The table, read as `levels.wgsl` reads it, says what the levels are: whole colours or parts of them.
+    #[test]
+    fn a_table_says_what_the_levels_are() {
+        let options = Options { pinned: (0..70).collect(), ..Options::default() };
+        let cloth = Cloth::new(&Mesh::grid(70, 50, 1.0, 1.0), &options).unwrap();
+        let all = &cloth.hierarchy().levels;
+        assert!(all.len() > 2);
+        for (finest, most) in [(0, 512), (0, 32), (1, 512)] {
+            let mut top = Top::with_width(all, finest, most);
+            let numbers = |level: &Level| level.links.iter().enumerate().map(|(k, _)| k as f32 + 0.5).collect::<Vec<_>>();
+            let edge = |k: f32| Edge { inverse_rest: k, inverse_weight: -k, ..Edge::default() };
+            let edges: Vec<Vec<Edge>> = all.iter().map(|level| numbers(level).into_iter().map(edge).collect()).collect();
+            top.set_edges(&edges);
+            let levels = &all[finest..];
+            let word = |k: usize| top.table[k] as usize;
+            let (labels, width) = (2 * (levels.len() + 1), top.width);
+            let members = labels + top.aggregates;
+            assert_eq!(members + 2 * top.members * (top.aggregates - top.averaged), top.edges);
+            assert!(width <= most && (most > 32 || top.runs.len() > levels.iter().map(|level| level.colors.len() + 4).sum()));
+            for (index, level) in levels.iter().enumerate() {
+                let place = word(index);
+                assert_eq!(word(index + 1) - place, level.inverse_mass.len());
+                for (k, &item) in level.members.items.iter().enumerate().filter(|_| index > 0) {
+                    let aggregate = place + level.label[item as usize] as usize;
+                    assert_eq!(word(labels + word(index - 1) + item as usize), aggregate);
+                    let listed = &top.table[members + 2 * top.members * (aggregate - top.averaged)..][..2 * top.members];
+                    let of_item = listed.chunks(2).filter(|pair| pair[0] as usize == word(index - 1) + item as usize);
+                    assert!(of_item.map(|pair| f32::from_bits(pair[1])).sum::<f32>() == level.share[k]);
+                }
+                let first = word(levels.len() + 1 + index);
+                let last = if index > 0 { word(levels.len() + index) } else { word(2 * levels.len() + 1) };
+                assert!(first % 4 == 0 && first <= last && last <= top.colors);
+                let mut met = Vec::new();
+                for color in first..last {
+                    let block = &top.table[top.edges + 3 * width * color..][..3 * width];
+                    for (k, &ends) in block[..width].iter().enumerate().filter(|(_, ends)| **ends != NO_EDGE) {
+                        let number = f32::from_bits(block[width + k]);
+                        assert_eq!(f32::from_bits(block[2 * width + k]), -number);
+                        let link = &level.links[number as usize];
+                        assert_eq!([ends & 0xffff, ends >> 16], link.ends.map(|end| end + place as u32));
+                        met.push(number as usize);
+                    }
+                }
+                assert_eq!(met, (0..level.links.len()).collect::<Vec<_>>(), "each edge once, colour after colour");
+            }
+        }
     }
 }
