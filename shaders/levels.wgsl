@@ -58,31 +58,44 @@ fn restrict_levels(lane: u32) {
     }
 }
 
-// The level whose turn it is.
+// The level whose turn it is, and the colour at which it is the next finer one's.
 var<private> level: u32;
+var<private> turn: u32;
+
+fn go_to(to: u32) {
+    level = to;
+    turn = NO_EDGE;
+    if to > 0u {
+        turn = first_color(to - 1u);
+    }
+}
 
 // Sweeps them all, the first edges being there, and leaves what each of the finest is moved by.
 fn sweep_levels(first: Four, lane: u32) {
-    level = max(LEVELS, 1u) - 1u;
+    go_to(max(LEVELS, 1u) - 1u);
     sweep(coarse_edges(), first, lane);
-    descend(NO_EDGE, lane);
+    descend(COARSE_COLORS, lane);
 }
 
 // Hands down what levels were corrected by, as far as the one whose turn it is at a colour.
 fn descend(color: u32, lane: u32) {
-    while level > 0u && color >= first_color(level - 1u) {
-        // The level above is not needed any more: from here on it holds what it was corrected by.
+    while color >= turn {
+        let finer = start_of(level - 1u);
         let here = start_of(level);
         let end = start_of(level + 1u);
+        // Asked for now, to be there when it is looked into.
+        var above = label_of(finer + lane);
+        // The level above is not needed any more: from here on it holds what it was corrected by.
         for (var k = here + lane; k < end; k += LANES) {
             set_coarse_by(k, coarse_by(k) - predicted_of(k));
         }
         meet();
-        level--;
-        for (var k = start_of(level) + lane; k < here; k += LANES) {
-            set_coarse_by(k, coarse_by(k) + coarse_by(label_of(k)));
+        for (var k = finer + lane; k < here; k += LANES) {
+            set_coarse_by(k, coarse_by(k) + coarse_by(above));
+            above = label_of(k + LANES);
         }
         meet();
+        go_to(level - 1u);
     }
 }
 

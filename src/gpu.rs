@@ -2,9 +2,11 @@
 //!
 //! A [`Gpu`] lives as long as the program, [`GpuEngine`] and its buffers as long as the cloth, [`Plan`] for one step.
 //!
-//! Practice: a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small cloth
-//! is one workgroup's work, a step in one dispatch ([`sweep::Whole`]). Any other is cut into [`patches`], a substep in one
-//! dispatch ([`sweep::Halo`]); bending and wind, which look at whole rings, come before it in dispatches of their own.
+//! Practice: a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small cloth,
+//! or each of a crowd, is one workgroup's work, a step in one dispatch ([`sweep::Whole`]). Any other is cut into [`patches`],
+//! a substep in one dispatch ([`sweep::Halo`]); what looks farther comes before it in dispatches of its own: bending and
+//! wind, and the [`coarse`] levels. Inside of a dispatch a colour costs .2 us if its edges are there when it is their turn,
+//! and twice that if a lane has to wait for memory: see `runs.wgsl`.
 //! Where neither will do there is a dispatch a colour ([`sweep::Colours`]). A step works on copies and is committed at its
 //! end if all of it is within bounds, so a step that fails leaves the cloth as it was.
 
