@@ -1,19 +1,26 @@
-// Coarse levels that one workgroup holds together: all but the finest are averaged from the one below, and swept one after
-// another, the coarsest first. See src/levels.rs. A shader says where an aggregate's centre with its inverse mass (`center`)
-// and its displacements, as predicted and as corrected (`predicted_of`, `coarse_by`), are kept.
+// Coarse levels that one workgroup holds together: averaged, each from the one below, and swept one after another, the
+// coarsest first. See src/levels.rs. A shader says where an aggregate's centre with its inverse mass (`center`) and its
+// displacements, as predicted and as corrected (`predicted_of`, `coarse_by`), are kept, and those of what the finest is made
+// of (`below`).
 
-// Levels, aggregates of the finest and of all of them, most members of one that is not of the finest, and edges of a colour
-// and colours that there is room for. Levels begin at colours that are multiples of four.
+// Levels, aggregates of the finest and of all of them, most members of one of the finest, 0 if that is averaged elsewhere,
+// and of another, and edges of a colour and colours that there is room for. Levels begin at colours that are multiples of four.
 override LEVELS: u32 = 1u;
 override FINEST: u32 = 64u;
 override AGGREGATES: u32 = 64u;
+override OF_FINEST: u32 = 0u;
 override MEMBERS: u32 = 4u;
 override COARSE_WIDTH: u32 = 64u;
 override COARSE_COLORS: u32 = 4u;
 // Where in the table they are: for each level where its aggregates start, and the end; for each level its first colour, and
-// the end; for each aggregate the one that it is in; for each not of the finest level its members, each with its share, the
-// first again with none where there are fewer; edges. What is an aggregate is its place here.
+// the end; for each aggregate the one that it is in; for each its members, each with its share, the first again with none
+// where there are fewer; edges. What is an aggregate is its place here.
 override COARSE: u32 = 0u;
+
+struct Item {
+    x: vec3f,
+    u: vec3f,
+}
 
 fn start_of(level: u32) -> u32 {
     return table[COARSE + level];
@@ -27,34 +34,50 @@ fn label_of(k: u32) -> u32 {
     return table[COARSE + 2u * (LEVELS + 1u) + k];
 }
 
-fn members_of(k: u32) -> u32 {
-    return COARSE + 2u * (LEVELS + 1u) + AGGREGATES + 2u * MEMBERS * (k - FINEST);
+fn lists() -> u32 {
+    return COARSE + 2u * (LEVELS + 1u) + AGGREGATES;
 }
 
 fn coarse_edges() -> Runs {
-    return Runs(members_of(AGGREGATES), COARSE_WIDTH, COARSE_COLORS);
+    return Runs(lists() + 2u * OF_FINEST * FINEST + 2u * MEMBERS * (AGGREGATES - FINEST), COARSE_WIDTH, COARSE_COLORS);
 }
 
-// Every level from the one below it, the finest being there.
-fn restrict_levels(lane: u32) {
-    for (var level = 1u; level < LEVELS; level++) {
-        let end = start_of(level + 1u);
-        for (var k = start_of(level) + lane; k < end; k += LANES) {
-            let members = members_of(k);
-            let origin = center(table[members]).xyz;
-            var dx = vec3f();
-            var u = vec3f();
-            for (var m = 0u; m < MEMBERS; m++) {
-                let item = table[members + 2u * m];
-                let share = bitcast<f32>(table[members + 2u * m + 1u]);
-                dx += (center(item).xyz - origin) * share;
-                u += coarse_by(item) * share;
-            }
-            set_center(k, origin + dx);
-            set_predicted(k, u);
-            set_coarse_by(k, u);
+fn item_of(level: u32, k: u32) -> Item {
+    if level == 0u {
+        return below(k);
+    }
+    return Item(center(k).xyz, coarse_by(k));
+}
+
+// A level from the one below it: its aggregates have so many members each, listed from a word on.
+fn restrict_level(level: u32, list: u32, members: u32, lane: u32) {
+    let start = start_of(level);
+    let end = start_of(level + 1u);
+    for (var k = start + lane; k < end; k += LANES) {
+        let listed = list + 2u * members * (k - start);
+        let origin = item_of(level, table[listed]).x;
+        var dx = vec3f();
+        var u = vec3f();
+        for (var m = 0u; m < members; m++) {
+            let item = item_of(level, table[listed + 2u * m]);
+            let share = bitcast<f32>(table[listed + 2u * m + 1u]);
+            dx += (item.x - origin) * share;
+            u += item.u * share;
         }
-        meet();
+        set_center(k, origin + dx);
+        set_predicted(k, u);
+        set_coarse_by(k, u);
+    }
+    meet();
+}
+
+fn restrict_levels(lane: u32) {
+    if OF_FINEST > 0u {
+        restrict_level(0u, lists(), OF_FINEST, lane);
+    }
+    for (var level = 1u; level < LEVELS; level++) {
+        let before = 2u * OF_FINEST * FINEST + 2u * MEMBERS * (start_of(level) - FINEST);
+        restrict_level(level, lists() + before, MEMBERS, lane);
     }
 }
 

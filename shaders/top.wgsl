@@ -1,4 +1,5 @@
-// The coarse levels that fit into one workgroup, in workgroup memory: the finest of them is averaged already.
+// The coarse levels that fit into one workgroup, in workgroup memory. The finest of them is averaged from the finer level
+// beneath, if there is one, else it has been averaged from the vertices.
 
 override LANES: u32 = 64u;
 // The number of the first aggregate here.
@@ -27,6 +28,10 @@ fn coarse_by(k: u32) -> vec3f {
 
 fn set_coarse_by(k: u32, u: vec3f) {
     by[k] = vec4f(u, 0.0);
+}
+
+fn below(k: u32) -> Item {
+    return Item(centers[k].xyz, predicted[k].xyz);
 }
 
 // Read by the lane that wrote it.

@@ -1,8 +1,6 @@
 // A whole step of a cloth of one patch, in one workgroup: every substep, and at the end the commit.
 // Displacements stay in workgroup memory throughout, those of a substep being the last ones of the next.
 
-// Most vertices of an aggregate of the finest level.
-override OF_FINEST: u32 = 16u;
 // Numbers in workgroup memory: three for each vertex, ten for each aggregate.
 override NUMBERS: u32 = 192u;
 
@@ -61,10 +59,13 @@ fn set_predicted(k: u32, u: vec3f) {
     put(7u * AGGREGATES + 3u * k, u);
 }
 
-// Behind the levels: the aggregates' inverse masses; for each of the finest level its vertices, each with its share, as
-// others have their members.
-fn after_edges() -> u32 {
-    return coarse_edges().start + 3u * COARSE_WIDTH * COARSE_COLORS;
+fn below(v: u32) -> Item {
+    return Item(work[v].xyz, work[params.vertices + v].xyz);
+}
+
+// Behind the levels: the aggregates' inverse masses.
+fn inverse_mass(k: u32) -> u32 {
+    return table[coarse_edges().start + 3u * COARSE_WIDTH * COARSE_COLORS + k];
 }
 
 var<private> on_levels: bool;
@@ -113,22 +114,7 @@ fn correct_on_levels(lane: u32) {
     }
     meet_at_work();
     for (var k = lane; k < AGGREGATES; k += LANES) {
-        numbers[3u * AGGREGATES + k] = bitcast<f32>(table[after_edges() + k]);
-    }
-    for (var k = lane; k < FINEST; k += LANES) {
-        let vertices = after_edges() + AGGREGATES + 2u * OF_FINEST * k;
-        let origin = work[table[vertices]].xyz;
-        var dx = vec3f();
-        var u = vec3f();
-        for (var m = 0u; m < OF_FINEST; m++) {
-            let v = table[vertices + 2u * m];
-            let share = bitcast<f32>(table[vertices + 2u * m + 1u]);
-            dx += (work[v].xyz - origin) * share;
-            u += work[all + v].xyz * share;
-        }
-        set_center(k, origin + dx);
-        set_predicted(k, u);
-        set_coarse_by(k, u);
+        numbers[3u * AGGREGATES + k] = bitcast<f32>(inverse_mass(k));
     }
     meet();
     on_levels = true;

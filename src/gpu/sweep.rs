@@ -11,7 +11,7 @@ use super::SLOT;
 use super::device::{Bind, Entry, Gpu, Sent, Stage, shader};
 use super::forces::{Forces, State};
 use super::patches::Patches;
-use super::top::{self, Top};
+use super::top::Top;
 
 /// The edges of one colour: `project.wgsl`'s `Batch`.
 #[repr(C)]
@@ -189,7 +189,7 @@ pub(super) struct Whole {
     pub patches: Patches,
     /// Its levels, if any are in use.
     top: Option<Top>,
-    /// The patch, then the levels, then the vertices of each aggregate of the finest.
+    /// The patch, then the levels, then their aggregates' inverse masses.
     table: wgpu::Buffer,
     work: wgpu::Buffer,
     h: Option<f32>,
@@ -209,10 +209,8 @@ impl Whole {
         if let Some(finest) = levels.first() {
             patches.set_labels(|vertex| finest.label[vertex as usize], 0);
         }
-        let top = (!levels.is_empty()).then(|| Top::new(levels, 0));
-        let mut behind: Vec<u32> = levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()).collect();
-        let of_finest = levels.first().map_or(1, top::most_members);
-        levels.first().into_iter().for_each(|finest| top::push_members(&mut behind, finest, 0, of_finest));
+        let top = (!levels.is_empty()).then(|| Top::new(levels, 0, Some(0)));
+        let behind: Vec<u32> = levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()).collect();
         let words = patches.table.len() + top.as_ref().map_or(0, |top| top.table.len()) + behind.len();
         let table = gpu.buffer("whole", 4 * words as u64);
         gpu.queue.write_buffer(&table, 4 * (words - behind.len()) as u64, bytemuck::cast_slice(&behind));
@@ -223,10 +221,7 @@ impl Whole {
             Some(top) => top.constants(patches.table.len()),
             None => Top::NO_CONSTANTS,
         };
-        let own = [
-            ("OF_FINEST", of_finest as f64),
-            ("NUMBERS", (3 * patches.largest).max(10 * top.as_ref().map_or(0, |top| top.aggregates)) as f64),
-        ];
+        let own = [("NUMBERS", (3 * patches.largest).max(10 * top.as_ref().map_or(0, |top| top.aggregates)) as f64)];
         let constants = [&constants(&patches, lanes)[..], &coarse, &own].concat();
         let entry = Entry { module: &module, name: "step_of_whole", constants: &constants };
         let stage = Stage::new(gpu, &forces.frame, entry, &Whole::bound(&table, &work, forces, bodies, first_bad));

@@ -12,15 +12,16 @@ const WIDEST: usize = 512;
 #[derive(Debug)]
 pub(super) struct Top {
     /// For each level where its aggregates start, and the end; for each level its first colour, and the end; for each aggregate
-    /// the one that it is in; for each not of the finest level here its members, each with its share, the first again with none
-    /// where there are fewer; edges, as those of a patch. What is an aggregate is its place here.
+    /// the one that it is in; for each its members, each with its share, the first again with none where there are fewer; edges,
+    /// as those of a patch. What is an aggregate is its place here.
     pub table: Vec<u32>,
     /// How many levels there are.
     pub levels: usize,
     /// Aggregates of the finest level, and of all.
     pub averaged: usize,
     pub aggregates: usize,
-    /// Most members of an aggregate that is not of the finest level.
+    /// Most members of an aggregate of the finest level, 0 if that is averaged elsewhere, and of another.
+    of_finest: usize,
     members: usize,
     /// Room for edges of a colour, and for colours.
     pub width: usize,
@@ -31,12 +32,13 @@ pub(super) struct Top {
 }
 
 impl Top {
-    /// Of the cloth's levels from number `finest` on.
-    pub(super) fn new(all: &[Level], finest: usize) -> Top {
-        Top::with_width(all, finest, WIDEST)
+    /// Of the cloth's levels from number `finest` on. What the members of that are, is numbered from `below` on; `None`: it is
+    /// averaged elsewhere.
+    pub(super) fn new(all: &[Level], finest: usize, below: Option<usize>) -> Top {
+        Top::with_width(all, finest, below, WIDEST)
     }
 
-    fn with_width(all: &[Level], finest: usize, most: usize) -> Top {
+    fn with_width(all: &[Level], finest: usize, below: Option<usize>, most: usize) -> Top {
         let levels = &all[finest..];
         let mut place = vec![0];
         levels.iter().for_each(|level| place.push(place[place.len() - 1] + level.inverse_mass.len()));
@@ -67,6 +69,8 @@ impl Top {
         }
         table.extend(labels);
         let members = levels[1..].iter().map(most_members).max().unwrap_or(1);
+        let of_finest = below.map_or(0, |_| most_members(&levels[0]));
+        below.into_iter().for_each(|below| push_members(&mut table, &levels[0], below as u32, of_finest));
         levels[1..].iter().zip(&place).for_each(|(level, &below)| push_members(&mut table, level, below as u32, members));
         let edges = table.len();
         table.resize(edges + 3 * width * colors, NO_EDGE);
@@ -75,7 +79,7 @@ impl Top {
             let moved = links.map(|link| link.ends.map(|end| end + place[level - finest] as u32));
             table[edges + 3 * width * color..].iter_mut().zip(moved).for_each(|(word, [a, b])| *word = a | b << 16);
         }
-        Top { table, levels: levels.len(), averaged, aggregates, members, width, colors, edges, runs }
+        Top { table, levels: levels.len(), averaged, aggregates, of_finest, members, width, colors, edges, runs }
     }
 
     /// Colours, or parts of them, and edges.
@@ -97,10 +101,11 @@ impl Top {
     }
 
     /// What it is told if there are no levels.
-    pub(super) const NO_CONSTANTS: [(&'static str, f64); 7] = [
+    pub(super) const NO_CONSTANTS: [(&'static str, f64); 8] = [
         ("LEVELS", 0.0),
         ("FINEST", 0.0),
         ("AGGREGATES", 0.0),
+        ("OF_FINEST", 0.0),
         ("MEMBERS", 1.0),
         ("COARSE_WIDTH", 1.0),
         ("COARSE_COLORS", 0.0),
@@ -108,11 +113,12 @@ impl Top {
     ];
 
     /// What `levels.wgsl` is told, if its table starts at word `start`.
-    pub(super) fn constants(&self, start: usize) -> [(&'static str, f64); 7] {
+    pub(super) fn constants(&self, start: usize) -> [(&'static str, f64); 8] {
         [
             ("LEVELS", self.levels),
             ("FINEST", self.averaged),
             ("AGGREGATES", self.aggregates),
+            ("OF_FINEST", self.of_finest),
             ("MEMBERS", self.members),
             ("COARSE_WIDTH", self.width),
             ("COARSE_COLORS", self.colors),
@@ -123,12 +129,12 @@ impl Top {
 }
 
 /// Most members of an aggregate.
-pub(super) fn most_members(level: &Level) -> usize {
+fn most_members(level: &Level) -> usize {
     level.members.spans.iter().map(|span| span.end - span.start).max().unwrap_or(1) as usize
 }
 
 /// Adds each aggregate's members, items from number `below` on, with their shares, in room for `room` of them.
-pub(super) fn push_members(table: &mut Vec<u32>, level: &Level, below: u32, room: usize) {
+fn push_members(table: &mut Vec<u32>, level: &Level, below: u32, room: usize) {
     for span in &level.members.spans {
         let range = span.start as usize..span.end as usize;
         let (items, shares) = (&level.members.items[range.clone()], &level.share[range]);
@@ -151,8 +157,8 @@ mod tests {
         let cloth = Cloth::new(&Mesh::grid(70, 50, 1.0, 1.0), &options).unwrap();
         let all = &cloth.hierarchy().levels;
         assert!(all.len() > 2);
-        for (finest, most) in [(0, 512), (0, 32), (1, 512)] {
-            let mut top = Top::with_width(all, finest, most);
+        for (finest, below, most) in [(0, None, 512), (0, Some(0), 32), (1, Some(5), 512)] {
+            let mut top = Top::with_width(all, finest, below, most);
             let numbers = |level: &Level| level.links.iter().enumerate().map(|(k, _)| k as f32 + 0.5).collect::<Vec<_>>();
             let edge = |k: f32| Edge { inverse_rest: k, inverse_weight: -k, ..Edge::default() };
             let edges: Vec<Vec<Edge>> = all.iter().map(|level| numbers(level).into_iter().map(edge).collect()).collect();
@@ -160,17 +166,22 @@ mod tests {
             let levels = &all[finest..];
             let word = |k: usize| top.table[k] as usize;
             let (labels, width) = (2 * (levels.len() + 1), top.width);
-            let members = labels + top.aggregates;
+            let lists = labels + top.aggregates;
+            let members = lists + 2 * top.of_finest * top.averaged;
             assert_eq!(members + 2 * top.members * (top.aggregates - top.averaged), top.edges);
+            assert_eq!(top.of_finest > 0, below.is_some());
             assert!(width <= most && (most > 32 || top.runs.len() > levels.iter().map(|level| level.colors.len() + 4).sum()));
             for (index, level) in levels.iter().enumerate() {
                 let place = word(index);
                 assert_eq!(word(index + 1) - place, level.inverse_mass.len());
-                for (k, &item) in level.members.items.iter().enumerate().filter(|_| index > 0) {
+                for (k, &item) in level.members.items.iter().enumerate().filter(|_| index > 0 || below.is_some()) {
                     let aggregate = place + level.label[item as usize] as usize;
-                    assert_eq!(word(labels + word(index - 1) + item as usize), aggregate);
-                    let listed = &top.table[members + 2 * top.members * (aggregate - top.averaged)..][..2 * top.members];
-                    let of_item = listed.chunks(2).filter(|pair| pair[0] as usize == word(index - 1) + item as usize);
+                    let (list, room, base) = match index {
+                        0 => (lists + 2 * top.of_finest * aggregate, top.of_finest, below.unwrap()),
+                        _ => (members + 2 * top.members * (aggregate - top.averaged), top.members, word(index - 1)),
+                    };
+                    assert!(index == 0 || word(labels + base + item as usize) == aggregate);
+                    let of_item = top.table[list..][..2 * room].chunks(2).filter(|pair| pair[0] as usize == base + item as usize);
                     assert!(of_item.map(|pair| f32::from_bits(pair[1])).sum::<f32>() == level.share[k]);
                 }
                 let first = word(levels.len() + 1 + index);
