@@ -7,7 +7,7 @@ use glam::Vec4;
 use crate::cloth::Cloth;
 use crate::crew::Shared;
 use crate::kernels::Edge;
-use crate::lanes::{Packed, Rule};
+use crate::lanes::{Breadth, Packed, Rule};
 use crate::levels::Level;
 use crate::plan::Plan;
 use crate::stripes::Stripes;
@@ -79,7 +79,7 @@ impl Coarse {
         plan: &'a Plan<'_>,
         x: Shared<Vec4>,
         u: Shared<Vec4>,
-        wide: bool,
+        breadth: Breadth,
     ) -> Option<Correction<'a>> {
         let (finest, coarser) = self.levels.split_first_mut()?;
         Some(Correction {
@@ -88,7 +88,7 @@ impl Coarse {
             u,
             finest: finest.share(),
             coarser: Shared::new(coarser),
-            wide,
+            breadth,
         })
     }
 }
@@ -115,7 +115,7 @@ pub(crate) struct Correction<'a> {
     u: Shared<Vec4>,
     finest: Part<'a>,
     coarser: Shared<Aggregates>,
-    wide: bool,
+    breadth: Breadth,
 }
 
 #[expect(unsafe_code, reason = "see Correction; labels and members are indices into the level below")]
@@ -147,8 +147,8 @@ impl Correction<'_> {
             let all = 0..below.u.len();
             // SAFETY: nobody else is here.
             unsafe {
-                (0..tasks[0]).for_each(|task| part.first.sweep(task, part.x, part.u, Rule::Pull, self.wide));
-                (0..tasks[1]).for_each(|task| part.second.sweep(task, part.x, part.u, Rule::Pull, self.wide));
+                (0..tasks[0]).for_each(|task| part.first.sweep(task, part.x, part.u, Rule::Pull, self.breadth));
+                (0..tasks[1]).for_each(|task| part.second.sweep(task, part.x, part.u, Rule::Pull, self.breadth));
                 hand_down(&self.shapes[index + 1].label, part, below.u, all);
             }
         }
@@ -158,7 +158,7 @@ impl Correction<'_> {
     pub(crate) fn sweep(&self, task: usize, borders: bool) {
         let edges = if borders { self.finest.second } else { self.finest.first };
         // SAFETY: see Correction.
-        unsafe { edges.sweep(task, self.finest.x, self.finest.u, Rule::Pull, self.wide) };
+        unsafe { edges.sweep(task, self.finest.x, self.finest.u, Rule::Pull, self.breadth) };
     }
 
     /// Adds to some vertices what their aggregates were corrected by.

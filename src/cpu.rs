@@ -9,7 +9,7 @@ use crate::coarse::Coarse;
 use crate::crew::{Crew, Shared};
 use crate::engine::Failure;
 use crate::kernels::{self, BendEntry, BendRow, Substep, xyz};
-use crate::lanes::{self, Packed, Rule};
+use crate::lanes::{Breadth, Packed, Rule};
 use crate::options::Method;
 use crate::plan::Plan;
 
@@ -34,7 +34,7 @@ pub(crate) struct Cpu {
     coarse: Coarse,
     packed_h: Option<f32>,
     crew: Crew,
-    wide: bool,
+    breadth: Breadth,
 }
 
 /// What a round does; each kind comes once a turn, a turn is a sweep.
@@ -70,7 +70,7 @@ impl Cpu {
             coarse: Coarse::default(),
             packed_h: None,
             crew: Crew::default(),
-            wide: lanes::is_wide(),
+            breadth: Breadth::detected(),
         }
     }
 
@@ -147,9 +147,9 @@ impl Cpu {
         kinds.iter_mut().zip(present()).for_each(|(kind, round)| *kind = round.0);
 
         let sweeps = plan.sweeps.max(1);
-        let wide = self.wide;
+        let breadth = self.breadth;
         let (x, u) = (Shared::new(&mut self.x), Shared::new(&mut self.u));
-        let levels = self.coarse.share(plan, x, u, wide);
+        let levels = self.coarse.share(plan, x, u, breadth);
         let at = Loops {
             plan,
             x,
@@ -176,13 +176,13 @@ impl Cpu {
                         None if begins => begin(task, substep),
                         None => {}
                     }
-                    at.sweep(first, task, wide);
+                    at.sweep(first, task, breadth);
                     if ends {
                         at.advance(&stripes.first[task].vertices, substep);
                     }
                 }
                 (Round::Borders, _) => {
-                    at.sweep(second, task, wide);
+                    at.sweep(second, task, breadth);
                     if ends {
                         at.advance(&stripes.second[task].vertices, substep);
                     }
@@ -343,14 +343,14 @@ impl Loops<'_> {
         }
     }
 
-    fn sweep(&self, edges: &Packed, task: usize, wide: bool) {
+    fn sweep(&self, edges: &Packed, task: usize, breadth: Breadth) {
         let rule = match self.plan.method {
             Method::SmallSteps => Rule::Project,
             Method::Relaxation { .. } => Rule::Relax,
             Method::Springs => return,
         };
         // SAFETY: see Loops.
-        unsafe { edges.sweep(task, self.x, self.u, rule, wide) };
+        unsafe { edges.sweep(task, self.x, self.u, rule, breadth) };
     }
 
     /// Contact, and the move.

@@ -32,6 +32,7 @@ mod plan;
 mod quality;
 mod stripes;
 mod whole;
+mod wide;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::Deformer;
