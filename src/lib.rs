@@ -14,6 +14,7 @@ mod deformer;
 mod engine;
 mod error;
 mod fabric;
+mod forces;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]
@@ -23,8 +24,10 @@ mod lanes;
 #[cfg(all(test, feature = "gpu"))]
 mod layout;
 mod levels;
+mod lines;
 mod measure;
 mod mesh;
+mod moves;
 mod obj;
 mod options;
 mod pc2;
