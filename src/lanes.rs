@@ -5,10 +5,14 @@
 
 use std::ops::Range;
 
-use glam::{Vec3A, Vec4};
+#[cfg(test)]
+use glam::Vec3A;
+use glam::Vec4;
 
 use crate::crew::Shared;
-use crate::kernels::{self, Edge, xyz};
+#[cfg(test)]
+use crate::kernels::xyz;
+use crate::kernels::{self, Edge};
 use crate::stripes::Task;
 use crate::wide::{self, Wide, Wide3};
 
@@ -55,9 +59,6 @@ pub(crate) struct Packed {
     batches: Vec<Batch>,
     of: Vec<Range<usize>>,
     vertices: usize,
-    /// Of one colour: the edges, and those that are in no row. Kept so that packing anew allocates nothing.
-    color: Vec<(u32, Edge)>,
-    apart: Vec<Edge>,
 }
 
 /// Which of the edge kernels a sweep is of.
@@ -75,6 +76,7 @@ pub(crate) enum Rule {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Breadth {
     /// The plain kernel, edge after edge: the oracle of the others.
+    #[cfg(test)]
     One,
     /// Four edges at once, on every machine that glam is made for.
     Four,
@@ -126,79 +128,60 @@ impl Packed {
         self.batches.clear();
         self.of.clear();
         self.vertices = inverse_mass.len();
-        let mut last = vec![(u32::MAX, u32::MAX); self.vertices];
+        // The task and colour that last visited a vertex.
+        let mut visited = vec![(usize::MAX, usize::MAX); self.vertices];
+        let mut edges_now: Vec<Edge> = Vec::new();
         for (index, task) in tasks.iter().enumerate() {
             let start = self.batches.len();
             // Springs are forces: no edge is swept.
             let mut rest = if edges.is_empty() { &[] } else { task.edges.as_slice() };
             for (color, range) in colors.iter().enumerate() {
                 let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < range.end));
-                self.color.clear();
-                self.color.extend(now.iter().map(|&place| (0, edges[place as usize])));
-                for (_, edge) in &self.color {
-                    for end in [edge.a, edge.b] {
-                        let now = (index as u32, color as u32);
-                        let before = std::mem::replace(&mut last[end as usize], now);
-                        assert!(before != now, "vertex {end} has edges of one colour");
-                    }
-                }
-                self.pack_color(inverse_mass);
                 rest = later;
+                edges_now.clear();
+                edges_now.extend(now.iter().map(|&place| edges[place as usize]));
+                for end in edges_now.iter().flat_map(|edge| [edge.a, edge.b]) {
+                    let before = std::mem::replace(&mut visited[end as usize], (index, color));
+                    assert!(before != (index, color), "vertex {end} has two edges of a colour");
+                }
+                self.pack_color(&mut edges_now, inverse_mass, start);
             }
             self.of.push(start..self.batches.len());
         }
     }
 
-    /// Packs `self.color`: rows first, then what is left over.
-    fn pack_color(&mut self, inverse_mass: &[f32]) {
-        let mut color = std::mem::take(&mut self.color);
-        let mut apart = std::mem::take(&mut self.apart);
-        apart.clear();
+    /// Packs the edges of one colour, which may come in any order: rows first, then what is left over.
+    fn pack_color(&mut self, edges: &mut [Edge], inverse_mass: &[f32], open: usize) {
         // Edges of one row have one offset, and come one after another.
-        color.iter_mut().for_each(|(offset, edge)| *offset = edge.b.wrapping_sub(edge.a));
-        color.sort_unstable_by_key(|(offset, edge)| (*offset, edge.a));
-        for kind in [Kind::Rows, Kind::Pairs] {
-            let step = if kind == Kind::Pairs { 2 } else { 1 };
-            let follows = |one: &(u32, Edge), next: &(u32, Edge)| {
-                (kind == Kind::Pairs) == (one.0 == 1) && one.0 == next.0 && next.1.a - one.1.a == step
-            };
-            for run in color.chunk_by(follows) {
-                let alone = (run[0].0 == 1) != (kind == Kind::Pairs);
-                if alone {
-                    continue;
-                }
-                if run.len() < WIDTH {
-                    apart.extend(run.iter().map(|(_, edge)| *edge));
-                    continue;
-                }
-                for start in (0..run.len()).step_by(WIDTH) {
-                    // The last lanes of a row begin earlier, and leave alone what the lanes before have done.
-                    let first = start.min(run.len() - WIDTH);
-                    let edge = |k: usize| (run[first + k].1, first + k >= start);
-                    match kind {
-                        Kind::Rows => self.push(kind, IN_ROW.map(edge), &[edge(0).0.a, edge(0).0.b], inverse_mass),
-                        _ => self.push(kind, std::array::from_fn(edge), &[edge(0).0.a], inverse_mass),
-                    }
+        let offset = |edge: &Edge| edge.b.wrapping_sub(edge.a);
+        edges.sort_unstable_by_key(|edge| (offset(edge), edge.a));
+        let step = |edge: &Edge| if offset(edge) == 1 { 2 } else { 1 };
+        let follows = |one: &Edge, next: &Edge| offset(one) == offset(next) && next.a - one.a == step(one);
+        let mut apart: Vec<Edge> = Vec::new();
+        for run in edges.chunk_by(follows) {
+            if run.len() < WIDTH {
+                apart.extend(run);
+                continue;
+            }
+            for start in (0..run.len()).step_by(WIDTH) {
+                // The last lanes of a row begin earlier, and leave alone what the lanes before have done.
+                let first = start.min(run.len() - WIDTH);
+                let edge = |k: usize| (run[first + k], first + k >= start);
+                match step(&run[0]) {
+                    1 => self.push(Kind::Rows, IN_ROW.map(edge), inverse_mass, open),
+                    _ => self.push(Kind::Pairs, std::array::from_fn(edge), inverse_mass, open),
                 }
             }
         }
         apart.sort_unstable_by_key(|edge| (edge.a, edge.b));
         for edges in apart.chunks(WIDTH) {
-            let lane: [(Edge, bool); WIDTH] = std::array::from_fn(|k| (edges[k.min(edges.len() - 1)], k < edges.len()));
-            let mut ends = [0; 2 * WIDTH];
-            for (k, (edge, _)) in lane.iter().enumerate() {
-                (ends[k], ends[WIDTH + k]) = (edge.a, edge.b);
-            }
-            self.push(Kind::Apart, lane, &ends, inverse_mass);
+            let edge = |k: usize| (edges[k.min(edges.len() - 1)], k < edges.len());
+            self.push(Kind::Apart, std::array::from_fn(edge), inverse_mass, open);
         }
-        (self.color, self.apart) = (color, apart);
     }
 
-    /// Adds eight edges, given which of them count.
-    fn push(&mut self, kind: Kind, edges: [(Edge, bool); WIDTH], ends: &[u32], inverse_mass: &[f32]) {
-        debug_assert_eq!(kind.spell(ends), [edges.map(|(edge, _)| edge.a), edges.map(|(edge, _)| edge.b)]);
-        // The last task's batches are closed.
-        let open = self.of.last().map_or(0, |of| of.end);
+    /// Adds eight edges, given which of them count, to the last batch of those from `open` on, or a new one.
+    fn push(&mut self, kind: Kind, edges: [(Edge, bool); WIDTH], inverse_mass: &[f32], open: usize) {
         match self.batches[open..].last_mut() {
             Some(batch) if batch.kind == kind => batch.lanes.end += 1,
             _ => {
@@ -206,11 +189,15 @@ impl Packed {
                 self.batches.push(Batch { kind, lanes, ends: self.ends.len() });
             }
         }
+        let all = edges.map(|(edge, _)| [edge.a, edge.b]);
+        let ends: [u32; 2 * WIDTH] = std::array::from_fn(|k| all[k % WIDTH][k / WIDTH]);
+        let ends = if kind == Kind::Apart { &ends } else { &all[0][..kind.ends()] };
+        debug_assert_eq!(kind.spell(ends), [all.map(|[a, _]| a), all.map(|[_, b]| b)]);
+        self.ends.extend(ends);
         let share = |(edge, counts): (Edge, bool), end: u32| {
             let share = edge.inverse_weight * inverse_mass[end as usize];
             if counts { share } else { 0.0 }
         };
-        self.ends.extend(ends);
         self.lanes.push(Lanes {
             inverse_rest: edges.map(|(edge, _)| edge.inverse_rest),
             share_a: edges.map(|lane| share(lane, lane.0.a)),
@@ -242,8 +229,11 @@ impl Packed {
                         for (lanes, ends) in lanes.iter().zip(ends.chunks_exact(batch.kind.ends())) {
                             let ends = batch.kind.spell(ends);
                             match (breadth, rule) {
+                                #[cfg(test)]
                                 (Breadth::One, Rule::Project) => each(lanes, &ends, x, u, kernels::project),
+                                #[cfg(test)]
                                 (Breadth::One, Rule::Pull) => each(lanes, &ends, x, u, kernels::project_coarse),
+                                #[cfg(test)]
                                 (Breadth::One, Rule::Relax) => each(lanes, &ends, x, u, kernels::relax),
                                 (_, Rule::Project) => fours::<false, false>(lanes, &ends, x, u),
                                 (_, Rule::Pull) => fours::<true, false>(lanes, &ends, x, u),
@@ -258,6 +248,7 @@ impl Packed {
 }
 
 /// The eight edges one after another, by the plain kernel.
+#[cfg(test)]
 #[expect(unsafe_code, reason = "see Packed::sweep")]
 #[inline]
 unsafe fn each(
@@ -329,8 +320,8 @@ unsafe fn fours<const PULL: bool, const RELAX: bool>(lanes: &Lanes, ends: &[[u32
             std::array::from_fn::<Vec4, 4, _>(|k| unsafe { values.get(at(0, k)) - values.get(at(1, k)) })
         };
         let (d0, du) = (of(x), of(u));
-        let (scale, rigid) =
-            correction::<Vec4, PULL, RELAX>(wide::transpose(d0), wide::transpose(du), four(&lanes.inverse_rest));
+        let (s, su, inverse_rest) = (wide::transpose(d0), wide::transpose(du), four(&lanes.inverse_rest));
+        let (scale, rigid) = correction::<Vec4, PULL, RELAX>(s, su, inverse_rest);
         let rigid = rigid.bitmask();
         let (scale_a, scale_b) = (scale * four(&lanes.share_a), scale * four(&lanes.share_b));
         for k in 0..4 {
@@ -408,15 +399,15 @@ mod avx2 {
     ) {
         // SAFETY: the caller's promise.
         unsafe {
-            let mut d0 = [Eight(_mm256_setzero_ps()); 4];
+            let mut d0 = [Eight::splat(0.0); 4];
             let mut du = d0;
             for k in 0..4 {
                 d0[k] = load(x, at(0, k)) - load(x, at(1, k));
                 du[k] = load(u, at(0, k)) - load(u, at(1, k));
             }
             let inverse_rest = Eight(_mm256_load_ps(lanes.inverse_rest.as_ptr()));
-            let (scale, rigid) =
-                correction::<Eight, PULL, RELAX>(Eight::transpose(d0), Eight::transpose(du), inverse_rest);
+            let (s, su) = (Eight::transpose(d0), Eight::transpose(du));
+            let (scale, rigid) = correction::<Eight, PULL, RELAX>(s, su, inverse_rest);
             if RELAX || !Eight::all(rigid) {
                 let rigid = rigid.spread();
                 for k in 0..4 {
@@ -426,8 +417,10 @@ mod avx2 {
             let by_a = (scale * Eight(_mm256_load_ps(lanes.share_a.as_ptr()))).spread();
             let by_b = (scale * Eight(_mm256_load_ps(lanes.share_b.as_ptr()))).spread();
             for k in 0..4 {
-                store(u, at(0, k), d0[k].times_from(by_a[k], load(u, at(0, k))));
-                store(u, at(1, k), d0[k].times_plus(by_b[k], load(u, at(1, k))));
+                // Both loaded before either is stored: where rows are 4096 bytes long, a load would wait for the other's store.
+                let (a, b) = (load(u, at(0, k)), load(u, at(1, k)));
+                store(u, at(0, k), d0[k].times_from(by_a[k], a));
+                store(u, at(1, k), d0[k].times_plus(by_b[k], b));
             }
         }
     }

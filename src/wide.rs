@@ -10,9 +10,7 @@ use std::ops::{Add, Div, Mul, Sub};
 use glam::{BVec4A, Mat4, Vec4};
 
 /// Numbers side by side.
-pub(crate) trait Wide:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
-{
+pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     type Mask: Copy;
     fn splat(value: f32) -> Self;
     /// `self * by + to`, and `to - self * by`; rounded once where the machine can.
