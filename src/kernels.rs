@@ -174,7 +174,6 @@ pub(crate) fn predict(p: Vec3A, acceleration: Vec3A, substep: &Substep) -> Vec3A
 /// `r = (l/l0)² - 1`, and so is one over the length at the start, so the common case has no square root; the rest length
 /// cancels. Without the second series the edge would be stiffer by its own strain, at every substep; its guard keeps it
 /// from the edges of a scrambled cloth, where it diverges.
-#[cfg_attr(not(test), expect(dead_code, reason = "said in words for the shaders' twins, and the oracle of the lanes"))]
 pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     let d = d0 + du;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
@@ -197,7 +196,6 @@ pub(crate) fn project_coarse(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
 }
 
 /// Impulse of an edge along its current direction: Jakobsen's relaxation (2001) where the edge has no compliance.
-#[cfg_attr(not(test), expect(dead_code, reason = "said in words for the shaders' twins, and the oracle of the lanes"))]
 pub(crate) fn relax(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     let d = d0 + du;
     let length = d.length().max(LEAST_LENGTH);

@@ -103,7 +103,7 @@ fn threads() {
             pool.install(|| (0..frames).for_each(|_| scenes::frame(&mut deformer, &Attributes::default())));
             let strain = deformer.measure().expect("memory").mean_strain;
             let mut times = vec![Vec::new(); pools.len()];
-            for _ in 0..if n > 256 { 5 } else { 15 } {
+            for _ in 0..if n > 256 { 3 } else { 15 } {
                 for (pool, times) in pools.iter().zip(&mut times) {
                     let mut step = || scenes::frame(&mut deformer, &Attributes::default());
                     // One frame for the threads to wake and the cloth to move over.
