@@ -28,11 +28,12 @@ pub(crate) struct Cpu {
     x_good: Lines,
     p_good: Lines,
     parts: Parts,
-    /// The edges of each round, for substeps of `packed_h`.
+    /// The edges of each round, for what they are `packed_for`.
     first: Packed,
     second: Packed,
     coarse: Coarse,
-    packed_h: Option<f32>,
+    /// Bits of the substep (s), and levels.
+    packed_for: Option<(u32, usize)>,
     crew: Crew,
     rounds: Vec<Round>,
     breadth: Breadth,
@@ -66,7 +67,7 @@ impl Cpu {
             first: Packed::default(),
             second: Packed::default(),
             coarse: Coarse::default(),
-            packed_h: None,
+            packed_for: None,
             crew: Crew::default(),
             rounds: Vec::new(),
             breadth: Breadth::detected(),
@@ -228,14 +229,15 @@ impl Cpu {
     /// Makes the edges ready for substeps of the plan's length.
     fn pack(&mut self, plan: &Plan<'_>) {
         let coefficients = plan.coefficients;
-        if self.packed_h.map(f32::to_bits) == Some(coefficients.h.to_bits()) {
+        let wanted = Some((coefficients.h.to_bits(), coefficients.levels.len()));
+        if self.packed_for == wanted {
             return;
         }
+        self.packed_for = wanted;
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
         for (packed, tasks) in [(&mut self.first, &stripes.first), (&mut self.second, &stripes.second)] {
             packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
         }
         self.coarse.pack(plan.cloth, &coefficients.levels);
-        self.packed_h = Some(coefficients.h);
     }
 }
