@@ -56,8 +56,8 @@ impl Hybrid {
             forces.set_frame(&mut pass, index);
             forces.encode(&mut pass, plan, 0);
             drop(pass);
-            gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)))?;
-            cpu.substeps(plan, index..index + 1, false);
+            gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.p.copy_from_slice(bytemuck::cast_slice(bytes)))?;
+            cpu.substeps(plan, index..index + 1);
         }
         Ok(())
     }
