@@ -260,8 +260,8 @@ impl GpuEngine {
     pub(crate) fn step_all(jobs: &mut [(usize, &mut GpuEngine, Plan<'_>)]) -> Vec<(usize, Failure)> {
         let mut failures = Vec::new();
         let crowd = jobs.len() >= CROWD;
-        jobs.sort_by(|(_, a, _), (_, b, _)| a.gpu.device.cmp(&b.gpu.device));
-        for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.device == b.gpu.device) {
+        jobs.sort_by_key(|(_, engine, _)| engine.gpu.id());
+        for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.id() == b.gpu.id()) {
             let gpu = together[0].1.gpu.clone();
             let submitted = gpu.checked(|| {
                 let mut work = Work::new(&gpu);
