@@ -130,7 +130,7 @@ impl Cpu {
         let (x, u) = (Shared::new(&mut self.x), Shared::new(&mut self.p));
         let good = [Shared::new(&mut self.x_good), Shared::new(&mut self.p_good)];
         let moves = Moves { plan, x, u, good, lost: &lost, breadth };
-        let forces = self.parts.share(plan, x, u, whole);
+        let forces = self.parts.share(plan, x, u, whole, breadth);
         // Without forces a vertex is predicted where it was moved.
         let falls = whole && !forces.any();
         let leads = !plan.pins.is_empty();
