@@ -37,9 +37,30 @@ pub(crate) struct Cpu {
     wide: bool,
 }
 
+/// The state as the tasks of a round share it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct State {
+    pub x: Shared<Vec4>,
+    pub p: Shared<Vec4>,
+    pub u: Shared<Vec4>,
+}
+
+/// How displacements are predicted elsewhere; substeps are named by their number in the step.
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only a GPU is elsewhere"))]
+pub(crate) struct Elsewhere<'a> {
+    /// Before each substep, while no other task runs.
+    pub exchange: &'a (dyn Fn(usize) + Sync),
+    /// Predicts `u` of some vertices.
+    pub predict: &'a (dyn Fn(Range<u32>, usize, State) + Sync),
+    /// Sees some vertices that were moved.
+    pub moved: &'a (dyn Fn(&[Range<u32>], usize, State) + Sync),
+}
+
 /// What a round does; each kind comes once a turn, a turn is a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Round {
+    /// What is predicted elsewhere comes from there.
+    Exchange,
     /// Bending moments of every stripe.
     Moments,
     /// With levels: displacements of every stripe, predicted; then the rounds of [`Correction`](crate::coarse::Correction).
@@ -83,7 +104,7 @@ impl Cpu {
     /// One step: its substeps one after another. Fails, with the state as it was, if it left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.begin();
-        self.substeps(plan, 0..plan.substeps.len(), true);
+        self.substeps(plan, None);
         self.end()
     }
 
@@ -112,8 +133,8 @@ impl Cpu {
         self.p.copy_from_slice(&self.p_good);
     }
 
-    /// Some substeps of a step. `predict`: `u` is made here; else it is there already.
-    pub(crate) fn substeps(&mut self, plan: &Plan<'_>, substeps: Range<usize>, predict: bool) {
+    /// The substeps of a step. `elsewhere`: where displacements are predicted, if not here.
+    pub(crate) fn substeps(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) {
         let stripes = plan.cloth.stripes();
         let coefficients = plan.coefficients;
         if self.packed_h.map(f32::to_bits) != Some(coefficients.h.to_bits()) {
@@ -124,7 +145,7 @@ impl Cpu {
             self.coarse.pack(plan.cloth, &coefficients.levels);
             self.packed_h = Some(coefficients.h);
         }
-        let bending = predict && plan.bending;
+        let bending = elsewhere.is_none() && plan.bending;
         if bending {
             self.pulls.resize(self.x.len(), Vec3A::ZERO);
             self.couples.resize(if plan.damped() { self.x.len() } else { 0 }, Vec3A::ZERO);
@@ -132,6 +153,7 @@ impl Cpu {
         let coarse = self.coarse.tasks();
         let [restrict, coarser, coarse_stripes, coarse_borders] = coarse.unwrap_or_default();
         let all = [
+            (Round::Exchange, elsewhere.is_some(), 1),
             (Round::Moments, bending, stripes.ranges.len()),
             (Round::Predict, coarse.is_some(), stripes.ranges.len()),
             (Round::Restrict, coarse.is_some(), restrict),
@@ -143,7 +165,7 @@ impl Cpu {
         ];
         let present = || all.iter().filter(|round| round.1);
         self.crew.prepare(present().map(|round| round.2));
-        let mut kinds = [Round::Stripes; 8];
+        let mut kinds = [Round::Stripes; 9];
         kinds.iter_mut().zip(present()).for_each(|(kind, round)| *kind = round.0);
 
         let sweeps = plan.sweeps.max(1);
@@ -159,36 +181,43 @@ impl Cpu {
             couples: Shared::new(&mut self.couples),
         };
         let (first, second) = (&self.first, &self.second);
-        let begin = |task: usize, substep: &Substep| {
-            let range = stripes.ranges[task].clone();
-            if predict {
-                at.predict(range.clone(), substep);
+        let state = State { x, p: at.p, u };
+        let begin = |task: usize, index: usize| {
+            let (range, substep) = (stripes.ranges[task].clone(), &plan.substeps[index]);
+            match elsewhere {
+                None => at.predict(range.clone(), substep),
+                Some(elsewhere) => (elsewhere.predict)(range.clone(), index, state),
             }
             at.lead_pins(range, substep);
         };
+        let end = |vertices: &[Range<u32>], index: usize| {
+            at.advance(vertices, &plan.substeps[index]);
+            elsewhere.into_iter().for_each(|elsewhere| (elsewhere.moved)(vertices, index, state));
+        };
         let work = |turn: u32, kind: usize, task: usize| {
-            let substep = &plan.substeps[substeps.start + (turn / sweeps) as usize];
+            let index = (turn / sweeps) as usize;
             let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
             match (kinds[kind], &levels) {
+                (Round::Exchange, _) if begins => elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(index)),
                 (Round::Stripes, levels) => {
                     match levels {
                         Some(levels) => levels.hand_down(stripes.ranges[task].clone()),
-                        None if begins => begin(task, substep),
+                        None if begins => begin(task, index),
                         None => {}
                     }
                     at.sweep(first, task, wide);
                     if ends {
-                        at.advance(&stripes.first[task].vertices, substep);
+                        end(&stripes.first[task].vertices, index);
                     }
                 }
                 (Round::Borders, _) => {
                     at.sweep(second, task, wide);
                     if ends {
-                        at.advance(&stripes.second[task].vertices, substep);
+                        end(&stripes.second[task].vertices, index);
                     }
                 }
-                (Round::Moments, _) if begins => at.moments(stripes.ranges[task].clone(), substep),
-                (Round::Predict, _) => begin(task, substep),
+                (Round::Moments, _) if begins => at.moments(stripes.ranges[task].clone(), &plan.substeps[index]),
+                (Round::Predict, _) => begin(task, index),
                 (Round::Restrict, Some(levels)) => levels.restrict(task),
                 (Round::Coarser, Some(levels)) => levels.coarser(),
                 (Round::CoarseStripes, Some(levels)) => levels.sweep(task, false),
@@ -196,7 +225,7 @@ impl Cpu {
                 _ => {}
             }
         };
-        let turns = substeps.len() as u32 * sweeps;
+        let turns = plan.substeps.len() as u32 * sweeps;
         self.crew.run(turns, rayon::current_num_threads(), &work);
     }
 }

@@ -10,6 +10,7 @@
 
 mod coarse;
 mod device;
+mod exchange;
 mod forces;
 mod normals;
 mod patches;
@@ -31,6 +32,7 @@ pub use device::Gpu;
 pub(crate) use device::WORKGROUP;
 pub(crate) use device::shader;
 use device::{Bind, Entry, Sent, Stage};
+pub(crate) use exchange::{Desk, Exchange, Parcel};
 pub(crate) use forces::Forces;
 use normals::Normals;
 pub use normals::Surface;

@@ -1,10 +1,28 @@
-//! The design card's shape: WGSL integrates the forces, the buffer is mapped back, rayon resolves the coloured edges and
-//! contact, and the result is written back, every substep. A composition of the other two.
+//! The design card's shape: WGSL integrates the forces, buffers are mapped back, threads resolve the coloured edges and contact.
+//! A composition of the other two.
+//!
+//! # Theory
+//! The GPU turns what the CPU sends, positions or displacements, into the displacement that the forces cause in a substep;
+//! the CPU adds it to what carries over from the last substep, sweeps the edges and moves the vertices. Only forces that
+//! differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
+//!
+//! # Practice
+//! An exchange is a round of the CPU's own ([`Elsewhere`]), taken by one thread while the others look on. Tasks write what is
+//! sent into mapped memory as they move their vertices, and read what comes back where it lies: see
+//! [`Exchange`]. While the GPU works its next commands are encoded.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use glam::{Vec3A, Vec4};
 
 use crate::cloth::Cloth;
-use crate::cpu::Cpu;
+use crate::cpu::{Cpu, Elsewhere, State};
+use crate::crew::Shared;
 use crate::engine::Failure;
-use crate::gpu::{Forces, Gpu};
+use crate::gpu::{Desk, Exchange, Forces, Gpu, Parcel};
+use crate::kernels::{self, Params, Substep, xyz};
+use crate::options::Method;
 use crate::plan::Plan;
 
 /// A cloth whose state is in memory and whose forces are computed on the GPU.
@@ -12,16 +30,40 @@ use crate::plan::Plan;
 pub(crate) struct Hybrid {
     gpu: Gpu,
     forces: Forces,
-    staging: wgpu::Buffer,
+    exchange: Exchange,
+    /// What was sent ahead of the next step.
+    sent: Option<Parcel>,
+    /// Substeps that each exchange is good for.
+    pub every: usize,
+    /// What the GPU is told of the substeps, one an exchange.
+    told: Vec<Substep>,
     pub cpu: Cpu,
+}
+
+/// An exchange at work: by one thread at a time.
+struct Post<'a> {
+    gpu: &'a Gpu,
+    forces: &'a Forces,
+    exchange: &'a mut Exchange,
+    next: Option<wgpu::CommandBuffer>,
+    /// Why there are no more.
+    failed: Option<String>,
+}
+
+/// Whether a step has forces that differ from vertex to vertex.
+fn gathers(plan: &Plan<'_>) -> bool {
+    plan.bending || plan.wind || plan.method == Method::Springs
 }
 
 impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 0)?;
-            let staging = gpu.staging("u", forces.u.size());
-            Ok(Hybrid { gpu, forces, staging, cpu: Cpu::new(cloth) })
+            // The inverse masses; the rest of it is sent.
+            gpu.write(&forces.states[0].x, &cloth.rest);
+            let in_place = gpu.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
+            let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), in_place);
+            Ok(Hybrid { gpu, forces, exchange, sent: None, every: 1, told: Vec::new(), cpu: Cpu::new(cloth) })
         })
     }
 
@@ -29,36 +71,141 @@ impl Hybrid {
         &self.gpu.name
     }
 
+    /// Puts the state somewhere else.
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.sent = None;
+        self.cpu.set(x, p);
+    }
+
     /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.cpu.begin();
-        match self.substeps(plan) {
-            Ok(()) => self.cpu.end(),
-            Err(reason) => {
+        let sent = self.sent.take();
+        if gathers(plan) {
+            let sending = self.substeps(plan, sent).map_err(|reason| {
                 self.cpu.revert();
-                Err(Failure::Gpu(reason))
-            }
+                Failure::Gpu(reason)
+            })?;
+            self.cpu.end()?;
+            self.sent = Some(sending);
+            Ok(())
+        } else {
+            self.cpu.substeps(plan, None);
+            self.cpu.end()
         }
     }
 
-    fn substeps(&mut self, plan: &Plan<'_>) -> Result<(), String> {
-        let Hybrid { gpu, forces, staging, cpu } = self;
-        gpu.checked(|| {
-            forces.prepare(gpu, plan, false);
-            Ok(())
-        })?;
-        for index in 0..plan.substeps.len() {
-            let state = &forces.states[0];
-            gpu.write(&state.x, &cpu.x);
-            gpu.write(&state.p, &cpu.p);
-            let mut encoder = gpu.encoder();
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            forces.set_frame(&mut pass, index);
-            forces.encode(&mut pass, plan, 0);
-            drop(pass);
-            gpu.read(staging, &[(&forces.u, 0)], encoder, |bytes| cpu.u.copy_from_slice(bytemuck::cast_slice(bytes)))?;
-            cpu.substeps(plan, index..index + 1, false);
+    /// The substeps of a step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
+    #[expect(unsafe_code, reason = "tasks touch their own vertices alone (see Loops), the desk is on loan between exchanges")]
+    fn substeps(&mut self, plan: &Plan<'_>, sent: Option<Parcel>) -> Result<Parcel, String> {
+        let Hybrid { gpu, forces, exchange, every, told, cpu, .. } = self;
+        let (every, count) = ((*every).clamp(1, plan.substeps.len()), plan.substeps.len());
+        // Forces alone: what carries over is the CPU's, and so are the pins.
+        told.clear();
+        told.extend(plan.substeps.chunks(every).map(|run| {
+            let gain = run.iter().map(|substep| substep.gain).sum();
+            Substep { carry: 0.0, gain, ..run[0] }
+        }));
+        let alone = Plan { params: Params { pins: 0, ..plan.params }, substeps: told, pins: &[], ..*plan };
+
+        let moving = plan.wind || plan.bending && plan.damped();
+        let parcel = |whole: bool| match (moving, whole || every > 1 || !plan.bodies.is_empty()) {
+            (false, _) => Parcel::Positions,
+            (true, true) => Parcel::Both,
+            (true, false) => Parcel::Displacements,
+        };
+        let whole = parcel(true);
+        let first = gpu.checked(|| {
+            forces.prepare(gpu, &alone, false);
+            let desk = exchange.open(gpu)?;
+            Ok((desk, exchange.encode(gpu, forces, &alone, 0, whole)))
+        });
+        let (mut desk, next) = first.map(|(desk, next)| ([Some(desk)], Some(next)))?;
+        if sent != Some(whole) {
+            desk.iter().flatten().for_each(|desk| put_all(desk, cpu));
         }
-        Ok(())
+        let desk = Shared::new(&mut desk);
+        let post = Mutex::new(Post { gpu, forces, exchange, next, failed: None });
+        let fetch = |substep: usize| {
+            if substep % every == 0 {
+                let post = &mut *post.lock().unwrap_or_else(PoisonError::into_inner);
+                let next = substep / every + 1;
+                let next = (next < alone.substeps.len()).then_some((next, parcel(false)));
+                // SAFETY: this is its round's only task.
+                unsafe { desk.set(0, post.exchange(&alone, next)) };
+            }
+        };
+        let predict = |vertices: Range<u32>, substep: usize, state: State| {
+            // SAFETY: only `fetch` writes there, in another round; an index is a vertex of the cloth.
+            unsafe {
+                let Some(desk) = desk.get(0) else { return };
+                let (gain, whole) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
+                let scale = if gain == whole { 1.0 } else { gain / whole };
+                for i in vertices.start as usize..vertices.end as usize {
+                    let free = state.x.get(i).w > 0.0;
+                    let carried = kernels::predict(xyz(state.p.get(i)), Vec3A::ZERO, &plan.substeps[substep]);
+                    let by = carried + Vec3A::from(desk.u.get(i)) * scale;
+                    state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
+                }
+            }
+        };
+        let moved = |vertices: &[Range<u32>], substep: usize, state: State| {
+            let last = substep + 1 == count;
+            if !last && (substep + 1) % every > 0 {
+                return;
+            }
+            // SAFETY: as above.
+            unsafe {
+                let Some(desk) = desk.get(0) else { return };
+                for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
+                    put(&desk, parcel(last), i, state.x.get(i), state.p.get(i));
+                }
+            }
+        };
+        cpu.substeps(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
+        match post.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
+            None => Ok(whole),
+            Some(reason) => Err(reason),
+        }
+    }
+}
+
+impl Post<'_> {
+    /// One exchange; meanwhile the next is encoded. No desk if it failed.
+    fn exchange(&mut self, plan: &Plan<'_>, next: Option<(usize, Parcel)>) -> Option<Desk> {
+        let Post { gpu, forces, exchange, .. } = self;
+        let commands = self.next.take()?;
+        let done = gpu.checked(|| {
+            exchange.post(gpu, commands);
+            self.next = next.map(|(index, parcel)| exchange.encode(gpu, forces, plan, index, parcel));
+            exchange.receive(gpu)
+        });
+        done.map_err(|reason| self.failed = Some(reason)).ok()
+    }
+}
+
+/// Sends the whole state.
+#[expect(unsafe_code, reason = "one thread, and both lists are as long as the desk's")]
+fn put_all(desk: &Desk, cpu: &Cpu) {
+    for (i, (&x, &p)) in cpu.x.iter().zip(&cpu.p).enumerate() {
+        // SAFETY: nobody else is here.
+        unsafe { put(desk, Parcel::Both, i, x, p) };
+    }
+}
+
+/// Sends a vertex.
+///
+/// # Safety
+/// That of [`Shared::set`], for the desk.
+#[expect(unsafe_code, reason = "see the safety section")]
+unsafe fn put(desk: &Desk, parcel: Parcel, i: usize, x: Vec4, p: Vec4) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        if parcel.has_positions() {
+            desk.x.set(i, x.truncate());
+        }
+        if parcel.has_displacements() {
+            desk.p.set(i, p.truncate());
+        }
     }
 }

@@ -38,6 +38,8 @@ impl Found {
         let descriptor = wgpu::DeviceDescriptor {
             // Cloth of a million vertices needs more than the default 128 MiB a binding.
             required_limits: adapter.limits(),
+            // So that the hybrid need not copy what it maps.
+            required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
@@ -133,7 +135,7 @@ impl Gpu {
         self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub(crate) fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
         self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
@@ -178,8 +180,13 @@ impl Gpu {
 
     /// Waits for what was submitted.
     pub(crate) fn wait(&self) -> Result<(), String> {
+        self.poll(wgpu::PollType::wait_indefinitely())
+    }
+
+    /// Sees what is done, and calls back whoever asked.
+    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<(), String> {
         // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
-        let poll = || self.device.poll(wgpu::PollType::wait_indefinitely());
+        let poll = || self.device.poll(how);
         match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
             Ok(polled) => polled.map(|_| ()).map_err(|error| error.to_string()),
             Err(_) => Err("the device was lost".to_owned()),
