@@ -95,6 +95,21 @@ impl Hybrid {
         }
     }
 
+    /// Runs the kernels of a substep's forces this often, and waits.
+    pub(crate) fn run_forces(&mut self, plan: &Plan<'_>, repeats: u32) -> Result<(), String> {
+        let Hybrid { gpu, forces, .. } = self;
+        gpu.checked(|| {
+            forces.prepare(gpu, plan, false);
+            let mut encoder = gpu.encoder();
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            forces.set_frame(&mut pass, 0);
+            (0..repeats).for_each(|_| forces.encode(&mut pass, plan, 0));
+            drop(pass);
+            gpu.queue.submit([encoder.finish()]);
+            gpu.wait()
+        })
+    }
+
     /// The substeps of a step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
     #[expect(unsafe_code, reason = "tasks touch their own vertices alone (see Loops), the desk is on loan between exchanges")]
     fn substeps(&mut self, plan: &Plan<'_>, sent: Option<Parcel>) -> Result<Parcel, String> {

@@ -108,7 +108,14 @@ impl Exchange {
     }
 
     /// The commands of an exchange: `parcel` in, the forces of substep number `index` of `plan`, their displacements out.
-    pub(crate) fn encode(&self, gpu: &Gpu, forces: &Forces, plan: &Plan<'_>, index: usize, parcel: Parcel) -> wgpu::CommandBuffer {
+    pub(crate) fn encode(
+        &self,
+        gpu: &Gpu,
+        forces: &Forces,
+        plan: &Plan<'_>,
+        index: usize,
+        parcel: Parcel,
+    ) -> wgpu::CommandBuffer {
         let mut encoder = gpu.encoder();
         let vertices = self.vertices as usize;
         if let Some([sent, _]) = &self.copies {
