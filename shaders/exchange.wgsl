@@ -31,13 +31,11 @@ fn arrive(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     }
 }
 
+// A float each, so that what is far away is written in whole lines.
 @compute @workgroup_size(WORKGROUP)
 fn leave(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = item(id, groups);
-    if i >= params.vertices {
-        return;
+    let k = item(id, groups);
+    if k < 3u * params.vertices {
+        inbox[k] = u[k / 3u][k % 3u];
     }
-    inbox[3u * i] = u[i].x;
-    inbox[3u * i + 1u] = u[i].y;
-    inbox[3u * i + 2u] = u[i].z;
 }

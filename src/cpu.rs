@@ -38,6 +38,7 @@ pub(crate) struct Cpu {
 }
 
 /// The state as the tasks of a round share it.
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only a GPU is elsewhere"))]
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct State {
     pub x: Shared<Vec4>,
@@ -45,15 +46,17 @@ pub(crate) struct State {
     pub u: Shared<Vec4>,
 }
 
+/// A loop over some vertices in a substep.
+pub(crate) type Loop<'a> = dyn Fn(&[Range<u32>], usize, State) + Sync + 'a;
+
 /// How displacements are predicted elsewhere; substeps are named by their number in the step.
-#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only a GPU is elsewhere"))]
 pub(crate) struct Elsewhere<'a> {
     /// Before each substep, while no other task runs.
     pub exchange: &'a (dyn Fn(usize) + Sync),
     /// Predicts `u` of some vertices.
-    pub predict: &'a (dyn Fn(Range<u32>, usize, State) + Sync),
+    pub predict: &'a Loop<'a>,
     /// Sees some vertices that were moved.
-    pub moved: &'a (dyn Fn(&[Range<u32>], usize, State) + Sync),
+    pub moved: &'a Loop<'a>,
 }
 
 /// What a round does; each kind comes once a turn, a turn is a sweep.
@@ -186,7 +189,7 @@ impl Cpu {
             let (range, substep) = (stripes.ranges[task].clone(), &plan.substeps[index]);
             match elsewhere {
                 None => at.predict(range.clone(), substep),
-                Some(elsewhere) => (elsewhere.predict)(range.clone(), index, state),
+                Some(elsewhere) => (elsewhere.predict)(std::slice::from_ref(&range), index, state),
             }
             at.lead_pins(range, substep);
         };

@@ -329,6 +329,15 @@ impl Deformer {
         }
     }
 
+    /// Whether the device is to use the hybrid's mapped outbox and inbox themselves.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.exchange_in_place(self.cloth.rest.len(), in_place);
+        }
+    }
+
     /// Runs the hybrid's force kernels for a substep this often, and waits. The state stays as it is.
     ///
     /// # Errors

@@ -62,7 +62,7 @@ impl Hybrid {
             // The inverse masses; the rest of it is sent.
             gpu.write(&forces.states[0].x, &cloth.rest);
             let in_place = gpu.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
-            let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), in_place);
+            let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), [in_place; 2]);
             Ok(Hybrid { gpu, forces, exchange, sent: None, every: 1, told: Vec::new(), cpu: Cpu::new(cloth) })
         })
     }
@@ -93,6 +93,12 @@ impl Hybrid {
             self.cpu.substeps(plan, None);
             self.cpu.end()
         }
+    }
+
+    /// Whether the device uses the mapped outbox and inbox themselves.
+    pub(crate) fn exchange_in_place(&mut self, vertices: usize, in_place: [bool; 2]) {
+        self.exchange = Exchange::new(&self.gpu, &self.forces, vertices, in_place);
+        self.sent = None;
     }
 
     /// Runs the kernels of a substep's forces this often, and waits.
@@ -142,7 +148,7 @@ impl Hybrid {
         let desk = Shared::new(&mut desk);
         let post = Mutex::new(Post { gpu, forces, exchange, next, failed: None });
         let fetch = |substep: usize| {
-            if substep % every == 0 {
+            if substep.is_multiple_of(every) {
                 let post = &mut *post.lock().unwrap_or_else(PoisonError::into_inner);
                 let next = substep / every + 1;
                 let next = (next < alone.substeps.len()).then_some((next, parcel(false)));
@@ -150,13 +156,13 @@ impl Hybrid {
                 unsafe { desk.set(0, post.exchange(&alone, next)) };
             }
         };
-        let predict = |vertices: Range<u32>, substep: usize, state: State| {
+        let predict = |vertices: &[Range<u32>], substep: usize, state: State| {
             // SAFETY: only `fetch` writes there, in another round; an index is a vertex of the cloth.
             unsafe {
                 let Some(desk) = desk.get(0) else { return };
                 let (gain, whole) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
                 let scale = if gain == whole { 1.0 } else { gain / whole };
-                for i in vertices.start as usize..vertices.end as usize {
+                for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
                     let free = state.x.get(i).w > 0.0;
                     let carried = kernels::predict(xyz(state.p.get(i)), Vec3A::ZERO, &plan.substeps[substep]);
                     let by = carried + Vec3A::from(desk.u.get(i)) * scale;
@@ -166,7 +172,7 @@ impl Hybrid {
         };
         let moved = |vertices: &[Range<u32>], substep: usize, state: State| {
             let last = substep + 1 == count;
-            if !last && (substep + 1) % every > 0 {
+            if !last && !(substep + 1).is_multiple_of(every) {
                 return;
             }
             // SAFETY: as above.
@@ -221,6 +227,42 @@ unsafe fn put(desk: &Desk, parcel: Parcel, i: usize, x: Vec4, p: Vec4) {
         }
         if parcel.has_displacements() {
             desk.p.set(i, p.truncate());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use crate::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality};
+
+    /// The same bits wherever the device reads and writes, whatever of the state is sent; and that is the CPU's motion.
+    #[test]
+    fn memory_in_place_or_copied_gives_the_same_motion() {
+        let mesh = Mesh::grid(21, 17, 1.0, 0.8);
+        let ball = vec![Collider::sphere(Vec3::new(0.0, -0.2, 0.0), 0.19)];
+        for (bending, air_density, colliders) in [(1e-4, 0.0, vec![]), (0.0, 1.2, vec![]), (1e-4, 1.2, ball)] {
+            let attributes = Attributes { wind: Vec3::new(3.0, 1.0, 2.0), air_density, colliders, ..Attributes::default() };
+            let run = |backend, in_place: Option<[bool; 2]>| {
+                let fabric = Fabric { bending, damping: if air_density > 0.0 { 0.05 } else { 0.0 }, ..Fabric::default() };
+                let quality = Quality::Substeps(12);
+                let options = Options { backend, fabric, quality, pinned: vec![0, 20], ..Options::default() };
+                let mut deformer = Deformer::new(&mesh, options).unwrap();
+                in_place.into_iter().for_each(|in_place| deformer.exchange_in_place(in_place));
+                for _ in 0..5 {
+                    deformer.step(1.0 / 60.0, &attributes).unwrap();
+                }
+                deformer.positions().unwrap().to_vec()
+            };
+            let copied = run(Backend::Hybrid, Some([false; 2]));
+            assert!(copied == run(Backend::Hybrid, None));
+            let cpu = run(Backend::Cpu, None);
+            let rms = |a: &[Vec3], b: &[Vec3]| {
+                (a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum::<f32>() / a.len() as f32).sqrt()
+            };
+            let (apart, moved) = (rms(&copied, &cpu), rms(&cpu, &mesh.positions));
+            assert!(moved > 0.01 && apart <= 1e-4 * moved, "{apart} m apart of {moved}");
         }
     }
 }

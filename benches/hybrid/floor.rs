@@ -17,35 +17,32 @@ pub(crate) enum Way {
     Copied,
     /// The same, polled until it is there.
     CopiedPolled,
-    /// The kernel uses the mapped buffers.
-    InPlace,
-    InPlacePolled,
+    /// Again, but the kernel reads what goes up where it was written.
+    HalfCopied,
 }
 
 impl Way {
-    pub(crate) const ALL: [Way; 5] = [Way::Written, Way::Copied, Way::CopiedPolled, Way::InPlace, Way::InPlacePolled];
+    pub(crate) const ALL: [Way; 4] = [Way::Written, Way::Copied, Way::CopiedPolled, Way::HalfCopied];
 
     pub(crate) fn name(self) -> &'static str {
         match self {
             Way::Written => "write_buffer, sleep",
             Way::Copied => "mapped, sleep",
             Way::CopiedPolled => "mapped, poll",
-            Way::InPlace => "in place, sleep",
-            Way::InPlacePolled => "in place, poll",
+            Way::HalfCopied => "mapped, copied down alone, poll",
         }
     }
 
-    pub(crate) fn in_place(self) -> bool {
-        matches!(self, Way::InPlace | Way::InPlacePolled)
-    }
-
     fn polls(self) -> bool {
-        matches!(self, Way::CopiedPolled | Way::InPlacePolled)
+        matches!(self, Way::CopiedPolled | Way::HalfCopied)
     }
 }
 
 /// Median time (s) of an exchange of `bytes` each way.
 pub(crate) fn floor(gpu: &Gpu, way: Way, bytes: u64) -> f64 {
+    if way == Way::HalfCopied && !gpu.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS) {
+        return f64::INFINITY;
+    }
     let link = Link::new(gpu, way, bytes);
     let data = vec![1_u8; bytes as usize];
     let start = Instant::now();
@@ -83,11 +80,12 @@ impl<'a> Link<'a> {
             gpu.device.create_buffer(&descriptor)
         };
         let primary = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
-        let (up, down) = if way.in_place() {
-            let (up, down) = (make(Usage::STORAGE | Usage::MAP_WRITE), make(Usage::STORAGE | Usage::MAP_READ));
-            ([up.clone(), up], [down.clone(), down])
+        let down = [make(Usage::MAP_READ | Usage::COPY_DST), make(primary)];
+        let up = if way == Way::HalfCopied {
+            let up = make(Usage::STORAGE | Usage::MAP_WRITE);
+            [up.clone(), up]
         } else {
-            ([make(Usage::MAP_WRITE | Usage::COPY_SRC), make(primary)], [make(Usage::MAP_READ | Usage::COPY_DST), make(primary)])
+            [make(Usage::MAP_WRITE | Usage::COPY_SRC), make(primary)]
         };
         let module = gpu
             .device
@@ -133,9 +131,7 @@ impl<'a> Link<'a> {
         pass.set_bind_group(0, &self.group, &[]);
         pass.dispatch_workgroups(1, 1, 1);
         drop(pass);
-        if !self.way.in_place() {
-            encoder.copy_buffer_to_buffer(&self.down[1], 0, &self.down[0], 0, bytes);
-        }
+        encoder.copy_buffer_to_buffer(&self.down[1], 0, &self.down[0], 0, bytes);
         self.gpu.queue.submit([encoder.finish()]);
         self.ask(true);
         self.wait();

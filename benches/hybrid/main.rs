@@ -32,6 +32,9 @@ struct Arguments {
     /// Vertices along a side of the sheets [default: 64,128,256,512,1024; 32,64 with --quick]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = value_parser!(u32).range(3..=2048))]
     sizes: Vec<u32>,
+    /// Also where the device should read and write
+    #[arg(long)]
+    places: bool,
     /// The figures for a chart
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
@@ -48,15 +51,16 @@ struct Arguments {
 
 fn main() -> Result<(), Failure> {
     let arguments = Arguments::parse();
-    // The same adapter, as a device that may map any buffer and as one that may not.
-    let devices = [true, false].map(|in_place| request(in_place).map(|gpu| (in_place, gpu)));
-    let devices: Vec<(bool, Gpu)> = devices.into_iter().flatten().collect();
-    let Some((_, gpu)) = devices.first() else { return Err("no GPU at hand".into()) };
+    let Some(gpu) = request() else { return Err("no GPU at hand".into()) };
     let threads = rayon::current_num_threads();
     println!("{}, {threads} threads, S = {SUBSTEPS}; {} {}\n", gpu.name, arguments.date, arguments.commit);
-    let mut bench = Bench { adapter: gpu.name.clone(), devices, rows: Vec::new() };
+    let mut bench = Bench { gpu, rows: Vec::new() };
     let (sizes, side): (&[u32], u32) = if arguments.quick { (&[32, 64], 33) } else { (&[64, 128, 256, 512, 1024], 65) };
-    bench.floors(if arguments.sizes.is_empty() { sizes } else { &arguments.sizes })?;
+    let sizes = if arguments.sizes.is_empty() { sizes } else { &arguments.sizes };
+    if arguments.places {
+        bench.places(sizes)?;
+    }
+    bench.floors(sizes)?;
     bench.rates(side, if arguments.quick { 160 } else { 640 })?;
     if let Some(path) = &arguments.csv {
         std::fs::write(path, bench.csv(&arguments))?;
@@ -64,17 +68,13 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-fn request(in_place: bool) -> Option<Gpu> {
+fn request() -> Option<Gpu> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let power_preference = wgpu::PowerPreference::HighPerformance;
     let wanted = wgpu::RequestAdapterOptions { power_preference, ..wgpu::RequestAdapterOptions::default() };
     let adapter = pollster::block_on(instance.request_adapter(&wanted)).ok()?;
-    let feature = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
-    if in_place && !adapter.features().contains(feature) {
-        return None;
-    }
     let descriptor = wgpu::DeviceDescriptor {
-        required_features: if in_place { feature } else { wgpu::Features::empty() },
+        required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
         required_limits: adapter.limits(),
         ..wgpu::DeviceDescriptor::default()
     };
@@ -97,29 +97,26 @@ struct Row {
 }
 
 struct Bench {
-    adapter: String,
-    devices: Vec<(bool, Gpu)>,
+    gpu: Gpu,
     rows: Vec<Row>,
 }
 
 impl Bench {
     /// The hybrid against the sum of what it is made of.
     fn floors(&mut self, sizes: &[u32]) -> Result<(), Failure> {
-        println!("us an exchange of 12 bytes a vertex each way, an empty kernel between (median of ways to do it)\n");
-        println!("| N | {} |", Way::ALL.map(Way::name).join(" | "));
-        println!("|---|{}", "---|".repeat(Way::ALL.len()));
+        println!("us an exchange of 12 bytes a vertex each way, an empty kernel between (medians)\n");
+        println!("| N | {} |\n|---|{}", Way::ALL.map(Way::name).join(" | "), "---|".repeat(Way::ALL.len()));
         let mut floors = Vec::new();
         for &n in sizes {
-            let bytes = 12 * u64::from(n * n);
-            let times = Way::ALL.map(|way| self.device(way.in_place()).map_or(f64::INFINITY, |gpu| floor(gpu, way, bytes)));
+            let times = Way::ALL.map(|way| floor(&self.gpu, way, 12 * u64::from(n * n)));
             println!("| {n} | {} |", times.map(|time| format!("{:.0}", 1e6 * time)).join(" | "));
             floors.push(1e3 * times.into_iter().fold(f64::INFINITY, f64::min));
         }
         println!(
             "\nms a step of {SUBSTEPS} exchanges (medians): a: transfers alone, the best way; b: force kernels alone; c: the"
         );
-        println!("CPU's own: the scene without its forces; d: the hybrid, and where its device must copy; all on the CPU\n");
-        println!("| N | scene | a | b | c | a+b+c | d | d/(a+b+c) | copying | Cpu |\n|---|---|---|---|---|---|---|---|---|---|");
+        println!("CPU's own: the scene without its forces; d: the hybrid; all on the CPU\n");
+        println!("| N | scene | a | b | c | a+b+c | d | d/(a+b+c) | Cpu |\n|---|---|---|---|---|---|---|---|---|");
         for (&n, exchange) in sizes.iter().zip(floors) {
             for scene in Scene::all(n) {
                 let transfers = if scene.gathers() { f64::from(SUBSTEPS) * exchange } else { 0.0 };
@@ -129,56 +126,84 @@ impl Bench {
         Ok(())
     }
 
-    fn device(&self, in_place: bool) -> Option<&Gpu> {
-        self.devices.iter().find(|(is, _)| *is == in_place).map(|(_, gpu)| gpu)
+    fn cloth(&self, backend: Backend, scene: &Scene) -> Result<Deformer, Failure> {
+        let options = Options { backend, gpu: Some(self.gpu.clone()), ..scene.options.clone() };
+        Ok(Deformer::new(&scene.mesh, options)?)
     }
 
     fn beside_floor(&mut self, n: u32, scene: &Scene, transfers: f64) -> Result<(), Failure> {
-        let make = |backend, scene: &Scene, gpu: Option<&Gpu>| {
-            let options = Options { backend, gpu: gpu.cloned(), ..scene.options.clone() };
-            Deformer::new(&scene.mesh, options)
-        };
         let bare = scene.bare();
-        let mut cloths = vec![(&bare, make(Backend::Cpu, &bare, None)?), (scene, make(Backend::Cpu, scene, None)?)];
-        for (_, gpu) in &self.devices {
-            cloths.push((scene, make(Backend::Hybrid, scene, Some(gpu))?));
-        }
-        let mut times: Vec<Vec<f64>> = vec![Vec::new(); cloths.len()];
+        let cloths = [(Backend::Cpu, &bare), (Backend::Hybrid, scene), (Backend::Cpu, scene)];
+        let mut cloths = cloths.map(|(backend, scene)| self.cloth(backend, scene).map(|cloth| (scene, cloth, Vec::new())));
         let start = Instant::now();
-        // In turn, so that whatever else the machine does hits all alike.
-        while times[0].len() < 25 && (times[0].len() < 6 || start.elapsed().as_secs_f64() < 4.0) {
-            for ((scene, cloth), times) in cloths.iter_mut().zip(&mut times) {
+        // In turn, so that whatever else the machine does hits all alike; what is beside the point a few times only.
+        for round in 0..41 {
+            for (index, cloth) in cloths.iter_mut().enumerate() {
+                let Ok((scene, cloth, times)) = cloth else { return Err("a cloth is missing".into()) };
+                if index == 2 && round > 4 {
+                    continue;
+                }
                 // Two in a row: the second finds its own state in the caches.
                 cloth.step(FRAME, &scene.attributes)?;
                 let start = Instant::now();
                 cloth.step(FRAME, &scene.attributes)?;
                 times.push(1e3 * start.elapsed().as_secs_f64());
             }
+            if round > 6 && start.elapsed().as_secs_f64() > 6.0 {
+                break;
+            }
         }
-        let kernels = if scene.gathers() {
-            let mut kernels = |repeats| -> Result<f64, Failure> {
+        let [Ok(own), Ok(mut hybrid), Ok(all)] = cloths else { return Err("a cloth is missing".into()) };
+        let mut kernels = 0.0;
+        if scene.gathers() {
+            let mut run = |repeats| -> Result<f64, Failure> {
                 let mut times = Vec::new();
                 for _ in 0..7 {
                     let start = Instant::now();
-                    cloths[2].1.run_forces(FRAME, &scene.attributes, repeats)?;
+                    hybrid.1.run_forces(FRAME, &scene.attributes, repeats)?;
                     times.push(1e3 * start.elapsed().as_secs_f64());
                 }
                 Ok(median(&mut times))
             };
-            f64::from(SUBSTEPS) * (kernels(101)? - kernels(1)?) / 100.0
-        } else {
-            0.0
-        };
-        let [own, all, hybrid] = [0, 1, 2].map(|index: usize| median(&mut times[index]));
-        let copying = times.get_mut(3).map_or(f64::NAN, |times| median(times));
+            kernels = f64::from(SUBSTEPS) * (run(101)? - run(1)?) / 100.0;
+        }
+        let [own, hybrid, all] = [own, hybrid, all].map(|(_, _, mut times)| median(&mut times));
         let sum = transfers + kernels + own;
         let ratio = hybrid / sum;
         println!(
-            "| {n} | {} | {transfers:.2} | {kernels:.2} | {own:.2} | {sum:.2} | {hybrid:.2} | {ratio:.2} | {copying:.2} | {all:.2} |",
+            "| {n} | {} | {transfers:.2} | {kernels:.2} | {own:.2} | {sum:.2} | {hybrid:.2} | {ratio:.2} | {all:.2} |",
             scene.name
         );
         let floor = Some([transfers, kernels, own]);
         self.rows.push(Row { scene: scene.name, n, every: 1, floor, hybrid, cpu: Some(all), error: None });
+        Ok(())
+    }
+
+    /// The hybrid by where its device reads and writes: ms a step.
+    fn places(&self, sizes: &[u32]) -> Result<(), Failure> {
+        let places = [("copied", [false, false]), ("outbox in place", [true, false]), ("both in place", [true, true])];
+        println!("\nms a step by whether the device uses mapped memory itself\n");
+        println!("| N | scene | {} |\n|---|---|---|---|---|", places.map(|place| place.0).join(" | "));
+        for &n in sizes {
+            for scene in Scene::all(n).iter().filter(|scene| ["bending", "wind"].contains(&scene.name)) {
+                let mut cloth = self.cloth(Backend::Hybrid, scene)?;
+                let mut times = [const { Vec::new() }; 3];
+                for _ in 0..7 {
+                    for (times, place) in times.iter_mut().zip(places) {
+                        cloth.exchange_in_place(place.1);
+                        cloth.step(FRAME, &scene.attributes)?;
+                        let start = Instant::now();
+                        cloth.step(FRAME, &scene.attributes)?;
+                        times.push(1e3 * start.elapsed().as_secs_f64());
+                    }
+                }
+                println!(
+                    "| {n} | {} | {} |",
+                    scene.name,
+                    times.map(|mut times| format!("{:.2}", median(&mut times))).join(" | ")
+                );
+            }
+        }
         Ok(())
     }
 
@@ -189,16 +214,14 @@ impl Bench {
         );
         println!("the fewer exchanges moved the cloth, strain, ms a step\n");
         println!("| scene | every | error (m) | moved by (m) | mean strain | max strain | ms |\n|---|---|---|---|---|---|---|");
-        let Some((_, gpu)) = self.devices.first().cloned() else { return Ok(()) };
         for scene in Scene::all(n) {
             let options =
                 Options { backend: Backend::Cpu, quality: Quality::Substeps(fine), levels: Levels::Off, ..scene.options.clone() };
             let mut cloth = Deformer::new(&scene.mesh, options)?;
             let truth = half_a_second(&scene, &mut cloth)?.0;
             let mut often: Option<Vec<Vec3>> = None;
-            for every in [1, 2, 4, 5, 10, 20] {
-                let options = Options { backend: Backend::Hybrid, gpu: Some(gpu.clone()), ..scene.options.clone() };
-                let mut cloth = Deformer::new(&scene.mesh, options)?;
+            for every in [1, 2, 4, 10, 20] {
+                let mut cloth = self.cloth(Backend::Hybrid, &scene)?;
                 cloth.exchange_every(every);
                 let Ok((positions, ms)) = half_a_second(&scene, &mut cloth) else {
                     println!("| {} | {every} | unstable | | | | |", scene.name);
@@ -224,7 +247,7 @@ impl Bench {
             let floor = floor.map_or(",,".to_owned(), |floor| list(&floor));
             let cpu = cpu.map_or(String::new(), |cpu| list(&[cpu]));
             let error = error.map_or(",,,".to_owned(), |error| list(&error));
-            let adapter = self.adapter.replace(',', ";");
+            let adapter = self.gpu.name.replace(',', ";");
             let Arguments { date, commit, .. } = arguments;
             let line = format!(
                 "{},{n},{SUBSTEPS},{every},{floor},{hybrid:.4},{cpu},{error},{adapter},{date},{commit},cargo bench --bench hybrid\n",

@@ -61,8 +61,9 @@ pub(crate) struct Desk {
 pub(crate) struct Exchange {
     outbox: wgpu::Buffer,
     inbox: wgpu::Buffer,
-    /// Where they are on the device, if not where they are.
-    copies: Option<[wgpu::Buffer; 2]>,
+    /// The same on the device, where that cannot use a mapped buffer as it is.
+    sent: Option<wgpu::Buffer>,
+    given: Option<wgpu::Buffer>,
     arrive: Vec<Stage>,
     leave: Stage,
     vertices: u64,
@@ -71,16 +72,17 @@ pub(crate) struct Exchange {
 }
 
 impl Exchange {
-    /// For the first state of `forces`; `in_place` if the device is to use the mapped buffers themselves.
-    pub(crate) fn new(gpu: &Gpu, forces: &Forces, vertices: usize, in_place: bool) -> Exchange {
+    /// For the first state of `forces`; `in_place` says whether the device is to use the mapped outbox and inbox themselves.
+    pub(crate) fn new(gpu: &Gpu, forces: &Forces, vertices: usize, in_place: [bool; 2]) -> Exchange {
         use wgpu::BufferUsages as Usage;
         let vertices = vertices as u64;
-        let (sent, given) = (2 * THREE * vertices, THREE * vertices);
-        let (reads, writes) = if in_place { (Usage::STORAGE, Usage::STORAGE) } else { (Usage::COPY_SRC, Usage::COPY_DST) };
-        let outbox = gpu.make("outbox", sent, Usage::MAP_WRITE | reads);
-        let inbox = gpu.make("inbox", given, Usage::MAP_READ | writes);
-        let copies = (!in_place).then(|| [gpu.buffer("sent", sent), gpu.buffer("given", given)]);
-        let [sent, given] = copies.as_ref().map_or([&outbox, &inbox], |copies| copies.each_ref());
+        let sizes = [2 * THREE * vertices, THREE * vertices];
+        let used = |index: usize, copied| if in_place[index] { Usage::STORAGE } else { copied };
+        let outbox = gpu.make("outbox", sizes[0], Usage::MAP_WRITE | used(0, Usage::COPY_SRC));
+        let inbox = gpu.make("inbox", sizes[1], Usage::MAP_READ | used(1, Usage::COPY_DST));
+        let copy = |index: usize, name| (!in_place[index]).then(|| gpu.buffer(name, sizes[index]));
+        let copies = [copy(0, "sent"), copy(1, "given")];
+        let [sent, given] = [copies[0].as_ref().unwrap_or(&outbox), copies[1].as_ref().unwrap_or(&inbox)];
 
         let module = gpu.module("exchange", shader!("exchange"));
         let state = &forces.states[0];
@@ -94,7 +96,8 @@ impl Exchange {
         let bound = vec![(3, Bind::Read(&forces.u)), (4, Bind::Write(given))];
         let leave = Stage::new(gpu, &forces.frame, Entry::new(&module, "leave"), &[bound]);
         let arrive = arrive.into_iter().collect();
-        Exchange { arrive, leave, vertices, views: None, ready: Arc::default(), outbox, inbox, copies }
+        let [sent, given] = copies;
+        Exchange { arrive, leave, vertices, views: None, ready: Arc::default(), outbox, inbox, sent, given }
     }
 
     /// What is in reach; maps the buffers if they are not.
@@ -118,7 +121,7 @@ impl Exchange {
     ) -> wgpu::CommandBuffer {
         let mut encoder = gpu.encoder();
         let vertices = self.vertices as usize;
-        if let Some([sent, _]) = &self.copies {
+        if let Some(sent) = &self.sent {
             let half = THREE * self.vertices;
             let start = if parcel.has_positions() { 0 } else { half };
             let end = if parcel.has_displacements() { 2 * half } else { half };
@@ -128,9 +131,9 @@ impl Exchange {
         forces.set_frame(&mut pass, index);
         self.arrive[parcel as usize].encode(&mut pass, 0, &[], vertices);
         forces.encode(&mut pass, plan, 0);
-        self.leave.encode(&mut pass, 0, &[], vertices);
+        self.leave.encode(&mut pass, 0, &[], 3 * vertices);
         drop(pass);
-        if let Some([_, given]) = &self.copies {
+        if let Some(given) = &self.given {
             encoder.copy_buffer_to_buffer(given, 0, &self.inbox, 0, THREE * self.vertices);
         }
         encoder.finish()
@@ -165,6 +168,7 @@ impl Exchange {
         self.desk()
     }
 
+    #[expect(clippy::cast_ptr_alignment, reason = "checked below")]
     fn desk(&mut self) -> Result<Desk, String> {
         let Some((outbox, inbox)) = &mut self.views else { return Err("the buffers are away".to_owned()) };
         let vertices = self.vertices as usize;
