@@ -3,7 +3,7 @@
 mod common;
 
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Levels, Mesh, Options, Quality};
 use common::{FRAME, meshes};
 
 const DENSITY: f64 = 0.2;
@@ -238,6 +238,32 @@ fn a_heavy_elastica_as_a_free_strip() {
         println!("G = {heaviness}: H/W = {ratio:.5}, expected {expected} ({:+.2} %)", 100.0 * (ratio / expected - 1.0));
         assert!((ratio / expected - 1.0).abs() < 0.05, "G = {heaviness}: H/W = {ratio}, expected {expected}");
     }
+}
+
+/// Levels asked for leave what bends alone: both ends of the table's range, where each of these strips has levels.
+#[test]
+fn an_elastica_with_levels() {
+    for (heaviness, expected, columns, substeps) in [(100.0, 5.888_105, 33, 120), (1000.0, 21.3354, 49, 100)] {
+        let mut strip = Strip::new(columns, 17, heaviness, substeps);
+        let mut ratio = |levels| {
+            strip.options.levels = levels;
+            let (sag, reach) = strip.settle(9.81, 16.0);
+            sag / reach
+        };
+        let (plain, levels) = (ratio(Levels::Off), ratio(Levels::Count(9)));
+        println!("G = {heaviness}: H/W = {levels:.5} with levels, {plain:.5} without, expected {expected}");
+        assert!((levels / expected - 1.0).abs() < 0.05, "G = {heaviness}: H/W = {levels}, expected {expected}");
+        assert!((levels / plain - 1.0).abs() < 0.02, "G = {heaviness}: H/W = {levels} with levels, {plain} without");
+    }
+    let mut strip = Strip::new(33, 5, 200.0, 60);
+    let gravity = 0.08 * strip.bending / (DENSITY * strip.length.powi(3));
+    let mut sag = |levels| {
+        strip.options.levels = levels;
+        strip.settle_as_cylinder(gravity, 14.0).0
+    };
+    let (plain, levels) = (sag(Levels::Off), sag(Levels::Count(9)));
+    println!("cantilever: sag {levels:.6} m with levels, {plain:.6} m without");
+    assert!((levels / plain - 1.0).abs() < 1e-3, "cantilever: sag {levels} m with levels, {plain} m without");
 }
 
 /// Test 17. A cantilever let go in its first mode vibrates at `1.8751² sqrt(B/(rho L⁴))`.

@@ -3,11 +3,13 @@
 mod common;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, BuildError, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, StepError};
+use cloth_deformer::{
+    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError,
+};
 
 use common::play;
 
-on_every_backend!(degenerate_meshes_stay_finite, input_that_is_no_number_is_refused);
+on_every_backend!(degenerate_meshes_stay_finite, degenerate_meshes_with_levels_stay_finite, input_that_is_no_number_is_refused);
 
 fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
     Mesh { positions: positions.iter().map(|&x| x.into()).collect(), triangles: triangles.to_vec() }
@@ -55,6 +57,67 @@ fn table() -> Vec<(&'static str, Mesh, Vec<u32>)> {
         ("a fan about its pin", fan, vec![0]),
         ("nothing pinned", grid, vec![]),
     ]
+}
+
+/// The same, large enough for levels.
+fn table_with_levels() -> Vec<(&'static str, Mesh, Vec<u32>)> {
+    let n = 24;
+    let grid = Mesh::grid(n, n, 1.0, 1.0);
+    let count = n * n;
+    let moved = |by: fn(Vec3) -> Vec3| Mesh { positions: grid.positions.iter().map(|&x| by(x)).collect(), ..grid.clone() };
+    let both = |other: Mesh| Mesh {
+        positions: grid.positions.iter().copied().chain(other.positions).collect(),
+        triangles: grid.triangles.iter().copied().chain(other.triangles.iter().map(|t| t.map(|v| v + count))).collect(),
+    };
+    let rim = |k: u32| Vec3::new((0.01 * k as f32).cos(), 0.0, (0.01 * k as f32).sin());
+    let fan = Mesh {
+        positions: std::iter::once(Vec3::ZERO).chain((0..600).map(rim)).collect(),
+        triangles: (1..600).map(|k| [0, k + 1, k]).collect(),
+    };
+    let thread = Mesh {
+        positions: (0..400).map(|k| Vec3::X * (0.01 * k as f32)).collect(),
+        triangles: (1..400).map(|k| [k - 1, k, k]).collect(),
+    };
+    let mut book = both(moved(|x| Vec3::new(x.x, x.z, 0.0)));
+    book.triangles.extend((0..n - 1).map(|k| [k, k + 1, count + k]));
+    let turned = grid.triangles.iter().map(|&[a, b, c]| [a, c, b]);
+    let doubled = Mesh { triangles: grid.triangles.iter().copied().chain(turned).collect(), ..grid.clone() };
+    let dust = Mesh { positions: vec![Vec3::ONE; 100], triangles: Vec::new() };
+    vec![
+        ("all vertices in one place", moved(|_| Vec3::splat(0.5)), vec![0]),
+        ("a sheet without width", moved(|x| x.with_z(0.0)), vec![0]),
+        ("a sheet that is hardly wide", moved(|x| x.with_z(1e-7 * x.z)), vec![0]),
+        ("half of it in one place", moved(|x| if x.x < 0.0 { Vec3::ZERO } else { x }), vec![0]),
+        ("folded flat", moved(|x| x.with_x(x.x.abs())), vec![0]),
+        ("twice the same", both(grid.clone()), vec![0, count]),
+        ("a sheet and dust", both(dust), vec![0, count + 7]),
+        ("an edge of three sheets", book, vec![0]),
+        ("each triangle twice, once turned over", doubled, vec![0]),
+        ("a fan", fan.clone(), vec![1]),
+        ("a fan about its pin", fan, vec![0]),
+        ("a thread", thread, vec![0, 399]),
+        ("every other vertex pinned", grid.clone(), (0..count).step_by(2).collect()),
+        ("everything pinned", grid.clone(), (0..count).collect()),
+        ("all but one pinned", grid.clone(), (1..count).collect()),
+        ("nothing pinned", grid, vec![]),
+    ]
+}
+
+fn degenerate_meshes_with_levels_stay_finite(backend: Backend) {
+    let ball = Collider::sphere(Vec3::new(0.4, -0.2, 0.4), 0.3);
+    let windy = Attributes { wind: Vec3::new(3.0, 0.0, 1.0), air_density: 1.2, colliders: vec![ball], ..Attributes::default() };
+    for (name, mesh, pinned) in table_with_levels() {
+        for fabric in [Fabric { stretch: f32::INFINITY, ..Fabric::default() }, Fabric::TOWEL] {
+            let (quality, levels, pinned) = (Quality::Substeps(10), Levels::Count(u32::MAX), pinned.clone());
+            let options = Options { backend, quality, fabric, levels, pinned, ..Options::default() };
+            let mut deformer = Deformer::new(&mesh, options).unwrap_or_else(|error| panic!("{name}: {error}"));
+            play(&mut deformer, 10, &windy);
+            for (v, x) in deformer.positions().unwrap().iter().enumerate() {
+                assert!(x.is_finite() && x.length() < 100.0, "{name}: vertex {v} is at {x}");
+            }
+            assert!(deformer.velocities().unwrap().iter().all(|v| v.is_finite()), "{name}");
+        }
+    }
 }
 
 /// Everything at once acts on them: bending, air, drag, a collider that they start inside of.

@@ -5,7 +5,7 @@ mod common;
 use std::collections::HashSet;
 
 use cloth_deformer::glam::{Vec2, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Options, Quality};
 use common::energy::masses;
 use common::{meshes, play};
 
@@ -33,13 +33,14 @@ impl Drape {
     ///
     /// K = 500 N/m, a knit's, so that 40 substeps resolve the stiffness of the grid of 33 x 33 (S* = 27). Where they do not,
     /// the potential energy counts the stretch that one sweep leaves as if all of K held it, and depends on the spacing.
-    fn new(mesh: &Mesh, bending: f32) -> Drape {
+    fn new(mesh: &Mesh, bending: f32, levels: Levels) -> Drape {
         let mut mesh = mesh.clone();
         mesh.positions.iter_mut().for_each(|x| x.y = 0.7);
         let options = Options {
             backend: Backend::Cpu,
             quality: Quality::Substeps(40),
             fabric: Fabric { density: DENSITY, stretch: 500.0, bending, damping: 0.06 },
+            levels,
             ..Options::default()
         };
         let colliders = vec![Collider::plane(Vec3::ZERO, Vec3::Y), Collider::sphere(Vec3::Y * 0.3, 0.3)];
@@ -105,25 +106,29 @@ fn heights(x: &[Vec3], masses: &[f32], total: f64) -> Vec<f64> {
 /// the bending rigidity is already outside all three (0.053 m², 9 mm, 0.14 J/kg). Half or twice the membrane stiffness is
 /// inside: it hardly shows in a drape.
 #[test]
-fn a_drape_depends_on_no_mesh() {
+fn a_drape_depends_on_no_mesh_and_on_no_levels() {
     let n = 33;
-    let grid = Drape::new(&Mesh::grid(n, n, 1.0, 1.0), BENDING);
+    let grid = Drape::new(&Mesh::grid(n, n, 1.0, 1.0), BENDING, Levels::Auto);
     println!("grid: {:.4} m², {:.4} J/kg", grid.area, grid.energy);
     let others =
         [("alternating", meshes::alternating(n)), ("delaunay 1", meshes::delaunay(n, 1)), ("delaunay 2", meshes::delaunay(n, 2))];
     for (name, mesh) in others {
-        let apart = Drape::new(&mesh, BENDING).apart(&grid);
+        let apart = Drape::new(&mesh, BENDING, Levels::Auto).apart(&grid);
         println!("{name}: apart by {apart:.4?} (m², m, J/kg)");
         assert!(apart.iter().zip(BOUNDS).all(|(apart, bound)| *apart <= bound), "{name}: {apart:?}, at most {BOUNDS:?}");
     }
+    // Where the stiffness is resolved, as here, levels have nothing to add and must take nothing away.
+    let apart = Drape::new(&Mesh::grid(n, n, 1.0, 1.0), BENDING, Levels::Count(9)).apart(&grid);
+    println!("levels: apart by {apart:.4?} (m², m, J/kg)");
+    assert!(apart.iter().zip(BOUNDS).all(|(apart, bound)| *apart <= bound), "levels: {apart:?}, at most {BOUNDS:?}");
 }
 
 /// And the bounds are narrow enough to tell another cloth: ten times as rigid, it is outside each of them.
 #[test]
 fn a_stiffer_cloth_drapes_otherwise() {
     let n = 33;
-    let grid = Drape::new(&Mesh::grid(n, n, 1.0, 1.0), BENDING);
-    let apart = Drape::new(&meshes::delaunay(n, 1), 10.0 * BENDING).apart(&grid);
+    let grid = Drape::new(&Mesh::grid(n, n, 1.0, 1.0), BENDING, Levels::Auto);
+    let apart = Drape::new(&meshes::delaunay(n, 1), 10.0 * BENDING, Levels::Auto).apart(&grid);
     println!("ten times the bending rigidity: apart by {apart:.4?} (m², m, J/kg)");
     assert!(apart.iter().zip(BOUNDS).all(|(apart, bound)| *apart > bound), "{apart:?}, to be told by {BOUNDS:?}");
 }

@@ -39,10 +39,10 @@ fn polygon_sag(n: u32, span: f64) -> f64 {
     weights.iter().filter(|w| **w > 0.0).map(|w| w / low.hypot(*w) / links).sum()
 }
 
-fn sag(n: u32, span: f64, substeps: u32, backend: Backend) -> f64 {
+fn sag(n: u32, span: f64, substeps: u32, levels: Levels, backend: Backend) -> f64 {
     let mesh = chain::straight(n, 1.0);
     let options = chain::options(f32::INFINITY, chain::ribbon_masses(n, RHO), vec![0, n - 1], substeps, backend);
-    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let mut deformer = Deformer::new(&mesh, Options { levels, ..options }).unwrap();
     // From a V of the right length, settled by drag.
     let along = span as f32;
     let down = (1.0 - along * along).sqrt();
@@ -59,10 +59,27 @@ fn catenary(backend: Backend) {
         for (n, substeps, bound) in [(13, 20, 5e-3), (33, 80, 1.5e-3)] {
             // Twelve times the work says nothing new about a backend that agrees with the CPU at S = 20.
             if substeps == 20 || backend == Backend::Cpu {
-                let (measured, exact) = (sag(n, span, substeps, backend), polygon_sag(n, span));
+                let (measured, exact) = (sag(n, span, substeps, Levels::Off, backend), polygon_sag(n, span));
                 assert!(off(measured, exact) < bound, "span {span}, S = {substeps}: {measured} for {exact}");
             }
         }
+    }
+}
+
+/// A chain long enough for levels. With four times the links it takes four times the substeps to be as near as a chain of
+/// 33 at 80; there levels, asked for, change nothing, and before that they only pull where it would pull itself.
+#[test]
+fn catenary_with_levels() {
+    for span in [0.5, 0.6, 0.8, 0.9] {
+        let exact = polygon_sag(129, span);
+        let error = |substeps, levels| sag(129, span, substeps, levels, Backend::Cpu) / exact - 1.0;
+        let [coarse, resolved] = [80, 320].map(|substeps| (error(substeps, Levels::Count(9)), error(substeps, Levels::Off)));
+        println!(
+            "span {span}: S = 80 {:+.2e} with levels, {:+.2e} without; S = 320 {:+.2e}, {:+.2e}",
+            coarse.0, coarse.1, resolved.0, resolved.1
+        );
+        assert!(coarse.0.abs() < coarse.1, "span {span}, S = 80: off by {} with levels, {} without", coarse.0, coarse.1);
+        assert!(resolved.0.abs() < 1.5e-3, "span {span}, S = 320: off by {}", resolved.0);
     }
 }
 
