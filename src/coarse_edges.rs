@@ -61,13 +61,15 @@ impl Stiffness {
             let [a, b] = link.ends.map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
             (b - a).normalize_or_zero()
         };
-        let ends = || holding(cloth).flat_map(|link| link.ends.map(|vertex| (patch_of[vertex as usize] as usize, link)));
+        let of = |link: &Link| link.ends.map(|vertex| patch_of[vertex as usize] as usize);
         // Threads have no normal; the plane of one is any through it.
         let mut along = vec![DVec3::ZERO; patches.len()];
-        for (patch, link) in ends() {
+        for link in holding(cloth) {
             let d = direction(link);
-            let sum = &mut along[patch];
-            *sum += if d.dot(*sum) < 0.0 { -d } else { d };
+            for patch in of(link) {
+                let sum = &mut along[patch];
+                *sum += if d.dot(*sum) < 0.0 { -d } else { d };
+            }
         }
         let frame = |(patch, along): (&Patch, &DVec3)| {
             let side = patch.normal.cross(*along);
@@ -79,10 +81,13 @@ impl Stiffness {
         };
         let frames: Vec<[DVec3; 2]> = patches.iter().zip(&along).map(frame).collect();
         let mut tensors = vec![DMat3::ZERO; patches.len()];
-        for (patch, link) in ends() {
-            let q = voigt(direction(link), frames[patch]);
+        for link in holding(cloth) {
+            let d = direction(link);
             let weight = 0.5 * link.shape * f64::from(link.rest).powi(2);
-            tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * weight;
+            for patch in of(link) {
+                let q = voigt(d, frames[patch]);
+                tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * weight;
+            }
         }
         Stiffness { frames, tensors }
     }
