@@ -232,10 +232,10 @@ impl GpuEngine {
 
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        let gpu = self.gpu.clone();
-        gpu.checked(|| {
-            let mut work = Work::new(&gpu);
+        let device = self.gpu.device.clone();
+        device::checked(&device, || {
             let path = self.prepare(plan, false);
+            let mut work = Work::new(&self.gpu);
             self.encode(&mut work, plan, path);
             work.submit();
             Ok(())

@@ -85,14 +85,7 @@ impl Gpu {
 
     /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-        let [validation, memory, internal] = filters.map(|filter| self.device.push_error_scope(filter));
-        let result = work();
-        let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
-        match errors.into_iter().flatten().next() {
-            Some(error) => Err(error.to_string().replace('\n', " ")),
-            None => result,
-        }
+        checked(&self.device, work)
     }
 
     /// A storage buffer of `size` bytes, zero.
@@ -196,6 +189,18 @@ impl Gpu {
     /// An encoder of commands.
     pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+}
+
+/// [`Gpu::checked`], for who has lent the [`Gpu`] to the work: a device is cloned without an allocation.
+pub(crate) fn checked<T>(device: &wgpu::Device, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+    let [validation, memory, internal] = filters.map(|filter| device.push_error_scope(filter));
+    let result = work();
+    let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+    match errors.into_iter().flatten().next() {
+        Some(error) => Err(error.to_string().replace('\n', " ")),
+        None => result,
     }
 }
 
