@@ -7,13 +7,16 @@ use glam::Vec4;
 use crate::cloth::Cloth;
 use crate::crew::Shared;
 use crate::kernels::Edge;
-use crate::lanes::{Packed, Rule};
+use crate::lanes::{Breadth, Packed, Rule};
 use crate::levels::Level;
+use crate::lines::Lines;
 use crate::plan::Plan;
 use crate::stripes::Stripes;
 
 /// Aggregates that a task restricts.
-const GRAIN: usize = 128;
+const GRAIN: usize = 64;
+/// Fewer aggregates than this are no work to share: the barriers would cost more.
+const WORTHWHILE: usize = 512;
 
 /// What each level's aggregates do in a substep, the finest first; nothing without levels.
 #[derive(Debug, Default)]
@@ -25,21 +28,37 @@ pub(crate) struct Coarse {
 #[derive(Debug)]
 struct Aggregates {
     /// Centres (m), w the inverse mass (1/kg).
-    x: Vec<Vec4>,
+    x: Lines,
     /// Their displacement (m): as predicted, and as corrected. Its w means nothing.
-    predicted: Vec<Vec4>,
-    u: Vec<Vec4>,
+    predicted: Lines,
+    u: Lines,
     stripes: Stripes,
     first: Packed,
     second: Packed,
+    /// The values above as the tasks of a step share them; made anew for each.
+    at: Values,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Values {
+    x: Shared<Vec4>,
+    predicted: Shared<Vec4>,
+    u: Shared<Vec4>,
 }
 
 impl Aggregates {
     fn new(level: &Level) -> Aggregates {
-        let zero = vec![Vec4::ZERO; level.inverse_mass.len()];
-        let stripes = Stripes::new(&level.links, level.links.len(), zero.len());
-        let (first, second) = (Packed::default(), Packed::default());
-        Aggregates { x: zero.clone(), predicted: zero.clone(), u: zero, stripes, first, second }
+        let mut zero = Lines::new(level.inverse_mass.len());
+        let nowhere = Shared::new(&mut zero[..0]);
+        Aggregates {
+            x: zero.clone(),
+            predicted: zero.clone(),
+            stripes: Stripes::new(&level.links, level.links.len(), zero.len()),
+            u: zero,
+            first: Packed::default(),
+            second: Packed::default(),
+            at: Values { x: nowhere, predicted: nowhere, u: nowhere },
+        }
     }
 
     fn pack(&mut self, level: &Level, edges: &[Edge]) {
@@ -48,9 +67,9 @@ impl Aggregates {
         }
     }
 
-    fn share(&mut self) -> Part<'_> {
+    fn share(&mut self) {
         let [x, predicted, u] = [&mut self.x, &mut self.predicted, &mut self.u].map(|values| Shared::new(values));
-        Part { x, predicted, u, first: &self.first, second: &self.second }
+        self.at = Values { x, predicted, u };
     }
 }
 
@@ -67,136 +86,144 @@ impl Coarse {
         }
     }
 
-    /// Tasks of the rounds of a correction: restriction, coarser levels, and the finest level's stripes and borders.
-    pub(crate) fn tasks(&self) -> Option<[usize; 4]> {
-        let finest = self.levels.first()?;
-        Some([finest.x.len().div_ceil(GRAIN), 1, finest.stripes.first.len(), finest.stripes.second.len()])
-    }
-
     /// The correction of displacements `u` that were predicted from `x`; none without levels.
     pub(crate) fn share<'a>(
         &'a mut self,
         plan: &'a Plan<'_>,
         x: Shared<Vec4>,
         u: Shared<Vec4>,
-        wide: bool,
+        breadth: Breadth,
     ) -> Option<Correction<'a>> {
-        let (finest, coarser) = self.levels.split_first_mut()?;
-        Some(Correction {
+        self.levels.iter_mut().for_each(Aggregates::share);
+        let apart = self.levels.iter().position(|level| level.x.len() < WORTHWHILE).unwrap_or(self.levels.len()).max(1);
+        (!self.levels.is_empty()).then(|| Correction {
             shapes: &plan.cloth.hierarchy().levels,
-            x,
-            u,
-            finest: finest.share(),
-            coarser: Shared::new(coarser),
-            wide,
+            fine: (x, u),
+            levels: &self.levels,
+            apart,
+            breadth,
         })
     }
 }
 
-/// A level as the tasks of a round share it.
-#[derive(Debug, Clone, Copy)]
-struct Part<'a> {
-    x: Shared<Vec4>,
-    predicted: Shared<Vec4>,
-    u: Shared<Vec4>,
-    first: &'a Packed,
-    second: &'a Packed,
+/// Tasks of a round, at the level named.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Tasks {
+    /// Restrict to some of its aggregates.
+    Restrict(usize),
+    /// All that it and the coarser levels do.
+    All(usize),
+    /// Sweep some of its edges, those of its stripes or between them.
+    Stripes(usize),
+    Borders(usize),
 }
 
 /// The rounds of a correction, over state that their tasks share.
 ///
-/// Why no two tasks meet: tasks of a restriction write aggregates of their own, and read what no one writes in that round; the
-/// coarser levels are one task; stripes and borders are kept apart by [`Stripes`]; and a vertex is handed its share by the
-/// task that goes on with it.
+/// Why no two tasks meet: tasks of a restriction write aggregates of their own, and read what no one writes in that round; levels too
+/// small to share are one task together; stripes and borders are kept apart by [`Stripes`]; and an item is handed its share by
+/// the task that goes on with it.
 #[derive(Debug)]
 pub(crate) struct Correction<'a> {
     shapes: &'a [Level],
-    x: Shared<Vec4>,
-    u: Shared<Vec4>,
-    finest: Part<'a>,
-    coarser: Shared<Aggregates>,
-    wide: bool,
+    fine: (Shared<Vec4>, Shared<Vec4>),
+    levels: &'a [Aggregates],
+    /// Levels with rounds of their own, the finest ones.
+    apart: usize,
+    breadth: Breadth,
 }
 
 #[expect(unsafe_code, reason = "see Correction; labels and members are indices into the level below")]
 impl Correction<'_> {
-    /// Restricts from the vertices to some aggregates of the finest level.
-    pub(crate) fn restrict(&self, task: usize) {
-        let end = ((task + 1) * GRAIN).min(self.finest.x.len());
-        // SAFETY: see Correction.
-        unsafe { restrict(&self.shapes[0], self.x, self.u, self.finest, task * GRAIN..end) };
+    /// Names the rounds in order, and how many tasks each has.
+    pub(crate) fn rounds(&self, mut add: impl FnMut(Tasks, usize)) {
+        (0..self.apart).for_each(|level| add(Tasks::Restrict(level), self.levels[level].x.len().div_ceil(GRAIN)));
+        add(Tasks::All(self.apart), usize::from(self.apart < self.levels.len()));
+        for level in (0..self.apart).rev() {
+            add(Tasks::Stripes(level), self.levels[level].stripes.first.len());
+            add(Tasks::Borders(level), self.levels[level].stripes.second.len());
+        }
     }
 
-    /// Restricts to the coarser levels, sweeps them, and hands down to the finest.
-    pub(crate) fn coarser(&self) {
-        // SAFETY: see Correction: this is the round's only task.
-        let coarser = unsafe { std::slice::from_raw_parts_mut(self.coarser.pointer(), self.coarser.len()) };
-        let (mut x, mut u) = (self.finest.x, self.finest.u);
-        for (level, shape) in coarser.iter_mut().zip(&self.shapes[1..]) {
-            let part = level.share();
-            let all = 0..part.x.len();
-            // SAFETY: nobody else is here.
-            unsafe { restrict(shape, x, u, part, all) };
-            (x, u) = (part.x, part.u);
+    /// One task.
+    pub(crate) fn work(&self, tasks: Tasks, task: usize) {
+        match tasks {
+            Tasks::Restrict(level) => {
+                let count = self.levels[level].x.len();
+                self.restrict(level, task * GRAIN..((task + 1) * GRAIN).min(count));
+            }
+            Tasks::All(first) => {
+                for level in first..self.levels.len() {
+                    self.restrict(level, 0..self.levels[level].x.len());
+                }
+                for level in (first..self.levels.len()).rev() {
+                    let stripes = &self.levels[level].stripes;
+                    (0..stripes.first.len()).for_each(|task| self.sweep_stripe(level, task));
+                    (0..stripes.second.len()).for_each(|task| self.sweep_border(level, task));
+                }
+            }
+            Tasks::Stripes(level) => self.sweep_stripe(level, task),
+            Tasks::Borders(level) => self.sweep_border(level, task),
         }
-        for index in (0..coarser.len()).rev() {
-            let (finer, here) = coarser.split_at_mut(index);
-            let tasks = [here[0].stripes.first.len(), here[0].stripes.second.len()];
-            let part = here[0].share();
-            let below = finer.last_mut().map_or(self.finest, Aggregates::share);
-            let all = 0..below.u.len();
-            // SAFETY: nobody else is here.
+    }
+
+    /// Mass-weighted averages of the items below. Positions are taken relative to the first, which keeps what single
+    /// precision loses in proportion to the aggregate's size.
+    fn restrict(&self, level: usize, aggregates: Range<usize>) {
+        let (shape, to) = (&self.shapes[level], &self.levels[level]);
+        let (x, u) = if level == 0 { self.fine } else { (self.levels[level - 1].at.x, self.levels[level - 1].at.u) };
+        for aggregate in aggregates {
+            let span = shape.members.spans[aggregate];
+            let range = span.start as usize..span.end as usize;
+            let members = &shape.members.items[range.clone()];
+            let (mut dx, mut by) = (Vec4::ZERO, Vec4::ZERO);
+            // SAFETY: see Correction.
             unsafe {
-                (0..tasks[0]).for_each(|task| part.first.sweep(task, part.x, part.u, Rule::Pull, self.wide));
-                (0..tasks[1]).for_each(|task| part.second.sweep(task, part.x, part.u, Rule::Pull, self.wide));
-                hand_down(&self.shapes[index + 1].label, part, below.u, all);
+                let first = x.get(members[0] as usize);
+                for (&item, &share) in members.iter().zip(&shape.share[range]) {
+                    dx += (x.get(item as usize) - first) * share;
+                    by += u.get(item as usize) * share;
+                }
+                to.at.x.set(aggregate, (first + dx).truncate().extend(shape.inverse_mass[aggregate]));
+                to.at.predicted.set(aggregate, by);
+                to.at.u.set(aggregate, by);
             }
         }
     }
 
-    /// Sweeps some of the finest level's edges, those of its stripes or between them.
-    pub(crate) fn sweep(&self, task: usize, borders: bool) {
-        let edges = if borders { self.finest.second } else { self.finest.first };
+    fn sweep_stripe(&self, level: usize, task: usize) {
+        let here = &self.levels[level];
+        if level + 1 < self.levels.len() {
+            self.hand_down_to(level, here.stripes.ranges[task].clone());
+        }
         // SAFETY: see Correction.
-        unsafe { edges.sweep(task, self.finest.x, self.finest.u, Rule::Pull, self.wide) };
+        unsafe { here.first.sweep(task, here.at.x, here.at.u, Rule::Pull, self.breadth) };
+    }
+
+    fn sweep_border(&self, level: usize, task: usize) {
+        let here = &self.levels[level];
+        // SAFETY: see Correction.
+        unsafe { here.second.sweep(task, here.at.x, here.at.u, Rule::Pull, self.breadth) };
+    }
+
+    /// Adds to some aggregates of a level what their aggregates were corrected by.
+    fn hand_down_to(&self, level: usize, items: Range<u32>) {
+        let (label, from) = (&self.shapes[level + 1].label, self.levels[level + 1].at);
+        hand_down(label, from, self.levels[level].at.u, items);
     }
 
     /// Adds to some vertices what their aggregates were corrected by.
     pub(crate) fn hand_down(&self, vertices: Range<u32>) {
-        // SAFETY: see Correction.
-        unsafe { hand_down(&self.shapes[0].label, self.finest, self.u, vertices.start as usize..vertices.end as usize) };
-    }
-}
-
-/// Mass-weighted averages of the items below. Positions are taken relative to the first, which keeps what single precision
-/// loses in proportion to the aggregate's size.
-#[expect(unsafe_code, reason = "see Correction")]
-unsafe fn restrict(shape: &Level, x: Shared<Vec4>, u: Shared<Vec4>, part: Part<'_>, aggregates: Range<usize>) {
-    for aggregate in aggregates {
-        let span = shape.members.spans[aggregate];
-        let range = span.start as usize..span.end as usize;
-        let members = &shape.members.items[range.clone()];
-        let (mut dx, mut by) = (Vec4::ZERO, Vec4::ZERO);
-        // SAFETY: the caller's promise.
-        unsafe {
-            let first = x.get(members[0] as usize);
-            for (&item, &share) in members.iter().zip(&shape.share[range]) {
-                dx += (x.get(item as usize) - first) * share;
-                by += u.get(item as usize) * share;
-            }
-            part.x.set(aggregate, (first + dx).truncate().extend(shape.inverse_mass[aggregate]));
-            part.predicted.set(aggregate, by);
-            part.u.set(aggregate, by);
-        }
+        hand_down(&self.shapes[0].label, self.levels[0].at, self.fine.1, vertices);
     }
 }
 
 /// Adds to each item below what its aggregate was corrected by.
 #[expect(unsafe_code, reason = "see Correction")]
-unsafe fn hand_down(label: &[u32], part: Part<'_>, u: Shared<Vec4>, items: Range<usize>) {
+fn hand_down(label: &[u32], from: Values, u: Shared<Vec4>, items: Range<u32>) {
     for item in items {
-        let aggregate = label[item] as usize;
-        // SAFETY: the caller's promise.
-        unsafe { u.set(item, u.get(item) + (part.u.get(aggregate) - part.predicted.get(aggregate))) };
+        let aggregate = label[item as usize] as usize;
+        // SAFETY: see Correction.
+        unsafe { u.set(item as usize, u.get(item as usize) + (from.u.get(aggregate) - from.predicted.get(aggregate))) };
     }
 }

@@ -7,18 +7,30 @@
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
-/// What a step's rounds are: `counts[k]` tasks in the `k`-th kind of round, all kinds in turn, `turns` times.
+/// What a step's rounds are: so many tasks in each kind of round, all kinds in turn, again and again.
 #[derive(Debug, Default)]
 pub(crate) struct Crew {
-    counts: Vec<usize>,
+    kinds: Vec<(Turns, usize)>,
     /// How often each task has been taken, kind after kind.
-    taken: Vec<AtomicU32>,
+    taken: Vec<Apart<AtomicU32>>,
     /// How many tasks of each kind are done, over all turns.
-    done: Vec<AtomicUsize>,
+    done: Vec<Apart<AtomicUsize>>,
     sleepers: AtomicUsize,
     lock: Mutex<()>,
     bell: Condvar,
 }
+
+/// When a kind of round comes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Turns {
+    All,
+    First,
+}
+
+/// In cache lines of its own (two, as they are fetched), so that threads at its neighbours do not wait for it.
+#[derive(Debug, Default)]
+#[repr(align(128))]
+struct Apart<T>(T);
 
 /// A slice that the tasks of a round share. Who reads and writes where is for the tasks to agree on.
 #[derive(Debug)]
@@ -86,20 +98,25 @@ unsafe impl<T: Send> Send for Shared<T> {}
 const PATIENCE: u32 = 5_000;
 
 impl Crew {
-    /// Makes ready for rounds of `counts` tasks; allocates only when there are more than ever before.
-    pub(crate) fn prepare(&mut self, counts: impl Iterator<Item = usize>) {
-        self.counts.clear();
-        self.counts.extend(counts);
-        let tasks: usize = self.counts.iter().sum();
-        self.taken.resize_with(tasks.max(self.taken.len()), AtomicU32::default);
-        self.done.resize_with(self.counts.len().max(self.done.len()), AtomicUsize::default);
-        self.taken.iter_mut().for_each(|taken| *taken.get_mut() = 0);
-        self.done.iter_mut().for_each(|done| *done.get_mut() = 0);
+    /// No rounds.
+    pub(crate) fn clear(&mut self) {
+        self.kinds.clear();
     }
 
-    /// Calls `work(turn, kind, task)` for every task, on up to `threads` threads of the current pool.
-    pub(crate) fn run(&self, turns: u32, threads: usize, work: &(impl Fn(u32, usize, usize) + Sync)) {
-        let most = self.counts.iter().copied().max().unwrap_or(0);
+    /// One kind of round more, of `tasks` tasks.
+    pub(crate) fn add(&mut self, turns: Turns, tasks: usize) {
+        self.kinds.push((turns, tasks));
+    }
+
+    /// Calls `work(turn, kind, task)` for every task of `turns` turns, on up to `threads` threads of the current pool. Allocates
+    /// only when there are more tasks than ever before.
+    pub(crate) fn run(&mut self, turns: u32, threads: usize, work: &(impl Fn(u32, usize, usize) + Sync)) {
+        let tasks: usize = self.kinds.iter().map(|kind| kind.1).sum();
+        self.taken.resize_with(tasks.max(self.taken.len()), Apart::default);
+        self.done.resize_with(self.kinds.len().max(self.done.len()), Apart::default);
+        self.taken.iter_mut().for_each(|taken| *taken.0.get_mut() = 0);
+        self.done.iter_mut().for_each(|done| *done.0.get_mut() = 0);
+        let most = self.kinds.iter().map(|kind| kind.1).max().unwrap_or(0);
         let threads = threads.min(most).max(1);
         self.recruit(0, threads, threads, turns, work);
     }
@@ -118,14 +135,18 @@ impl Crew {
     fn serve(&self, member: usize, threads: usize, turns: u32, work: &(impl Fn(u32, usize, usize) + Sync)) {
         for turn in 0..turns {
             let mut base = 0;
-            for (kind, &count) in self.counts.iter().enumerate() {
+            for (kind, &(when, count)) in self.kinds.iter().enumerate() {
+                if when == Turns::First && turn > 0 {
+                    base += count;
+                    continue;
+                }
                 let target = count * (turn as usize + 1);
                 let own = member * count / threads;
                 for task in (own..count).chain(0..own) {
-                    if self.done[kind].load(Ordering::Relaxed) >= target {
+                    if self.done[kind].0.load(Ordering::Relaxed) >= target {
                         break;
                     }
-                    let flag = &self.taken[base + task];
+                    let flag = &self.taken[base + task].0;
                     let free = flag.load(Ordering::Relaxed) == turn;
                     if free && flag.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
                         let _done = Done { crew: self, kind, target };
@@ -140,7 +161,7 @@ impl Crew {
 
     /// Until the round is done: looks for a while, then sleeps, so that a busy machine can get on with what is waited for.
     fn wait(&self, kind: usize, target: usize) {
-        let ready = || self.done[kind].load(Ordering::SeqCst) >= target;
+        let ready = || self.done[kind].0.load(Ordering::SeqCst) >= target;
         for _ in 0..PATIENCE {
             if ready() {
                 return;
@@ -166,7 +187,7 @@ struct Done<'a> {
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
-        let done = self.crew.done[self.kind].fetch_add(1, Ordering::SeqCst) + 1;
+        let done = self.crew.done[self.kind].0.fetch_add(1, Ordering::SeqCst) + 1;
         if done == self.target && self.crew.sleepers.load(Ordering::SeqCst) > 0 {
             // Under the lock, so that no one is between looking and sleeping.
             drop(self.crew.lock.lock().unwrap_or_else(PoisonError::into_inner));
@@ -186,11 +207,19 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut crew = Crew::default();
             for counts in [vec![5, 3], vec![1], vec![7, 0, 2]] {
-                crew.prepare(counts.iter().copied());
+                crew.clear();
+                counts.iter().for_each(|&count| crew.add(Turns::All, count));
+                crew.add(Turns::First, 3);
+                let early = AtomicU32::new(0);
                 let runs: Vec<Vec<AtomicU32>> =
                     counts.iter().map(|&count| (0..count).map(|_| AtomicU32::new(0)).collect()).collect();
                 pool.install(|| {
                     crew.run(100, threads, &|turn, kind, task| {
+                        if kind == runs.len() {
+                            early.fetch_add(1 + turn, Ordering::SeqCst);
+                            return;
+                        }
+                        assert!(turn == 0 || early.load(Ordering::SeqCst) == 3, "what comes once is done");
                         assert_eq!(runs[kind][task].fetch_add(1, Ordering::SeqCst), turn, "its {turn}th turn");
                         for (other, runs) in runs.iter().enumerate() {
                             let expected = turn + u32::from(other < kind);
@@ -209,8 +238,8 @@ mod tests {
     fn a_panic_in_a_task_reaches_the_caller_and_stops_nobody() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let mut crew = Crew::default();
-        crew.prepare([4, 4].into_iter());
-        let run = || pool.install(|| crew.run(3, 2, &|turn, _, task| assert!((turn, task) != (1, 2), "as planned")));
-        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err());
+        (0..2).for_each(|_| crew.add(Turns::All, 4));
+        let mut run = || pool.install(|| crew.run(3, 2, &|turn, _, task| assert!((turn, task) != (1, 2), "as planned")));
+        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(&mut run)).is_err());
     }
 }

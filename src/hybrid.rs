@@ -97,20 +97,12 @@ impl Hybrid {
 
     /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        self.cpu.begin();
         let sent = self.sent.take();
-        if gathers(plan) {
-            let sending = self.substeps(plan, sent).map_err(|reason| {
-                self.cpu.revert();
-                Failure::Gpu(reason)
-            })?;
-            self.cpu.end()?;
-            self.sent = Some(sending);
-            Ok(())
-        } else {
-            self.cpu.substeps(plan, None);
-            self.cpu.end()
+        if !gathers(plan) {
+            return self.cpu.step(plan);
         }
+        self.sent = Some(self.exchanged(plan, sent)?);
+        Ok(())
     }
 
     /// Whether the device uses the mapped outbox and inbox themselves.
@@ -134,9 +126,9 @@ impl Hybrid {
         })
     }
 
-    /// The substeps of a step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
-    #[expect(unsafe_code, reason = "tasks touch their own vertices alone (see Loops), the desk is on loan between exchanges")]
-    fn substeps(&mut self, plan: &Plan<'_>, sent: Option<Parcel>) -> Result<Parcel, String> {
+    /// A step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
+    #[expect(unsafe_code, reason = "tasks touch their own vertices alone (see Moves), the desk is on loan between exchanges")]
+    fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Parcel>) -> Result<Parcel, Failure> {
         let Hybrid { gpu, forces, exchange, every, told, cpu, .. } = self;
         let (every, count) = ((*every).clamp(1, plan.substeps.len()), plan.substeps.len());
         // Forces alone: what carries over is the CPU's, and so are the pins.
@@ -159,7 +151,7 @@ impl Hybrid {
             let desk = exchange.open(gpu)?;
             Ok((desk, exchange.encode(gpu, forces, &alone, 0, whole)))
         });
-        let (mut desk, next) = first.map(|(desk, next)| ([Some(desk)], Some(next)))?;
+        let (mut desk, next) = first.map(|(desk, next)| ([Some(desk)], Some(next))).map_err(Failure::Gpu)?;
         if sent != Some(whole) {
             desk.iter().flatten().for_each(|desk| put_all(desk, cpu));
         }
@@ -182,7 +174,7 @@ impl Hybrid {
                 let scale = if gain == whole { 1.0 } else { gain / whole };
                 for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
                     let free = state.x.get(i).w > 0.0;
-                    let carried = kernels::predict(xyz(state.p.get(i)), Vec3A::ZERO, &plan.substeps[substep]);
+                    let carried = kernels::predict(xyz(state.u.get(i)), Vec3A::ZERO, &plan.substeps[substep]);
                     let by = carried + Vec3A::from(desk.u.get(i)) * scale;
                     state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
                 }
@@ -197,14 +189,17 @@ impl Hybrid {
             unsafe {
                 let Some(desk) = desk.get(0) else { return };
                 for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
-                    put(&desk, parcel(last), i, state.x.get(i), state.p.get(i));
+                    put(&desk, parcel(last), i, state.x.get(i), state.u.get(i));
                 }
             }
         };
-        cpu.substeps(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
+        let stepped = cpu.step_with(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
         match post.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
-            None => Ok(whole),
-            Some(reason) => Err(reason),
+            None => stepped.map(|()| whole),
+            Some(reason) => {
+                cpu.revert();
+                Err(Failure::Gpu(reason))
+            }
         }
     }
 }
@@ -226,7 +221,7 @@ impl Post<'_> {
 /// Sends the whole state.
 #[expect(unsafe_code, reason = "one thread, and both lists are as long as the desk's")]
 fn put_all(desk: &Desk, cpu: &Cpu) {
-    for (i, (&x, &p)) in cpu.x.iter().zip(&cpu.p).enumerate() {
+    for (i, (&x, &p)) in cpu.x.iter().zip(cpu.p.iter()).enumerate() {
         // SAFETY: nobody else is here.
         unsafe { put(desk, Parcel::Both, i, x, p) };
     }

@@ -189,6 +189,7 @@ pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
 }
 
 /// Impulse of a coarse edge, which is that of an edge but only pulls: centres of cloth may come as near as they like.
+#[cfg_attr(not(test), expect(dead_code, reason = "said in words for the shaders' twins, and the oracle of the lanes"))]
 pub(crate) fn project_coarse(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     let d = d0 + du;
     if d.dot(d) * edge.inverse_rest * edge.inverse_rest <= 1.0 { Vec3A::ZERO } else { project(d0, du, edge) }

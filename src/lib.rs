@@ -14,6 +14,7 @@ mod deformer;
 mod engine;
 mod error;
 mod fabric;
+mod forces;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]
@@ -23,8 +24,10 @@ mod lanes;
 #[cfg(all(test, feature = "gpu"))]
 mod layout;
 mod levels;
+mod lines;
 mod measure;
 mod mesh;
+mod moves;
 mod obj;
 mod options;
 mod pc2;
@@ -32,6 +35,7 @@ mod plan;
 mod quality;
 mod stripes;
 mod whole;
+mod wide;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::Deformer;

@@ -56,9 +56,9 @@ fn bytes_a_vertex() {
     bytes(40, 0.0, Levels::Off);
     for n in [256, 1024] {
         for (name, bending, levels, most) in [
-            ("edges alone", 0.0, Levels::Off, 405.0),
-            ("levels", 0.0, Levels::Auto, 470.0),
-            ("bending", 1e-4, Levels::Off, 505.0),
+            ("edges alone", 0.0, Levels::Off, 375.0),
+            ("levels", 0.0, Levels::Auto, 440.0),
+            ("bending", 1e-4, Levels::Off, 475.0),
         ] {
             let held = bytes(n, bending, levels);
             println!("{n} x {n}, {name}: {held:.0} bytes a vertex");

@@ -2,47 +2,17 @@
 //!
 //! Error belongs to every figure: each size prints the strain that its frame leaves, and `--example chart` shows both.
 
+mod bars;
 mod plain;
+mod scenes;
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality};
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Method, Options, Quality};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use plain::Plain;
-
-const FRAME: f32 = 1.0 / 60.0;
-const SUBSTEPS: u32 = 20;
-
-/// HANG: a sheet of 1 m, its first row pinned.
-fn hang(n: u32, fabric: Fabric) -> (Mesh, Options) {
-    let options = Options {
-        backend: Backend::Cpu,
-        quality: Quality::Substeps(SUBSTEPS),
-        // The yardstick has none; `terms` shows what they cost.
-        levels: Levels::Off,
-        fabric,
-        pinned: (0..n).collect(),
-        ..Options::default()
-    };
-    (Mesh::grid(n, n, 1.0, 1.0), options)
-}
-
-fn bare() -> Fabric {
-    Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 }
-}
-
-/// Steps frame after frame of a cloth that is moving: half a second in, no longer flat.
-fn frames(bencher: &mut criterion::Bencher<'_>, deformer: &mut Deformer, attributes: &Attributes) {
-    for _ in 0..30 {
-        deformer.step(FRAME, attributes).expect("the sheet hangs");
-    }
-    bencher.iter(|| {
-        deformer.step(FRAME, attributes).expect("the sheet hangs");
-        deformer.wait().expect("the device is there");
-    });
-}
+use scenes::{FRAME, SUBSTEPS, bare, hang};
 
 /// One thread against the yardstick, and more threads against one.
 fn threads(criterion: &mut Criterion) {
@@ -81,24 +51,9 @@ fn threads(criterion: &mut Criterion) {
 /// What each term adds: those that a scene lacks cost nothing.
 fn terms(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("terms");
-    let n = 64;
-    let air = Attributes { air_density: 1.2, wind: Vec3::new(1.0, 0.0, 2.0), ..Attributes::default() };
-    let ball = Collider::sphere(Vec3::new(0.0, -0.5, 0.2), 0.3);
-    let collider = Attributes { colliders: vec![ball], ..Attributes::default() };
-    let bending = Fabric { bending: 1e-5, ..bare() };
-    let scenes = [
-        ("edges alone", bare(), Attributes::default()),
-        ("levels", bare(), Attributes::default()),
-        ("bending", bending, Attributes::default()),
-        ("damped bending", Fabric { damping: 0.03, ..bending }, Attributes::default()),
-        ("wind", bare(), air),
-        ("sphere", bare(), collider),
-    ];
-    for (name, fabric, attributes) in scenes {
-        let (mesh, options) = hang(n, fabric);
-        let levels = if name == "levels" { Levels::Auto } else { Levels::Off };
-        let mut deformer = Deformer::new(&mesh, Options { levels, ..options }).expect("a sheet");
-        group.bench_function(name, |bencher| frames(bencher, &mut deformer, &attributes));
+    for (name, scene, attributes) in scenes::terms() {
+        let mut deformer = scenes::moving(&scene, &attributes);
+        group.bench_function(name, |bencher| bencher.iter(|| scenes::frame(&mut deformer, &attributes)));
     }
     group.finish();
 }
@@ -118,9 +73,12 @@ fn methods(criterion: &mut Criterion) {
                 let (mesh, options) = hang(n, Fabric::default());
                 let options = Options { backend, method, quality: Quality::Substeps(substeps), ..options };
                 // A machine without a GPU still has a CPU to time.
-                let Ok(mut deformer) = Deformer::new(&mesh, options) else { continue };
+                if Deformer::new(&mesh, options.clone()).is_err() {
+                    continue;
+                }
+                let mut deformer = scenes::moving(&(mesh, options), &Attributes::default());
                 group.bench_function(BenchmarkId::new(format!("{backend:?}"), n), |bencher| {
-                    frames(bencher, &mut deformer, &Attributes::default());
+                    bencher.iter(|| scenes::frame(&mut deformer, &Attributes::default()));
                 });
             }
         }
@@ -187,4 +145,12 @@ criterion_group! {
     config = Criterion::default().sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
     targets = threads, terms, methods, build
 }
-criterion_main!(benches);
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if arguments.iter().any(|argument| argument == "bars") {
+        return bars::print(&arguments);
+    }
+    benches();
+    Criterion::default().configure_from_args().final_summary();
+}

@@ -1,0 +1,192 @@
+//! Figures that a list of single timings cannot give: ratios of two codes timed in turn, and times with the error beside them.
+//!
+//! `cargo bench --bench step -- bars [ratio] [terms] [strain] [threads] [limits]`: all of them, or those named.
+
+use std::time::Instant;
+
+use cloth_deformer::{Attributes, Deformer, Fabric, Levels, Options, Quality};
+
+use crate::plain::Plain;
+use crate::scenes::{self, SUBSTEPS};
+
+/// Prints the tables that the arguments name.
+pub(crate) fn print(names: &[String]) {
+    let tables: [(&str, fn()); 5] =
+        [("ratio", ratio), ("terms", terms), ("strain", strain), ("threads", threads), ("limits", limits)];
+    let named = tables.iter().any(|(name, _)| names.iter().any(|n| n == name));
+    for (_, table) in tables.iter().filter(|(name, _)| !named || names.iter().any(|n| n == name)) {
+        table();
+    }
+}
+
+/// Seconds that `work` takes.
+pub(crate) fn seconds(work: &mut dyn FnMut()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64()
+}
+
+/// Median seconds of each of several works, timed in turn so that a slow moment of the machine meets them all.
+pub(crate) fn in_turn(works: &mut [&mut dyn FnMut()], rounds: usize) -> Vec<f64> {
+    let mut times = vec![Vec::new(); works.len()];
+    for _ in 0..rounds {
+        works.iter_mut().zip(&mut times).for_each(|(work, times)| times.push(seconds(*work)));
+    }
+    times.into_iter().map(median).collect()
+}
+
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread").install(work)
+}
+
+/// A frame of HANG on one thread against the same frame by the plainest code.
+fn ratio() {
+    println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 61, in turn)");
+    println!("{:>5} {:>9} {:>9} {:>7} {:>12} {:>12}", "N", "plain", "step", "ratio", "plain strain", "strain");
+    for n in [64, 128, 256] {
+        on_one_thread(|| {
+            let mut plain = Plain::hang(n, SUBSTEPS);
+            let mut deformer = scenes::moving(&scenes::hang(n, scenes::bare()), &Attributes::default());
+            (0..30 * SUBSTEPS).for_each(|_| plain.substep());
+            let times = in_turn(
+                &mut [&mut || (0..SUBSTEPS).for_each(|_| plain.substep()), &mut || {
+                    scenes::frame(&mut deformer, &Attributes::default())
+                }],
+                61,
+            );
+            let strain = deformer.measure().expect("memory").mean_strain;
+            let (a, b) = (1e3 * times[0], 1e3 * times[1]);
+            println!("{n:>5} {a:>9.3} {b:>9.3} {:>7.3} {:>12.2e} {strain:>12.2e}", b / a, plain.strain());
+        });
+    }
+}
+
+/// What each term adds to a frame on one thread.
+fn terms() {
+    println!("\nHANG, N = 64, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn)");
+    on_one_thread(|| {
+        let scenes = scenes::terms();
+        let mut deformers: Vec<Deformer> = scenes.iter().map(|(_, scene, at)| scenes::moving(scene, at)).collect();
+        let mut works: Vec<Box<dyn FnMut()>> = Vec::new();
+        for (deformer, (_, _, attributes)) in deformers.iter_mut().zip(&scenes) {
+            works.push(Box::new(move || scenes::frame(deformer, attributes)));
+        }
+        let mut works: Vec<&mut dyn FnMut()> = works.iter_mut().map(|work| &mut **work as &mut dyn FnMut()).collect();
+        let times = in_turn(&mut works, 41);
+        for ((name, ..), time) in scenes.iter().zip(times) {
+            println!("{name:>16} {:>9.3}", 1e3 * time);
+        }
+    });
+}
+
+/// Frames on each number of threads up to the machine's, by size, fabric and levels, with the strain at 2 s beside each.
+fn threads() {
+    let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let counts: Vec<usize> = [1, 2, 4, 8, 16, 32].into_iter().filter(|&count| count <= most).collect();
+    println!("\nHANG, S = {SUBSTEPS}, ms a frame (medians, thread counts in turn), and mean strain at 2 s");
+    println!("{:>5} {:>8} {:>7} {:>9}  threads {counts:?}", "N", "bending", "levels", "strain");
+    let bending = Fabric { bending: 1e-5, ..scenes::bare() };
+    for n in [64, 128, 256, 512, 1024] {
+        for (fabric, levels) in [scenes::bare(), bending].into_iter().flat_map(|f| [(f, Levels::Off), (f, Levels::Auto)]) {
+            let (mesh, options) = scenes::hang(n, fabric);
+            let mut deformer = Deformer::new(&mesh, Options { levels, ..options }).expect("a sheet");
+            let pools = counts.iter().map(|&count| rayon::ThreadPoolBuilder::new().num_threads(count).build().expect("threads"));
+            let pools: Vec<rayon::ThreadPool> = pools.collect();
+            let pool = pools.last().expect("one thread at least");
+            // Large sheets take long to swing for 2 s: those are timed half as far in.
+            let frames = if n < 1024 { 120 } else { 60 };
+            pool.install(|| (0..frames).for_each(|_| scenes::frame(&mut deformer, &Attributes::default())));
+            let strain = deformer.measure().expect("memory").mean_strain;
+            let mut times = vec![Vec::new(); pools.len()];
+            for _ in 0..if n > 256 { 3 } else { 15 } {
+                for (pool, times) in pools.iter().zip(&mut times) {
+                    let mut step = || scenes::frame(&mut deformer, &Attributes::default());
+                    // One frame for the threads to wake and the cloth to move over.
+                    pool.install(&mut step);
+                    times.push(pool.install(|| seconds(&mut step)));
+                }
+            }
+            let times: Vec<String> = times.into_iter().map(|times| format!("{:8.3}", 1e3 * median(times))).collect();
+            let (bends, levels) = (fabric.bending > 0.0, levels == Levels::Auto);
+            println!("{n:>5} {bends:>8} {levels:>7} {strain:>9.2e}  {}", times.join(" "));
+        }
+    }
+}
+
+/// What the machine allows: bytes a second from memory, and how long threads take to meet.
+fn limits() {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    println!("\nLimits of this machine");
+    let mut bytes = vec![0_u64; 1 << 26];
+    for count in [1, threads] {
+        let share = bytes.len().div_ceil(count);
+        let mut best = f64::MAX;
+        for round in 0..5 {
+            best = best.min(seconds(&mut || {
+                std::thread::scope(|scope| {
+                    for part in bytes.chunks_mut(share) {
+                        scope.spawn(move || part.iter_mut().for_each(|word| *word = word.wrapping_add(round)));
+                    }
+                });
+            }));
+        }
+        println!("{count:>3} threads read and write {:6.1} GB/s", 2.0 * 8.0 * bytes.len() as f64 / best * 1e-9);
+    }
+    for count in [2, 4, 8, 16, 32].into_iter().filter(|&count| count <= threads) {
+        let (arrived, rounds) = (std::sync::atomic::AtomicUsize::new(0), 20_000);
+        let time = seconds(&mut || {
+            std::thread::scope(|scope| {
+                for _ in 0..count {
+                    scope.spawn(|| {
+                        for round in 1..=rounds {
+                            arrived.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                            while arrived.load(std::sync::atomic::Ordering::SeqCst) < round * count {
+                                std::hint::spin_loop();
+                            }
+                        }
+                    });
+                }
+            });
+        });
+        println!("{count:>3} threads meet in {:6.2} us", 1e6 * time / rounds as f64);
+    }
+}
+
+/// The time on one thread at which a sheet is as little strained as asked, with levels, and how far it is from the true motion.
+fn strain() {
+    let n = 128;
+    let run = |substeps: u32, levels: Levels, frames: u32| {
+        let (mesh, options) = scenes::hang(n, scenes::bare());
+        let options = Options { quality: Quality::Substeps(substeps), levels, ..options };
+        let mut deformer = Deformer::new(&mesh, options).expect("a sheet");
+        (0..frames).for_each(|_| scenes::frame(&mut deformer, &Attributes::default()));
+        deformer
+    };
+    on_one_thread(|| {
+        // Four times the substeps that resolve the stiffness.
+        let truth = run(1340, Levels::Off, 30).positions().expect("memory").to_vec();
+        println!("\nHANG, N = {n}, one thread: mean strain at 2 s, position error at 0.5 s (rms over 1 m, against S = 1340)");
+        println!("{:>9} {:>4} {:>9} {:>9} {:>9}", "bound", "S", "ms", "strain", "error");
+        let mut substeps = 2;
+        for bound in [1.2e-2, 1.4e-3] {
+            let (mut deformer, strain) = loop {
+                let mut deformer = run(substeps, Levels::Auto, 120);
+                let strain = deformer.measure().expect("memory").mean_strain;
+                if strain <= bound {
+                    break (deformer, strain);
+                }
+                substeps += 1;
+            };
+            let time = in_turn(&mut [&mut || scenes::frame(&mut deformer, &Attributes::default())], 61)[0];
+            let mut swung = run(substeps, Levels::Auto, 30);
+            let apart = swung.positions().expect("memory").iter().zip(&truth).map(|(a, b)| f64::from(a.distance_squared(*b)));
+            let error = (apart.sum::<f64>() / truth.len() as f64).sqrt();
+            println!("{bound:>9.1e} {substeps:>4} {:>9.3} {strain:>9.2e} {error:>9.1e}", 1e3 * time);
+        }
+    });
+}

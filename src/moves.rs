@@ -1,0 +1,198 @@
+//! Contact, and the move: the end of a substep, and where no force but the ambient acceleration acts, the start of the next.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{Vec3, Vec3A, Vec4};
+
+use crate::cloth::MAX_POSITION;
+use crate::crew::Shared;
+use crate::kernels::{self, Body, PLANE, Substep, xyz};
+use crate::lanes::Breadth;
+use crate::plan::Plan;
+
+/// The loops over vertices that a task owns.
+#[derive(Debug)]
+pub(crate) struct Moves<'a> {
+    pub plan: &'a Plan<'a>,
+    pub x: Shared<Vec4>,
+    pub u: Shared<Vec4>,
+    /// Where the state goes back to if the step fails.
+    pub good: [Shared<Vec4>; 2],
+    /// The first vertex that left the bounds.
+    pub lost: &'a AtomicUsize,
+    pub breadth: Breadth,
+}
+
+/// What a vertex does after its substep.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Then<'a> {
+    /// It waits for forces.
+    Wait,
+    /// It is predicted to fall on.
+    Fall(&'a Substep),
+    /// It ends the step: is it still somewhere?
+    Check,
+}
+
+#[expect(unsafe_code, reason = "tasks of a round own their vertices")]
+impl Moves<'_> {
+    /// Remembers the state of these vertices.
+    pub(crate) fn remember(&self, vertices: Range<u32>) {
+        for (values, good) in [(self.x, self.good[0]), (self.u, self.good[1])] {
+            // SAFETY: the task's own vertices.
+            vertices.clone().for_each(|i| unsafe { good.set(i as usize, values.get(i as usize)) });
+        }
+    }
+
+    /// The displacements that the ambient acceleration predicts.
+    pub(crate) fn fall(&self, vertices: Range<u32>, substep: &Substep) {
+        let ambient = Vec3A::from(self.plan.params.acceleration);
+        for i in vertices.start as usize..vertices.end as usize {
+            // SAFETY: the task's own vertices.
+            unsafe { self.u.set(i, fallen(self.x.get(i).w, xyz(self.u.get(i)), ambient, substep)) };
+        }
+    }
+
+    /// Contact, the move, and what comes then.
+    pub(crate) fn advance(&self, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
+        for range in ranges {
+            let range = range.start as usize..range.end as usize;
+            #[cfg(target_arch = "x86_64")]
+            if let (Breadth::Eight, Then::Fall(next)) = (self.breadth, then) {
+                // SAFETY: the processor has the instructions; the task's own vertices.
+                let mut first = range.start;
+                while range.end - first >= 8 {
+                    if !unsafe { self.eight(first, substep, next) } {
+                        self.each(first..first + 8, substep, then);
+                    }
+                    first += 8;
+                }
+                self.each(first..range.end, substep, then);
+                continue;
+            }
+            self.each(range, substep, then);
+        }
+    }
+
+    fn each(&self, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
+        let ambient = Vec3A::from(self.plan.params.acceleration);
+        for i in vertices {
+            // SAFETY: the task's own vertices.
+            let (x, u) = unsafe { (self.x.get(i), self.u.get(i)) };
+            let (mut at, mut by) = (xyz(x), xyz(u));
+            if x.w > 0.0 {
+                for body in self.plan.bodies {
+                    (at, by) = kernels::contact(at, by, body, substep, &self.plan.params);
+                }
+            }
+            let to = (at + by).extend(x.w);
+            let on = match then {
+                Then::Wait => by.extend(0.0),
+                Then::Fall(next) => fallen(x.w, by, ambient, next),
+                Then::Check => {
+                    let bounded = |v: Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
+                    // NaN is not below the limit either.
+                    if !(bounded(to) && bounded(by.extend(0.0))) {
+                        self.lost.fetch_min(i, Ordering::Relaxed);
+                    }
+                    by.extend(0.0)
+                }
+            };
+            // SAFETY: as above.
+            unsafe {
+                self.x.set(i, to);
+                self.u.set(i, on);
+            }
+        }
+    }
+
+    /// [`Moves::each`] for eight vertices that are clear of all bodies, and will fall on; false, and nothing, if one may not be clear.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn eight(&self, first: usize, substep: &Substep, next: &Substep) -> bool {
+        use crate::wide::{Eight, Wide, dot, sub};
+        use std::arch::x86_64::*;
+
+        // SAFETY: the task's own vertices.
+        unsafe {
+            let at = |values: Shared<Vec4>, k: usize| values.pointer().add(first + 2 * k).cast::<f32>();
+            let mut x = [Eight::splat(0.0); 4];
+            let mut u = x;
+            for k in 0..4 {
+                x[k] = Eight(_mm256_loadu_ps(at(self.x, k)));
+                u[k] = Eight(_mm256_loadu_ps(at(self.u, k)));
+            }
+            if !self.plan.bodies.is_empty() {
+                let (place, by) = (Eight::transpose(x), Eight::transpose(u));
+                let travel = dot(by, by);
+                for body in self.plan.bodies {
+                    let clear = Clear::of(body, substep, self.plan.params.fraction);
+                    let from = sub(place, clear.center.to_array().map(Eight::splat));
+                    let slow = travel.below(Eight::splat(clear.travel * clear.travel));
+                    let square = dot(from, from);
+                    let outside = match clear.normal {
+                        None => Eight::splat(clear.reach * clear.reach).below(square),
+                        Some(normal) => {
+                            let height = dot(from, normal.to_array().map(Eight::splat));
+                            let sure = (square * Eight::splat(1e-8)).below(height * height);
+                            Eight::both(sure, Eight::splat(clear.reach).below(height))
+                        }
+                    };
+                    if !Eight::all(Eight::both(slow, outside)) {
+                        return false;
+                    }
+                }
+            }
+            let [a, b, c] = self.plan.params.acceleration.map(|a| a * next.gain);
+            let gravity = _mm256_setr_ps(a, b, c, 0.0, a, b, c, 0.0);
+            let carry = _mm256_set1_ps(next.carry);
+            for k in 0..4 {
+                let free = _mm256_cmp_ps::<_CMP_NEQ_UQ>(_mm256_permute_ps::<0xff>(x[k].0), _mm256_setzero_ps());
+                // The inverse mass stays.
+                let to = _mm256_blend_ps::<0x88>((x[k] + u[k]).0, x[k].0);
+                let on = _mm256_and_ps(free, _mm256_add_ps(_mm256_mul_ps(u[k].0, carry), gravity));
+                _mm256_storeu_ps(at(self.x, k), to);
+                _mm256_storeu_ps(at(self.u, k), on);
+            }
+        }
+        true
+    }
+}
+
+/// Displacement of a vertex of inverse mass `w` that falls.
+#[inline]
+fn fallen(w: f32, u: Vec3A, ambient: Vec3A, substep: &Substep) -> Vec4 {
+    let by = kernels::predict(u, ambient, substep).extend(0.0);
+    if w == 0.0 { Vec4::ZERO } else { by }
+}
+
+/// Where a body cannot be met in a substep, told more cheaply than where it is.
+#[derive(Debug, Clone, Copy)]
+struct Clear {
+    /// Vertices that move by less than this (m) ...
+    travel: f32,
+    /// ... and begin farther from here than `reach` (m), or for a plane above it along its normal, are clear.
+    center: Vec3A,
+    reach: f32,
+    normal: Option<Vec3A>,
+}
+
+impl Clear {
+    fn of(body: &Body, substep: &Substep, fraction: f32) -> Clear {
+        let (a_travel, b_travel) = (Vec3A::from(body.a_travel), Vec3A::from(body.b_travel));
+        let a = Vec3A::from(body.a) + a_travel * substep.start;
+        let radius = body.radius.abs() + body.radius_travel.abs();
+        if body.kind == PLANE {
+            let travel = 0.1;
+            let reach = 1.01 * (travel + a_travel.length() * fraction);
+            return Clear { travel, center: a, reach, normal: Some(Vec3A::from(body.b)) };
+        }
+        let b = Vec3A::from(body.b) + b_travel * substep.start;
+        let travel = 0.25 * radius;
+        let step = a_travel.length().max(b_travel.length()) * fraction;
+        // With a margin for what rounding makes of either, here and in the contact's own arithmetic.
+        let reach = 1.01 * (0.5 * (b - a).length() + radius + travel + step);
+        Clear { travel, center: (a + b) * 0.5, reach, normal: None }
+    }
+}
