@@ -27,11 +27,12 @@ pub(crate) struct Cpu {
     x_good: Lines,
     p_good: Lines,
     parts: Parts,
-    /// The edges of each round, for substeps of `packed_h`.
+    /// The edges of each round, for what they are `packed_for`.
     first: Packed,
     second: Packed,
     coarse: Coarse,
-    packed_h: Option<f32>,
+    /// Bits of the substep (s), and levels.
+    packed_for: Option<(u32, usize)>,
     crew: Crew,
     rounds: Vec<Round>,
     breadth: Breadth,
@@ -88,7 +89,7 @@ impl Cpu {
             first: Packed::default(),
             second: Packed::default(),
             coarse: Coarse::default(),
-            packed_h: None,
+            packed_for: None,
             crew: Crew::default(),
             rounds: Vec::new(),
             breadth: Breadth::detected(),
@@ -132,7 +133,7 @@ impl Cpu {
         let (x, u) = (Shared::new(&mut self.x), Shared::new(&mut self.p));
         let good = [Shared::new(&mut self.x_good), Shared::new(&mut self.p_good)];
         let moves = Moves { plan, x, u, good, lost: &lost, breadth };
-        let forces = self.parts.share(plan, x, u, elsewhere.is_none());
+        let forces = self.parts.share(plan, x, u, elsewhere.is_none(), breadth);
         let gathers = elsewhere.is_none() && forces.any();
         // Without forces a vertex is predicted where it was moved.
         let falls = elsewhere.is_none() && !forces.any();
@@ -234,15 +235,16 @@ impl Cpu {
     /// Makes the edges ready for substeps of the plan's length.
     fn pack(&mut self, plan: &Plan<'_>) {
         let coefficients = plan.coefficients;
-        if self.packed_h.map(f32::to_bits) == Some(coefficients.h.to_bits()) {
+        let wanted = Some((coefficients.h.to_bits(), coefficients.levels.len()));
+        if self.packed_for == wanted {
             return;
         }
+        self.packed_for = wanted;
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
         for (packed, tasks) in [(&mut self.first, &stripes.first), (&mut self.second, &stripes.second)] {
             packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
         }
         self.coarse.pack(plan.cloth, &coefficients.levels);
-        self.packed_h = Some(coefficients.h);
     }
 }
 

@@ -118,6 +118,15 @@ impl Crew {
         self.done.iter_mut().for_each(|done| *done.0.get_mut() = 0);
         let most = self.kinds.iter().map(|kind| kind.1).max().unwrap_or(0);
         let threads = threads.min(most).max(1);
+        if threads == 1 {
+            for turn in 0..turns {
+                for (kind, &(when, count)) in self.kinds.iter().enumerate() {
+                    let count = if when == Turns::First && turn > 0 { 0 } else { count };
+                    (0..count).for_each(|task| work(turn, kind, task));
+                }
+            }
+            return;
+        }
         self.recruit(0, threads, threads, turns, work);
     }
 

@@ -117,8 +117,8 @@ impl Deformer {
         attributes.validate(self.cloth.pinned.len())?;
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
-        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits()) {
-            let levels = self.rates.levels(&self.cloth, &self.options, h);
+        let levels = self.rates.levels(&self.cloth, &self.options, h, attributes);
+        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits() || last.asked != levels) {
             self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h, levels));
         }
         Ok(substeps)

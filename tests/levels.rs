@@ -155,6 +155,30 @@ fn levels_run_where_they_pay() {
     assert_eq!(count(65, 300, |options| options.method = Method::Springs), 0);
 }
 
+/// In a gale they are off, from one step to the next; each step is, bit for bit, that of a cloth made for it.
+#[test]
+fn levels_are_off_in_a_gale() {
+    let (mesh, options) = hang(65, 20, Backend::Cpu);
+    let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
+    play(&mut deformer, 10, &Attributes::default());
+    for (wind, levels) in [(4.5, 4), (5.5, 0), (4.5, 4), (30.0, 0), (0.0, 4)] {
+        let attributes = Attributes { wind: Vec3::Z * wind, air_density: 1.2, ..Attributes::default() };
+        let [x, v] = [deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec()];
+        let after = |levels| {
+            let mut fresh = Deformer::new(&mesh, Options { levels, ..options.clone() }).unwrap();
+            fresh.set_state(&x, &v).unwrap();
+            play(&mut fresh, 1, &attributes);
+            fresh.positions().unwrap().to_vec()
+        };
+        let [with, without] = [Levels::Count(4), Levels::Off].map(after);
+        deformer.set_state(&x, &v).unwrap();
+        assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, levels, "wind of {wind} m/s");
+        let [like, unlike] = if levels > 0 { [with, without] } else { [without, with] };
+        assert!(deformer.positions().unwrap() == like, "wind of {wind} m/s");
+        assert!(common::rms(&like, &unlike) > 1e-4, "levels show");
+    }
+}
+
 /// Levels asked for where the stiffness is resolved change next to nothing: they only pull, and no more than the cloth does.
 #[test]
 fn resolved_cloth_is_left_alone() {

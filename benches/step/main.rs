@@ -9,7 +9,7 @@ mod scenes;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Method, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Levels, Mesh, Method, Options, Quality};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use plain::Plain;
 use scenes::{FRAME, SUBSTEPS, bare, hang};

@@ -3,12 +3,11 @@
 //! Both are mapped while the processor works and written and read in place; [`Exchange::post`] hands them to the GPU and
 //! [`Exchange::receive`] waits until they are back. Where the device can use mapped memory as it is, nothing is copied.
 //!
-//! Waiting: a driver that sleeps until a fence is signalled wakes 20 us late, as long as half a small exchange takes. So the
-//! fence is looked at for a while, and slept on after that.
+//! Waiting: a driver that sleeps until a fence is signalled wakes 20 us late, as long as half a small exchange takes;
+//! [`Gpu::wait`] stays awake for a while.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
@@ -17,11 +16,9 @@ use super::forces::Forces;
 use crate::crew::Shared;
 use crate::plan::Plan;
 
-/// How long the fence is looked at before it is slept on.
-const PATIENCE: Duration = Duration::from_millis(1);
 /// Bytes of three floats.
 const THREE: u64 = size_of::<Vec3>() as u64;
-/// What `ready` holds when both buffers are back, and from where on one is not.
+/// What `ready` holds when both buffers are back, and what one that was refused adds.
 const BOTH: u32 = 2;
 const REFUSED: u32 = 1 << 16;
 
@@ -148,17 +145,7 @@ impl Exchange {
 
     /// Waits until the buffers are back.
     pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Desk, String> {
-        let start = Instant::now();
-        while self.ready.load(Ordering::Acquire) < BOTH {
-            if start.elapsed() < PATIENCE {
-                gpu.poll(wgpu::PollType::Poll)?;
-                continue;
-            }
-            gpu.wait()?;
-            if self.ready.load(Ordering::Acquire) < BOTH {
-                return Err("the device gave its buffers not back".to_owned());
-            }
-        }
+        gpu.wait()?;
         if self.ready.load(Ordering::Acquire) != BOTH {
             return Err("the device could not map its buffers".to_owned());
         }

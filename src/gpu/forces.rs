@@ -28,7 +28,7 @@ pub(crate) struct Forces {
     pub frame: Group,
     params: Sent,
     substeps: Sent,
-    /// Their bytes, each at the start of a slot.
+    /// What is sent of them, a slot each.
     slots: Vec<u8>,
     /// The same substeps without gaps, for who takes them all.
     pub all_substeps: Sent,
@@ -82,10 +82,9 @@ impl Forces {
         if all {
             return self.all_substeps.send(gpu, plan.substeps);
         }
-        self.slots.clear();
-        for substep in plan.substeps {
-            self.slots.extend_from_slice(bytemuck::bytes_of(substep));
-            self.slots.resize(self.slots.len().next_multiple_of(SLOT as usize), 0);
+        self.slots.resize(plan.substeps.len() * SLOT as usize, 0);
+        for (substep, slot) in plan.substeps.iter().zip(self.slots.chunks_mut(SLOT as usize)) {
+            slot[..size_of::<Substep>()].copy_from_slice(bytemuck::bytes_of(substep));
         }
         if self.substeps.send(gpu, &self.slots) {
             self.frame = frame(gpu, &self.params, &self.substeps);
