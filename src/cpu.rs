@@ -29,8 +29,7 @@ pub(crate) struct Cpu {
     p_good: Lines,
     parts: Parts,
     /// The edges of each round, for substeps of `packed_h`.
-    first: Packed,
-    second: Packed,
+    edges: Vec<Packed>,
     coarse: Coarse,
     packed_h: Option<f32>,
     crew: Crew,
@@ -48,8 +47,8 @@ enum Round {
     Coarse(Tasks),
     /// The rest of every stripe, and its own edges.
     Stripes,
-    /// The edges between stripes.
-    Borders,
+    /// Edges between stripes, those of this round of [`Stripes`](crate::stripes::Stripes).
+    Borders(usize),
 }
 
 impl Cpu {
@@ -63,8 +62,7 @@ impl Cpu {
             x_good: zero.clone(),
             p_good: zero,
             parts: Parts::default(),
-            first: Packed::default(),
-            second: Packed::default(),
+            edges: Vec::new(),
             coarse: Coarse::default(),
             packed_h: None,
             crew: Crew::default(),
@@ -153,8 +151,9 @@ impl Cpu {
             }
             coarse.rounds(|tasks, count| add(Round::Coarse(tasks), Turns::All, count));
         }
-        add(Round::Stripes, Turns::All, stripes.first.len());
-        add(Round::Borders, Turns::All, stripes.second.len());
+        for (round, tasks) in stripes.rounds.iter().enumerate() {
+            add(if round == 0 { Round::Stripes } else { Round::Borders(round) }, Turns::All, tasks.len());
+        }
 
         let sweeps = plan.sweeps.max(1);
         let rule = match plan.method {
@@ -183,7 +182,7 @@ impl Cpu {
             forces.lead_pins(range, substep);
         };
         let turns = substeps.len() as u32 * sweeps;
-        let (first, second) = (&self.first, &self.second);
+        let edges = &self.edges;
         let end = |vertices: &[Range<u32>], turn: u32, substep: &Substep| {
             let then = match plan.substeps.get(substeps.start + (turn / sweeps) as usize + 1) {
                 _ if whole && turn + 1 == turns => Then::Check,
@@ -203,15 +202,15 @@ impl Cpu {
                         None if begins => begin(task, turn, substep),
                         None => {}
                     }
-                    sweep(first, task);
+                    sweep(&edges[0], task);
                     if ends {
-                        end(&stripes.first[task].vertices, turn, substep);
+                        end(&stripes.rounds[0][task].vertices, turn, substep);
                     }
                 }
-                (Round::Borders, _) => {
-                    sweep(second, task);
+                (Round::Borders(round), _) => {
+                    sweep(&edges[round], task);
                     if ends {
-                        end(&stripes.second[task].vertices, turn, substep);
+                        end(&stripes.rounds[round][task].vertices, turn, substep);
                     }
                 }
                 (Round::Parts, _) if begins => forces.part(task, &stripes.ranges, substep),
@@ -232,7 +231,8 @@ impl Cpu {
             return;
         }
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
-        for (packed, tasks) in [(&mut self.first, &stripes.first), (&mut self.second, &stripes.second)] {
+        self.edges.resize_with(stripes.rounds.len(), Packed::default);
+        for (packed, tasks) in self.edges.iter_mut().zip(&stripes.rounds) {
             packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
         }
         self.coarse.pack(plan.cloth, &coefficients.levels);
