@@ -28,8 +28,7 @@ pub(crate) struct Cpu {
     p_good: Lines,
     parts: Parts,
     /// The edges of each round, for what they are `packed_for`.
-    first: Packed,
-    second: Packed,
+    edges: Vec<Packed>,
     coarse: Coarse,
     /// Bits of the substep (s), and levels.
     packed_for: Option<(u32, usize)>,
@@ -71,8 +70,8 @@ enum Round {
     Coarse(Tasks),
     /// The rest of every stripe, and its own edges.
     Stripes,
-    /// The edges between stripes.
-    Borders,
+    /// Edges between stripes, those of this round of [`Stripes`](crate::stripes::Stripes).
+    Borders(usize),
 }
 
 impl Cpu {
@@ -86,8 +85,7 @@ impl Cpu {
             x_good: zero.clone(),
             p_good: zero,
             parts: Parts::default(),
-            first: Packed::default(),
-            second: Packed::default(),
+            edges: Vec::new(),
             coarse: Coarse::default(),
             packed_for: None,
             crew: Crew::default(),
@@ -159,8 +157,9 @@ impl Cpu {
             add(Round::Predict, if falls && !leads { Turns::First } else { Turns::All }, stripes.ranges.len());
             coarse.rounds(|tasks, count| add(Round::Coarse(tasks), Turns::All, count));
         }
-        add(Round::Stripes, Turns::All, stripes.first.len());
-        add(Round::Borders, Turns::All, stripes.second.len());
+        for (round, tasks) in stripes.rounds.iter().enumerate() {
+            add(if round == 0 { Round::Stripes } else { Round::Borders(round) }, Turns::All, tasks.len());
+        }
 
         let sweeps = plan.sweeps.max(1);
         let rule = rule(plan.method);
@@ -188,7 +187,7 @@ impl Cpu {
             forces.lead_pins(range, substep);
         };
         let turns = plan.substeps.len() as u32 * sweeps;
-        let (first, second) = (&self.first, &self.second);
+        let edges = &self.edges;
         let end = |vertices: &[Range<u32>], index: usize| {
             let then = match plan.substeps.get(index + 1) {
                 None => Then::Check,
@@ -210,15 +209,15 @@ impl Cpu {
                         None if begins => begin(task, turn, index),
                         None => {}
                     }
-                    sweep(first, task);
+                    sweep(&edges[0], task);
                     if ends {
-                        end(&stripes.first[task].vertices, index);
+                        end(&stripes.rounds[0][task].vertices, index);
                     }
                 }
-                (Round::Borders, _) => {
-                    sweep(second, task);
+                (Round::Borders(round), _) => {
+                    sweep(&edges[round], task);
                     if ends {
-                        end(&stripes.second[task].vertices, index);
+                        end(&stripes.rounds[round][task].vertices, index);
                     }
                 }
                 (Round::Parts, _) if begins => forces.part(task, &stripes.ranges, &plan.substeps[index]),
@@ -241,7 +240,8 @@ impl Cpu {
         }
         self.packed_for = wanted;
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
-        for (packed, tasks) in [(&mut self.first, &stripes.first), (&mut self.second, &stripes.second)] {
+        self.edges.resize_with(stripes.rounds.len(), Packed::default);
+        for (packed, tasks) in self.edges.iter_mut().zip(&stripes.rounds) {
             packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
         }
         self.coarse.pack(plan.cloth, &coefficients.levels);

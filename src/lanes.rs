@@ -443,7 +443,7 @@ mod tests {
         };
         let stripes = Stripes::new(&cloth.links, cloth.swept().len(), x.len());
         let weights: Vec<f32> = x.iter().map(|x| x.w).collect();
-        for tasks in [&stripes.first, &stripes.second] {
+        for tasks in &stripes.rounds {
             let mut packed = Packed::default();
             packed.pack(tasks, edges, &cloth.colors, &weights);
             for task in 0..tasks.len() {
