@@ -16,7 +16,7 @@ use crate::stripes::Stripes;
 /// Aggregates that a task restricts.
 const GRAIN: usize = 64;
 /// Fewer aggregates than this are no work to share: the barriers would cost more.
-const WORTHWHILE: usize = 512;
+const WORTHWHILE: usize = 2048;
 
 /// What each level's aggregates do in a substep, the finest first; nothing without levels.
 #[derive(Debug, Default)]
@@ -33,8 +33,8 @@ struct Aggregates {
     predicted: Lines,
     u: Lines,
     stripes: Stripes,
-    first: Packed,
-    second: Packed,
+    /// The edges of each round.
+    edges: Vec<Packed>,
     /// The values above as the tasks of a step share them; made anew for each.
     at: Values,
 }
@@ -53,16 +53,16 @@ impl Aggregates {
         Aggregates {
             x: zero.clone(),
             predicted: zero.clone(),
-            stripes: Stripes::new(&level.links, level.links.len(), zero.len()),
+            stripes: Stripes::coarse(&level.links, zero.len()),
             u: zero,
-            first: Packed::default(),
-            second: Packed::default(),
+            edges: Vec::new(),
             at: Values { x: nowhere, predicted: nowhere, u: nowhere },
         }
     }
 
     fn pack(&mut self, level: &Level, edges: &[Edge]) {
-        for (packed, tasks) in [(&mut self.first, &self.stripes.first), (&mut self.second, &self.stripes.second)] {
+        self.edges.resize_with(self.stripes.rounds.len(), Packed::default);
+        for (packed, tasks) in self.edges.iter_mut().zip(&self.stripes.rounds) {
             packed.pack(tasks, edges, &level.colors, &level.inverse_mass);
         }
     }
@@ -95,7 +95,7 @@ impl Coarse {
         breadth: Breadth,
     ) -> Option<Correction<'a>> {
         self.levels.iter_mut().for_each(Aggregates::share);
-        let apart = self.levels.iter().position(|level| level.x.len() < WORTHWHILE).unwrap_or(self.levels.len()).max(1);
+        let apart = self.levels.iter().position(|level| level.x.len() < WORTHWHILE).unwrap_or(self.levels.len());
         (!self.levels.is_empty()).then(|| Correction {
             shapes: &plan.cloth.hierarchy().levels,
             fine: (x, u),
@@ -113,9 +113,8 @@ pub(crate) enum Tasks {
     Restrict(usize),
     /// All that it and the coarser levels do.
     All(usize),
-    /// Sweep some of its edges, those of its stripes or between them.
-    Stripes(usize),
-    Borders(usize),
+    /// Sweep some of its edges, in this round of [`Stripes`].
+    Sweep(usize, usize),
 }
 
 /// The rounds of a correction, over state that their tasks share.
@@ -137,11 +136,12 @@ pub(crate) struct Correction<'a> {
 impl Correction<'_> {
     /// Names the rounds in order, and how many tasks each has.
     pub(crate) fn rounds(&self, mut add: impl FnMut(Tasks, usize)) {
-        (0..self.apart).for_each(|level| add(Tasks::Restrict(level), self.levels[level].x.len().div_ceil(GRAIN)));
+        // Restriction from the vertices is work enough.
+        (0..self.apart.max(1)).for_each(|level| add(Tasks::Restrict(level), self.levels[level].x.len().div_ceil(GRAIN)));
         add(Tasks::All(self.apart), usize::from(self.apart < self.levels.len()));
         for level in (0..self.apart).rev() {
-            add(Tasks::Stripes(level), self.levels[level].stripes.first.len());
-            add(Tasks::Borders(level), self.levels[level].stripes.second.len());
+            let rounds = self.levels[level].stripes.rounds.iter().enumerate();
+            rounds.for_each(|(round, tasks)| add(Tasks::Sweep(level, round), tasks.len()));
         }
     }
 
@@ -153,17 +153,16 @@ impl Correction<'_> {
                 self.restrict(level, task * GRAIN..((task + 1) * GRAIN).min(count));
             }
             Tasks::All(first) => {
-                for level in first..self.levels.len() {
+                for level in first.max(1)..self.levels.len() {
                     self.restrict(level, 0..self.levels[level].x.len());
                 }
                 for level in (first..self.levels.len()).rev() {
-                    let stripes = &self.levels[level].stripes;
-                    (0..stripes.first.len()).for_each(|task| self.sweep_stripe(level, task));
-                    (0..stripes.second.len()).for_each(|task| self.sweep_border(level, task));
+                    for (round, tasks) in self.levels[level].stripes.rounds.iter().enumerate() {
+                        (0..tasks.len()).for_each(|task| self.sweep(level, round, task));
+                    }
                 }
             }
-            Tasks::Stripes(level) => self.sweep_stripe(level, task),
-            Tasks::Borders(level) => self.sweep_border(level, task),
+            Tasks::Sweep(level, round) => self.sweep(level, round, task),
         }
     }
 
@@ -191,19 +190,13 @@ impl Correction<'_> {
         }
     }
 
-    fn sweep_stripe(&self, level: usize, task: usize) {
+    fn sweep(&self, level: usize, round: usize, task: usize) {
         let here = &self.levels[level];
-        if level + 1 < self.levels.len() {
+        if round == 0 && level + 1 < self.levels.len() {
             self.hand_down_to(level, here.stripes.ranges[task].clone());
         }
         // SAFETY: see Correction.
-        unsafe { here.first.sweep(task, here.at.x, here.at.u, Rule::Pull, self.breadth) };
-    }
-
-    fn sweep_border(&self, level: usize, task: usize) {
-        let here = &self.levels[level];
-        // SAFETY: see Correction.
-        unsafe { here.second.sweep(task, here.at.x, here.at.u, Rule::Pull, self.breadth) };
+        unsafe { here.edges[round].sweep(task, here.at.x, here.at.u, Rule::Pull, self.breadth) };
     }
 
     /// Adds to some aggregates of a level what their aggregates were corrected by.

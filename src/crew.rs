@@ -13,8 +13,9 @@ pub(crate) struct Crew {
     kinds: Vec<(Turns, usize)>,
     /// How often each task has been taken, kind after kind.
     taken: Vec<Apart<AtomicU32>>,
-    /// How many tasks of each kind are done, over all turns.
-    done: Vec<Apart<AtomicUsize>>,
+    /// How many tasks of each kind are done, over all turns: in a few counts, for threads that are done at once wait for one another at
+    /// one.
+    done: Vec<[Apart<AtomicUsize>; COUNTS]>,
     sleepers: AtomicUsize,
     lock: Mutex<()>,
     bell: Condvar,
@@ -42,6 +43,12 @@ pub(crate) struct Shared<T> {
 impl<T> Shared<T> {
     pub(crate) fn new(items: &mut [T]) -> Shared<T> {
         Shared { start: items.as_mut_ptr(), length: items.len() }
+    }
+
+    /// Items that are not in a slice of ours.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn at(start: *mut T, length: usize) -> Shared<T> {
+        Shared { start, length }
     }
 
     pub(crate) fn len(self) -> usize {
@@ -88,6 +95,9 @@ unsafe impl<T: Send> Sync for Shared<T> {}
 // SAFETY: as above.
 unsafe impl<T: Send> Send for Shared<T> {}
 
+const COUNTS: usize = 4;
+/// Looks at the others' progress before a thread looks for tasks of theirs: a microsecond or two.
+const GRACE: u32 = 50;
 /// Looks at the others' progress before a thread goes to sleep: some 0.2 ms, longer than any task of a cloth worth sharing.
 const PATIENCE: u32 = 5_000;
 
@@ -107,11 +117,20 @@ impl Crew {
     pub(crate) fn run(&mut self, turns: u32, threads: usize, work: &(impl Fn(u32, usize, usize) + Sync)) {
         let tasks: usize = self.kinds.iter().map(|kind| kind.1).sum();
         self.taken.resize_with(tasks.max(self.taken.len()), Apart::default);
-        self.done.resize_with(self.kinds.len().max(self.done.len()), Apart::default);
+        self.done.resize_with(self.kinds.len().max(self.done.len()), Default::default);
         self.taken.iter_mut().for_each(|taken| *taken.0.get_mut() = 0);
-        self.done.iter_mut().for_each(|done| *done.0.get_mut() = 0);
+        self.done.iter_mut().flatten().for_each(|done| *done.0.get_mut() = 0);
         let most = self.kinds.iter().map(|kind| kind.1).max().unwrap_or(0);
         let threads = threads.min(most).max(1);
+        if threads == 1 {
+            for turn in 0..turns {
+                for (kind, &(when, count)) in self.kinds.iter().enumerate() {
+                    let count = if when == Turns::First && turn > 0 { 0 } else { count };
+                    (0..count).for_each(|task| work(turn, kind, task));
+                }
+            }
+            return;
+        }
         self.recruit(0, threads, threads, turns, work);
     }
 
@@ -125,46 +144,61 @@ impl Crew {
         rayon::join(half(first, middle), half(middle, end));
     }
 
-    /// One member's part: in every round its own tasks, then any that nobody took.
+    /// One member's part: in every round its own tasks, then any that nobody took, unless the others are done soon.
     fn serve(&self, member: usize, threads: usize, turns: u32, work: &(impl Fn(u32, usize, usize) + Sync)) {
         for turn in 0..turns {
             let mut base = 0;
             for (kind, &(when, count)) in self.kinds.iter().enumerate() {
+                let round = Round { turn, kind, base, target: count * (turn as usize + 1) };
+                base += count;
                 if when == Turns::First && turn > 0 {
-                    base += count;
                     continue;
                 }
-                let target = count * (turn as usize + 1);
-                let own = member * count / threads;
-                for task in (own..count).chain(0..own) {
-                    if self.done[kind].0.load(Ordering::Relaxed) >= target {
-                        break;
-                    }
-                    let flag = &self.taken[base + task].0;
-                    let free = flag.load(Ordering::Relaxed) == turn;
-                    if free && flag.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
-                        let _done = Done { crew: self, kind, target };
-                        work(turn, kind, task);
-                    }
+                let own = member * count / threads..(member + 1) * count / threads;
+                own.clone().for_each(|task| self.take(round, task, work));
+                // To look at another's task is to fetch its cache line: a round of well cut tasks ends without.
+                if !self.looks(GRACE, round) {
+                    (own.end..count).chain(0..own.start).for_each(|task| self.take(round, task, work));
+                    self.wait(round);
                 }
-                self.wait(kind, target);
-                base += count;
             }
         }
     }
 
-    /// Until the round is done: looks for a while, then sleeps, so that a busy machine can get on with what is waited for.
-    fn wait(&self, kind: usize, target: usize) {
-        let ready = || self.done[kind].0.load(Ordering::SeqCst) >= target;
-        for _ in 0..PATIENCE {
-            if ready() {
-                return;
+    /// Does a task unless somebody has.
+    fn take(&self, round: Round, task: usize, work: &(impl Fn(u32, usize, usize) + Sync)) {
+        let (turn, flag) = (round.turn, &self.taken[round.base + task].0);
+        let free = flag.load(Ordering::Relaxed) == turn;
+        if free && flag.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
+            let _done = Done { crew: self, round, task };
+            work(turn, round.kind, task);
+        }
+    }
+
+    fn is_done(&self, round: Round) -> bool {
+        let done = |count: &Apart<AtomicUsize>| count.0.load(Ordering::SeqCst);
+        self.done[round.kind].iter().map(done).sum::<usize>() >= round.target
+    }
+
+    /// Whether the round is done before so many looks at it.
+    fn looks(&self, looks: u32, round: Round) -> bool {
+        for _ in 0..looks {
+            if self.is_done(round) {
+                return true;
             }
             std::hint::spin_loop();
         }
+        false
+    }
+
+    /// Until the round is done: looks for a while, then sleeps, so that a busy machine can get on with what is waited for.
+    fn wait(&self, round: Round) {
+        if self.looks(PATIENCE, round) {
+            return;
+        }
         self.sleepers.fetch_add(1, Ordering::SeqCst);
         let mut guard = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
-        while !ready() {
+        while !self.is_done(round) {
             guard = self.bell.wait(guard).unwrap_or_else(PoisonError::into_inner);
         }
         drop(guard);
@@ -172,20 +206,30 @@ impl Crew {
     }
 }
 
+/// One round of one turn: its tasks' flags begin at `base`, and it is done when `target` tasks of its kind are, over all turns.
+#[derive(Debug, Clone, Copy)]
+struct Round {
+    turn: u32,
+    kind: usize,
+    base: usize,
+    target: usize,
+}
+
 /// Counts a task as done when dropped: also if it panics, or the others would wait for ever.
 struct Done<'a> {
     crew: &'a Crew,
-    kind: usize,
-    target: usize,
+    round: Round,
+    task: usize,
 }
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
-        let done = self.crew.done[self.kind].0.fetch_add(1, Ordering::SeqCst) + 1;
-        if done == self.target && self.crew.sleepers.load(Ordering::SeqCst) > 0 {
+        let crew = self.crew;
+        crew.done[self.round.kind][self.task % COUNTS].0.fetch_add(1, Ordering::SeqCst);
+        if crew.sleepers.load(Ordering::SeqCst) > 0 && crew.is_done(self.round) {
             // Under the lock, so that no one is between looking and sleeping.
-            drop(self.crew.lock.lock().unwrap_or_else(PoisonError::into_inner));
-            self.crew.bell.notify_all();
+            drop(crew.lock.lock().unwrap_or_else(PoisonError::into_inner));
+            crew.bell.notify_all();
         }
     }
 }

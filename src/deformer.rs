@@ -320,6 +320,38 @@ impl Deformer {
         }
     }
 
+    /// How many substeps an exchange with the GPU is to be good for, in the hybrid: a benchmark asks what more than one costs.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn exchange_every(&mut self, substeps: u32) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.every = substeps as usize;
+        }
+    }
+
+    /// Whether the device is to use the hybrid's mapped outbox and inbox themselves.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.exchange_in_place(self.cloth.rest.len(), in_place);
+        }
+    }
+
+    /// Runs the hybrid's force kernels for a substep this often, and waits. The state stays as it is.
+    ///
+    /// # Errors
+    /// As [`Deformer::step`].
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn run_forces(&mut self, dt: f32, attributes: &Attributes, repeats: u32) -> Result<(), StepError> {
+        let substeps = self.ready(dt, attributes)?;
+        let (engine, plan) = self.job(substeps, attributes);
+        let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
+        let run = hybrid.run_forces(&plan, repeats);
+        run.map_err(|reason| StepError::Gpu { reason })
+    }
+
     /// The mesh's index of each vertex of [`Deformer::position_buffer`].
     #[must_use]
     pub fn vertex_order(&self) -> &[u32] {

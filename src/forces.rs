@@ -5,7 +5,11 @@ use std::ops::Range;
 use glam::{Vec3A, Vec4};
 
 use crate::crew::Shared;
+#[cfg(target_arch = "x86_64")]
+use crate::eights::{self, Eights, State};
 use crate::kernels::{self, BendEntry, BendRow, Substep, xyz};
+use crate::lanes::Breadth;
+use crate::lines::Lines;
 use crate::options::Method;
 use crate::plan::Plan;
 
@@ -16,10 +20,20 @@ const GRAIN: usize = 1024;
 #[derive(Debug, Default)]
 pub(crate) struct Parts {
     /// What each vertex's bending row does ([`kernels::bend_moment`]); couples are of its damping.
-    pulls: Vec<Vec3A>,
-    couples: Vec<Vec3A>,
+    pulls: Lines,
+    couples: Lines,
     /// A third of the air's force (N) on each triangle: what each of its corners feels.
-    gusts: Vec<Vec3A>,
+    gusts: Lines,
+    /// The lists of a scene that the wide loops take, and for what they were packed: substep (its bits), bending, wind.
+    #[cfg(target_arch = "x86_64")]
+    eights: Eights,
+    packed_for: Option<(u32, bool, bool)>,
+}
+
+/// The eights that begin in a range which begins with a whole one.
+#[cfg(target_arch = "x86_64")]
+fn eights_in(items: &Range<usize>) -> Range<usize> {
+    items.start / eights::WIDTH..items.end.div_ceil(eights::WIDTH)
 }
 
 /// The loops, over state that the tasks of a round share.
@@ -32,21 +46,50 @@ pub(crate) struct Forces<'a> {
     x: Shared<Vec4>,
     /// Displacements: of the last substep, and once predicted, of this.
     u: Shared<Vec4>,
-    pulls: Shared<Vec3A>,
-    couples: Shared<Vec3A>,
-    gusts: Shared<Vec3A>,
+    pulls: Shared<Vec4>,
+    couples: Shared<Vec4>,
+    gusts: Shared<Vec4>,
+    #[cfg(target_arch = "x86_64")]
+    eights: Option<&'a Eights>,
 }
 
 impl Parts {
     /// The loops of a step; without `forces` nothing but the ambient acceleration.
-    pub(crate) fn share<'a>(&'a mut self, plan: &'a Plan<'a>, x: Shared<Vec4>, u: Shared<Vec4>, forces: bool) -> Forces<'a> {
-        let fit = |list: &mut Vec<Vec3A>, wanted: bool, length: usize| list.resize(if wanted { length } else { 0 }, Vec3A::ZERO);
+    pub(crate) fn share<'a>(
+        &'a mut self,
+        plan: &'a Plan<'a>,
+        x: Shared<Vec4>,
+        u: Shared<Vec4>,
+        forces: bool,
+        breadth: Breadth,
+    ) -> Forces<'a> {
         let (bending, wind) = (forces && plan.bending, forces && plan.wind);
-        fit(&mut self.pulls, bending, x.len());
-        fit(&mut self.couples, bending && plan.damped(), x.len());
-        fit(&mut self.gusts, wind, if wind { plan.cloth.panels().panels.len() } else { 0 });
-        let [pulls, couples, gusts] = [&mut self.pulls, &mut self.couples, &mut self.gusts].map(|list| Shared::new(list));
-        Forces { plan, x, u, pulls, couples, gusts }
+        let fit = |list: &mut Lines, length: usize| {
+            if list.len() != length {
+                *list = Lines::new(length);
+            }
+        };
+        fit(&mut self.pulls, if bending { x.len() } else { 0 });
+        fit(&mut self.couples, if bending && plan.damped() { x.len() } else { 0 });
+        fit(&mut self.gusts, if wind { plan.cloth.panels().panels.len() } else { 0 });
+        #[cfg(target_arch = "x86_64")]
+        {
+            let scene = (plan.coefficients.h.to_bits(), bending, wind);
+            if breadth == Breadth::Eight && self.packed_for != Some(scene) {
+                self.eights = Eights::new(plan.cloth, plan.coefficients, bending, wind);
+                self.packed_for = Some(scene);
+            }
+        }
+        Forces {
+            plan,
+            x,
+            u,
+            pulls: Shared::new(&mut self.pulls),
+            couples: Shared::new(&mut self.couples),
+            gusts: Shared::new(&mut self.gusts),
+            #[cfg(target_arch = "x86_64")]
+            eights: (breadth == Breadth::Eight).then_some(&self.eights),
+        }
     }
 }
 
@@ -83,15 +126,28 @@ impl Forces<'_> {
         xyz(unsafe { self.u.get(vertex as usize) })
     }
 
-    /// The bending rows of these vertices, from their rings.
+    #[cfg(target_arch = "x86_64")]
+    fn state(&self) -> State {
+        State { x: self.x, u: self.u, pulls: self.pulls, couples: self.couples }
+    }
+
+    /// The bending rows of these vertices, from their rings; a stripe's, which begins with a whole eight.
     fn moments(&self, vertices: Range<u32>, substep: &Substep) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(eights) = self.eights {
+            for eight in eights_in(&(vertices.start as usize..vertices.end as usize)) {
+                // SAFETY: see Forces; there are eights where the processor can take them.
+                unsafe { eights.moments(eight, &self.state(), substep.rate) };
+            }
+            return;
+        }
         let (rows, entries) = (&self.plan.coefficients.bending, &self.plan.cloth.bending().entries);
         if !self.plan.damped() {
             for v in vertices {
                 let center = self.x(v);
                 let y = entries.of(v).iter().fold(Vec3A::ZERO, |y, entry| y + (self.x(entry.other) - center) * entry.forward);
                 // SAFETY: see Forces.
-                unsafe { self.pulls.set(v as usize, y * rows[v as usize].stiffness) };
+                unsafe { self.pulls.set(v as usize, (y * rows[v as usize].stiffness).extend(0.0)) };
             }
             return;
         }
@@ -104,14 +160,22 @@ impl Forces<'_> {
             let (pull, couple) = kernels::bend_moment(&ring, &rows[v as usize]);
             // SAFETY: see Forces.
             unsafe {
-                self.pulls.set(v as usize, pull);
-                self.couples.set(v as usize, couple);
+                self.pulls.set(v as usize, pull.extend(0.0));
+                self.couples.set(v as usize, couple.extend(0.0));
             }
         }
     }
 
     /// The air on these triangles.
     fn gusts(&self, triangles: Range<usize>, substep: &Substep) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(eights) = self.eights {
+            for eight in eights_in(&triangles) {
+                // SAFETY: see Forces; there are eights where the processor can take them.
+                unsafe { eights.gusts(eight, &self.state(), self.gusts, &self.plan.params, substep) };
+            }
+            return;
+        }
         let panels = &self.plan.cloth.panels().panels;
         for triangle in triangles {
             let panel = panels[triangle];
@@ -119,38 +183,58 @@ impl Forces<'_> {
             let velocity = (self.u(a) + self.u(b) + self.u(c)) * (substep.rate / 3.0);
             let force = kernels::wind_force([a, b, c].map(|v| self.x(v)), velocity, panel.mass, substep, &self.plan.params);
             // SAFETY: see Forces.
-            unsafe { self.gusts.set(triangle, force / 3.0) };
+            unsafe { self.gusts.set(triangle, (force / 3.0).extend(0.0)) };
         }
     }
 
-    /// The displacements that the forces predict.
+    /// The displacements that the forces predict, of a stripe's vertices.
     pub(crate) fn predict(&self, vertices: Range<u32>, substep: &Substep) {
-        let Plan { cloth, coefficients, params, .. } = self.plan;
-        let ambient = Vec3A::from(params.acceleration);
-        let bending = self.plan.bending.then(|| (&coefficients.bending, &cloth.bending().entries));
-        let around = self.plan.wind.then(|| &cloth.panels().around);
-        let springs = (self.plan.method == Method::Springs).then(|| cloth.springs());
+        // Each term is added as its own stage does it on the GPU, in the same order: fewer roundings part the two.
+        self.bend(vertices.clone(), substep);
+        let around = self.plan.wind.then(|| &self.plan.cloth.panels().around);
+        let springs = (self.plan.method == Method::Springs).then(|| self.plan.cloth.springs());
+        if around.is_none() && springs.is_none() {
+            return;
+        }
         for i in vertices {
             // SAFETY: see Forces.
             let w = unsafe { self.x.get(i as usize) }.w;
-            // Each term is added as its own stage does it on the GPU, in the same order: fewer roundings part the two.
-            let mut by = kernels::predict(self.u(i), ambient, substep);
-            let gain = w * substep.gain;
             if w == 0.0 {
-                by = Vec3A::ZERO;
-            } else {
-                if let Some((rows, entries)) = bending {
-                    by += self.bending(i, &rows[i as usize], entries.of(i)) * gain;
-                }
-                if let Some(around) = around {
-                    // SAFETY: see Forces.
-                    let force = around.of(i).iter().map(|&triangle| unsafe { self.gusts.get(triangle as usize) });
-                    by += force.sum::<Vec3A>() * gain;
-                }
-                if let Some(springs) = springs {
-                    let force = springs.of(i).iter().map(|s| kernels::spring_force(self.x(s.other) - self.x(i), s));
-                    by += force.sum::<Vec3A>() * gain;
-                }
+                continue;
+            }
+            let (mut by, gain) = (self.u(i), w * substep.gain);
+            if let Some(around) = around {
+                // SAFETY: see Forces.
+                let force = around.of(i).iter().map(|&triangle| xyz(unsafe { self.gusts.get(triangle as usize) }));
+                by += force.sum::<Vec3A>() * gain;
+            }
+            if let Some(springs) = springs {
+                let force = springs.of(i).iter().map(|s| kernels::spring_force(self.x(s.other) - self.x(i), s));
+                by += force.sum::<Vec3A>() * gain;
+            }
+            // SAFETY: see Forces.
+            unsafe { self.u.set(i as usize, by.extend(0.0)) };
+        }
+    }
+
+    /// What the ambient acceleration and the bending rows predict.
+    fn bend(&self, vertices: Range<u32>, substep: &Substep) {
+        #[cfg(target_arch = "x86_64")]
+        if let (true, Some(eights)) = (self.plan.bending, self.eights) {
+            for eight in eights_in(&(vertices.start as usize..vertices.end as usize)) {
+                // SAFETY: see Forces; there are eights where the processor can take them.
+                unsafe { eights.predict(eight, &self.state(), &self.plan.params, substep) };
+            }
+            return;
+        }
+        let ambient = Vec3A::from(self.plan.params.acceleration);
+        let bending = self.plan.bending.then(|| (&self.plan.coefficients.bending, &self.plan.cloth.bending().entries));
+        for i in vertices {
+            // SAFETY: see Forces.
+            let w = unsafe { self.x.get(i as usize) }.w;
+            let mut by = if w == 0.0 { Vec3A::ZERO } else { kernels::predict(self.u(i), ambient, substep) };
+            if let (Some((rows, entries)), true) = (bending, w != 0.0) {
+                by += self.bending(i, &rows[i as usize], entries.of(i)) * (w * substep.gain);
             }
             // SAFETY: see Forces.
             unsafe { self.u.set(i as usize, by.extend(0.0)) };
@@ -160,7 +244,7 @@ impl Forces<'_> {
     /// Force (N) of the bending rows that a vertex is in.
     fn bending(&self, i: u32, row: &BendRow, entries: &[BendEntry]) -> Vec3A {
         // SAFETY: see Forces.
-        let of = |values: Shared<Vec3A>, vertex: u32| unsafe { values.get(vertex as usize) };
+        let of = |values: Shared<Vec4>, vertex: u32| xyz(unsafe { values.get(vertex as usize) });
         let mut force = -of(self.pulls, i) * row.diagonal;
         if !self.plan.damped() {
             entries.iter().for_each(|entry| force -= of(self.pulls, entry.other) * entry.backward);

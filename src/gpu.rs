@@ -12,6 +12,7 @@
 
 mod coarse;
 mod device;
+mod exchange;
 mod forces;
 mod normals;
 mod patches;
@@ -34,6 +35,7 @@ pub use device::Gpu;
 pub(crate) use device::WORKGROUP;
 pub(crate) use device::shader;
 use device::{Bind, Entry, Sent, Stage};
+pub(crate) use exchange::{Desk, Exchange, Parcel};
 pub(crate) use forces::Forces;
 use normals::Normals;
 pub use normals::Surface;
@@ -242,10 +244,10 @@ impl GpuEngine {
 
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        let gpu = self.gpu.clone();
-        gpu.checked(|| {
-            let mut work = Work::new(&gpu);
+        let device = self.gpu.device.clone();
+        device::checked(&device, || {
             let path = self.prepare(plan, false);
+            let mut work = Work::new(&self.gpu);
             self.encode(&mut work, plan, path);
             work.submit();
             Ok(())

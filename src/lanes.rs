@@ -14,7 +14,7 @@ use crate::crew::Shared;
 use crate::kernels::xyz;
 use crate::kernels::{self, Edge};
 use crate::stripes::Task;
-use crate::wide::{self, Wide, Wide3};
+use crate::wide::{self, IN_ROW, Wide, Wide3};
 
 pub(crate) const WIDTH: usize = 8;
 
@@ -28,9 +28,6 @@ enum Kind {
     /// Anywhere: eight ends, and eight more.
     Apart,
 }
-
-/// The edge that each lane of a row has: as [`Wide`] transposes what it loads.
-const IN_ROW: [usize; WIDTH] = [0, 2, 4, 6, 1, 3, 5, 7];
 
 /// What eight edges of one colour are corrected by. A lane without an edge of its own repeats another with no share.
 #[repr(C, align(32))]
@@ -342,14 +339,7 @@ mod avx2 {
     use std::arch::x86_64::*;
 
     use super::{Kind, Lanes, Shared, Vec4, WIDTH, Wide, correction};
-    use crate::wide::Eight;
-
-    /// Where two vertices are: both from one place on, or each somewhere.
-    #[derive(Clone, Copy)]
-    enum Two {
-        Beside(usize),
-        Apart(usize, usize),
-    }
+    use crate::wide::{Eight, Two};
 
     /// Lanes of one kind.
     #[expect(unsafe_code, reason = "see Packed::sweep")]
@@ -402,8 +392,8 @@ mod avx2 {
             let mut d0 = [Eight::splat(0.0); 4];
             let mut du = d0;
             for k in 0..4 {
-                d0[k] = load(x, at(0, k)) - load(x, at(1, k));
-                du[k] = load(u, at(0, k)) - load(u, at(1, k));
+                d0[k] = Eight::load(x, at(0, k)) - Eight::load(x, at(1, k));
+                du[k] = Eight::load(u, at(0, k)) - Eight::load(u, at(1, k));
             }
             let inverse_rest = Eight(_mm256_load_ps(lanes.inverse_rest.as_ptr()));
             let (s, su) = (Eight::transpose(d0), Eight::transpose(du));
@@ -418,44 +408,9 @@ mod avx2 {
             let by_b = (scale * Eight(_mm256_load_ps(lanes.share_b.as_ptr()))).spread();
             for k in 0..4 {
                 // Both loaded before either is stored: where rows are 4096 bytes long, a load would wait for the other's store.
-                let (a, b) = (load(u, at(0, k)), load(u, at(1, k)));
-                store(u, at(0, k), d0[k].times_from(by_a[k], a));
-                store(u, at(1, k), d0[k].times_plus(by_b[k], b));
-            }
-        }
-    }
-
-    #[expect(unsafe_code, reason = "see Packed::sweep")]
-    #[inline]
-    #[target_feature(enable = "avx2,fma")]
-    unsafe fn load(values: Shared<Vec4>, at: Two) -> Eight {
-        // SAFETY: the caller's promise.
-        unsafe {
-            let pointer = |vertex: usize| values.pointer().add(vertex).cast::<f32>();
-            Eight(match at {
-                Two::Beside(first) => _mm256_loadu_ps(pointer(first)),
-                Two::Apart(low, high) => {
-                    let low = _mm256_castps128_ps256(_mm_load_ps(pointer(low)));
-                    _mm256_insertf128_ps::<1>(low, _mm_load_ps(pointer(high)))
-                }
-            })
-        }
-    }
-
-    #[expect(unsafe_code, reason = "see Packed::sweep")]
-    #[inline]
-    #[target_feature(enable = "avx2,fma")]
-    unsafe fn store(values: Shared<Vec4>, at: Two, value: Eight) {
-        // SAFETY: the caller's promise.
-        unsafe {
-            let pointer = |vertex: usize| values.pointer().add(vertex).cast::<f32>();
-            match at {
-                Two::Beside(first) => _mm256_storeu_ps(pointer(first), value.0),
-                Two::Apart(low, high) => {
-                    // If one repeats the other, with no share, it is the higher: what it stores must not last.
-                    _mm_store_ps(pointer(high), _mm256_extractf128_ps::<1>(value.0));
-                    _mm_store_ps(pointer(low), _mm256_castps256_ps128(value.0));
-                }
+                let (a, b) = (Eight::load(u, at(0, k)), Eight::load(u, at(1, k)));
+                d0[k].times_from(by_a[k], a).store(u, at(0, k));
+                d0[k].times_plus(by_b[k], b).store(u, at(1, k));
             }
         }
     }
@@ -488,7 +443,7 @@ mod tests {
         };
         let stripes = Stripes::new(&cloth.links, cloth.swept().len(), x.len());
         let weights: Vec<f32> = x.iter().map(|x| x.w).collect();
-        for tasks in [&stripes.first, &stripes.second] {
+        for tasks in &stripes.rounds {
             let mut packed = Packed::default();
             packed.pack(tasks, edges, &cloth.colors, &weights);
             for task in 0..tasks.len() {

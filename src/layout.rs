@@ -56,6 +56,7 @@ fn modules() -> Vec<(&'static str, naga::Module)> {
         ("patch", shader!("predict", "edge", "body", "runs", "table", "patch")),
         ("whole", shader!("predict", "edge", "body", "bounds", "runs", "table", "levels", "whole")),
         ("normals", shader!("normals")),
+        ("exchange", shader!("exchange")),
     ];
     sources
         .into_iter()

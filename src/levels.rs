@@ -50,7 +50,7 @@ use glam::DVec3;
 
 use crate::aggregates::{Halving, holding};
 use crate::cloth::{Cloth, Link};
-use crate::coarse_edges::{Edges, Points, Stiffness, two_rings};
+use crate::coarse_edges::{Edges, Fibre, Points, Stiffness, two_rings};
 use crate::coloring::Lists;
 
 /// A level of fewer aggregates is not worth its overhead.
@@ -99,6 +99,7 @@ impl Patch {
 impl Hierarchy {
     pub(crate) fn new(cloth: &Cloth) -> Hierarchy {
         let halving = Halving::new(cloth);
+        let fibres = Fibre::all(cloth);
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
         // The patches of the last level (to begin with, the vertices) and of the one before, and which of the last each vertex is in.
@@ -136,7 +137,7 @@ impl Hierarchy {
                 patches: &patches,
                 points: &points,
                 gather,
-                stiffness: Stiffness::new(cloth, &patches, &aggregate_of),
+                stiffness: Stiffness::new(&fibres, &patches, &aggregate_of),
             };
             let (links, colors) = edges.color(&[rings, pairs.clone()]);
             let inverse_mass = patches.iter().map(|patch| patch.inverse_mass() as f32).collect();

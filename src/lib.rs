@@ -11,6 +11,8 @@ mod coloring;
 mod cpu;
 mod crew;
 mod deformer;
+#[cfg(target_arch = "x86_64")]
+mod eights;
 mod engine;
 mod error;
 mod fabric;

@@ -5,8 +5,8 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
-/// As many vectors as were asked for, from the start of a cache line on.
-#[derive(Debug, Clone)]
+/// As many vectors as were asked for, from the start of a cache line on, and room for whole eights of them.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Lines {
     lines: Vec<Line>,
     length: usize,
@@ -19,7 +19,7 @@ struct Line([Vec4; 4]);
 impl Lines {
     /// Zeros.
     pub(crate) fn new(length: usize) -> Lines {
-        Lines { lines: vec![Line::zeroed(); length.div_ceil(4)], length }
+        Lines { lines: vec![Line::zeroed(); 2 * length.div_ceil(8)], length }
     }
 }
 

@@ -7,6 +7,7 @@
 //! share a vertex, and at every vertex the edges come in the order of their colours: the result is the same bit for bit
 //! however the cloth is cut, and however many threads take the tasks. What waits spreads by an edge a colour at most; where
 //! stripes are wider than that, what waits at one border has nothing to do with the next, and each is a task of its own.
+//! Where they are not (many colours, as on coarse levels), what waits is cut again half a stripe farther on, and again, a round each.
 //!
 //! A task stays in cache: all colours of a stripe pass before the next stripe is touched.
 
@@ -19,6 +20,10 @@ const LEAST: usize = 512;
 /// Stripes are this many times the mean distance in memory between an edge's ends: eight rows of a grid, and what waits at
 /// a border of it is four on each side.
 const REACH: f64 = 12.0;
+/// Stripes of a coarse level, at most: more are more rounds.
+const SHARES: usize = 32;
+/// Rounds, at most but one.
+const MOST: usize = 16;
 /// Parts of a border up to this many vertices together are one task.
 const CRUMBS: usize = 128;
 /// No task yet.
@@ -27,11 +32,9 @@ const NONE: u32 = u32::MAX;
 /// See the module. Made once for a cloth.
 #[derive(Debug, Clone)]
 pub(crate) struct Stripes {
-    /// Stripes, and for each the vertices that its first task may move and the edges that it visits.
     pub ranges: Vec<Range<u32>>,
-    pub first: Vec<Task>,
-    /// Borders between stripes.
-    pub second: Vec<Task>,
+    /// The tasks of each round. Those of the first are the stripes', those of the last move what the first do not.
+    pub rounds: Vec<Vec<Task>>,
 }
 
 /// Edges that one thread visits in a round, and the vertices that are then done with.
@@ -45,15 +48,20 @@ pub(crate) struct Task {
 impl Stripes {
     /// Cuts `links`, of which the first `swept` are in colour order, between `vertices` vertices.
     pub(crate) fn new(links: &[Link], swept: usize, vertices: usize) -> Stripes {
-        let distance = links.iter().map(|link| f64::from(link.ends[0].abs_diff(link.ends[1]))).sum::<f64>();
-        let length = ((REACH * distance / links.len().max(1) as f64) as usize).max(LEAST);
-        Stripes::cut(links, swept, vertices, length)
+        Stripes::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(LEAST))
+    }
+
+    /// The same for the many colours of a coarse level, which would make one task of all borders: narrower stripes, more rounds.
+    pub(crate) fn coarse(links: &[Link], vertices: usize) -> Stripes {
+        let narrow = (0.5 * REACH * distance(links)) as usize;
+        Stripes::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
     }
 
     /// The same with stripes of about `length` vertices.
     fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Stripes {
         let count = (vertices / length).max(1);
-        let start = |stripe: usize| (stripe * vertices / count) as u32;
+        // Whole eights, which loops over vertices take at a time.
+        let start = |stripe: usize| if stripe == count { vertices as u32 } else { (stripe * vertices / count) as u32 & !7 };
         let ranges: Vec<Range<u32>> = (0..count).map(|stripe| start(stripe)..start(stripe + 1)).collect();
         let mut stripe_of = vec![0_u32; vertices];
         for (stripe, range) in ranges.iter().enumerate() {
@@ -66,23 +74,56 @@ impl Stripes {
         for link in links[swept..].iter().filter(|link| crosses(link)) {
             link.ends.iter().for_each(|&end| waits[end as usize] = true);
         }
-        let mut first = vec![Task::default(); count];
-        let mut late = Vec::new();
-        for (place, link) in links[..swept].iter().enumerate() {
-            let [a, b] = link.ends.map(|end| end as usize);
-            if crosses(link) || waits[a] || waits[b] {
-                (waits[a], waits[b]) = (true, true);
-                late.push(place as u32);
-            } else {
-                first[stripe_of[a] as usize].edges.push(place as u32);
-            }
-        }
+        let places: Vec<u32> = (0..swept as u32).collect();
+        let (mut first, mut late) = round(links, &places, &stripe_of, count, &mut waits);
         for (task, range) in first.iter_mut().zip(&ranges) {
             task.vertices = runs(range.clone().filter(|&vertex| !waits[vertex as usize]));
         }
-        let second = borders(links, &late, &waits);
-        Stripes { ranges, first, second }
+        let most = first.iter().map(|task| task.edges.len()).max().unwrap_or(0);
+        let mut rounds = vec![first];
+        loop {
+            let last = borders(links, &late, &waits);
+            if last.iter().all(|task| 2 * task.edges.len() <= 3 * most) {
+                rounds.push(last);
+                break;
+            }
+            // What waits at one border has met what waits at the next. Cut it where the borders were not.
+            let length = vertices.div_ceil(count);
+            let shift = if rounds.len() % 2 == 1 { length / 2 } else { 0 };
+            let again: Vec<u32> = (0..vertices).map(|vertex| ((vertex + shift) / length) as u32).collect();
+            let (tasks, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
+            if rounds.len() == MOST || later.len() == late.len() {
+                // Edges longer than half a stripe: whatever waits is at hand as it is.
+                rounds.push(last);
+                break;
+            }
+            rounds.push(tasks.into_iter().filter(|task| !task.edges.is_empty()).collect());
+            late = later;
+        }
+        Stripes { ranges, rounds }
     }
+}
+
+/// Mean distance in memory between an edge's ends.
+fn distance(links: &[Link]) -> f64 {
+    links.iter().map(|link| f64::from(link.ends[0].abs_diff(link.ends[1]))).sum::<f64>() / links.len().max(1) as f64
+}
+
+/// The edges at `places` that lie in one stripe and come before any that do not, stripe by stripe, and the others; marks the vertices
+/// that wait for those.
+fn round(links: &[Link], places: &[u32], stripe_of: &[u32], stripes: usize, waits: &mut [bool]) -> (Vec<Task>, Vec<u32>) {
+    let mut tasks = vec![Task::default(); stripes];
+    let mut late = Vec::new();
+    for &place in places {
+        let [a, b] = links[place as usize].ends.map(|end| end as usize);
+        if stripe_of[a] != stripe_of[b] || waits[a] || waits[b] {
+            (waits[a], waits[b]) = (true, true);
+            late.push(place);
+        } else {
+            tasks[stripe_of[a] as usize].edges.push(place);
+        }
+    }
+    (tasks, late)
 }
 
 /// The connected parts of the edges that wait, one task each, or several small ones together.
@@ -174,35 +215,38 @@ mod tests {
             for length in [1, 7, 100, 330, 5000] {
                 let swept = cloth.swept();
                 let stripes = Stripes::cut(&cloth.links, swept.len(), cloth.rest.len(), length);
+                let last = stripes.rounds.len() - 1;
                 let mut owner = vec![(0, 0); cloth.rest.len()];
-                let mut visited = vec![0; swept.len()];
                 let mut moved = vec![0; cloth.rest.len()];
-                for (round, tasks) in [(1, &stripes.first), (2, &stripes.second)] {
+                for (round, tasks) in stripes.rounds.iter().enumerate() {
                     for (index, task) in tasks.iter().enumerate() {
                         for vertex in task.vertices.iter().cloned().flatten() {
                             moved[vertex as usize] += 1;
                             owner[vertex as usize] = (round, index);
                         }
                     }
+                }
+                let mut visited = vec![0; swept.len()];
+                let mut latest = vec![None; cloth.rest.len()];
+                for (round, tasks) in stripes.rounds.iter().enumerate() {
+                    let mut visitor = vec![None; cloth.rest.len()];
                     for (index, task) in tasks.iter().enumerate() {
                         for &place in &task.edges {
                             visited[place as usize] += 1;
                             for end in swept[place as usize].ends.map(|end| end as usize) {
+                                assert!(visitor[end].is_none_or(|by| by == index), "{name} {length}: two tasks of a round meet");
+                                visitor[end] = Some(index);
+                                assert!(latest[end] < Some(place), "{name} {length}: {end} sees {place} after {:?}", latest[end]);
+                                latest[end] = Some(place);
                                 match round {
-                                    1 => {
+                                    0 => {
                                         assert!(stripes.ranges[index].contains(&(end as u32)), "{name} {length}: not its stripe");
                                     }
-                                    _ => assert_eq!(owner[end], (2, index), "{name} {length}: not its border"),
+                                    _ => assert_eq!(owner[end].0, last, "{name} {length}: moved before its last edge"),
                                 }
+                                assert!(round < last || owner[end] == (round, index), "{name} {length}: not its border");
                             }
                         }
-                    }
-                }
-                let mut last = vec![None; cloth.rest.len()];
-                for &place in stripes.first.iter().chain(&stripes.second).flat_map(|task| &task.edges) {
-                    for end in swept[place as usize].ends.map(|end| end as usize) {
-                        assert!(last[end] < Some(place), "{name} {length}: vertex {end} sees {place} after {:?}", last[end]);
-                        last[end] = Some(place);
                     }
                 }
                 assert!(visited.iter().all(|&count| count == 1) && moved.iter().all(|&count| count == 1), "{name} {length}");
@@ -210,7 +254,7 @@ mod tests {
                 let of = |vertex: u32| stripes.ranges.iter().position(|range| range.contains(&vertex));
                 for link in &cloth.links {
                     let [a, b] = link.ends;
-                    assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 == 2), "{name} {length}");
+                    assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 == last), "{name} {length}");
                 }
             }
         }
@@ -221,8 +265,23 @@ mod tests {
         let cloth = Cloth::new(&Mesh::grid(64, 128, 1.0, 2.0), &Options::default()).unwrap();
         let stripes = Stripes::new(&cloth.links, cloth.swept().len(), cloth.rest.len());
         assert!(stripes.ranges.len() > 8, "{} stripes", stripes.ranges.len());
-        assert_eq!(stripes.second.len(), stripes.ranges.len() - 1);
-        let late: usize = stripes.second.iter().map(|task| task.edges.len()).sum();
+        assert_eq!(stripes.rounds.len(), 2);
+        assert_eq!(stripes.rounds[1].len(), stripes.ranges.len() - 1);
+        let late: usize = stripes.rounds[1].iter().map(|task| task.edges.len()).sum();
         assert!(late < cloth.swept().len() / 2, "{late} of {} edges wait", cloth.swept().len());
+    }
+
+    /// Where colours are many for the stripes' width, more rounds keep the tasks small.
+    #[test]
+    fn coarse_levels_share_their_work() {
+        let cloth = Cloth::new(&Mesh::grid(256, 256, 1.0, 1.0), &Options::default()).unwrap();
+        let level = &cloth.hierarchy().levels[0];
+        let stripes = Stripes::coarse(&level.links, level.inverse_mass.len());
+        let edges = |task: &Task| task.edges.len();
+        let longest: usize = stripes.rounds.iter().filter_map(|tasks| tasks.iter().map(edges).max()).sum();
+        let most: Vec<(usize, usize)> =
+            stripes.rounds.iter().map(|tasks| (tasks.len(), tasks.iter().map(edges).max().unwrap_or(0))).collect();
+        println!("{} edges, {} colours: {most:?}", level.links.len(), level.colors.len());
+        assert!(5 * longest < level.links.len(), "one after another {longest} of {} edges: {most:?}", level.links.len());
     }
 }

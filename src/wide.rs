@@ -21,10 +21,14 @@ pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     fn max(self, other: Self) -> Self;
     /// False for NaN, both.
     fn below(self, other: Self) -> Self::Mask;
+    fn is(self, other: Self) -> Self::Mask;
     fn both(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn all(mask: Self::Mask) -> bool;
     fn choose(mask: Self::Mask, yes: Self, no: Self) -> Self;
 }
+
+/// Which of eight vectors one after another each lane has, once they are loaded by twos and transposed.
+pub(crate) const IN_ROW: [usize; 8] = [0, 2, 4, 6, 1, 3, 5, 7];
 
 /// Vectors side by side: all x, all y, all z.
 pub(crate) type Wide3<W> = [W; 3];
@@ -102,6 +106,11 @@ impl Wide for Vec4 {
     }
 
     #[inline(always)]
+    fn is(self, other: Vec4) -> BVec4A {
+        self.cmpeq(other)
+    }
+
+    #[inline(always)]
     fn both(one: BVec4A, other: BVec4A) -> BVec4A {
         one & other
     }
@@ -125,7 +134,7 @@ pub(crate) fn transpose(v: [Vec4; 4]) -> Wide3<Vec4> {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(crate) use avx2::Eight;
+pub(crate) use avx2::{Eight, Two};
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
@@ -133,7 +142,17 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::{Add, Div, Mul, Sub};
 
+    use glam::Vec4;
+
     use super::{Wide, Wide3};
+    use crate::crew::Shared;
+
+    /// Where two vertices are: both from one place on, or each somewhere.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) enum Two {
+        Beside(usize),
+        Apart(usize, usize),
+    }
 
     /// Eight with AVX2 and FMA. Whoever makes one knows that the processor has both.
     #[derive(Debug, Clone, Copy)]
@@ -199,6 +218,11 @@ mod avx2 {
         }
 
         #[inline(always)]
+        fn is(self, other: Eight) -> Eight {
+            Eight(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, other.0) })
+        }
+
+        #[inline(always)]
         fn both(one: Eight, other: Eight) -> Eight {
             Eight(unsafe { _mm256_and_ps(one.0, other.0) })
         }
@@ -227,6 +251,62 @@ mod avx2 {
                     Eight(_mm256_shuffle_ps::<0x44>(xy01, xy23)),
                     Eight(_mm256_shuffle_ps::<0xee>(xy01, xy23)),
                     Eight(_mm256_shuffle_ps::<0x44>(zw01, zw23)),
+                ]
+            }
+        }
+
+        #[inline(always)]
+        pub(crate) fn from_array(values: &[f32; 8]) -> Eight {
+            Eight(unsafe { _mm256_loadu_ps(values.as_ptr()) })
+        }
+
+        /// Two vectors side by side.
+        ///
+        /// # Safety
+        /// They are there, and nobody writes them meanwhile.
+        #[inline(always)]
+        pub(crate) unsafe fn load(values: Shared<Vec4>, at: Two) -> Eight {
+            unsafe {
+                let pointer = |vertex: usize| values.pointer().add(vertex).cast::<f32>();
+                Eight(match at {
+                    Two::Beside(first) => _mm256_loadu_ps(pointer(first)),
+                    Two::Apart(low, high) => {
+                        let low = _mm256_castps128_ps256(_mm_load_ps(pointer(low)));
+                        _mm256_insertf128_ps::<1>(low, _mm_load_ps(pointer(high)))
+                    }
+                })
+            }
+        }
+
+        /// # Safety
+        /// As [`Eight::load`], and nobody reads there meanwhile.
+        #[inline(always)]
+        pub(crate) unsafe fn store(self, values: Shared<Vec4>, at: Two) {
+            unsafe {
+                let pointer = |vertex: usize| values.pointer().add(vertex).cast::<f32>();
+                match at {
+                    Two::Beside(first) => _mm256_storeu_ps(pointer(first), self.0),
+                    Two::Apart(low, high) => {
+                        // If one repeats the other, with no share, it is the higher: what it stores must not last.
+                        _mm_store_ps(pointer(high), _mm256_extractf128_ps::<1>(self.0));
+                        _mm_store_ps(pointer(low), _mm256_castps256_ps128(self.0));
+                    }
+                }
+            }
+        }
+
+        /// The inverse of [`Eight::transpose`], with 0 as fourth.
+        #[inline(always)]
+        pub(crate) fn vectors([x, y, z]: Wide3<Eight>) -> [Eight; 4] {
+            unsafe {
+                let zero = _mm256_setzero_ps();
+                let (xy_low, xy_high) = (_mm256_unpacklo_ps(x.0, y.0), _mm256_unpackhi_ps(x.0, y.0));
+                let (z_low, z_high) = (_mm256_unpacklo_ps(z.0, zero), _mm256_unpackhi_ps(z.0, zero));
+                [
+                    Eight(_mm256_shuffle_ps::<0x44>(xy_low, z_low)),
+                    Eight(_mm256_shuffle_ps::<0xee>(xy_low, z_low)),
+                    Eight(_mm256_shuffle_ps::<0x44>(xy_high, z_high)),
+                    Eight(_mm256_shuffle_ps::<0xee>(xy_high, z_high)),
                 ]
             }
         }

@@ -41,6 +41,8 @@ impl Found {
         let descriptor = wgpu::DeviceDescriptor {
             // Cloth of a million vertices needs more than the default 128 MiB a binding.
             required_limits: adapter.limits(),
+            // So that the hybrid need not copy what it maps.
+            required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
@@ -100,14 +102,7 @@ impl Gpu {
 
     /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-        let [validation, memory, internal] = filters.map(|filter| self.device.push_error_scope(filter));
-        let result = work();
-        let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
-        match errors.into_iter().flatten().next() {
-            Some(error) => Err(error.to_string().replace('\n', " ")),
-            None => result,
-        }
+        checked(&self.device, work)
     }
 
     /// A storage buffer of `size` bytes, zero.
@@ -150,7 +145,7 @@ impl Gpu {
         self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub(crate) fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
         self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
@@ -215,6 +210,18 @@ impl Gpu {
     /// An encoder of commands.
     pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+}
+
+/// [`Gpu::checked`], for who has lent the [`Gpu`] to the work: a device is cloned without an allocation.
+pub(crate) fn checked<T>(device: &wgpu::Device, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+    let [validation, memory, internal] = filters.map(|filter| device.push_error_scope(filter));
+    let result = work();
+    let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+    match errors.into_iter().flatten().next() {
+        Some(error) => Err(error.to_string().replace('\n', " ")),
+        None => result,
     }
 }
 
