@@ -18,6 +18,12 @@ fn correct(edge: Edge) {
     by[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
 
+fn before(color: u32, lane: u32) {}
+
+fn meet() {
+    workgroupBarrier();
+}
+
 @compute @workgroup_size(LANES)
 fn sweep_of_level(
     @builtin(workgroup_id) group: vec3u,
@@ -28,10 +34,8 @@ fn sweep_of_level(
     if index >= PATCHES {
         return;
     }
-    var first = fetch(index, 0u, lane);
-    var second = fetch(index, 1u, lane);
-    var third = fetch(index, 2u, lane);
-    var fourth = fetch(index, 3u, lane);
+    let edges = edges_of(index);
+    let first = fetch_four(edges, 0u, lane);
     let own = own_vertices(index);
     for (var k = lane; k < ROOM; k += LANES) {
         let v = vertex_at(index, k);
@@ -43,26 +47,7 @@ fn sweep_of_level(
         }
     }
     workgroupBarrier();
-    for (var color = 0u; color < COLORS; color += 4u) {
-        sweep(index, color, first, lane);
-        first = fetch(index, color + 4u, lane);
-        workgroupBarrier();
-        if color + 1u < COLORS {
-            sweep(index, color + 1u, second, lane);
-            second = fetch(index, color + 5u, lane);
-            workgroupBarrier();
-        }
-        if color + 2u < COLORS {
-            sweep(index, color + 2u, third, lane);
-            third = fetch(index, color + 6u, lane);
-            workgroupBarrier();
-        }
-        if color + 3u < COLORS {
-            sweep(index, color + 3u, fourth, lane);
-            fourth = fetch(index, color + 7u, lane);
-            workgroupBarrier();
-        }
-    }
+    sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(index, k);
         shift[v] = by[k] - predicted[v];

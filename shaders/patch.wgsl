@@ -24,6 +24,12 @@ fn correct(edge: Edge) {
     by[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
 
+fn before(color: u32, lane: u32) {}
+
+fn meet() {
+    workgroupBarrier();
+}
+
 @compute @workgroup_size(LANES)
 fn substep_of_patch(
     @builtin(workgroup_id) group: vec3u,
@@ -34,12 +40,8 @@ fn substep_of_patch(
     if index >= PATCHES {
         return;
     }
-    // A lane's first edges of four colours are under way at any time: memory takes longer to answer than a colour to sweep.
-    // Each has a name of its own, for to move one to another would be to wait for it.
-    var first = fetch(index, 0u, lane);
-    var second = fetch(index, 1u, lane);
-    var third = fetch(index, 2u, lane);
-    var fourth = fetch(index, 3u, lane);
+    let edges = edges_of(index);
+    let first = fetch_four(edges, 0u, lane);
     let own = own_vertices(index);
     for (var k = lane; k < ROOM; k += LANES) {
         let v = vertex_at(index, k);
@@ -53,26 +55,7 @@ fn substep_of_patch(
         by[k] = vec4f(motion_displacement(motion_v, x_v.w, substep) + corrected, 0.0);
     }
     workgroupBarrier();
-    for (var color = 0u; color < COLORS; color += 4u) {
-        sweep(index, color, first, lane);
-        first = fetch(index, color + 4u, lane);
-        workgroupBarrier();
-        if color + 1u < COLORS {
-            sweep(index, color + 1u, second, lane);
-            second = fetch(index, color + 5u, lane);
-            workgroupBarrier();
-        }
-        if color + 2u < COLORS {
-            sweep(index, color + 2u, third, lane);
-            third = fetch(index, color + 6u, lane);
-            workgroupBarrier();
-        }
-        if color + 3u < COLORS {
-            sweep(index, color + 3u, fourth, lane);
-            fourth = fetch(index, color + 7u, lane);
-            workgroupBarrier();
-        }
-    }
+    sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(index, k);
         let w = at[k].w;

@@ -5,6 +5,11 @@ struct Member {
     share: f32,
 }
 
+// If it is made of vertices, whose displacements are yet to be predicted, not of aggregates of the level below.
+override OF_VERTICES: bool = true;
+// Lanes that share an aggregate's members.
+override EACH: u32 = 16u;
+
 @group(1) @binding(0) var<uniform> batch: Batch;
 @group(1) @binding(1) var<storage, read> x: array<vec4f>;
 @group(1) @binding(2) var<storage, read> motion: array<vec4f>;
@@ -14,82 +19,52 @@ struct Member {
 @group(1) @binding(5) var<storage, read_write> centers: array<vec4f>;
 @group(1) @binding(6) var<storage, read_write> predicted: array<vec4f>;
 
-fn member_at(m: u32, end: u32) -> Member {
-    let member = members[min(m, end - 1u)];
-    return Member(member.item, select(0.0, member.share, m < end));
+// What each lane's members come to.
+var<workgroup> dx_of: array<vec3f, WORKGROUP>;
+var<workgroup> u_of: array<vec3f, WORKGROUP>;
+
+fn position_of(k: u32) -> vec4f {
+    if OF_VERTICES {
+        return x[k];
+    }
+    return centers[k];
+}
+
+fn displacement_of(k: u32, w: f32) -> vec3f {
+    if OF_VERTICES {
+        return motion_displacement(motion[k].xyz, w, substep);
+    }
+    return predicted[k].xyz;
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn restrict_vertices(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn restrict_level(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let k = item(id, groups);
-    if k >= batch.count {
+    let aggregate = batch.first + min(k / EACH, batch.count - 1u);
+    let span = spans[aggregate];
+    let first = position_of(members[span.start].item).xyz;
+    var dx = vec3f();
+    var u = vec3f();
+    for (var m = span.start + k % EACH; m < span.end; m += EACH) {
+        let member = members[m];
+        let at = position_of(member.item);
+        dx += (at.xyz - first) * member.share;
+        u += displacement_of(member.item, at.w) * member.share;
+    }
+    dx_of[lane] = dx;
+    u_of[lane] = u;
+    workgroupBarrier();
+    if k % EACH != 0u || k / EACH >= batch.count {
         return;
     }
-    let aggregate = batch.first + k;
-    let span = spans[aggregate];
-    let first = x[members[span.start].item].xyz;
-    var dx = vec3f();
-    var by = vec3f();
-    // Four at a time, so that none waits for the one before; past the last there is the last again, with no share.
-    for (var m = span.start; m < span.end; m += 4u) {
-        let a = member_at(m, span.end);
-        let b = member_at(m + 1u, span.end);
-        let c = member_at(m + 2u, span.end);
-        let d = member_at(m + 3u, span.end);
-        let x_a = x[a.item];
-        let x_b = x[b.item];
-        let x_c = x[c.item];
-        let x_d = x[d.item];
-        let u_a = motion[a.item].xyz;
-        let u_b = motion[b.item].xyz;
-        let u_c = motion[c.item].xyz;
-        let u_d = motion[d.item].xyz;
-        dx += (x_a.xyz - first) * a.share;
-        dx += (x_b.xyz - first) * b.share;
-        dx += (x_c.xyz - first) * c.share;
-        dx += (x_d.xyz - first) * d.share;
-        by += motion_displacement(u_a, x_a.w, substep) * a.share;
-        by += motion_displacement(u_b, x_b.w, substep) * b.share;
-        by += motion_displacement(u_c, x_c.w, substep) * c.share;
-        by += motion_displacement(u_d, x_d.w, substep) * d.share;
+    for (var m = 1u; m < EACH; m++) {
+        dx += dx_of[lane + m];
+        u += u_of[lane + m];
     }
     centers[aggregate] = vec4f(first + dx, centers[aggregate].w);
-    predicted[aggregate] = vec4f(by, 0.0);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn restrict_aggregates(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let k = item(id, groups);
-    if k >= batch.count {
-        return;
-    }
-    let aggregate = batch.first + k;
-    let span = spans[aggregate];
-    let first = centers[members[span.start].item].xyz;
-    var dx = vec3f();
-    var by = vec3f();
-    for (var m = span.start; m < span.end; m += 4u) {
-        let a = member_at(m, span.end);
-        let b = member_at(m + 1u, span.end);
-        let c = member_at(m + 2u, span.end);
-        let d = member_at(m + 3u, span.end);
-        let x_a = centers[a.item].xyz;
-        let x_b = centers[b.item].xyz;
-        let x_c = centers[c.item].xyz;
-        let x_d = centers[d.item].xyz;
-        let u_a = predicted[a.item].xyz;
-        let u_b = predicted[b.item].xyz;
-        let u_c = predicted[c.item].xyz;
-        let u_d = predicted[d.item].xyz;
-        dx += (x_a - first) * a.share;
-        dx += (x_b - first) * b.share;
-        dx += (x_c - first) * c.share;
-        dx += (x_d - first) * d.share;
-        by += u_a * a.share;
-        by += u_b * b.share;
-        by += u_c * c.share;
-        by += u_d * d.share;
-    }
-    centers[aggregate] = vec4f(first + dx, centers[aggregate].w);
-    predicted[aggregate] = vec4f(by, 0.0);
+    predicted[aggregate] = vec4f(u, 0.0);
 }

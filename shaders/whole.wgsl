@@ -1,28 +1,80 @@
 // A whole step of a cloth of one patch, in one workgroup: every substep, and at the end the commit.
 // Displacements stay in workgroup memory throughout, those of a substep being the last ones of the next.
 
+// Numbers in workgroup memory: three for each vertex, ten for each aggregate.
+override NUMBERS: u32 = 192u;
+
 @group(1) @binding(1) var<storage, read> substeps: array<Substep>;
 @group(1) @binding(2) var<storage, read> pins: array<Pin>;
 @group(1) @binding(3) var<storage, read> bodies: array<Body>;
 @group(1) @binding(4) var<storage, read_write> x: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> p: array<vec4f>;
+// Of vertices: positions and inverse masses, then, while the levels are swept, displacements.
 @group(1) @binding(6) var<storage, read_write> work: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> first_bad: atomic<u32>;
 
-// Three numbers a vertex and nothing beside: room for 4096 of them in 48 KiB.
-var<workgroup> by: array<f32, 3 * ROOM>;
+// Displacements of the vertices, and nothing beside: room for 4096 of them in 48 KiB. While the levels are swept it is
+// theirs: centres, inverse masses, displacements as corrected and as predicted.
+var<workgroup> numbers: array<f32, NUMBERS>;
 
-fn moved(k: u32) -> vec3f {
-    return vec3f(by[3u * k], by[3u * k + 1u], by[3u * k + 2u]);
+fn vector_at(k: u32) -> vec3f {
+    return vec3f(numbers[k], numbers[k + 1u], numbers[k + 2u]);
 }
 
-fn move_by(k: u32, u: vec3f) {
-    by[3u * k] = u.x;
-    by[3u * k + 1u] = u.y;
-    by[3u * k + 2u] = u.z;
+fn put(k: u32, value: vec3f) {
+    numbers[k] = value.x;
+    numbers[k + 1u] = value.y;
+    numbers[k + 2u] = value.z;
 }
+
+fn moved(v: u32) -> vec3f {
+    return vector_at(3u * v);
+}
+
+fn move_by(v: u32, u: vec3f) {
+    put(3u * v, u);
+}
+
+fn center(k: u32) -> vec4f {
+    return vec4f(vector_at(3u * k), numbers[3u * AGGREGATES + k]);
+}
+
+fn set_center(k: u32, x: vec3f) {
+    put(3u * k, x);
+}
+
+fn coarse_by(k: u32) -> vec3f {
+    return vector_at(4u * AGGREGATES + 3u * k);
+}
+
+fn set_coarse_by(k: u32, u: vec3f) {
+    put(4u * AGGREGATES + 3u * k, u);
+}
+
+fn predicted_of(k: u32) -> vec3f {
+    return vector_at(7u * AGGREGATES + 3u * k);
+}
+
+fn set_predicted(k: u32, u: vec3f) {
+    put(7u * AGGREGATES + 3u * k, u);
+}
+
+fn below(v: u32) -> Item {
+    return Item(work[v].xyz, work[params.vertices + v].xyz);
+}
+
+// Behind the levels: the aggregates' inverse masses.
+fn inverse_mass(k: u32) -> u32 {
+    return table[coarse_edges().start + 3u * COARSE_WIDTH * COARSE_COLORS + k];
+}
+
+var<private> on_levels: bool;
 
 fn correct(edge: Edge) {
+    if on_levels {
+        correct_coarse(edge);
+        return;
+    }
     let x_a = work[edge.a];
     let x_b = work[edge.b];
     let u_a = moved(edge.a);
@@ -37,6 +89,52 @@ fn correct(edge: Edge) {
     move_by(edge.b, u_b - impulse * x_b.w);
 }
 
+fn before(color: u32, lane: u32) {
+    if on_levels {
+        descend(color, lane);
+    }
+}
+
+fn meet() {
+    workgroupBarrier();
+}
+
+// What lanes wrote to `work` is there for all.
+fn meet_at_work() {
+    storageBarrier();
+    workgroupBarrier();
+}
+
+// Corrects what was predicted on the coarse levels.
+fn correct_on_levels(lane: u32) {
+    let all = params.vertices;
+    let first = fetch_four(coarse_edges(), 0u, lane);
+    for (var v = lane; v < all; v += LANES) {
+        work[all + v] = vec4f(moved(v), 0.0);
+    }
+    meet_at_work();
+    for (var k = lane; k < AGGREGATES; k += LANES) {
+        numbers[3u * AGGREGATES + k] = bitcast<f32>(inverse_mass(k));
+    }
+    meet();
+    on_levels = true;
+    restrict_levels(lane);
+    sweep_levels(first, lane);
+    on_levels = false;
+    for (var k = lane; k < FINEST; k += LANES) {
+        set_coarse_by(k, coarse_by(k) - predicted_of(k));
+    }
+    meet();
+    for (var v = lane; v < all; v += LANES) {
+        work[all + v] += vec4f(coarse_by(label_at(0u, v)), 0.0);
+    }
+    meet();
+    for (var v = lane; v < all; v += LANES) {
+        move_by(v, work[all + v].xyz);
+    }
+    meet();
+}
+
 @compute @workgroup_size(LANES)
 fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
     let all = params.vertices;
@@ -44,8 +142,7 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
         work[v] = x[v];
         move_by(v, p[v].xyz);
     }
-    storageBarrier();
-    workgroupBarrier();
+    meet_at_work();
     for (var index = 0u; index < params.substeps; index++) {
         let now = substeps[index];
         for (var v = lane; v < all; v += LANES) {
@@ -59,12 +156,12 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
             let pin = pins[k];
             move_by(pin.vertex, pin_displacement(pin, work[pin.vertex].xyz, now));
         }
-        workgroupBarrier();
+        meet();
+        if LEVELS > 0u {
+            correct_on_levels(lane);
+        }
         for (var time = 0u; time < params.sweeps; time++) {
-            for (var color = 0u; color < COLORS; color++) {
-                sweep(0u, color, fetch(0u, color, lane), lane);
-                workgroupBarrier();
-            }
+            sweep(edges_of(0u), fetch_four(edges_of(0u), 0u, lane), lane);
         }
         for (var v = lane; v < all; v += LANES) {
             let w = work[v].w;
@@ -77,16 +174,14 @@ fn step_of_whole(@builtin(local_invocation_index) lane: u32) {
             work[v] = vec4f(path.x + path.u, w);
             move_by(v, path.u);
         }
-        storageBarrier();
-        workgroupBarrier();
+        meet_at_work();
     }
     for (var v = lane; v < all; v += LANES) {
         if !(is_bounded(work[v].xyz) && is_bounded(moved(v))) {
             atomicMin(&first_bad, v);
         }
     }
-    storageBarrier();
-    workgroupBarrier();
+    meet_at_work();
     if atomicLoad(&first_bad) != NONE {
         return;
     }

@@ -11,6 +11,7 @@
 use crate::cloth::Cloth;
 use crate::coloring::Lists;
 use crate::kernels::{BendEntry, BendRow};
+use crate::mesh::{self, Places};
 
 /// The rows for unit bending rigidity, independent of the substep.
 #[derive(Debug, Clone)]
@@ -39,7 +40,9 @@ impl Bending {
     pub(crate) fn new(cloth: &Cloth) -> Bending {
         let vertices = cloth.rest.len();
         let at = |vertex: u32| cloth.rest[vertex as usize].truncate().as_dvec3();
-        let mut sides: std::collections::BTreeMap<[u32; 2], Sides> = std::collections::BTreeMap::new();
+        let edges = mesh::edges(&cloth.triangles);
+        let places = Places::new(&edges, vertices);
+        let mut sides = vec![Sides::default(); edges.len()];
         let mut area = vec![0.0; vertices];
         for &triangle in &cloth.triangles {
             let x = triangle.map(at);
@@ -52,7 +55,7 @@ impl Bending {
             let cotangent = dot.map(|dot| dot / double_area);
             for k in 0..3 {
                 let (i, j) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
-                let side = sides.entry([i.min(j), i.max(j)]).or_default();
+                let side = &mut sides[places.of([i.min(j), i.max(j)])];
                 side.triangles += 1;
                 side.cotangent += 0.5 * cotangent[k];
                 area[triangle[k] as usize] += mixed_area(k, double_area, dot, cotangent, x);
@@ -61,7 +64,7 @@ impl Bending {
 
         let mut boundary: Vec<Vec<u32>> = vec![Vec::new(); vertices];
         let mut manifold = vec![true; vertices];
-        for (&[i, j], side) in &sides {
+        for (&[i, j], side) in edges.iter().zip(&sides) {
             for (vertex, other) in [(i, j), (j, i)] {
                 manifold[vertex as usize] &= side.triangles <= 2;
                 if side.triangles == 1 {
@@ -96,7 +99,7 @@ impl Bending {
                 None => side.cotangent,
             }
         };
-        let pairs = sides.iter().flat_map(|(&[i, j], side)| {
+        let pairs = edges.iter().zip(&sides).flat_map(|(&[i, j], side)| {
             let (ij, ji) = (coefficient(i, j, side), coefficient(j, i, side));
             let entry =
                 |other, forward: f64, backward: f64| BendEntry { other, forward: forward as f32, backward: backward as f32 };

@@ -1,4 +1,7 @@
 //! The cloth: everything about a mesh and its fabric that does not change while it moves.
+//!
+//! A vertex of a grid takes 370 bytes in all on the CPU, 430 with levels, 530 with bending (`tests/memory.rs`); of the 370 the
+//! three edges here are 96, the same for one length of substep 48; state and what is needed to go back 64.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -10,7 +13,7 @@ use crate::coloring::{self, Lists};
 use crate::error::BuildError;
 use crate::kernels::{Panel, Spring};
 use crate::levels::Hierarchy;
-use crate::mesh::{Mesh, sides};
+use crate::mesh::{Mesh, Places, sides};
 use crate::options::Options;
 use crate::stripes::Stripes;
 
@@ -83,14 +86,16 @@ impl Cloth {
         let origin = local_origin(&mesh.positions);
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
         let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
-        let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(moved).filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        let whole = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+        let triangles: Vec<[u32; 3]> = whole.clone().map(moved).collect();
 
         let mut area = vec![0.0; vertices];
-        let mut side_area: std::collections::HashMap<[u32; 2], f64> = std::collections::HashMap::new();
-        for &triangle in &triangles {
+        let mut side_area = vec![0.0; mesh_edges.len()];
+        let places = Places::new(&mesh_edges, vertices);
+        for (&named, &triangle) in whole.zip(&triangles) {
             let triangle_area = area_of(triangle, &rest);
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
-            sides(triangle).for_each(|side| *side_area.entry(side).or_default() += triangle_area);
+            sides(named).for_each(|side| side_area[places.of(side)] += triangle_area);
         }
         let (mass, density) = masses(options, &order, &area)?;
         let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
@@ -114,7 +119,7 @@ impl Cloth {
             // Coincident ends have no direction; a length too short to see keeps the arithmetic finite.
             let length = length.max(1e-7 * longest).max(1e-12);
             // An edge without area (a thread, a flat sliver) is given that of a square of its length.
-            let area = side_area.get(&ends).copied().filter(|&area| area > 0.0).unwrap_or(length * length);
+            let area = if side_area[index] > 0.0 { side_area[index] } else { length * length };
             let scale = options.edge_scale.as_ref().map_or(1.0, |scale| f64::from(scale[index]));
             let shape = scale * area / (length * length);
             let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
@@ -214,11 +219,10 @@ fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec
     let free = links.partition_point(is_free);
     let ends: Vec<[u32; 2]> = links[..free].iter().map(|link| link.ends).collect();
     let coloring = coloring::color(&ends, rest);
-    let mut colored: Vec<(u32, Link)> = coloring.of.iter().copied().zip(links[..free].iter().copied()).collect();
-    colored.sort_by_key(|&(color, _)| color);
-    links.iter_mut().zip(&colored).for_each(|(link, &(_, moved))| *link = moved);
-    let start = |color: usize| colored.partition_point(|&(c, _)| (c as usize) < color);
-    (0..coloring.colors).map(|color| start(color)..start(color + 1)).collect()
+    let colors = Lists::new(coloring.colors, coloring.of.iter().zip(0..).map(|(&color, place)| (color, place)));
+    let sorted: Vec<Link> = colors.items.iter().map(|&place: &u32| links[place as usize]).collect();
+    links[..free].copy_from_slice(&sorted);
+    colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect()
 }
 
 fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {

@@ -55,19 +55,37 @@ pub(crate) struct Stiffness {
     tensors: Vec<DMat3>,
 }
 
-impl Stiffness {
-    pub(crate) fn new(cloth: &Cloth, patches: &[Patch], patch_of: &[u32]) -> Stiffness {
-        let direction = |link: &Link| {
+/// A fine edge as the patches at its ends feel it; the same for all levels.
+pub(crate) struct Fibre {
+    ends: [u32; 2],
+    direction: DVec3,
+    /// Half of `K l0²` for K = 1 N/m (m²).
+    weight: f64,
+}
+
+impl Fibre {
+    /// Those of the edges that hold.
+    pub(crate) fn all(cloth: &Cloth) -> Vec<Fibre> {
+        let fibre = |link: &Link| {
             let [a, b] = link.ends.map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
-            (b - a).normalize_or_zero()
+            let weight = 0.5 * link.shape * f64::from(link.rest).powi(2);
+            Fibre { ends: link.ends, direction: (b - a).normalize_or_zero(), weight }
         };
-        let ends = || holding(cloth).flat_map(|link| link.ends.map(|vertex| (patch_of[vertex as usize] as usize, link)));
+        holding(cloth).map(fibre).collect()
+    }
+}
+
+impl Stiffness {
+    pub(crate) fn new(fibres: &[Fibre], patches: &[Patch], patch_of: &[u32]) -> Stiffness {
+        let of = |fibre: &Fibre| fibre.ends.map(|vertex| patch_of[vertex as usize] as usize);
         // Threads have no normal; the plane of one is any through it.
         let mut along = vec![DVec3::ZERO; patches.len()];
-        for (patch, link) in ends() {
-            let d = direction(link);
-            let sum = &mut along[patch];
-            *sum += if d.dot(*sum) < 0.0 { -d } else { d };
+        for fibre in fibres {
+            let d = fibre.direction;
+            for patch in of(fibre) {
+                let sum = &mut along[patch];
+                *sum += if d.dot(*sum) < 0.0 { -d } else { d };
+            }
         }
         let frame = |(patch, along): (&Patch, &DVec3)| {
             let side = patch.normal.cross(*along);
@@ -79,10 +97,11 @@ impl Stiffness {
         };
         let frames: Vec<[DVec3; 2]> = patches.iter().zip(&along).map(frame).collect();
         let mut tensors = vec![DMat3::ZERO; patches.len()];
-        for (patch, link) in ends() {
-            let q = voigt(direction(link), frames[patch]);
-            let weight = 0.5 * link.shape * f64::from(link.rest).powi(2);
-            tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * weight;
+        for fibre in fibres {
+            for patch in of(fibre) {
+                let q = voigt(fibre.direction, frames[patch]);
+                tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fibre.weight;
+            }
         }
         Stiffness { frames, tensors }
     }

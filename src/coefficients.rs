@@ -14,6 +14,8 @@ pub(crate) struct Coefficients {
     pub edges: Vec<Edge>,
     /// Coarse edges of each level in use, the finest first.
     pub levels: Vec<Vec<Edge>>,
+    /// How many were asked for.
+    pub asked: usize,
     /// Rows of the bending energy; empty without bending.
     pub bending: Vec<BendRow>,
     /// Vertices whose bending had to be softened.
@@ -40,6 +42,7 @@ impl Coefficients {
                 edges.collect()
             }
         };
+        let asked = levels;
         let coarse = |level: &Level| {
             let edge = |link: &Link| {
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
@@ -59,7 +62,7 @@ impl Coefficients {
         } else {
             (Vec::new(), 0)
         };
-        Coefficients { h, edges, levels, bending, bending_limited }
+        Coefficients { h, edges, levels, asked, bending, bending_limited }
     }
 }
 

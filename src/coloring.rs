@@ -14,17 +14,21 @@ use glam::Vec3;
 /// which makes the sweep's antisymmetric part vanish. Directions get palettes of their own when that costs no colour
 /// beyond the maximum degree, as on a grid (h0 h1 v0 v1 d0 d1); else they share one, in whichever order needs fewest.
 pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
-    let mut by_direction: Vec<([i32; 3], usize)> =
-        edges.iter().enumerate().map(|(index, &edge)| (direction(edge, positions), index)).collect();
-    by_direction.sort_unstable();
-    let separate = greedy(edges, &by_direction, true, positions.len());
-    if separate.colors <= max_degree(edges, positions.len()) {
+    let vertices = positions.len();
+    let directions: Vec<u32> = edges.iter().map(|&edge| direction(edge, positions)).collect();
+    let by_direction: Lists<u32> = Lists::new(DIRECTIONS, directions.into_iter().zip(0..));
+    let palettes = || by_direction.spans.iter().map(|span| &by_direction.items[span.start as usize..span.end as usize]);
+    let fewest = max_degree(edges, vertices);
+    if let Some(separate) = greedy(edges, palettes(), fewest, vertices) {
         return separate;
     }
-    let by_vertex: Vec<([i32; 3], usize)> = (0..edges.len()).map(|index| ([0; 3], index)).collect();
-    let shared = greedy(edges, &by_direction, false, positions.len());
-    let plain = greedy(edges, &by_vertex, false, positions.len());
-    if plain.colors < shared.colors { plain } else { shared }
+    let by_vertex: Vec<u32> = (0..edges.len() as u32).collect();
+    let [shared, plain] =
+        [&by_direction.items, &by_vertex].map(|order| greedy(edges, std::iter::once(&order[..]), usize::MAX, vertices));
+    match (shared, plain) {
+        (Some(shared), Some(plain)) if shared.colors <= plain.colors => shared,
+        (shared, plain) => plain.or(shared).expect("there are colours without end"),
+    }
 }
 
 /// The result of [`color`].
@@ -43,43 +47,58 @@ pub(crate) fn max_degree(edges: &[[u32; 2]], vertices: usize) -> usize {
     degree.into_iter().max().unwrap_or(0)
 }
 
-/// The edge's direction, the same for both ways along it, rounded so that parallel edges agree.
-fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> [i32; 3] {
+/// Directions that are told apart: a rounded component is -4..=4.
+const DIRECTIONS: usize = 9 * 9 * 9;
+
+/// The edge's direction, the same for both ways along it, rounded so that parallel edges agree; numbered in the order of
+/// components.
+fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
     let d = (positions[b as usize] - positions[a as usize]).normalize_or_zero();
     let rounded = [d.x, d.y, d.z].map(|component| (4.0 * component).round() as i32);
-    rounded.max(rounded.map(|component| -component))
+    let [x, y, z] = rounded.max(rounded.map(|component| -component)).map(|component| (component + 4) as u32);
+    (x * 9 + y) * 9 + z
 }
 
-/// First fit in the order given. `separate` starts a new palette with each new direction.
-fn greedy(edges: &[[u32; 2]], order: &[([i32; 3], usize)], separate: bool, vertices: usize) -> Coloring {
+/// First fit, each palette with colours of its own; none if that takes more than `most`.
+fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, most: usize, vertices: usize) -> Option<Coloring> {
     // A bit for each colour that a vertex has already; one word does for all but the wildest fans.
-    let mut used: Vec<Vec<u64>> = vec![vec![0]; vertices];
+    let mut used = vec![0_u64; vertices];
+    let mut further: Vec<Vec<u64>> = Vec::new();
     let mut of = vec![0; edges.len()];
-    let (mut colors, mut base) = (0, 0);
-    let mut palette = None;
-    for &(direction, index) in order {
-        if separate && palette != Some(direction) {
-            (base, palette) = (colors, Some(direction));
-        }
-        let [a, b] = edges[index].map(|vertex| vertex as usize);
-        let word = |vertex: usize, word: usize| used[vertex].get(word).copied().unwrap_or(0);
-        let free = (base / 64..)
-            .find_map(|w| {
-                let below = if w == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
-                let free = !(word(a, w) | word(b, w) | below);
-                (free != 0).then(|| 64 * w + free.trailing_zeros() as usize)
-            })
-            .expect("a word past the last used colour is free");
-        for vertex in [a, b] {
-            if used[vertex].len() <= free / 64 {
-                used[vertex].resize(free / 64 + 1, 0);
+    let mut colors = 0;
+    for palette in palettes {
+        let base = colors;
+        for &index in palette {
+            let [a, b] = edges[index as usize].map(|vertex| vertex as usize);
+            let word = |vertex: usize, word: usize| match word {
+                0 => used[vertex],
+                _ => further.get(vertex).and_then(|words| words.get(word - 1)).copied().unwrap_or(0),
+            };
+            let free = (base / 64..)
+                .find_map(|w| {
+                    let below = if w == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
+                    let free = !(word(a, w) | word(b, w) | below);
+                    (free != 0).then(|| 64 * w + free.trailing_zeros() as usize)
+                })
+                .expect("a word past the last used colour is free");
+            if free >= most {
+                return None;
             }
-            used[vertex][free / 64] |= 1 << (free % 64);
+            for vertex in [a, b] {
+                if free < 64 {
+                    used[vertex] |= 1 << free;
+                    continue;
+                }
+                further.resize_with(vertices, Vec::new);
+                let words = &mut further[vertex];
+                words.resize(words.len().max(free / 64), 0);
+                words[free / 64 - 1] |= 1 << (free % 64);
+            }
+            of[index as usize] = free as u32;
+            colors = colors.max(free + 1);
         }
-        of[index] = free as u32;
-        colors = colors.max(free + 1);
     }
-    Coloring { of, colors }
+    Some(Coloring { of, colors })
 }
 
 /// An order of the vertices in which neighbours are close: the mesh's own if it is (a grid's rows), else breadth first.

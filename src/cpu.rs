@@ -3,14 +3,13 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
-use crate::cloth::{Cloth, MAX_POSITION};
+use crate::cloth::Cloth;
 use crate::coarse::{Coarse, Tasks};
 use crate::crew::{Crew, Shared, Turns};
 use crate::engine::Failure;
 use crate::forces::Parts;
-use crate::kernels::Substep;
 use crate::lanes::{Breadth, Packed, Rule};
 use crate::lines::Lines;
 use crate::moves::{Moves, Then};
@@ -28,18 +27,42 @@ pub(crate) struct Cpu {
     x_good: Lines,
     p_good: Lines,
     parts: Parts,
-    /// The edges of each round, for substeps of `packed_h`.
+    /// The edges of each round, for what they are `packed_for`.
     edges: Vec<Packed>,
     coarse: Coarse,
-    packed_h: Option<f32>,
+    /// Bits of the substep (s), and levels.
+    packed_for: Option<(u32, usize)>,
     crew: Crew,
     rounds: Vec<Round>,
     breadth: Breadth,
 }
 
+/// The state as the tasks of a round share it: positions and displacements, as in [`Cpu`].
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only a GPU is elsewhere"))]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct State {
+    pub x: Shared<Vec4>,
+    pub u: Shared<Vec4>,
+}
+
+/// A loop over some vertices in a substep.
+pub(crate) type Loop<'a> = dyn Fn(&[Range<u32>], usize, State) + Sync + 'a;
+
+/// How displacements are predicted elsewhere; substeps are named by their number in the step.
+pub(crate) struct Elsewhere<'a> {
+    /// Before each substep, while no other task runs.
+    pub exchange: &'a (dyn Fn(usize) + Sync),
+    /// Predicts `u` of some vertices.
+    pub predict: &'a Loop<'a>,
+    /// Sees some vertices that were moved.
+    pub moved: &'a Loop<'a>,
+}
+
 /// What a round does; a turn is a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Round {
+    /// What is predicted elsewhere comes from there.
+    Exchange,
     /// What forces are made of; nothing but in a substep's first turn.
     Parts,
     /// With levels: displacements of every stripe, predicted; then the rounds of [`Correction`](crate::coarse::Correction).
@@ -64,7 +87,7 @@ impl Cpu {
             parts: Parts::default(),
             edges: Vec::new(),
             coarse: Coarse::default(),
-            packed_h: None,
+            packed_for: None,
             crew: Crew::default(),
             rounds: Vec::new(),
             breadth: Breadth::detected(),
@@ -79,7 +102,12 @@ impl Cpu {
 
     /// One step: its substeps one after another. Fails, with the state as it was, if it left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        match self.run(plan, 0..plan.substeps.len(), true) {
+        self.step_with(plan, None)
+    }
+
+    /// [`Cpu::step`], its displacements predicted elsewhere if anywhere.
+    pub(crate) fn step_with(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), Failure> {
+        match self.run(plan, elsewhere) {
             None => Ok(()),
             Some(vertex) => {
                 self.revert();
@@ -88,38 +116,14 @@ impl Cpu {
         }
     }
 
-    /// Remembers the state.
-    pub(crate) fn begin(&mut self) {
-        self.x_good.copy_from_slice(&self.x);
-        self.p_good.copy_from_slice(&self.p);
-    }
-
-    /// Keeps the state if it is within bounds, else goes back to what [`Cpu::begin`] remembered.
-    pub(crate) fn end(&mut self) -> Result<(), Failure> {
-        // NaN is not below the limit either.
-        let bounded = |v: &Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
-        match self.x.iter().zip(self.p.iter()).position(|(x, p)| !(bounded(x) && bounded(p))) {
-            None => Ok(()),
-            Some(vertex) => {
-                self.revert();
-                Err(Failure::Unstable(vertex))
-            }
-        }
-    }
-
-    /// Back to what [`Cpu::begin`] remembered.
+    /// Back to where the last step began.
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
     }
 
-    /// Some substeps of a step, whose displacements `p` are predicted already if there is one alone.
-    pub(crate) fn substeps(&mut self, plan: &Plan<'_>, substeps: Range<usize>) {
-        self.run(plan, substeps, false);
-    }
-
-    /// Some substeps of a step; `whole`: predicted here, the state remembered before, and the vertex named that leaves the bounds.
-    fn run(&mut self, plan: &Plan<'_>, substeps: Range<usize>, whole: bool) -> Option<usize> {
+    /// The substeps of a step; names a vertex that leaves the bounds.
+    fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Option<usize> {
         let stripes = plan.cloth.stripes();
         self.pack(plan);
         let lost = AtomicUsize::new(usize::MAX);
@@ -127,9 +131,10 @@ impl Cpu {
         let (x, u) = (Shared::new(&mut self.x), Shared::new(&mut self.p));
         let good = [Shared::new(&mut self.x_good), Shared::new(&mut self.p_good)];
         let moves = Moves { plan, x, u, good, lost: &lost, breadth };
-        let forces = self.parts.share(plan, x, u, whole, breadth);
+        let forces = self.parts.share(plan, x, u, elsewhere.is_none(), breadth);
+        let gathers = elsewhere.is_none() && forces.any();
         // Without forces a vertex is predicted where it was moved.
-        let falls = whole && !forces.any();
+        let falls = elsewhere.is_none() && !forces.any();
         let leads = !plan.pins.is_empty();
 
         let rounds = &mut self.rounds;
@@ -142,13 +147,14 @@ impl Cpu {
                 self.crew.add(turns, tasks);
             }
         };
-        if whole && forces.any() {
+        if elsewhere.is_some() {
+            add(Round::Exchange, Turns::All, 1);
+        }
+        if gathers {
             add(Round::Parts, Turns::All, forces.parts(stripes.ranges.len()));
         }
         if let Some(coarse) = &coarse {
-            if whole || leads {
-                add(Round::Predict, if falls && !leads { Turns::First } else { Turns::All }, stripes.ranges.len());
-            }
+            add(Round::Predict, if falls && !leads { Turns::First } else { Turns::All }, stripes.ranges.len());
             coarse.rounds(|tasks, count| add(Round::Coarse(tasks), Turns::All, count));
         }
         for (round, tasks) in stripes.rounds.iter().enumerate() {
@@ -156,11 +162,7 @@ impl Cpu {
         }
 
         let sweeps = plan.sweeps.max(1);
-        let rule = match plan.method {
-            Method::SmallSteps => Some(Rule::Project),
-            Method::Relaxation { .. } => Some(Rule::Relax),
-            Method::Springs => None,
-        };
+        let rule = rule(plan.method);
         let sweep = |edges: &Packed, task: usize| {
             let Some(rule) = rule else { return };
             #[expect(unsafe_code, reason = "tasks are kept apart by Stripes and Crew")]
@@ -169,52 +171,57 @@ impl Cpu {
                 edges.sweep(task, x, u, rule, breadth);
             }
         };
-        let begin = |task: usize, turn: u32, substep: &Substep| {
-            let range = stripes.ranges[task].clone();
-            if whole && turn == 0 {
+        let state = State { x, u };
+        let begin = |task: usize, turn: u32, index: usize| {
+            let (range, substep) = (stripes.ranges[task].clone(), &plan.substeps[index]);
+            if turn == 0 {
                 moves.remember(range.clone());
             }
-            if whole && forces.any() {
+            if let Some(elsewhere) = elsewhere {
+                (elsewhere.predict)(std::slice::from_ref(&range), index, state);
+            } else if gathers {
                 forces.predict(range.clone(), substep);
-            } else if falls && turn == 0 {
+            } else if turn == 0 {
                 moves.fall(range.clone(), substep);
             }
             forces.lead_pins(range, substep);
         };
-        let turns = substeps.len() as u32 * sweeps;
+        let turns = plan.substeps.len() as u32 * sweeps;
         let edges = &self.edges;
-        let end = |vertices: &[Range<u32>], turn: u32, substep: &Substep| {
-            let then = match plan.substeps.get(substeps.start + (turn / sweeps) as usize + 1) {
-                _ if whole && turn + 1 == turns => Then::Check,
+        let end = |vertices: &[Range<u32>], index: usize| {
+            let then = match plan.substeps.get(index + 1) {
+                None => Then::Check,
                 Some(next) if falls => Then::Fall(next),
-                _ => Then::Wait,
+                Some(_) => Then::Wait,
             };
-            moves.advance(vertices, substep, then);
+            moves.advance(vertices, &plan.substeps[index], then);
+            elsewhere.into_iter().for_each(|elsewhere| (elsewhere.moved)(vertices, index, state));
         };
         let rounds = &self.rounds;
         let work = |turn: u32, kind: usize, task: usize| {
-            let substep = &plan.substeps[substeps.start + (turn / sweeps) as usize];
+            let index = (turn / sweeps) as usize;
             let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
             match (rounds[kind], &coarse) {
+                (Round::Exchange, _) if begins => elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(index)),
                 (Round::Stripes, coarse) => {
                     match coarse {
                         Some(coarse) => coarse.hand_down(stripes.ranges[task].clone()),
-                        None if begins => begin(task, turn, substep),
+                        None if begins => begin(task, turn, index),
                         None => {}
                     }
                     sweep(&edges[0], task);
                     if ends {
-                        end(&stripes.rounds[0][task].vertices, turn, substep);
+                        end(&stripes.rounds[0][task].vertices, index);
                     }
                 }
                 (Round::Borders(round), _) => {
                     sweep(&edges[round], task);
                     if ends {
-                        end(&stripes.rounds[round][task].vertices, turn, substep);
+                        end(&stripes.rounds[round][task].vertices, index);
                     }
                 }
-                (Round::Parts, _) if begins => forces.part(task, &stripes.ranges, substep),
-                (Round::Predict, _) if begins => begin(task, turn, substep),
+                (Round::Parts, _) if begins => forces.part(task, &stripes.ranges, &plan.substeps[index]),
+                (Round::Predict, _) if begins => begin(task, turn, index),
                 (Round::Coarse(tasks), Some(coarse)) => coarse.work(tasks, task),
                 _ => {}
             }
@@ -227,15 +234,25 @@ impl Cpu {
     /// Makes the edges ready for substeps of the plan's length.
     fn pack(&mut self, plan: &Plan<'_>) {
         let coefficients = plan.coefficients;
-        if self.packed_h.map(f32::to_bits) == Some(coefficients.h.to_bits()) {
+        let wanted = Some((coefficients.h.to_bits(), coefficients.levels.len()));
+        if self.packed_for == wanted {
             return;
         }
+        self.packed_for = wanted;
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
         self.edges.resize_with(stripes.rounds.len(), Packed::default);
         for (packed, tasks) in self.edges.iter_mut().zip(&stripes.rounds) {
             packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
         }
         self.coarse.pack(plan.cloth, &coefficients.levels);
-        self.packed_h = Some(coefficients.h);
+    }
+}
+
+/// How a method's edges are swept, if they are.
+fn rule(method: Method) -> Option<Rule> {
+    match method {
+        Method::SmallSteps => Some(Rule::Project),
+        Method::Relaxation { .. } => Some(Rule::Relax),
+        Method::Springs => None,
     }
 }

@@ -45,6 +45,12 @@ impl<T> Shared<T> {
         Shared { start: items.as_mut_ptr(), length: items.len() }
     }
 
+    /// Items that are not in a slice of ours.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn at(start: *mut T, length: usize) -> Shared<T> {
+        Shared { start, length }
+    }
+
     pub(crate) fn len(self) -> usize {
         self.length
     }

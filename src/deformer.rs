@@ -117,8 +117,8 @@ impl Deformer {
         attributes.validate(self.cloth.pinned.len())?;
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
-        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits()) {
-            let levels = self.rates.levels(&self.cloth, &self.options, h);
+        let levels = self.rates.levels(&self.cloth, &self.options, h, attributes);
+        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits() || last.asked != levels) {
             self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h, levels));
         }
         Ok(substeps)
@@ -318,6 +318,38 @@ impl Deformer {
             Engine::Gpu(gpu) => Some(gpu.counted()),
             _ => None,
         }
+    }
+
+    /// How many substeps an exchange with the GPU is to be good for, in the hybrid: a benchmark asks what more than one costs.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn exchange_every(&mut self, substeps: u32) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.every = substeps as usize;
+        }
+    }
+
+    /// Whether the device is to use the hybrid's mapped outbox and inbox themselves.
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.exchange_in_place(self.cloth.rest.len(), in_place);
+        }
+    }
+
+    /// Runs the hybrid's force kernels for a substep this often, and waits. The state stays as it is.
+    ///
+    /// # Errors
+    /// As [`Deformer::step`].
+    #[cfg(feature = "gpu")]
+    #[doc(hidden)]
+    pub fn run_forces(&mut self, dt: f32, attributes: &Attributes, repeats: u32) -> Result<(), StepError> {
+        let substeps = self.ready(dt, attributes)?;
+        let (engine, plan) = self.job(substeps, attributes);
+        let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
+        let run = hybrid.run_forces(&plan, repeats);
+        run.map_err(|reason| StepError::Gpu { reason })
     }
 
     /// The mesh's index of each vertex of [`Deformer::position_buffer`].

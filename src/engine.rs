@@ -117,7 +117,7 @@ impl Engine {
         match self {
             Engine::Cpu(cpu) => cpu.set(x, p),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.cpu.set(x, p),
+            Engine::Hybrid(hybrid) => hybrid.set(x, p),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.set(x, p),
         }

@@ -2,20 +2,24 @@
 //!
 //! A [`Gpu`] lives as long as the program, [`GpuEngine`] and its buffers as long as the cloth, [`Plan`] for one step.
 //!
-//! Practice: a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small cloth
-//! is one workgroup's work, a step in one dispatch ([`sweep::Whole`]). Any other is cut into [`patches`], a substep in one
-//! dispatch ([`sweep::Halo`]); bending and wind, which look at whole rings, come before it in dispatches of their own.
+//! Practice: a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small cloth,
+//! or each of a crowd, is one workgroup's work, a step in one dispatch ([`sweep::Whole`]). Any other is cut into [`patches`],
+//! a substep in one dispatch ([`sweep::Halo`]); what looks farther comes before it in dispatches of its own: bending and
+//! wind, and the [`coarse`] levels. Inside of a dispatch a colour costs .2 us if its edges are there when it is their turn,
+//! and twice that if a lane has to wait for memory: see `runs.wgsl`.
 //! Where neither will do there is a dispatch a colour ([`sweep::Colours`]). A step works on copies and is committed at its
 //! end if all of it is within bounds, so a step that fails leaves the cloth as it was.
 
 mod coarse;
 mod device;
+mod exchange;
 mod forces;
 mod normals;
 mod patches;
 #[cfg(test)]
 mod paths;
 mod sweep;
+mod top;
 
 use glam::Vec4;
 
@@ -31,6 +35,7 @@ pub use device::Gpu;
 pub(crate) use device::WORKGROUP;
 pub(crate) use device::shader;
 use device::{Bind, Entry, Sent, Stage};
+pub(crate) use exchange::{Desk, Exchange, Parcel};
 pub(crate) use forces::Forces;
 use normals::Normals;
 pub use normals::Surface;
@@ -54,10 +59,11 @@ const WHOLE_ALONE: usize = 1024;
 const CROWD: usize = 4;
 /// Workgroups that a patch for each keeps a large GPU busy, and the own vertices that a patch has at least and at most.
 const PATCHES: usize = 256;
-const OWN: [usize; 2] = [48, 512];
-/// Bytes of workgroup memory that a vertex takes in a patch, and in a cloth of one.
+const OWN: [usize; 2] = [48, 256];
+/// Bytes of workgroup memory that a vertex takes in a patch, and in a cloth of one; and there an aggregate.
 const IN_PATCH: usize = 32;
 const IN_WHOLE: usize = 12;
+const IN_LEVELS: usize = 40;
 /// What `bounds.wgsl` calls none.
 const NONE: u32 = u32::MAX;
 
@@ -104,9 +110,8 @@ pub(crate) struct GpuEngine {
     forces: Forces,
     bodies: Sent,
     sweep: Sweep,
-    /// If levels are in use; and a stand-in for what they are corrected by.
+    /// If levels are in use.
     coarse: Option<Coarse>,
-    no_shift: wgpu::Buffer,
     /// Vertices or aggregates that a workgroup has room for.
     room: usize,
     /// If the cloth is small.
@@ -129,6 +134,10 @@ pub struct GpuWork {
     pub dispatches: usize,
     /// Bytes read and written if each dispatch reads what it needs once.
     pub bytes: usize,
+    /// Colours that each wait for the one before, inside of dispatches.
+    pub rounds: usize,
+    /// Edges corrected in workgroup memory, those of halos in every patch that has them.
+    pub edges: usize,
 }
 
 /// How a substep's edges are swept.
@@ -166,10 +175,9 @@ impl GpuEngine {
             let forces = Forces::new(&gpu, cloth, 2)?;
             let bodies = sweep::bodies(&gpu);
             let first_bad = gpu.buffer("first_bad", 4);
-            let no_shift = gpu.buffer("no shift", 16);
             let patches = (path != Path::Colours && method == Method::SmallSteps).then(|| cut(cloth, most));
             let sweep = match patches.flatten() {
-                Some(patches) => Sweep::Halo(Halo::new(&gpu, patches, &forces, &bodies, &no_shift)),
+                Some(patches) => Sweep::Halo(Halo::new(&gpu, patches, &forces, &bodies)),
                 None => Sweep::Colours(Colours::new(&gpu, cloth, &forces, &bodies)),
             };
 
@@ -191,7 +199,6 @@ impl GpuEngine {
                 bodies,
                 sweep,
                 coarse,
-                no_shift,
                 room: most.room,
                 whole,
                 check,
@@ -202,7 +209,7 @@ impl GpuEngine {
                 counted: GpuWork::default(),
             };
             if path == Path::Whole {
-                engine.make_whole(cloth, method);
+                engine.make_whole(cloth, method, 0);
             }
             engine.set(&cloth.rest, &vec![Vec4::ZERO; vertices]);
             Ok(engine)
@@ -218,22 +225,29 @@ impl GpuEngine {
     }
 
     /// Prepares for steps in one workgroup, if the cloth fits into one.
-    fn make_whole(&mut self, cloth: &Cloth, method: Method) {
-        let room = self.gpu.device.limits().max_compute_workgroup_storage_size as usize / IN_WHOLE;
-        if self.whole.is_some() || cloth.rest.len() > room || method == Method::Springs {
+    fn make_whole(&mut self, cloth: &Cloth, method: Method, levels: usize) {
+        let storage = self.gpu.device.limits().max_compute_workgroup_storage_size as usize;
+        let room = storage / IN_WHOLE;
+        let there = self.whole.as_ref().is_some_and(|whole| whole.levels() == levels);
+        if there || cloth.rest.len() > room || method == Method::Springs {
+            return;
+        }
+        let levels = if levels > 0 { &cloth.hierarchy().levels[..levels] } else { &[] };
+        if IN_LEVELS * levels.iter().map(|level| level.inverse_mass.len()).sum::<usize>() > storage {
             return;
         }
         if let Some(patches) = cut(cloth, Cut { own: room, room }).filter(|patches| patches.count == 1) {
-            self.whole = Some(Whole::new(&self.gpu, patches, &self.forces, &self.bodies, &self.first_bad));
+            let GpuEngine { gpu, forces, bodies, first_bad, .. } = &*self;
+            self.whole = Some(Whole::new(gpu, patches, levels, &cloth.rest, forces, bodies, first_bad));
         }
     }
 
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        let gpu = self.gpu.clone();
-        gpu.checked(|| {
-            let mut work = Work::new(&gpu);
+        let device = self.gpu.device.clone();
+        device::checked(&device, || {
             let path = self.prepare(plan, false);
+            let mut work = Work::new(&self.gpu);
             self.encode(&mut work, plan, path);
             work.submit();
             Ok(())
@@ -273,30 +287,39 @@ impl GpuEngine {
     fn count(&self, plan: &Plan<'_>, path: Path) -> GpuWork {
         let vertices = plan.cloth.rest.len();
         let state = 2 * size_of::<Vec4>() * vertices;
-        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
-            return GpuWork { dispatches: 1, bytes: whole.patches.bytes() + 2 * state };
-        }
-        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0).map_or(0, Coarse::bytes);
-        let forces = if plan.params.predicted == 0 { 0 } else { Forces::bytes(plan) };
-        let substep = match &self.sweep {
-            // A halo's vertices are read more than once; each is written once.
-            Sweep::Halo(halo) => forces + halo.patches.bytes() + state,
-            Sweep::Colours(_) => Forces::bytes(plan) + plan.sweeps as usize * 112 * plan.cloth.swept().len() + 2 * state,
-        };
         let substeps = plan.substeps.len();
-        GpuWork { dispatches: substeps * self.dispatches(plan) + 2, bytes: substeps * (substep + coarse) + 3 * state }
+        if let (Path::Whole, Some(whole)) = (path, &self.whole) {
+            let [rounds, edges] = whole.counts(plan).map(|count| substeps * count);
+            return GpuWork { dispatches: 1, bytes: whole.bytes() + 2 * state, rounds, edges };
+        }
+        let coarse = self.coarse.as_ref().filter(|_| plan.params.levels > 0);
+        let forces = if plan.params.predicted == 0 { 0 } else { Forces::bytes(plan) };
+        let (substep, mut rounds, mut edges) = match &self.sweep {
+            // A halo's vertices are read more than once; each is written once.
+            Sweep::Halo(halo) => (forces + halo.patches.bytes() + state, halo.patches.colors, halo.patches.swept),
+            Sweep::Colours(_) => (Forces::bytes(plan) + plan.sweeps as usize * 112 * plan.cloth.swept().len() + 2 * state, 0, 0),
+        };
+        if let Some([more_rounds, more_edges]) = coarse.map(Coarse::counts) {
+            (rounds, edges) = (rounds + more_rounds, edges + more_edges);
+        }
+        GpuWork {
+            dispatches: substeps * self.dispatches(plan) + 2,
+            bytes: substeps * (substep + coarse.map_or(0, Coarse::bytes)) + 3 * state,
+            rounds: substeps * rounds,
+            edges: substeps * edges,
+        }
     }
 
     /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
-        if crowd {
-            self.make_whole(plan.cloth, plan.method);
+        let levels = plan.coefficients.levels.len();
+        if crowd || self.whole.is_some() {
+            self.make_whole(plan.cloth, plan.method, levels);
         }
         let path = self.path(plan, crowd);
-        let GpuEngine { gpu, forces, bodies, sweep, coarse, no_shift, room, whole, first_bad, .. } = self;
+        let GpuEngine { gpu, forces, bodies, sweep, coarse, room, whole, first_bad, .. } = self;
         let mut moved = forces.prepare(gpu, plan, path == Path::Whole);
-        let levels = plan.coefficients.levels.len();
-        if levels > 0 {
+        if levels > 0 && path != Path::Whole {
             if coarse.as_ref().is_none_or(|coarse| coarse.levels != levels) {
                 moved = true;
                 let room = matches!(sweep, Sweep::Halo(_)).then_some(*room);
@@ -308,7 +331,7 @@ impl GpuEngine {
             coarse.as_mut().into_iter().for_each(|coarse| coarse.prepare(gpu, plan));
         }
         if bodies.send(gpu, plan.bodies) | moved {
-            let shift = coarse.as_ref().map_or(&*no_shift, |coarse| &coarse.shift);
+            let shift = coarse.as_ref().map(|coarse| &coarse.shift);
             match sweep {
                 Sweep::Colours(colours) => colours.rebind(gpu, forces, bodies),
                 Sweep::Halo(halo) => halo.rebind(gpu, forces, bodies, shift),
@@ -327,11 +350,16 @@ impl GpuEngine {
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        let gathers = plan.bending || plan.wind || plan.method == Method::Springs || plan.params.levels > 0;
-        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps);
+        let gathers = plan.bending || plan.wind || plan.method == Method::Springs;
+        // Levels have some more colours than the cloth, together.
+        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
         let pays = crowd || plan.cloth.rest.len() <= WHOLE_ALONE;
         match (&self.sweep, &self.whole) {
-            (_, Some(_)) if pays && !gathers && sweeps <= LONGEST_DISPATCH => Path::Whole,
+            (_, Some(whole))
+                if pays && !gathers && sweeps <= LONGEST_DISPATCH && whole.levels() == plan.coefficients.levels.len() =>
+            {
+                Path::Whole
+            }
             (Sweep::Halo(_), _) => Path::Halo,
             (Sweep::Colours(_), _) => Path::Colours,
         }

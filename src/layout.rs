@@ -50,12 +50,13 @@ fn modules() -> Vec<(&'static str, naga::Module)> {
         ("contact", shader!("body", "contact")),
         ("commit", shader!("bounds", "commit")),
         ("restrict", shader!("predict", "restrict")),
-        ("level", shader!("edge", "table", "level")),
-        ("levels", shader!("edge", "levels")),
+        ("level", shader!("edge", "runs", "table", "level")),
+        ("top", shader!("edge", "runs", "levels", "top")),
         ("coarse", shader!("edge", "coarse")),
-        ("patch", shader!("predict", "edge", "body", "table", "patch")),
-        ("whole", shader!("predict", "edge", "body", "bounds", "table", "whole")),
+        ("patch", shader!("predict", "edge", "body", "runs", "table", "patch")),
+        ("whole", shader!("predict", "edge", "body", "bounds", "runs", "table", "levels", "whole")),
         ("normals", shader!("normals")),
+        ("exchange", shader!("exchange")),
     ];
     sources
         .into_iter()
@@ -88,7 +89,7 @@ fn shared_structs_agree_member_for_member() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // Structs of the shader alone never cross over.
-            if ["Path", "Touch", "Moment", "Ring", "Spin", "Stored"].contains(&name.as_str()) {
+            if ["Path", "Touch", "Moment", "Ring", "Spin", "Stored", "Runs", "Four", "Item"].contains(&name.as_str()) {
                 continue;
             }
             let twin = ours.iter().find(|layout| layout.name == name);

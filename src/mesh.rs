@@ -42,10 +42,40 @@ impl Mesh {
     /// Each edge of the triangles once, as `[i, j]` with `i < j`, sorted. Length: the number of edges.
     #[must_use]
     pub fn edges(&self) -> Vec<[u32; 2]> {
-        let mut edges: Vec<[u32; 2]> = self.triangles.iter().flat_map(|&triangle| sides(triangle)).collect();
-        edges.sort_unstable();
-        edges.dedup();
-        edges
+        edges(&self.triangles)
+    }
+}
+
+/// Each side of some triangles once, sorted.
+pub(crate) fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    // One number is compared faster than two.
+    let mut edges: Vec<u64> =
+        triangles.iter().flat_map(|&triangle| sides(triangle)).map(|[i, j]| u64::from(i) << 32 | u64::from(j)).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect()
+}
+
+/// Finds edges in a sorted list of them.
+pub(crate) struct Places<'a> {
+    edges: &'a [[u32; 2]],
+    /// Where those of each first vertex start.
+    first: Vec<u32>,
+}
+
+impl<'a> Places<'a> {
+    pub(crate) fn new(edges: &'a [[u32; 2]], vertices: usize) -> Places<'a> {
+        let mut first = vec![0; vertices + 1];
+        edges.iter().for_each(|edge| first[edge[0] as usize + 1] += 1);
+        (0..vertices).for_each(|vertex| first[vertex + 1] += first[vertex]);
+        Places { edges, first }
+    }
+
+    /// The place of `[i, j]`, which is in the list.
+    pub(crate) fn of(&self, [i, j]: [u32; 2]) -> usize {
+        let start = self.first[i as usize] as usize;
+        let near = &self.edges[start..self.first[i as usize + 1] as usize];
+        start + near.partition_point(|edge| edge[1] < j)
     }
 }
 

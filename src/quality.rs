@@ -17,6 +17,8 @@ const TRANSIENT: f64 = 5.0;
 const STANDARD_GRAVITY: f64 = 9.81;
 /// Vertices below which levels cost more than they bring.
 const SMALL: usize = 1000;
+/// Pressure of the wind over the cloth's weight from which levels show small wrinkles for stretch: see `levels.rs`.
+const GALE: f64 = 10.0;
 
 /// What the closed forms need to know of a cloth.
 #[derive(Debug, Clone, Copy)]
@@ -47,9 +49,7 @@ impl Rates {
             (Quality::Strain(_), Method::Springs) => (1.05 * dt * self.explicit).ceil(),
             (Quality::Strain(tolerance), Method::SmallSteps) => {
                 let gravity = attributes.gravity.as_dvec3().length();
-                let speed2 = attributes.wind.as_dvec3().length_squared();
-                let pressure = 0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * speed2;
-                let stress = TRANSIENT * (cloth.density * gravity + pressure) * cloth.extent;
+                let stress = TRANSIENT * (cloth.density * gravity + pressure(attributes)) * cloth.extent;
                 let rate = self.unit * (2.0 * stress / f64::from(tolerance)).sqrt();
                 // Once the stiffness is resolved, and with a margin that is always stable, more substeps show no more.
                 let resolved = std::f64::consts::SQRT_2 * self.unit * f64::from(options.fabric.stretch).sqrt();
@@ -70,7 +70,7 @@ impl Rates {
     /// Level l, its aggregates about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps; the first that is
     /// carries the whole load of an even cloth. One more, for next to nothing, carries that of corners and unstructured
     /// meshes (two pins, 2000 vertices: 2.0e-3 mean strain with it, 3.2e-3 without). Where half of `S*` is taken, none pays.
-    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, h: f32) -> usize {
+    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, h: f32, attributes: &Attributes) -> usize {
         if options.method != Method::SmallSteps {
             return 0;
         }
@@ -81,7 +81,8 @@ impl Rates {
                 // Stiffer than what lets its own weight stretch the cloth by a ten-thousandth, there is nothing to resolve.
                 let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
                 let shortfall = self.unit * f64::from(options.fabric.stretch).min(useful).sqrt() * f64::from(h);
-                if shortfall < 2.0 || cloth.rest.len() < SMALL {
+                let gale = pressure(attributes) > GALE * cloth.density * STANDARD_GRAVITY;
+                if shortfall < 2.0 || cloth.rest.len() < SMALL || gale {
                     return 0;
                 }
                 (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
@@ -94,6 +95,11 @@ impl Rates {
         let needed = f64::from(dt) * self.explicit;
         (needed > f64::from(substeps)).then_some(needed.ceil().min(f64::from(u32::MAX)) as u32)
     }
+}
+
+/// Pressure (Pa) of the wind on cloth that stands still across it.
+fn pressure(attributes: &Attributes) -> f64 {
+    0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * attributes.wind.as_dvec3().length_squared()
 }
 
 /// Rounded up to five binary digits, so that a breeze does not change the substep every frame.

@@ -1,7 +1,7 @@
 //! Two seconds of HANG: is the motion right, and how many substeps does that take?
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Deformer, Gpu, Mesh, Options};
+use cloth_deformer::{Attributes, Backend, Deformer, Gpu, Levels, Mesh, Options};
 
 use crate::Failure;
 #[allow(unreachable_pub, reason = "the tests' own")]
@@ -98,8 +98,9 @@ pub(crate) struct Trial {
 }
 
 impl Trial {
-    fn new(n: u32, substeps: u32, backend: Backend, gpu: Option<&Gpu>) -> Result<Trial, Failure> {
-        let mut cloth = sheet(n, substeps, backend, gpu)?;
+    fn new(n: u32, substeps: u32, backend: Backend, levels: Levels, gpu: Option<&Gpu>) -> Result<Trial, Failure> {
+        let (mesh, options) = scene::hang(n, substeps, backend);
+        let mut cloth = make(&mesh, Options { levels, ..options }, gpu)?;
         let run = Run::of(&mut cloth, n)?;
         eprintln!("  N = {n}, S = {substeps}: strain {:.2e}, drop {:.4} m, {}", run.mean_strain, run.drop, run.verdict());
         Ok(Trial { substeps, run, cloth })
@@ -111,9 +112,9 @@ impl Trial {
 ///
 /// Strain falls as the substeps squared where it is the sweep's alone, which makes the guesses; what is found is what was
 /// run.
-pub(crate) fn trials(n: u32, backend: Backend, gpu: Option<&Gpu>, patience: f64) -> Result<Vec<Trial>, Failure> {
+pub(crate) fn trials(n: u32, backend: Backend, levels: Levels, gpu: Option<&Gpu>, patience: f64) -> Result<Vec<Trial>, Failure> {
     let begin = std::time::Instant::now();
-    let fixed = Trial::new(n, 20, backend, gpu)?;
+    let fixed = Trial::new(n, 20, backend, levels, gpu)?;
     let seconds = begin.elapsed().as_secs_f64() / 20.0;
     let guess = |trial: &Trial| f64::from(trial.substeps) * (trial.run.mean_strain / STRAIN).sqrt();
     let (mut wrong, mut right) = if fixed.run.is_right() { (0, 20) } else { (20, u32::MAX) };
@@ -129,7 +130,7 @@ pub(crate) fn trials(n: u32, backend: Backend, gpu: Option<&Gpu>, patience: f64)
         if right == u32::MAX && seconds * f64::from(substeps) > patience {
             break;
         }
-        let trial = Trial::new(n, substeps, backend, gpu)?;
+        let trial = Trial::new(n, substeps, backend, levels, gpu)?;
         next = guess(&trial);
         if trial.run.is_right() {
             right = substeps;

@@ -17,11 +17,13 @@ use clap::{Parser, value_parser};
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Levels, Options, wgpu};
 
 use crate::checks::Checks;
-use crate::hang::{Run, Trial, make, scene, sheet};
+use crate::hang::{Run, Trial, make, scene};
+use crate::limits::Limits;
 use crate::timing::{DeviceClock, Times, time};
 
 mod checks;
 mod hang;
+mod limits;
 mod timing;
 
 /// Cloths of 64 x 64 vertices in a crowd, and with --quick.
@@ -95,7 +97,8 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let good = arguments.unchecked || Checks::new(&backends, gpu.as_ref()).run(arguments.mesh.as_deref(), arguments.quick)?;
 
     let clock = gpu.as_ref().and_then(DeviceClock::new);
-    let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, rows: Vec::new() };
+    let limits = gpu.as_ref().map(|gpu| Limits::new(gpu, arguments.quick)).transpose()?;
+    let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, limits, rows: Vec::new() };
     bench.crowd()?;
     bench.terms(if arguments.quick { &[64] } else { &[128, 512] })?;
     let default: &[u32] = if arguments.quick { &[32, 64, 128] } else { &[32, 64, 128, 256, 512, 1024, 2048] };
@@ -129,6 +132,8 @@ struct Row {
     times: Times,
     /// Two seconds on the first of the GPU and the CPU that is there: strain and fall are the same on each.
     run: Option<Run>,
+    /// What the device could do the same work in, all of it and by its parts (ms): see [`Limits::of`].
+    limit: Option<[f64; 4]>,
 }
 
 /// What times share.
@@ -138,6 +143,7 @@ struct Bench<'a> {
     backends: Vec<Backend>,
     gpu: Option<&'a Gpu>,
     clock: Option<DeviceClock>,
+    limits: Option<Limits>,
     rows: Vec<Row>,
 }
 
@@ -153,7 +159,11 @@ impl Bench<'_> {
         let clock = self.clock.as_ref().filter(|_| backend == Backend::Gpu);
         let times = time(cloths, scene, clock)?;
         let (scene, n, substeps) = row;
-        self.rows.push(Row { scene, backend, n, substeps, times, run: None });
+        let limit = match (&self.limits, &*cloths) {
+            (Some(limits), [cloth]) => limits.of(cloth),
+            _ => None,
+        };
+        self.rows.push(Row { scene, backend, n, substeps, times, run: None, limit });
         Ok(times)
     }
 
@@ -165,20 +175,30 @@ impl Bench<'_> {
         println!(
             "of the samples every 20 frames over 2 s at most 1 %, centre of mass down by .372 m within 2 % at frame 20, no energy"
         );
-        println!("gained. Queued: frames submitted behind one another; device: the same by the GPU's clock.\n");
         println!(
-            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | Newton 1.8 (H200, measured elsewhere) |"
+            "gained. Queued: frames submitted behind one another; device: the same by the GPU's clock. Limit: what the device"
         );
-        println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+        println!(
+            "could do the step's dispatches, colours or edges, and bytes in, by the limits above; over: device's time over it.\n"
+        );
+        println!(
+            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | limit: dispatches + colours + bytes | over | Newton 1.8 (H200, measured elsewhere) |"
+        );
+        println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
         let judge = *self.backends.last().ok_or("no backend")?;
         for &n in sizes {
             eprintln!("HANG, N = {n} ..");
-            let mut trials = hang::trials(n, judge, self.gpu, self.arguments.patience)?;
+            let mut trials = hang::trials(n, judge, Levels::Auto, self.gpu, self.arguments.patience)?;
+            if !trials.iter().any(|trial| trial.run.is_right()) {
+                println!("| {n} | more | | | | | none right within {} s a run |{}", self.arguments.patience, " |".repeat(8));
+            }
+            if trials.iter().any(|trial| trial.run.levels > 0) {
+                // Without levels the least that is right, if there is one: there the substeps alone must do it.
+                let without = hang::trials(n, judge, Levels::Off, self.gpu, self.arguments.patience)?;
+                trials.extend(without.into_iter().filter(|trial| trial.run.is_right()));
+            }
             for trial in &mut trials {
                 self.sheet(n, trial, judge)?;
-            }
-            if !trials.iter().any(|trial| trial.run.is_right()) {
-                println!("| {n} | more | | | | | none right within {} s a run | | | | | | |", self.arguments.patience);
             }
             self.save()?;
         }
@@ -189,12 +209,12 @@ impl Bench<'_> {
     fn sheet(&mut self, n: u32, trial: &mut Trial, judge: Backend) -> Result<(), Failure> {
         let Trial { substeps, run, cloth } = trial;
         let run = *run;
-        let (mut cells, mut deep) = (Vec::new(), String::from("- | -"));
+        let (mut cells, mut deep) = (Vec::new(), String::from("- | - | - | -"));
         for backend in [Backend::Cpu, Backend::Hybrid, Backend::Gpu] {
             // Seconds a frame tell no more than that it is too slow.
             let too_slow = match backend {
-                Backend::Hybrid => n > 512,
-                Backend::Cpu => n > 1024,
+                Backend::Hybrid => n > 512 || *substeps > 50,
+                Backend::Cpu => n > 1024 || *substeps > 50,
                 _ => false,
             };
             if too_slow || !self.backends.contains(&backend) {
@@ -205,12 +225,20 @@ impl Bench<'_> {
             let times = if backend == judge {
                 self.time(row, backend, std::slice::from_mut(cloth), &Attributes::default())?
             } else {
-                self.time(row, backend, &mut [sheet(n, *substeps, backend, self.gpu)?], &Attributes::default())?
+                let (mesh, options) = scene::hang(n, *substeps, backend);
+                let levels = if run.levels > 0 { Levels::Auto } else { Levels::Off };
+                let cloth = make(&mesh, Options { levels, ..options }, self.gpu)?;
+                self.time(row, backend, &mut [cloth], &Attributes::default())?
             };
             cells.push(format!("{:.3}", times.frame));
             if backend == Backend::Gpu {
                 let device = times.device.map_or("-".to_owned(), |ms| format!("{ms:.3}"));
-                deep = format!("{:.3} | {device}", times.queued);
+                let limit = self.rows.last().and_then(|row| row.limit);
+                let cell = limit.map_or("- | -".to_owned(), |[all, dispatches, rounds, bytes]| {
+                    let over = times.device.map_or("-".to_owned(), |ms| format!("{:.2}", ms / all));
+                    format!("{all:.3}: {dispatches:.3} + {rounds:.3} + {bytes:.3} | {over}")
+                });
+                deep = format!("{:.3} | {device} | {cell}", times.queued);
             }
             if let Some(row) = self.rows.last_mut() {
                 row.run = Some(run);
@@ -265,7 +293,8 @@ impl Bench<'_> {
         println!("\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n");
         println!("| backend | levels | one | {count} | times |\n|---|---|---|---|---|");
         let scenes = [("crowd", Levels::Auto), ("crowd without levels", Levels::Off)];
-        for backend in self.backends.clone().into_iter().filter(|&backend| backend != Backend::Hybrid) {
+        // The GPU first, while it is awake from what was measured before.
+        for backend in self.backends.clone().into_iter().rev().filter(|&backend| backend != Backend::Hybrid) {
             for (name, levels) in scenes {
                 let gpu = self.gpu;
                 let (mesh, options) = scene::hang(64, 20, backend);
@@ -287,13 +316,15 @@ fn names(backends: &[Backend]) -> String {
 /// A line a row. What was not measured stays empty.
 fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
     let mut text = String::from(
-        "scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,levels,ms_queued,ms_device\n",
+        "scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,levels,ms_queued,ms_device,ms_limit,over\n",
     );
-    for Row { scene, backend, n, substeps, times, run } in rows {
+    for Row { scene, backend, n, substeps, times, run, limit } in rows {
         let figure = |figure: Option<f64>| figure.map_or(String::new(), |figure| format!("{figure:.4e}"));
         let motion =
             [run.map(|run| run.mean_strain), run.map(|run| run.max_strain), run.map(|run| run.drop)].map(figure).join(",");
         let levels = run.map_or(String::new(), |run| run.levels.to_string());
+        let limit = limit.map(|[all, ..]| all);
+        let over = times.device.zip(limit).map(|(ms, limit)| ms / limit);
         let backend = format!("{backend:?}").to_lowercase();
         let adapter = if backend == "cpu" { "" } else { adapter }.replace(',', ";");
         let (scene, device) = (scene.replace(',', " and"), figure(times.device));
@@ -301,8 +332,11 @@ fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "{scene},{backend},small-steps,{n},{substeps},{:.4},{motion},{adapter},{date},{commit},{levels},{:.4},{device}",
-            times.frame, times.queued
+            "{scene},{backend},small-steps,{n},{substeps},{:.4},{motion},{adapter},{date},{commit},{levels},{:.4},{device},{},{}",
+            times.frame,
+            times.queued,
+            figure(limit),
+            figure(over),
         );
     }
     text

@@ -8,7 +8,7 @@ use crate::Failure;
 use crate::hang::FRAME;
 
 /// Work before the first figure: clocks ramp up, memory is touched, pipelines are made.
-const WARM: Duration = Duration::from_millis(300);
+const WARM: Duration = Duration::from_millis(500);
 /// Time that the frames of a figure fill, and how many there are at least and at most.
 const SPAN: Duration = Duration::from_millis(400);
 const LEAST: usize = 3;

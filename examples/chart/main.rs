@@ -83,7 +83,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     for n in sizes(if arguments.quick { &[32, 64] } else { &[32, 64, 128] }) {
         chart_errors(&Scene::hang(n), &effort, &origin, out)?;
     }
-    chart_strain(&sizes(&[16, 32, 64, 128]), arguments.budget, &effort, &origin, out)
+    chart_strain(&sizes(&[16, 32, 64, 128, 256]), arguments.budget, &effort, &origin, out)
 }
 
 /// The backends to use, and a line about where.

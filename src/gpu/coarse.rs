@@ -16,9 +16,13 @@ use super::device::{Bind, Entry, Gpu, Stage, shader};
 use super::forces::Forces;
 use super::patches::{Cut, NO_EDGE, Patches};
 use super::sweep::{Batch, TURNS, constants, lanes, turns};
+use super::top::Top;
 
 /// Aggregates that a patch has of its own, at most.
 const OWN: usize = 256;
+
+/// Lanes that average an aggregate of vertices, and one of aggregates: about as many as it has of them.
+const EACH: [usize; 2] = [16, 4];
 
 /// An item that an aggregate is made of: `restrict.wgsl`'s `Member`.
 #[repr(C)]
@@ -50,20 +54,9 @@ pub(super) struct Coarse {
 #[derive(Debug)]
 enum Sweep {
     /// In patches, the finest first, and the rest of them together.
-    Patches { fine: Vec<(Patches, wgpu::Buffer, Stage)>, top: Option<Top> },
+    Patches { fine: Vec<(Patches, wgpu::Buffer, Stage)>, top: Option<(Top, wgpu::Buffer, Stage)> },
     /// A dispatch a colour: a run of edges each, the level's own, and the buffer that they are in.
     Colours { runs: Vec<(usize, Batch)>, edges: wgpu::Buffer, hand_down: Stage, sweep: Stage, note: Stage, correct: Stage },
-}
-
-/// Levels that one workgroup does.
-#[derive(Debug)]
-struct Top {
-    table: Vec<u32>,
-    buffer: wgpu::Buffer,
-    stage: Stage,
-    /// Where in the table the edges start, and for each run of them its level, its first edge and their number.
-    edges: usize,
-    runs: Vec<(usize, usize, usize)>,
 }
 
 impl Coarse {
@@ -73,7 +66,7 @@ impl Coarse {
         let levels = &cloth.hierarchy().levels[..count];
         let mut starts = vec![0];
         levels.iter().for_each(|level| starts.push(starts[starts.len() - 1] + level.inverse_mass.len()));
-        let rest = at_rest(cloth, levels);
+        let rest = at_rest(&cloth.rest, levels);
         let all: Vec<Vec4> = rest.concat();
         let centers = gpu.filled("centers", &all);
         let [predicted, shift] = ["predicted", "shift"].map(|name| gpu.buffer(name, centers.size()));
@@ -89,20 +82,26 @@ impl Coarse {
         let (spans, members) = (gpu.filled("spans", &spans), gpu.filled("members", &members));
         let batches = (0..count).map(|index| run(starts[index]..starts[index + 1]));
         let slots = super::sweep::slots(gpu, batches);
-        let averaged = [
-            (0, Bind::Dynamic(&slots, size_of::<Batch>() as u64)),
-            (3, Bind::Read(&spans)),
-            (4, Bind::Read(&members)),
-            (5, Bind::Write(&centers)),
-            (6, Bind::Write(&predicted)),
-        ];
-        let moving = |x, motion| [&[(1, Bind::Read(x)), (2, Bind::Read(motion))][..], &averaged].concat();
-        let mut groups = turns(&forces.states, |from, _| moving(&from.x, &from.p));
-        groups.extend(turns(&forces.states, |from, _| moving(&from.x, &forces.u)));
+        let bound = |x, motion| {
+            vec![
+                (0, Bind::Dynamic(&slots, size_of::<Batch>() as u64)),
+                (1, Bind::Read(x)),
+                (2, Bind::Read(motion)),
+                (3, Bind::Read(&spans)),
+                (4, Bind::Read(&members)),
+                (5, Bind::Write(&centers)),
+                (6, Bind::Write(&predicted)),
+            ]
+        };
+        let mut groups = turns(&forces.states, |from, _| bound(&from.x, &from.p));
+        groups.extend(turns(&forces.states, |from, _| bound(&from.x, &forces.u)));
         let module = gpu.module("restrict", shader!("predict", "restrict"));
-        let restrict_vertices = Stage::new(gpu, &forces.frame, Entry::new(&module, "restrict_vertices"), &groups);
-        let entry = Entry::new(&module, "restrict_aggregates");
-        let restrict_aggregates = Stage::new(gpu, &forces.frame, entry, &[averaged.to_vec()]);
+        let restrict = |of_vertices: bool, each: usize| {
+            let constants = [("OF_VERTICES", f64::from(u8::from(of_vertices))), ("EACH", each as f64)];
+            let entry = Entry { module: &module, name: "restrict_level", constants: &constants };
+            Stage::new(gpu, &forces.frame, entry, &groups)
+        };
+        let (restrict_vertices, restrict_aggregates) = (restrict(true, EACH[0]), restrict(false, EACH[1]));
 
         let buffers = [&centers, &predicted, &shift];
         let patches = room.and_then(|room| Sweep::patches(gpu, levels, &rest, &starts, forces, room, buffers));
@@ -132,16 +131,9 @@ impl Coarse {
                     let start = patches.set_edges(edges);
                     gpu.queue.write_buffer(table, 4 * start as u64, bytemuck::cast_slice(&patches.table[start..]));
                 }
-                if let Some(top) = top {
-                    let mut at = top.edges;
-                    for &(level, first, count) in &top.runs {
-                        for (k, edge) in levels[level][first..first + count].iter().enumerate() {
-                            top.table[at + count + k] = edge.inverse_rest.to_bits();
-                            top.table[at + 2 * count + k] = edge.inverse_weight.to_bits();
-                        }
-                        at += 3 * count;
-                    }
-                    gpu.write(&top.buffer, &top.table);
+                if let Some((top, table, _)) = top {
+                    top.set_edges(levels);
+                    gpu.write(table, &top.table);
                 }
             }
             Sweep::Colours { edges, .. } => {
@@ -161,7 +153,7 @@ impl Coarse {
         let swept = match &self.sweep {
             Sweep::Patches { fine, top } => {
                 let patches: usize = fine.iter().map(|(patches, ..)| patches.bytes()).sum();
-                patches + top.as_ref().map_or(0, |top| size_of_val(top.table.as_slice()))
+                patches + top.as_ref().map_or(0, |(top, ..)| size_of_val(top.table.as_slice()))
             }
             Sweep::Colours { edges, .. } => 7 * edges.size() as usize,
         };
@@ -169,10 +161,23 @@ impl Coarse {
         40 * self.items + 48 * aggregates + swept
     }
 
+    /// Colours one after another, and edges, of a substep, but for those that are dispatches of their own.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        match &self.sweep {
+            Sweep::Patches { fine, top } => {
+                let [rounds, edges] = top.as_ref().map_or([0, 0], |(top, ..)| top.counts());
+                let in_patches: usize = fine.iter().map(|(patches, ..)| patches.colors).sum();
+                [rounds + in_patches, edges + fine.iter().map(|(patches, ..)| patches.swept).sum::<usize>()]
+            }
+            Sweep::Colours { .. } => [0, 0],
+        }
+    }
+
     /// Dispatches of a substep.
     pub(super) fn dispatches(&self) -> usize {
         match &self.sweep {
-            Sweep::Patches { fine, top } => 2 * fine.len() + usize::from(top.is_some()),
+            // To average the vertices, and the finer levels; to sweep those, and the top.
+            Sweep::Patches { fine, top } => fine.len().max(1) + fine.len() + usize::from(top.is_some()),
             Sweep::Colours { runs, .. } => 2 + 2 * self.levels + runs.len(),
         }
     }
@@ -182,19 +187,18 @@ impl Coarse {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let slot = |index: usize| [(index as u64 * SLOT) as u32];
         let predicted = plan.params.predicted as usize * TURNS.len();
-        self.restrict_vertices.encode(pass, turn + predicted, &slot(0), count(0));
+        self.restrict_vertices.encode(pass, turn + predicted, &slot(0), EACH[0] * count(0));
         match &self.sweep {
             Sweep::Patches { fine, top } => {
-                // The finest that the top takes is there already; the top averages the others itself.
-                let there = if top.is_some() { fine.len() + 1 } else { fine.len() };
-                (1..there).for_each(|level| self.restrict_aggregates.encode(pass, 0, &slot(level), count(level)));
-                if let Some(top) = top {
-                    top.stage.encode_groups(pass, 0, &[], 1);
+                // The top averages its own.
+                (1..fine.len()).for_each(|level| self.restrict_aggregates.encode(pass, 0, &slot(level), EACH[1] * count(level)));
+                if let Some((_, _, stage)) = top {
+                    stage.encode_groups(pass, 0, &[], 1);
                 }
                 fine.iter().rev().for_each(|(patches, _, stage)| stage.encode_groups(pass, 0, &[], patches.count));
             }
             Sweep::Colours { runs, hand_down, sweep, note, .. } => {
-                (1..self.levels).for_each(|level| self.restrict_aggregates.encode(pass, 0, &slot(level), count(level)));
+                (1..self.levels).for_each(|level| self.restrict_aggregates.encode(pass, 0, &slot(level), EACH[1] * count(level)));
                 for level in (0..self.levels).rev() {
                     hand_down.encode(pass, 0, &slot(level), count(level));
                     for (index, (_, run)) in runs.iter().enumerate().filter(|(_, (of, _))| *of == level) {
@@ -226,7 +230,7 @@ impl Sweep {
     ) -> Option<Sweep> {
         let end = starts[levels.len()];
         let first_of_top = (0..levels.len()).find(|&level| end - starts[level] <= room).unwrap_or(levels.len());
-        let module = gpu.module("level", shader!("edge", "table", "level"));
+        let module = gpu.module("level", shader!("edge", "runs", "table", "level"));
         let mut fine = Vec::new();
         for index in 0..first_of_top {
             let level = &levels[index];
@@ -243,8 +247,19 @@ impl Sweep {
             let stage = Stage::new(gpu, &forces.frame, entry, &[bound]);
             fine.push((patches, table, stage));
         }
-        let top = (first_of_top < levels.len())
-            .then(|| Top::new(gpu, &levels[first_of_top..], first_of_top, starts, forces, [centers, predicted, shift]));
+        let top = (first_of_top < levels.len()).then(|| {
+            let below = first_of_top.checked_sub(1).map(|finer| starts[finer]);
+            let top = Top::new(levels, first_of_top, below);
+            let table = gpu.filled("levels", &top.table);
+            let lanes = lanes(gpu, top.width);
+            let constants = [&top.constants(0)[..], &[("LANES", lanes as f64), ("BASE", starts[first_of_top] as f64)]].concat();
+            let module = gpu.module("top", shader!("edge", "runs", "levels", "top"));
+            let entry = Entry { module: &module, name: "sweep_of_levels", constants: &constants };
+            let bound =
+                vec![(0, Bind::Read(&table)), (1, Bind::Read(centers)), (2, Bind::Write(predicted)), (3, Bind::Write(shift))];
+            let stage = Stage::new(gpu, &forces.frame, entry, &[bound]);
+            (top, table, stage)
+        });
         Some(Sweep::Patches { fine, top })
     }
 
@@ -293,79 +308,11 @@ impl Sweep {
     }
 }
 
-impl Top {
-    /// Of `levels`, the finest of which is number `first`.
-    fn new(
-        gpu: &Gpu,
-        levels: &[Level],
-        first: usize,
-        starts: &[usize],
-        forces: &Forces,
-        [centers, predicted, shift]: [&wgpu::Buffer; 3],
-    ) -> Top {
-        let base = starts[first];
-        let place: Vec<usize> = starts[first..].iter().map(|start| start - base).collect();
-        let room = place[levels.len()];
-        let coarsest_first =
-            || (0..levels.len()).rev().flat_map(|level| levels[level].colors.iter().map(move |run| (level, run)));
-        let runs: Vec<(usize, usize, usize)> =
-            coarsest_first().map(|(level, run)| (first + level, run.start, run.len())).collect();
-        let rounds_of = |level: usize| levels[level..].iter().map(|level| level.colors.len()).sum::<usize>();
-
-        let (mut labels, mut spans, mut members) = (vec![0; room], vec![0_u32], Vec::new());
-        for (index, level) in levels.iter().enumerate() {
-            for (aggregate, span) in level.members.spans.iter().enumerate() {
-                // The finest is averaged elsewhere.
-                if index > 0 {
-                    for member in span.start as usize..span.end as usize {
-                        let item = place[index - 1] as u32 + level.members.items[member];
-                        labels[item as usize] = (place[index] + aggregate) as u32;
-                        members.extend([item, level.share[member].to_bits()]);
-                    }
-                }
-                spans.push(members.len() as u32 / 2);
-            }
-        }
-        let mut table: Vec<u32> = vec![0; runs.len() + 1];
-        table.extend(place.iter().map(|&place| place as u32));
-        table.extend((0..=levels.len()).map(|level| rounds_of(level) as u32));
-        table.extend(labels);
-        table.extend(spans);
-        table.extend(members);
-        let edges = table.len();
-        for (round, (level, run)) in coarsest_first().enumerate() {
-            table[round] = table.len() as u32;
-            let moved = levels[level].links[run.clone()].iter();
-            table.extend(moved.map(|link| {
-                let [a, b] = link.ends.map(|end| end + place[level] as u32);
-                a | b << 16
-            }));
-            table.extend(vec![0; 2 * run.len()]);
-        }
-        table[runs.len()] = table.len() as u32;
-        let buffer = gpu.filled("levels", &table);
-        let lanes = lanes(gpu, runs.iter().map(|run| run.2).max().unwrap_or(1));
-        let constants = [
-            ("LANES", lanes as f64),
-            ("ROOM", room as f64),
-            ("LEVELS", levels.len() as f64),
-            ("ROUNDS", runs.len() as f64),
-            ("BASE", base as f64),
-        ];
-        let module = gpu.module("levels", shader!("edge", "levels"));
-        let entry = Entry { module: &module, name: "sweep_of_levels", constants: &constants };
-        let bound =
-            vec![(0, Bind::Read(&buffer)), (1, Bind::Read(centers)), (2, Bind::Write(predicted)), (3, Bind::Write(shift))];
-        let stage = Stage::new(gpu, &forces.frame, entry, &[bound]);
-        Top { table, buffer, stage, edges, runs }
-    }
-}
-
 /// Centres of the aggregates of each level at rest, w the inverse mass.
-fn at_rest(cloth: &Cloth, levels: &[Level]) -> Vec<Vec<Vec4>> {
+fn at_rest(rest: &[Vec4], levels: &[Level]) -> Vec<Vec<Vec4>> {
     let mut found: Vec<Vec<Vec4>> = Vec::with_capacity(levels.len());
     for level in levels {
-        let below = found.last().unwrap_or(&cloth.rest);
+        let below = found.last().map_or(rest, Vec::as_slice);
         let mut centers: Vec<Vec4> = level.inverse_mass.iter().map(|&w| Vec4::new(0.0, 0.0, 0.0, w)).collect();
         for (center, span) in centers.iter_mut().zip(&level.members.spans) {
             for member in span.start as usize..span.end as usize {

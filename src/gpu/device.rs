@@ -1,7 +1,9 @@
 //! A device, and the few things made on it: buffers, stages, reads.
 
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
 
@@ -38,6 +40,8 @@ impl Found {
         let descriptor = wgpu::DeviceDescriptor {
             // Cloth of a million vertices needs more than the default 128 MiB a binding.
             required_limits: adapter.limits(),
+            // So that the hybrid need not copy what it maps.
+            required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
@@ -62,6 +66,8 @@ pub(crate) use shader;
 
 /// Invocations in a workgroup: `WORKGROUP` of `common.wgsl`.
 pub(crate) const WORKGROUP: usize = 64;
+/// How long a thread that waits for the device stays awake: one that sleeps is woken .05 to .3 ms late.
+const AWAKE: Duration = Duration::from_millis(4);
 /// Most workgroups in a dimension of a dispatch.
 const MAX_GROUPS: usize = 65_535;
 
@@ -83,14 +89,7 @@ impl Gpu {
 
     /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-        let [validation, memory, internal] = filters.map(|filter| self.device.push_error_scope(filter));
-        let result = work();
-        let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
-        match errors.into_iter().flatten().next() {
-            Some(error) => Err(error.to_string().replace('\n', " ")),
-            None => result,
-        }
+        checked(&self.device, work)
     }
 
     /// A storage buffer of `size` bytes, zero.
@@ -133,7 +132,7 @@ impl Gpu {
         self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub(crate) fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
         self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
@@ -143,10 +142,23 @@ impl Gpu {
         self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
     }
 
-    /// A compiled shader.
-    pub(crate) fn module(&self, label: &str, source: &str) -> wgpu::ShaderModule {
-        let source = wgpu::ShaderSource::Wgsl(source.into());
-        self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
+    /// A shader, compiled for each kernel that is made of it.
+    #[expect(clippy::unused_self, reason = "a device compiles it")]
+    pub(crate) fn module(&self, label: &'static str, source: &'static str) -> Module {
+        Module { label, source }
+    }
+
+    /// The pipelines made on this device so far.
+    fn pipelines(&self) -> Arc<Pipelines> {
+        static KEPT: Mutex<Vec<Weak<Pipelines>>> = Mutex::new(Vec::new());
+        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.retain(|pipelines| pipelines.strong_count() > 0);
+        let known = kept.iter().filter_map(Weak::upgrade).find(|pipelines| pipelines.device == self.device);
+        known.unwrap_or_else(|| {
+            let pipelines = Arc::new(Pipelines { device: self.device.clone(), made: Mutex::default() });
+            kept.push(Arc::downgrade(&pipelines));
+            pipelines
+        })
     }
 
     /// Copies each part to its offset in `staging`, waits, and shows the bytes to `look`.
@@ -178,8 +190,17 @@ impl Gpu {
 
     /// Waits for what was submitted.
     pub(crate) fn wait(&self) -> Result<(), String> {
+        let poll = || {
+            let begin = Instant::now();
+            while begin.elapsed() < AWAKE {
+                if self.device.poll(wgpu::PollType::Poll)?.is_queue_empty() {
+                    return Ok(wgpu::PollStatus::QueueEmpty);
+                }
+                std::thread::yield_now();
+            }
+            self.device.poll(wgpu::PollType::wait_indefinitely())
+        };
         // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
-        let poll = || self.device.poll(wgpu::PollType::wait_indefinitely());
         match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
             Ok(polled) => polled.map(|_| ()).map_err(|error| error.to_string()),
             Err(_) => Err("the device was lost".to_owned()),
@@ -189,6 +210,18 @@ impl Gpu {
     /// An encoder of commands.
     pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+}
+
+/// [`Gpu::checked`], for who has lent the [`Gpu`] to the work: a device is cloned without an allocation.
+pub(crate) fn checked<T>(device: &wgpu::Device, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+    let [validation, memory, internal] = filters.map(|filter| device.push_error_scope(filter));
+    let result = work();
+    let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+    match errors.into_iter().flatten().next() {
+        Some(error) => Err(error.to_string().replace('\n', " ")),
+        None => result,
     }
 }
 
@@ -249,24 +282,73 @@ impl Group {
     }
 }
 
+/// A shader, by a name that no other has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Module {
+    label: &'static str,
+    source: &'static str,
+}
+
+/// The pipelines of a device, shared by the cloths on it and kept as long as there are any: compiling takes longer than
+/// all else that a small cloth needs.
+#[derive(Debug)]
+struct Pipelines {
+    device: wgpu::Device,
+    made: Mutex<HashMap<Key, wgpu::ComputePipeline>>,
+}
+
+/// Module, entry point, and its constants, by their bits.
+type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
+
+impl Pipelines {
+    fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
+        let constants = entry.constants.iter().map(|(name, value)| (*name, value.to_bits())).collect();
+        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = made.entry((entry.module.label, entry.name, constants));
+        made.or_insert_with(|| {
+            let label = Some(entry.module.label);
+            let source = wgpu::ShaderSource::Wgsl(entry.module.source.into());
+            let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
+            let bind_group_layouts = &layouts.map(Some);
+            let layout = wgpu::PipelineLayoutDescriptor { label: Some(entry.name), bind_group_layouts, immediate_size: 0 };
+            let layout = self.device.create_pipeline_layout(&layout);
+            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry.name),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(entry.name),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: entry.constants,
+                    // No kernel reads what it has not written there.
+                    zero_initialize_workgroup_memory: false,
+                },
+                cache: None,
+            })
+        })
+        .clone()
+    }
+}
+
 /// A kernel and the buffers it works on. Group 0 is the frame's, group 1 its own: of these it has several alike where the
 /// state moves between buffers.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pipeline: wgpu::ComputePipeline,
     own: Vec<Group>,
+    /// Keeps them for other cloths.
+    _pipelines: Arc<Pipelines>,
 }
 
 /// A shader's entry point, and what its overridable constants are.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Entry<'a> {
-    pub module: &'a wgpu::ShaderModule,
-    pub name: &'a str,
-    pub constants: &'a [(&'a str, f64)],
+    pub module: &'a Module,
+    pub name: &'static str,
+    pub constants: &'a [(&'static str, f64)],
 }
 
 impl<'a> Entry<'a> {
-    pub(crate) fn new(module: &'a wgpu::ShaderModule, name: &'a str) -> Entry<'a> {
+    pub(crate) fn new(module: &'a Module, name: &'static str) -> Entry<'a> {
         Entry { module, name, constants: &[] }
     }
 }
@@ -274,25 +356,8 @@ impl<'a> Entry<'a> {
 impl Stage {
     pub(crate) fn new(gpu: &Gpu, frame: &Group, entry: Entry<'_>, bound: &[Vec<(u32, Bind<'_>)>]) -> Stage {
         let own: Vec<Group> = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
-        let layout = wgpu::PipelineLayoutDescriptor {
-            label: Some(entry.name),
-            bind_group_layouts: &[Some(&frame.layout), Some(&own[0].layout)],
-            immediate_size: 0,
-        };
-        let layout = gpu.device.create_pipeline_layout(&layout);
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry.name),
-            layout: Some(&layout),
-            module: entry.module,
-            entry_point: Some(entry.name),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: entry.constants,
-                // No kernel reads what it has not written there.
-                zero_initialize_workgroup_memory: false,
-            },
-            cache: None,
-        });
-        Stage { pipeline, own }
+        let pipelines = gpu.pipelines();
+        Stage { pipeline: pipelines.pipeline(entry, [&frame.layout, &own[0].layout]), own, _pipelines: pipelines }
     }
 
     /// Binds other buffers, as many groups and bound alike.

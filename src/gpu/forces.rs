@@ -28,6 +28,8 @@ pub(crate) struct Forces {
     pub frame: Group,
     params: Sent,
     substeps: Sent,
+    /// What is sent of them, a slot each.
+    slots: Vec<u8>,
     /// The same substeps without gaps, for who takes them all.
     pub all_substeps: Sent,
     pub pins: Sent,
@@ -69,7 +71,7 @@ impl Forces {
         let bound: Vec<Vec<_>> = states.iter().map(|state| predicted(state, &u, &pins)).collect();
         let predict = Stage::new(gpu, &frame, Entry::new(&module, "predict"), &bound);
         let (bending, wind, springs) = (None, None, None);
-        Ok(Forces { states, u, frame, params, substeps, all_substeps, pins, predict, bending, wind, springs })
+        Ok(Forces { states, u, frame, params, substeps, slots: Vec::new(), all_substeps, pins, predict, bending, wind, springs })
     }
 
     /// Uploads what this step has, and makes the kernels that it is the first to need. True if [`Forces::all_substeps`] is
@@ -80,11 +82,11 @@ impl Forces {
         if all {
             return self.all_substeps.send(gpu, plan.substeps);
         }
-        let mut slots = vec![0_u8; plan.substeps.len() * SLOT as usize];
-        for (substep, slot) in plan.substeps.iter().zip(slots.chunks_mut(SLOT as usize)) {
+        self.slots.resize(plan.substeps.len() * SLOT as usize, 0);
+        for (substep, slot) in plan.substeps.iter().zip(self.slots.chunks_mut(SLOT as usize)) {
             slot[..size_of::<Substep>()].copy_from_slice(bytemuck::bytes_of(substep));
         }
-        if self.substeps.send(gpu, &slots) {
+        if self.substeps.send(gpu, &self.slots) {
             self.frame = frame(gpu, &self.params, &self.substeps);
         }
         if plan.bending {

@@ -28,6 +28,8 @@ pub(crate) struct Patches {
     /// Most vertices that a patch holds, and most edges of a colour.
     pub largest: usize,
     pub widest: usize,
+    /// Edges of all patches, those of halos in each that has them.
+    pub swept: usize,
     /// Where in the table the edges start; the cloth's edge that each word stands for.
     edges: usize,
     sources: Vec<u32>,
@@ -105,7 +107,8 @@ impl Patches {
                 }
             }
         }
-        Patches { table, count, colors, largest, widest, edges, sources }
+        let swept = patches.iter().flat_map(|patch| &patch.edges).map(Vec::len).sum();
+        Patches { table, count, colors, largest, widest, swept, edges, sources }
     }
 
     /// Bytes that a sweep reads: the table, and two vectors for each vertex held.

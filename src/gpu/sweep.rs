@@ -1,13 +1,17 @@
 //! Stages 2 and 3 on the GPU, in three ways with one result: visiting the edges colour after colour, then contact.
 
+use glam::Vec4;
+
 use crate::cloth::Cloth;
 use crate::kernels::{Body, Edge};
+use crate::levels::Level;
 use crate::plan::Plan;
 
 use super::SLOT;
 use super::device::{Bind, Entry, Gpu, Sent, Stage, shader};
 use super::forces::{Forces, State};
 use super::patches::Patches;
+use super::top::Top;
 
 /// The edges of one colour: `project.wgsl`'s `Batch`.
 #[repr(C)]
@@ -125,13 +129,13 @@ pub(super) struct Halo {
 }
 
 impl Halo {
-    pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent, shift: &wgpu::Buffer) -> Halo {
+    pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent) -> Halo {
         let table = gpu.filled("patches", &patches.table);
-        let module = gpu.module("patch", shader!("predict", "edge", "body", "table", "patch"));
+        let module = gpu.module("patch", shader!("predict", "edge", "body", "runs", "table", "patch"));
         let lanes = lanes(gpu, patches.widest);
         let constants = constants(&patches, lanes);
         let entry = Entry { module: &module, name: "substep_of_patch", constants: &constants };
-        let stage = Stage::new(gpu, &forces.frame, entry, &Halo::bound(&table, forces, bodies, shift));
+        let stage = Stage::new(gpu, &forces.frame, entry, &Halo::bound(&table, forces, bodies, None));
         Halo { patches, table, h: None, stage }
     }
 
@@ -139,8 +143,10 @@ impl Halo {
         table: &'a wgpu::Buffer,
         forces: &'a Forces,
         bodies: &'a Sent,
-        shift: &'a wgpu::Buffer,
+        shift: Option<&'a wgpu::Buffer>,
     ) -> Vec<Vec<(u32, Bind<'a>)>> {
+        // Without levels it is bound, not read.
+        let shift = shift.unwrap_or(&forces.u);
         let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
             vec![
                 (0, Bind::Read(table)),
@@ -157,7 +163,7 @@ impl Halo {
         groups
     }
 
-    pub(super) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, shift: &wgpu::Buffer) {
+    pub(super) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, shift: Option<&wgpu::Buffer>) {
         self.stage.rebind(gpu, &Halo::bound(&self.table, forces, bodies, shift));
     }
 
@@ -181,24 +187,50 @@ impl Halo {
 #[derive(Debug)]
 pub(super) struct Whole {
     pub patches: Patches,
+    /// Its levels, if any are in use.
+    top: Option<Top>,
+    /// The patch, then the levels, then their aggregates' inverse masses.
     table: wgpu::Buffer,
+    work: wgpu::Buffer,
     h: Option<f32>,
     stage: Stage,
 }
 
 impl Whole {
-    pub(super) fn new(gpu: &Gpu, patches: Patches, forces: &Forces, bodies: &Sent, first_bad: &wgpu::Buffer) -> Whole {
-        let table = gpu.filled("patches", &patches.table);
-        let module = gpu.module("whole", shader!("predict", "edge", "body", "bounds", "table", "whole"));
+    pub(super) fn new(
+        gpu: &Gpu,
+        mut patches: Patches,
+        levels: &[Level],
+        rest: &[Vec4],
+        forces: &Forces,
+        bodies: &Sent,
+        first_bad: &wgpu::Buffer,
+    ) -> Whole {
+        if let Some(finest) = levels.first() {
+            patches.set_labels(|vertex| finest.label[vertex as usize], 0);
+        }
+        let top = (!levels.is_empty()).then(|| Top::new(levels, 0, Some(0)));
+        let behind: Vec<u32> = levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()).collect();
+        let words = patches.table.len() + top.as_ref().map_or(0, |top| top.table.len()) + behind.len();
+        let table = gpu.buffer("whole", 4 * words as u64);
+        gpu.queue.write_buffer(&table, 4 * (words - behind.len()) as u64, bytemuck::cast_slice(&behind));
+        let work = gpu.buffer("work", 2 * size_of_val(rest) as u64);
+        let module = gpu.module("whole", shader!("predict", "edge", "body", "bounds", "runs", "table", "levels", "whole"));
         let lanes = lanes(gpu, patches.widest);
-        let constants = constants(&patches, lanes);
+        let coarse = match &top {
+            Some(top) => top.constants(patches.table.len()),
+            None => Top::NO_CONSTANTS,
+        };
+        let own = [("NUMBERS", (3 * patches.largest).max(10 * top.as_ref().map_or(0, |top| top.aggregates)) as f64)];
+        let constants = [&constants(&patches, lanes)[..], &coarse, &own].concat();
         let entry = Entry { module: &module, name: "step_of_whole", constants: &constants };
-        let bound = Whole::bound(&table, forces, bodies, first_bad);
-        Whole { stage: Stage::new(gpu, &forces.frame, entry, &bound), patches, table, h: None }
+        let stage = Stage::new(gpu, &forces.frame, entry, &Whole::bound(&table, &work, forces, bodies, first_bad));
+        Whole { stage, patches, top, table, work, h: None }
     }
 
     fn bound<'a>(
         table: &'a wgpu::Buffer,
+        work: &'a wgpu::Buffer,
         forces: &'a Forces,
         bodies: &'a Sent,
         first_bad: &'a wgpu::Buffer,
@@ -210,17 +242,44 @@ impl Whole {
             (3, Bind::Read(&bodies.buffer)),
             (4, Bind::Write(&forces.states[0].x)),
             (5, Bind::Write(&forces.states[0].p)),
-            (6, Bind::Write(&forces.states[1].x)),
+            (6, Bind::Write(work)),
             (7, Bind::Write(first_bad)),
         ]]
     }
 
     pub(super) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, first_bad: &wgpu::Buffer) {
-        self.stage.rebind(gpu, &Whole::bound(&self.table, forces, bodies, first_bad));
+        self.stage.rebind(gpu, &Whole::bound(&self.table, &self.work, forces, bodies, first_bad));
+    }
+
+    /// How many levels it sweeps.
+    pub(super) fn levels(&self) -> usize {
+        self.top.as_ref().map_or(0, |top| top.levels)
     }
 
     pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        set_edges(gpu, plan, &mut self.patches, &self.table, &mut self.h);
+        let Whole { patches, top, table, h, .. } = self;
+        if *h == Some(plan.coefficients.h) {
+            return;
+        }
+        *h = Some(plan.coefficients.h);
+        patches.set_edges(&plan.coefficients.edges);
+        gpu.write(table, &patches.table);
+        if let Some(top) = top {
+            top.set_edges(&plan.coefficients.levels);
+            gpu.queue.write_buffer(table, size_of_val(patches.table.as_slice()) as u64, bytemuck::cast_slice(&top.table));
+        }
+    }
+
+    /// Colours one after another, and edges, of a substep.
+    pub(super) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
+        let [rounds, edges] = self.top.as_ref().map_or([0, 0], Top::counts);
+        let sweeps = plan.sweeps as usize;
+        [rounds + sweeps * self.patches.colors, edges + sweeps * self.patches.swept]
+    }
+
+    /// Bytes of a step, those that stay on the chip counted once.
+    pub(super) fn bytes(&self) -> usize {
+        self.table.size() as usize + 2 * self.work.size() as usize
     }
 
     pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
@@ -228,11 +287,14 @@ impl Whole {
     }
 }
 
+/// Invocations that run in step, on most devices.
+const SUBGROUP: usize = 32;
+
 /// Invocations of a workgroup: no more than a colour has edges, and than the device allows.
 pub(super) fn lanes(gpu: &Gpu, edges: usize) -> usize {
     let limits = gpu.device.limits();
     let allowed = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x) as usize;
-    edges.next_power_of_two().clamp(64, 1024).min(allowed)
+    edges.next_multiple_of(SUBGROUP).clamp(64, 1024).min(allowed)
 }
 
 pub(super) fn constants(patches: &Patches, lanes: usize) -> [(&'static str, f64); 5] {

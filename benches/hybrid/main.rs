@@ -1,0 +1,281 @@
+//! How near the hybrid is to what it cannot do without, and what fewer exchanges with the GPU would cost in error.
+//!
+//! ```text
+//! cargo bench --bench hybrid                                  # both tables, some minutes on a real GPU
+//! cargo bench --bench hybrid -- --quick                       # small sheets
+//! cargo bench --bench hybrid -- --csv hybrid.csv --date 2026-11-21 --commit 1234567
+//! ```
+//!
+//! The program that cargo builds needs nothing beside itself: it can be taken to another machine and run there.
+
+mod floor;
+mod scene;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::{Parser, value_parser};
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Backend, Deformer, Gpu, Levels, Options, Quality, wgpu};
+
+use crate::floor::{Way, floor};
+use crate::scene::{FRAME, SUBSTEPS, Scene};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Times the hybrid beside its floor, and at fewer exchanges.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Small sheets
+    #[arg(long)]
+    quick: bool,
+    /// Vertices along a side of the sheets [default: 64,128,256,512,1024; 32,64 with --quick]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = value_parser!(u32).range(3..=2048))]
+    sizes: Vec<u32>,
+    /// Also where the device should read and write
+    #[arg(long)]
+    places: bool,
+    /// The figures for a chart
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+    /// To note beside the figures
+    #[arg(long, default_value = "undated")]
+    date: String,
+    /// To note beside the figures
+    #[arg(long, default_value = "unknown")]
+    commit: String,
+    /// What cargo says to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments = Arguments::parse();
+    let Some(gpu) = request() else { return Err("no GPU at hand".into()) };
+    let threads = rayon::current_num_threads();
+    println!("{}, {threads} threads, S = {SUBSTEPS}; {} {}\n", gpu.name, arguments.date, arguments.commit);
+    let mut bench = Bench { gpu, rows: Vec::new() };
+    let (sizes, side): (&[u32], u32) = if arguments.quick { (&[32, 64], 33) } else { (&[64, 128, 256, 512, 1024], 65) };
+    let sizes = if arguments.sizes.is_empty() { sizes } else { &arguments.sizes };
+    if arguments.places {
+        bench.places(sizes)?;
+    }
+    bench.floors(sizes)?;
+    bench.rates(side, if arguments.quick { 160 } else { 640 })?;
+    if let Some(path) = &arguments.csv {
+        std::fs::write(path, bench.csv(&arguments))?;
+    }
+    Ok(())
+}
+
+fn request() -> Option<Gpu> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let power_preference = wgpu::PowerPreference::HighPerformance;
+    let wanted = wgpu::RequestAdapterOptions { power_preference, ..wgpu::RequestAdapterOptions::default() };
+    let adapter = pollster::block_on(instance.request_adapter(&wanted)).ok()?;
+    let descriptor = wgpu::DeviceDescriptor {
+        required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
+        required_limits: adapter.limits(),
+        ..wgpu::DeviceDescriptor::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).ok()?;
+    Some(Gpu { device, queue, name: adapter.get_info().name })
+}
+
+/// A line of the file; what was not measured is left out.
+#[derive(Debug, Default)]
+struct Row {
+    scene: &'static str,
+    n: u32,
+    every: u32,
+    /// Milliseconds a step: transfers alone, force kernels alone, the rest on the CPU alone; the hybrid; all on the CPU.
+    floor: Option<[f64; 3]>,
+    hybrid: f64,
+    cpu: Option<f64>,
+    /// RMS position error (m) at 0.5 s and what the exchange rate has moved (m); mean and maximum strain.
+    error: Option<[f64; 4]>,
+}
+
+struct Bench {
+    gpu: Gpu,
+    rows: Vec<Row>,
+}
+
+impl Bench {
+    /// The hybrid against the sum of what it is made of.
+    fn floors(&mut self, sizes: &[u32]) -> Result<(), Failure> {
+        println!("us an exchange of 12 bytes a vertex each way, an empty kernel between (medians)\n");
+        println!("| N | {} |\n|---|{}", Way::ALL.map(Way::name).join(" | "), "---|".repeat(Way::ALL.len()));
+        let mut floors = Vec::new();
+        for &n in sizes {
+            let times = Way::ALL.map(|way| floor(&self.gpu, way, 12 * u64::from(n * n)));
+            println!("| {n} | {} |", times.map(|time| format!("{:.0}", 1e6 * time)).join(" | "));
+            floors.push(1e3 * times.into_iter().fold(f64::INFINITY, f64::min));
+        }
+        println!(
+            "\nms a step of {SUBSTEPS} exchanges (medians): a: transfers alone, the best way; b: force kernels alone; c: the"
+        );
+        println!("CPU's own: the scene without its forces; d: the hybrid; all on the CPU\n");
+        println!("| N | scene | a | b | c | a+b+c | d | d/(a+b+c) | Cpu |\n|---|---|---|---|---|---|---|---|---|");
+        for (&n, exchange) in sizes.iter().zip(floors) {
+            for scene in Scene::all(n) {
+                let transfers = if scene.gathers() { f64::from(SUBSTEPS) * exchange } else { 0.0 };
+                self.beside_floor(n, &scene, transfers)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn cloth(&self, backend: Backend, scene: &Scene) -> Result<Deformer, Failure> {
+        let options = Options { backend, gpu: Some(self.gpu.clone()), ..scene.options.clone() };
+        Ok(Deformer::new(&scene.mesh, options)?)
+    }
+
+    fn beside_floor(&mut self, n: u32, scene: &Scene, transfers: f64) -> Result<(), Failure> {
+        let bare = scene.bare();
+        let cloths = [(Backend::Cpu, &bare), (Backend::Hybrid, scene), (Backend::Cpu, scene)];
+        let mut cloths = cloths.map(|(backend, scene)| self.cloth(backend, scene).map(|cloth| (scene, cloth, Vec::new())));
+        let start = Instant::now();
+        // In turn, so that whatever else the machine does hits all alike; what is beside the point a few times only.
+        for round in 0..41 {
+            for (index, cloth) in cloths.iter_mut().enumerate() {
+                let Ok((scene, cloth, times)) = cloth else { return Err("a cloth is missing".into()) };
+                if index == 2 && round > 4 {
+                    continue;
+                }
+                // Two in a row: the second finds its own state in the caches.
+                cloth.step(FRAME, &scene.attributes)?;
+                let start = Instant::now();
+                cloth.step(FRAME, &scene.attributes)?;
+                times.push(1e3 * start.elapsed().as_secs_f64());
+            }
+            if round > 6 && start.elapsed().as_secs_f64() > 6.0 {
+                break;
+            }
+        }
+        let [Ok(own), Ok(mut hybrid), Ok(all)] = cloths else { return Err("a cloth is missing".into()) };
+        let mut kernels = 0.0;
+        if scene.gathers() {
+            let mut run = |repeats| -> Result<f64, Failure> {
+                let mut times = Vec::new();
+                for _ in 0..7 {
+                    let start = Instant::now();
+                    hybrid.1.run_forces(FRAME, &scene.attributes, repeats)?;
+                    times.push(1e3 * start.elapsed().as_secs_f64());
+                }
+                Ok(median(&mut times))
+            };
+            kernels = f64::from(SUBSTEPS) * (run(101)? - run(1)?) / 100.0;
+        }
+        let [own, hybrid, all] = [own, hybrid, all].map(|(_, _, mut times)| median(&mut times));
+        let sum = transfers + kernels + own;
+        let ratio = hybrid / sum;
+        println!(
+            "| {n} | {} | {transfers:.2} | {kernels:.2} | {own:.2} | {sum:.2} | {hybrid:.2} | {ratio:.2} | {all:.2} |",
+            scene.name
+        );
+        let floor = Some([transfers, kernels, own]);
+        self.rows.push(Row { scene: scene.name, n, every: 1, floor, hybrid, cpu: Some(all), error: None });
+        Ok(())
+    }
+
+    /// The hybrid by where its device reads and writes: ms a step.
+    fn places(&self, sizes: &[u32]) -> Result<(), Failure> {
+        let places = [("copied", [false, false]), ("outbox in place", [true, false]), ("both in place", [true, true])];
+        println!("\nms a step by whether the device uses mapped memory itself\n");
+        println!("| N | scene | {} |\n|---|---|---|---|---|", places.map(|place| place.0).join(" | "));
+        for &n in sizes {
+            for scene in Scene::all(n).iter().filter(|scene| ["bending", "wind"].contains(&scene.name)) {
+                let mut cloth = self.cloth(Backend::Hybrid, scene)?;
+                let mut times = [const { Vec::new() }; 3];
+                for _ in 0..7 {
+                    for (times, place) in times.iter_mut().zip(places) {
+                        cloth.exchange_in_place(place.1);
+                        cloth.step(FRAME, &scene.attributes)?;
+                        let start = Instant::now();
+                        cloth.step(FRAME, &scene.attributes)?;
+                        times.push(1e3 * start.elapsed().as_secs_f64());
+                    }
+                }
+                println!(
+                    "| {n} | {} | {} |",
+                    scene.name,
+                    times.map(|mut times| format!("{:.2}", median(&mut times))).join(" | ")
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Error against time at fewer exchanges: half a second, beside the same scene at `fine` substeps.
+    fn rates(&mut self, n: u32, fine: u32) -> Result<(), Failure> {
+        println!(
+            "\nOne exchange every so many substeps, N = {n}: RMS position error at 0.5 s beside {fine} substeps on the CPU, how far"
+        );
+        println!("the fewer exchanges moved the cloth, strain, ms a step\n");
+        println!("| scene | every | error (m) | moved by (m) | mean strain | max strain | ms |\n|---|---|---|---|---|---|---|");
+        for scene in Scene::all(n) {
+            let options =
+                Options { backend: Backend::Cpu, quality: Quality::Substeps(fine), levels: Levels::Off, ..scene.options.clone() };
+            let mut cloth = Deformer::new(&scene.mesh, options)?;
+            let truth = half_a_second(&scene, &mut cloth)?.0;
+            let mut often: Option<Vec<Vec3>> = None;
+            for every in [1, 2, 4, 10, 20] {
+                let mut cloth = self.cloth(Backend::Hybrid, &scene)?;
+                cloth.exchange_every(every);
+                let Ok((positions, ms)) = half_a_second(&scene, &mut cloth) else {
+                    println!("| {} | {every} | unstable | | | | |", scene.name);
+                    continue;
+                };
+                let measure = cloth.measure()?;
+                let moved = rms(&positions, often.get_or_insert_with(|| positions.clone()));
+                let error = [rms(&positions, &truth), moved, f64::from(measure.mean_strain), f64::from(measure.max_strain)];
+                let cells = error.map(|figure| format!("{figure:.2e}")).join(" | ");
+                println!("| {} | {every} | {cells} | {ms:.2} |", scene.name);
+                self.rows.push(Row { scene: scene.name, n, every, hybrid: ms, error: Some(error), ..Row::default() });
+            }
+        }
+        Ok(())
+    }
+
+    fn csv(&self, arguments: &Arguments) -> String {
+        let mut text = String::from(
+            "scene,n,substeps,every,transfers_ms,kernels_ms,cpu_own_ms,hybrid_ms,cpu_ms,position_error,moved,mean_strain,max_strain,adapter,date,commit,command\n",
+        );
+        let list = |figures: &[f64]| figures.iter().map(|figure| format!("{figure:.4e}")).collect::<Vec<_>>().join(",");
+        for Row { scene, n, every, floor, hybrid, cpu, error } in &self.rows {
+            let floor = floor.map_or(",,".to_owned(), |floor| list(&floor));
+            let cpu = cpu.map_or(String::new(), |cpu| list(&[cpu]));
+            let error = error.map_or(",,,".to_owned(), |error| list(&error));
+            let adapter = self.gpu.name.replace(',', ";");
+            let Arguments { date, commit, .. } = arguments;
+            let line = format!(
+                "{},{n},{SUBSTEPS},{every},{floor},{hybrid:.4},{cpu},{error},{adapter},{date},{commit},cargo bench --bench hybrid\n",
+                scene.replace(',', " and")
+            );
+            text.push_str(&line);
+        }
+        text
+    }
+}
+
+/// Thirty frames: where they end, and the median time of one (ms).
+fn half_a_second(scene: &Scene, cloth: &mut Deformer) -> Result<(Vec<Vec3>, f64), Failure> {
+    let mut times = Vec::new();
+    for _ in 0..30 {
+        let start = Instant::now();
+        cloth.step(FRAME, &scene.attributes)?;
+        times.push(1e3 * start.elapsed().as_secs_f64());
+    }
+    Ok((cloth.positions()?.to_vec(), median(&mut times)))
+}
+
+pub(crate) fn median(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();
+    (sum / a.len() as f64).sqrt()
+}
