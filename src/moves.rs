@@ -112,6 +112,7 @@ impl Moves<'_> {
     #[target_feature(enable = "avx2,fma")]
     unsafe fn eight(&self, first: usize, substep: &Substep, next: &Substep) -> bool {
         use crate::wide::{Eight, Wide, dot, sub};
+        #[allow(clippy::wildcard_imports, reason = "the instruction set is the vocabulary here")]
         use std::arch::x86_64::*;
 
         // SAFETY: the task's own vertices.
