@@ -55,7 +55,7 @@ fn ratio() {
             (0..30 * SUBSTEPS).for_each(|_| plain.substep());
             let times = in_turn(
                 &mut [&mut || (0..SUBSTEPS).for_each(|_| plain.substep()), &mut || {
-                    scenes::frame(&mut deformer, &Attributes::default())
+                    scenes::frame(&mut deformer, &Attributes::default());
                 }],
                 61,
             );
