@@ -43,7 +43,7 @@ fn coarse_edges() -> Runs {
 }
 
 fn item_of(level: u32, k: u32) -> Item {
-    if level == 0u {
+    if OF_FINEST > 0u && level == 0u {
         return below(k);
     }
     return Item(center(k).xyz, coarse_by(k));

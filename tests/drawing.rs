@@ -14,7 +14,7 @@ fn modest() -> Gpu {
     let descriptor = wgpu::DeviceDescriptor { required_limits: wgpu::Limits::default(), ..wgpu::DeviceDescriptor::default() };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
     assert_eq!(device.limits().max_storage_buffers_per_shader_stage, 8);
-    Gpu { device, queue, name: "the caller's".to_owned() }
+    Gpu::new(device, queue, "the caller's".to_owned())
 }
 
 /// What is in a buffer.

@@ -18,7 +18,7 @@ fn device() -> Gpu {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).unwrap();
-    Gpu { device, queue, name: "the test's".to_owned() }
+    Gpu::new(device, queue, "the test's".to_owned())
 }
 
 /// What is at a pixel.

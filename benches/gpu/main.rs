@@ -119,7 +119,7 @@ fn request() -> Option<Gpu> {
         ..wgpu::DeviceDescriptor::default()
     };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).ok()?;
-    Some(Gpu { device, queue, name: adapter.get_info().name })
+    Some(Gpu::new(device, queue, adapter.get_info().name))
 }
 
 /// A figure of the tables.

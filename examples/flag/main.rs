@@ -63,5 +63,5 @@ fn request() -> Result<Gpu, Failure> {
     let wanted = wgpu::RequestAdapterOptions { power_preference, ..wgpu::RequestAdapterOptions::default() };
     let adapter = pollster::block_on(instance.request_adapter(&wanted))?;
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default()))?;
-    Ok(Gpu { device, queue, name: adapter.get_info().name })
+    Ok(Gpu::new(device, queue, adapter.get_info().name))
 }

@@ -176,8 +176,7 @@ impl Coarse {
     /// Dispatches of a substep.
     pub(super) fn dispatches(&self) -> usize {
         match &self.sweep {
-            // To average the vertices, and the finer levels; to sweep those, and the top.
-            Sweep::Patches { fine, top } => fine.len().max(1) + fine.len() + usize::from(top.is_some()),
+            Sweep::Patches { fine, top } => 2 * (fine.len() + usize::from(top.is_some())),
             Sweep::Colours { runs, .. } => 2 + 2 * self.levels + runs.len(),
         }
     }
@@ -190,8 +189,9 @@ impl Coarse {
         self.restrict_vertices.encode(pass, turn + predicted, &slot(0), EACH[0] * count(0));
         match &self.sweep {
             Sweep::Patches { fine, top } => {
-                // The top averages its own.
-                (1..fine.len()).for_each(|level| self.restrict_aggregates.encode(pass, 0, &slot(level), EACH[1] * count(level)));
+                // The finest of the top is there already; the top averages the others itself.
+                let there = fine.len() + usize::from(top.is_some());
+                (1..there).for_each(|level| self.restrict_aggregates.encode(pass, 0, &slot(level), EACH[1] * count(level)));
                 if let Some((_, _, stage)) = top {
                     stage.encode_groups(pass, 0, &[], 1);
                 }
@@ -248,8 +248,7 @@ impl Sweep {
             fine.push((patches, table, stage));
         }
         let top = (first_of_top < levels.len()).then(|| {
-            let below = first_of_top.checked_sub(1).map(|finer| starts[finer]);
-            let top = Top::new(levels, first_of_top, below);
+            let top = Top::new(levels, first_of_top, None);
             let table = gpu.filled("levels", &top.table);
             let lanes = lanes(gpu, top.width);
             let constants = [&top.constants(0)[..], &[("LANES", lanes as f64), ("BASE", starts[first_of_top] as f64)]].concat();

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
@@ -16,6 +16,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// The adapter's name, for reports.
     pub name: String,
+    pipelines: Arc<Pipelines>,
 }
 
 /// The device that Deformers share.
@@ -48,7 +49,7 @@ impl Found {
         let lost = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&lost);
         device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
-        let gpu = Gpu { device, queue, name: adapter.get_info().name };
+        let gpu = Gpu::new(device, queue, adapter.get_info().name);
         Ok(Found { gpu, software: rank(&adapter) == 4, lost })
     }
 }
@@ -72,6 +73,18 @@ const AWAKE: Duration = Duration::from_millis(4);
 const MAX_GROUPS: usize = 65_535;
 
 impl Gpu {
+    /// A device and its queue, by a name for reports. Clones share the kernels compiled for them: give one to each cloth, and
+    /// to [`Deformer::step_all`](crate::Deformer::step_all) cloths of one.
+    #[must_use]
+    pub fn new(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Gpu {
+        Gpu { device, queue, name, pipelines: Arc::default() }
+    }
+
+    /// Which device it is: wgpu's own comparison takes the first devices of two instances for one.
+    pub(crate) fn id(&self) -> *const () {
+        Arc::as_ptr(&self.pipelines).cast()
+    }
+
     /// The best adapter of this machine: a real GPU, or, if `software` may stand in, the software driver.
     ///
     /// Asked for once in a program and shared: a driver hands out only so many devices. Asked for again if it was lost.
@@ -146,19 +159,6 @@ impl Gpu {
     #[expect(clippy::unused_self, reason = "a device compiles it")]
     pub(crate) fn module(&self, label: &'static str, source: &'static str) -> Module {
         Module { label, source }
-    }
-
-    /// The pipelines made on this device so far.
-    fn pipelines(&self) -> Arc<Pipelines> {
-        static KEPT: Mutex<Vec<Weak<Pipelines>>> = Mutex::new(Vec::new());
-        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.retain(|pipelines| pipelines.strong_count() > 0);
-        let known = kept.iter().filter_map(Weak::upgrade).find(|pipelines| pipelines.device == self.device);
-        known.unwrap_or_else(|| {
-            let pipelines = Arc::new(Pipelines { device: self.device.clone(), made: Mutex::default() });
-            kept.push(Arc::downgrade(&pipelines));
-            pipelines
-        })
     }
 
     /// Copies each part to its offset in `staging`, waits, and shows the bytes to `look`.
@@ -289,30 +289,26 @@ pub(crate) struct Module {
     source: &'static str,
 }
 
-/// The pipelines of a device, shared by the cloths on it and kept as long as there are any: compiling takes longer than
-/// all else that a small cloth needs.
-#[derive(Debug)]
-struct Pipelines {
-    device: wgpu::Device,
-    made: Mutex<HashMap<Key, wgpu::ComputePipeline>>,
-}
+/// The pipelines of a device, shared by the cloths on it: compiling takes longer than all else that a small cloth needs.
+#[derive(Debug, Default)]
+struct Pipelines(Mutex<HashMap<Key, wgpu::ComputePipeline>>);
 
 /// Module, entry point, and its constants, by their bits.
 type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
 
 impl Pipelines {
-    fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
+    fn pipeline(&self, device: &wgpu::Device, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
         let constants = entry.constants.iter().map(|(name, value)| (*name, value.to_bits())).collect();
-        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let made = made.entry((entry.module.label, entry.name, constants));
         made.or_insert_with(|| {
             let label = Some(entry.module.label);
             let source = wgpu::ShaderSource::Wgsl(entry.module.source.into());
-            let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
             let bind_group_layouts = &layouts.map(Some);
             let layout = wgpu::PipelineLayoutDescriptor { label: Some(entry.name), bind_group_layouts, immediate_size: 0 };
-            let layout = self.device.create_pipeline_layout(&layout);
-            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            let layout = device.create_pipeline_layout(&layout);
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry.name),
                 layout: Some(&layout),
                 module: &module,
@@ -335,8 +331,6 @@ impl Pipelines {
 pub(crate) struct Stage {
     pipeline: wgpu::ComputePipeline,
     own: Vec<Group>,
-    /// Keeps them for other cloths.
-    _pipelines: Arc<Pipelines>,
 }
 
 /// A shader's entry point, and what its overridable constants are.
@@ -356,8 +350,7 @@ impl<'a> Entry<'a> {
 impl Stage {
     pub(crate) fn new(gpu: &Gpu, frame: &Group, entry: Entry<'_>, bound: &[Vec<(u32, Bind<'_>)>]) -> Stage {
         let own: Vec<Group> = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
-        let pipelines = gpu.pipelines();
-        Stage { pipeline: pipelines.pipeline(entry, [&frame.layout, &own[0].layout]), own, _pipelines: pipelines }
+        Stage { pipeline: gpu.pipelines.pipeline(&gpu.device, entry, [&frame.layout, &own[0].layout]), own }
     }
 
     /// Binds other buffers, as many groups and bound alike.
