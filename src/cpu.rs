@@ -135,7 +135,6 @@ impl Cpu {
         let gathers = elsewhere.is_none() && forces.any();
         // Without forces a vertex is predicted where it was moved.
         let falls = elsewhere.is_none() && !forces.any();
-        let leads = !plan.pins.is_empty();
 
         let rounds = &mut self.rounds;
         let coarse = self.coarse.share(plan, x, u, breadth);
@@ -154,7 +153,7 @@ impl Cpu {
             add(Round::Parts, Turns::All, forces.parts(stripes.ranges.len()));
         }
         if let Some(coarse) = &coarse {
-            add(Round::Predict, if falls && !leads { Turns::First } else { Turns::All }, stripes.ranges.len());
+            add(Round::Predict, if falls && plan.pins.is_empty() { Turns::First } else { Turns::All }, stripes.ranges.len());
             coarse.rounds(|tasks, count| add(Round::Coarse(tasks), Turns::All, count));
         }
         for (round, tasks) in stripes.rounds.iter().enumerate() {

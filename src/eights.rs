@@ -313,9 +313,9 @@ fn of(values: &[f32; WIDTH]) -> Eight {
 #[target_feature(enable = "avx2,fma")]
 unsafe fn vertices(values: Shared<Vec4>, first: usize) -> Wide3<Eight> {
     let mut pairs = [Eight::splat(0.0); 4];
-    for k in 0..4 {
+    for (k, pair) in pairs.iter_mut().enumerate() {
         // SAFETY: the caller's promise.
-        pairs[k] = unsafe { Eight::load(values, Two::Beside(first + 2 * k)) };
+        *pair = unsafe { Eight::load(values, Two::Beside(first + 2 * k)) };
     }
     Eight::transpose(pairs)
 }
@@ -326,9 +326,9 @@ unsafe fn vertices(values: Shared<Vec4>, first: usize) -> Wide3<Eight> {
 #[target_feature(enable = "avx2,fma")]
 unsafe fn gather(values: Shared<Vec4>, at: &[u32; WIDTH]) -> Wide3<Eight> {
     let mut pairs = [Eight::splat(0.0); 4];
-    for k in 0..4 {
+    for (k, pair) in pairs.iter_mut().enumerate() {
         // SAFETY: the caller's promise.
-        pairs[k] = unsafe { Eight::load(values, Two::Apart(at[k] as usize, at[k + 4] as usize)) };
+        *pair = unsafe { Eight::load(values, Two::Apart(at[k] as usize, at[k + 4] as usize)) };
     }
     Eight::transpose(pairs)
 }

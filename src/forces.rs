@@ -271,3 +271,72 @@ impl Forces<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloth::Cloth;
+    use crate::coefficients::Coefficients;
+    use crate::plan::{Lists, Motion};
+    use crate::{Attributes, Fabric, Mesh, Options};
+
+    /// What one substep predicts in a crumpled cloth that moves, or without `forces`, what it would then fall.
+    fn predicted(cloth: &Cloth, options: &Options, breadth: Breadth, attributes: &Attributes) -> Vec<Vec4> {
+        let h = 1.0 / 1200.0;
+        let coefficients = Coefficients::new(cloth, options, h, 0);
+        let (mut lists, motion) = (Lists::default(), Motion { h, ..Motion::default() });
+        let plan = Plan::new(cloth, options, &coefficients, &motion, 1, attributes, &mut lists);
+        let mut random = fastrand::Rng::with_seed(3);
+        let (mut x, mut u) = (Lines::new(cloth.rest.len()), Lines::new(cloth.rest.len()));
+        for (v, rest) in cloth.rest.iter().enumerate() {
+            let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
+            x[v] = *rest + vector(0.01).extend(0.0);
+            u[v] = vector(0.002).extend(0.0);
+        }
+        let mut parts = Parts::default();
+        let forces = parts.share(&plan, Shared::new(&mut x), Shared::new(&mut u), true, breadth);
+        let vertices = cloth.rest.len() as u32;
+        // Two stripes, as they are cut.
+        let stripes = [0..400, 400..vertices];
+        (0..forces.parts(stripes.len())).for_each(|task| forces.part(task, &stripes, &plan.substeps[0]));
+        stripes.iter().for_each(|stripe| forces.predict(stripe.clone(), &plan.substeps[0]));
+        u.to_vec()
+    }
+
+    /// Eight at a time or one, on meshes with rows and without, with borders, pins and a remainder: the same to rounding.
+    #[test]
+    fn wide_forces_are_the_plain_ones() {
+        let grid = Mesh::grid(32, 27, 1.0, 0.9);
+        let mut shuffled = Mesh::grid(29, 31, 1.0, 1.1);
+        let mut names: Vec<u32> = (0..899).collect();
+        fastrand::Rng::with_seed(5).shuffle(&mut names);
+        names.iter().zip(shuffled.positions.clone()).for_each(|(&name, x)| shuffled.positions[name as usize] = x);
+        shuffled.triangles.iter_mut().flatten().for_each(|vertex| *vertex = names[*vertex as usize]);
+        let air = Attributes { air_density: 1.2, wind: glam::Vec3::new(3.0, 1.0, -7.0), ..Attributes::default() };
+        for (name, mesh) in [("grid", &grid), ("shuffled", &shuffled)] {
+            for (scene, bending, damping, attributes) in [
+                ("bending", 1e-4, 0.0, &Attributes::default()),
+                ("damped", 1e-4, 0.03, &Attributes::default()),
+                ("air", 0.0, 0.0, &air),
+                ("all", 1e-4, 0.03, &air),
+            ] {
+                let fabric = Fabric { bending, damping, ..Fabric::default() };
+                let options = Options { fabric, pinned: vec![0, 7, 500], ..Options::default() };
+                let cloth = Cloth::new(mesh, &options).unwrap();
+                let plain = predicted(&cloth, &options, Breadth::Four, attributes);
+                let wide = predicted(&cloth, &options, Breadth::detected(), attributes);
+                let still = Options { fabric: Fabric { bending: 0.0, ..fabric }, ..options.clone() };
+                let fallen = predicted(&cloth, &still, Breadth::Four, &Attributes::default());
+                let most = |a: &[Vec4], b: &[Vec4]| {
+                    a.iter()
+                        .zip(b)
+                        .map(|(a, b)| (a - b).truncate().length())
+                        .fold(0.0, |most: f32, d| if d > most || d.is_nan() { d } else { most })
+                };
+                let (moved, apart) = (most(&plain, &fallen), most(&plain, &wide));
+                assert!(moved > 1e-7, "{name} {scene}: forces move by {moved}");
+                assert!(apart <= 1e-5 * moved + 1e-9, "{name} {scene}: {apart} apart of {moved}");
+            }
+        }
+    }
+}

@@ -3,6 +3,8 @@
 //! The intricate part of the CPU backend, kept inside this wall: [`kernels::project`] is what it computes, and its oracle.
 //! What an edge is corrected by does not depend on the lane that it is in, so that any packing gives the same bits.
 
+#![allow(clippy::inline_always, reason = "instructions can be enabled for whole functions alone")]
+
 use std::ops::Range;
 
 #[cfg(test)]
@@ -255,8 +257,8 @@ unsafe fn each(
     u: Shared<Vec4>,
     kernel: impl Fn(Vec3A, Vec3A, &Edge) -> Vec3A,
 ) {
-    for lane in 0..WIDTH {
-        let (a, b) = (ends[0][lane] as usize, ends[1][lane] as usize);
+    for (lane, (&a, &b)) in ends[0].iter().zip(&ends[1]).enumerate() {
+        let (a, b) = (a as usize, b as usize);
         let edge = Edge { a: a as u32, b: b as u32, inverse_rest: lanes.inverse_rest[lane], inverse_weight: 1.0 };
         // SAFETY: the caller's promise.
         unsafe {

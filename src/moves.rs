@@ -112,6 +112,7 @@ impl Moves<'_> {
     #[target_feature(enable = "avx2,fma")]
     unsafe fn eight(&self, first: usize, substep: &Substep, next: &Substep) -> bool {
         use crate::wide::{Eight, Wide, dot, sub};
+        #[allow(clippy::wildcard_imports, reason = "the instruction set is the vocabulary here")]
         use std::arch::x86_64::*;
 
         // SAFETY: the task's own vertices.
@@ -194,5 +195,65 @@ impl Clear {
         // With a margin for what rounding makes of either, here and in the contact's own arithmetic.
         let reach = 1.01 * (0.5 * (b - a).length() + radius + travel + step);
         Clear { travel, center: (a + b) * 0.5, reach, normal: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloth::Cloth;
+    use crate::coefficients::Coefficients;
+    use crate::lines::Lines;
+    use crate::plan::{Lists, Motion};
+    use crate::{Attributes, Collider, Mesh, Options};
+
+    /// Vertices near bodies and far, slow and fast, by eights and one by one: the same bits.
+    #[test]
+    fn what_is_told_to_be_clear_is_clear() {
+        let options = Options { pinned: vec![3, 70], ..Options::default() };
+        let cloth = Cloth::new(&Mesh::grid(64, 65, 1.0, 1.0), &options).unwrap();
+        let h = 1.0 / 1200.0;
+        let coefficients = Coefficients::new(&cloth, &options, h, 0);
+        let at = |y: f32| glam::Vec3::new(0.2, y, -0.1);
+        let bodies = [
+            Collider::sphere(at(0.1), 0.3),
+            Collider::capsule(at(0.4), at(-0.6), 0.2),
+            Collider::plane(at(-0.2), glam::Vec3::new(0.6, 0.8, 0.0)),
+        ];
+        for (body, far, size) in
+            bodies.into_iter().flat_map(|b| [(1.0, 1e-4), (1.0, 0.03), (1.0, 0.5), (20.0, 0.01)].map(|(f, s)| (b, f, s)))
+        {
+            // It comes from elsewhere, so that it moves within the step.
+            let before = match body.shape {
+                _ if size > 0.1 => body,
+                _ => Collider::sphere(at(0.3), 0.25),
+            };
+            let attributes = Attributes { colliders: vec![body], ..Attributes::default() };
+            let (mut lists, motion) = (Lists::default(), Motion { h, colliders: vec![before], ..Motion::default() });
+            let plan = Plan::new(&cloth, &options, &coefficients, &motion, 2, &attributes, &mut lists);
+            let run = |breadth: Breadth| {
+                let mut random = fastrand::Rng::with_seed(8);
+                let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
+                let (mut x, mut u) = (Lines::new(cloth.rest.len()), Lines::new(cloth.rest.len()));
+                for (v, rest) in cloth.rest.iter().enumerate() {
+                    x[v] = (rest.truncate() * far + vector(0.3)).extend(rest.w);
+                    u[v] = vector(size).extend(0.0);
+                }
+                let (x, u, lost) = (Shared::new(&mut x), Shared::new(&mut u), AtomicUsize::new(usize::MAX));
+                let moves = Moves { plan: &plan, x, u, good: [x, u], lost: &lost, breadth };
+                moves.advance(&[0..37, 37..cloth.rest.len() as u32], &plan.substeps[0], Then::Fall(&plan.substeps[1]));
+                #[expect(unsafe_code, reason = "one thread, both alive")]
+                // SAFETY: nobody else is here.
+                let state = |values: Shared<Vec4>| (0..values.len()).map(|v| unsafe { values.get(v) }.to_array()).collect();
+                let both: [Vec<[f32; 4]>; 2] = [x, u].map(state);
+                both
+            };
+            let (one, eight) = (run(Breadth::Four), run(Breadth::detected()));
+            for (one, eight) in one.iter().zip(&eight) {
+                let same = |a: &[f32; 4], b: &[f32; 4]| a[..3].iter().zip(&b[..3]).all(|(a, b)| a == b);
+                let first = one.iter().zip(eight).position(|(a, b)| !same(a, b));
+                assert!(first.is_none(), "{:?} {far} {size}: vertex {first:?}", body.shape);
+            }
+        }
     }
 }

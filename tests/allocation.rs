@@ -29,9 +29,9 @@ fn note_owner() {
         return;
     }
     let trace = Backtrace::force_capture().to_string();
-    let functions = trace.lines().filter_map(|line| Some(line.trim().split_once(": ")?.1));
+    let mut functions = trace.lines().filter_map(|line| Some(line.trim().split_once(": ")?.1));
     let library = ["std::", "core::", "alloc::", "__rust", "allocation::", "hashbrown::", "smallvec::", "arrayvec::"];
-    let owner = functions.skip_while(|name| library.iter().any(|prefix| name.trim_start_matches('<').starts_with(prefix))).next();
+    let owner = functions.find(|name| !library.iter().any(|prefix| name.trim_start_matches('<').starts_with(prefix)));
     OWNERS.lock().unwrap().push(owner.unwrap_or("unknown").to_owned());
     NOTING.set(false);
 }
