@@ -215,7 +215,7 @@ impl Post<'_> {
             self.next = next.map(|(index, parcel)| exchange.encode(gpu, forces, plan, index, parcel));
             exchange.receive(gpu)
         });
-        done.map_err(|reason| self.failed = Some(reason)).ok()
+        done.map_err(|reason| (self.next, self.failed) = (None, Some(reason))).ok()
     }
 }
 
