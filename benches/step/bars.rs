@@ -1,6 +1,6 @@
 //! Figures that a list of single timings cannot give: ratios of two codes timed in turn, and times with the error beside them.
 //!
-//! `cargo bench --bench step -- bars [ratio] [terms] [strain] [threads] [limits]`: all of them, or those named.
+//! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [limits]`: all of them, or those named.
 
 use std::time::Instant;
 
@@ -11,8 +11,8 @@ use crate::scenes::{self, SUBSTEPS};
 
 /// Prints the tables that the arguments name.
 pub(crate) fn print(names: &[String]) {
-    let tables: [(&str, fn()); 5] =
-        [("ratio", ratio), ("terms", terms), ("strain", strain), ("threads", threads), ("limits", limits)];
+    let tables: [(&str, fn()); 6] =
+        [("ratio", ratio), ("levels", levels), ("terms", terms), ("strain", strain), ("threads", threads), ("limits", limits)];
     let named = tables.iter().any(|(name, _)| names.iter().any(|n| n == name));
     for (_, table) in tables.iter().filter(|(name, _)| !named || names.iter().any(|n| n == name)) {
         table();
@@ -62,6 +62,28 @@ fn ratio() {
             let strain = deformer.measure().expect("memory").mean_strain;
             let (a, b) = (1e3 * times[0], 1e3 * times[1]);
             println!("{n:>5} {a:>9.3} {b:>9.3} {:>7.3} {:>12.2e} {strain:>12.2e}", b / a, plain.strain());
+        });
+    }
+}
+
+/// A frame of HANG on one thread with levels against the same without.
+fn levels() {
+    println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn), and mean strain");
+    println!("{:>5} {:>9} {:>9} {:>7} {:>9} {:>9}", "N", "without", "with", "ratio", "strain", "strain");
+    for n in [128, 256] {
+        on_one_thread(|| {
+            let (mesh, options) = scenes::hang(n, scenes::bare());
+            let moving = |levels| scenes::moving(&(mesh.clone(), Options { levels, ..options.clone() }), &Attributes::default());
+            let [mut without, mut with] = [Levels::Off, Levels::Auto].map(moving);
+            let times = in_turn(
+                &mut [&mut || scenes::frame(&mut without, &Attributes::default()), &mut || {
+                    scenes::frame(&mut with, &Attributes::default())
+                }],
+                41,
+            );
+            let strain = [without, with].map(|mut deformer| deformer.measure().expect("memory").mean_strain);
+            let (a, b) = (1e3 * times[0], 1e3 * times[1]);
+            println!("{n:>5} {a:>9.3} {b:>9.3} {:>7.3} {:>9.2e} {:>9.2e}", b / a, strain[0], strain[1]);
         });
     }
 }
