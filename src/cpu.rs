@@ -127,8 +127,7 @@ impl Cpu {
         let stripes = plan.cloth.stripes();
         self.pack(plan);
         let lost = AtomicUsize::new(usize::MAX);
-        let breadth = self.breadth;
-        let (x, u) = (Shared::new(&mut self.x), Shared::new(&mut self.p));
+        let (breadth, x, u) = (self.breadth, Shared::new(&mut self.x), Shared::new(&mut self.p));
         let good = [Shared::new(&mut self.x_good), Shared::new(&mut self.p_good)];
         let moves = Moves { plan, x, u, good, lost: &lost, breadth };
         let forces = self.parts.share(plan, x, u, elsewhere.is_none(), breadth);

@@ -132,7 +132,9 @@ impl Bench {
     }
 
     fn beside_floor(&mut self, n: u32, scene: &Scene, transfers: f64) -> Result<(), Failure> {
-        let bare = scene.bare();
+        // With as many levels: a scene may have none where it would have some without its forces.
+        let levels = self.cloth(Backend::Cpu, scene)?.step(FRAME, &scene.attributes)?.levels;
+        let bare = scene.bare(levels);
         let cloths = [(Backend::Cpu, &bare), (Backend::Hybrid, scene), (Backend::Cpu, scene)];
         let mut cloths = cloths.map(|(backend, scene)| self.cloth(backend, scene).map(|cloth| (scene, cloth, Vec::new())));
         let start = Instant::now();

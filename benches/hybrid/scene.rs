@@ -1,7 +1,7 @@
 //! What is timed.
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Fabric, Mesh, Options, Quality};
+use cloth_deformer::{Attributes, Fabric, Levels, Mesh, Options, Quality};
 
 /// A frame (s), and its substeps.
 pub(crate) const FRAME: f32 = 1.0 / 60.0;
@@ -36,13 +36,13 @@ impl Scene {
         self.options.fabric.bending > 0.0 || self.attributes.air_density > 0.0
     }
 
-    /// The same without them.
-    pub(crate) fn bare(&self) -> Scene {
+    /// The same without them, with this many levels.
+    pub(crate) fn bare(&self, levels: u32) -> Scene {
         let fabric = Fabric { bending: 0.0, damping: 0.0, ..self.options.fabric };
         Scene {
             name: self.name,
             mesh: self.mesh.clone(),
-            options: Options { fabric, ..self.options.clone() },
+            options: Options { fabric, levels: Levels::Count(levels), ..self.options.clone() },
             attributes: Attributes { air_density: 0.0, ..self.attributes.clone() },
         }
     }

@@ -190,19 +190,22 @@ impl Gpu {
 
     /// Waits for what was submitted.
     pub(crate) fn wait(&self) -> Result<(), String> {
-        let poll = || {
-            let begin = Instant::now();
-            while begin.elapsed() < AWAKE {
-                if self.device.poll(wgpu::PollType::Poll)?.is_queue_empty() {
-                    return Ok(wgpu::PollStatus::QueueEmpty);
-                }
-                std::thread::yield_now();
+        let begin = Instant::now();
+        while begin.elapsed() < AWAKE {
+            if self.poll(wgpu::PollType::Poll)?.is_queue_empty() {
+                return Ok(());
             }
-            self.device.poll(wgpu::PollType::wait_indefinitely())
-        };
+            std::thread::yield_now();
+        }
+        self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
+    }
+
+    /// Sees what is done, and calls back whoever asked.
+    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<wgpu::PollStatus, String> {
         // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
+        let poll = || self.device.poll(how);
         match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
-            Ok(polled) => polled.map(|_| ()).map_err(|error| error.to_string()),
+            Ok(polled) => polled.map_err(|error| error.to_string()),
             Err(_) => Err("the device was lost".to_owned()),
         }
     }

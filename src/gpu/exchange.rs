@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
@@ -16,6 +17,8 @@ use super::forces::Forces;
 use crate::crew::Shared;
 use crate::plan::Plan;
 
+/// How long a callback may take once the device is done.
+const PATIENCE: Duration = Duration::from_secs(2);
 /// Bytes of three floats.
 const THREE: u64 = size_of::<Vec3>() as u64;
 /// What `ready` holds when both buffers are back, and what one that was refused adds.
@@ -65,6 +68,8 @@ pub(crate) struct Exchange {
     leave: Stage,
     vertices: u64,
     views: Option<(wgpu::BufferViewMut, wgpu::BufferView)>,
+    /// Whether they are mapped, or about to be.
+    asked: bool,
     ready: Arc<AtomicU32>,
 }
 
@@ -94,12 +99,13 @@ impl Exchange {
         let leave = Stage::new(gpu, &forces.frame, Entry::new(&module, "leave"), &[bound]);
         let arrive = arrive.into_iter().collect();
         let [sent, given] = copies;
-        Exchange { arrive, leave, vertices, views: None, ready: Arc::default(), outbox, inbox, sent, given }
+        Exchange { arrive, leave, vertices, views: None, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
     }
 
     /// What is in reach; maps the buffers if they are not.
     pub(crate) fn open(&mut self, gpu: &Gpu) -> Result<Desk, String> {
         if self.views.is_none() {
+            self.close();
             self.ask();
             self.receive(gpu)
         } else {
@@ -146,6 +152,12 @@ impl Exchange {
     /// Waits until the buffers are back.
     pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Desk, String> {
         gpu.wait()?;
+        // Another thread that waits for the device may be about to call back for this one.
+        let start = Instant::now();
+        while self.ready.load(Ordering::Acquire) < BOTH && start.elapsed() < PATIENCE {
+            std::thread::yield_now();
+            gpu.poll(wgpu::PollType::Poll)?;
+        }
         if self.ready.load(Ordering::Acquire) != BOTH {
             return Err("the device could not map its buffers".to_owned());
         }
@@ -170,13 +182,15 @@ impl Exchange {
     }
 
     fn close(&mut self) {
-        if self.views.take().is_some() {
+        self.views = None;
+        if std::mem::take(&mut self.asked) {
             self.outbox.unmap();
             self.inbox.unmap();
         }
     }
 
     fn ask(&mut self) {
+        self.asked = true;
         self.ready.store(0, Ordering::Release);
         let note = || {
             let ready = Arc::clone(&self.ready);
