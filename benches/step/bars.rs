@@ -77,7 +77,7 @@ fn levels() {
             let [mut without, mut with] = [Levels::Off, Levels::Auto].map(moving);
             let times = in_turn(
                 &mut [&mut || scenes::frame(&mut without, &Attributes::default()), &mut || {
-                    scenes::frame(&mut with, &Attributes::default())
+                    scenes::frame(&mut with, &Attributes::default());
                 }],
                 41,
             );
