@@ -29,6 +29,9 @@ pub struct Deformer {
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
+    /// What the caller asked for, in the mesh's order; whether it is there, and not yet taken.
+    requested: Vec<Vec3>,
+    arrived: bool,
     /// The same positions as the cloth has them: far from the origin the caller's are coarser.
     local: Vec<Vec4>,
     /// What penetration is measured against: the colliders of the last step.
@@ -65,6 +68,8 @@ impl Deformer {
             lists: Lists::default(),
             positions,
             velocities,
+            requested: Vec::new(),
+            arrived: false,
             local,
             colliders: Vec::new(),
             gravity: Vec3::ZERO,
@@ -172,6 +177,43 @@ impl Deformer {
     pub fn positions(&mut self) -> Result<&[Vec3], StepError> {
         self.show()?;
         Ok(&self.positions)
+    }
+
+    /// Asks for the positions after the steps so far, without waiting: more steps may be queued behind, and
+    /// [`Deformer::requested_positions`] has them once they are there. What was asked for before and not taken is dropped.
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn request_positions(&mut self) -> Result<(), StepError> {
+        let under_way = self.engine.request().map_err(|failure| failure.named(&self.cloth, self.options.method))?;
+        self.arrived = !under_way;
+        if !under_way {
+            self.show()?;
+            self.requested.clone_from(&self.positions);
+        }
+        Ok(())
+    }
+
+    /// The positions (m) last asked for, one per vertex, in the mesh's order, once; `None` until they have arrived, and if
+    /// none were asked for. Never waits.
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn requested_positions(&mut self) -> Result<Option<&[Vec3]>, StepError> {
+        let (cloth, requested) = (&self.cloth, &mut self.requested);
+        let arrived = self.engine.arrived(|x| {
+            requested.resize(x.len(), Vec3::ZERO);
+            cloth.order.iter().zip(x).for_each(|(&vertex, x)| requested[vertex as usize] = x.truncate() + cloth.origin);
+        });
+        match arrived {
+            Ok(arrived) => self.arrived |= arrived,
+            Err(failure) => {
+                // The same failure is found where the state is read, which also says what the next step starts from.
+                self.show()?;
+                return Err(failure.named(&self.cloth, self.options.method));
+            }
+        }
+        Ok(std::mem::take(&mut self.arrived).then_some(&*self.requested))
     }
 
     /// Velocities (m/s), one per vertex, in the mesh's order, half a substep back (leapfrog).
@@ -325,7 +367,7 @@ impl Deformer {
     #[doc(hidden)]
     pub fn exchange_every(&mut self, substeps: u32) {
         if let Engine::Hybrid(hybrid) = &mut self.engine {
-            hybrid.every = substeps as usize;
+            hybrid.every = substeps.max(1) as usize;
         }
     }
 

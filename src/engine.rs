@@ -123,6 +123,29 @@ impl Engine {
         }
     }
 
+    /// Asks for positions without waiting; whether there is anybody to wait for.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, clippy::unused_self, reason = "memory is always there"))]
+    pub(crate) fn request(&mut self) -> Result<bool, Failure> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.request().map(|()| true),
+            _ => Ok(false),
+        }
+    }
+
+    /// Shows the positions asked for to `look` if they have arrived: whether they have.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, clippy::unused_self, reason = "nothing is under way"))]
+    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.arrived(look),
+            _ => {
+                drop(look);
+                Ok(false)
+            }
+        }
+    }
+
     /// Shows the state, `x` and `p`, to `look`.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {

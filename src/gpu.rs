@@ -18,6 +18,7 @@ mod normals;
 mod patches;
 #[cfg(test)]
 mod paths;
+mod snapshot;
 mod sweep;
 mod top;
 
@@ -40,6 +41,7 @@ pub(crate) use forces::Forces;
 use normals::Normals;
 pub use normals::Surface;
 use patches::{Cut, Patches};
+use snapshot::Snapshot;
 #[cfg(test)]
 pub(crate) use sweep::Batch;
 use sweep::{Colours, Halo, TURNS, Whole, turn};
@@ -120,6 +122,8 @@ pub(crate) struct GpuEngine {
     commit: Stage,
     first_bad: wgpu::Buffer,
     staging: wgpu::Buffer,
+    /// What was asked for and has not been seen.
+    snapshot: Option<Snapshot>,
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
     /// What the last step came to.
@@ -205,6 +209,7 @@ impl GpuEngine {
                 commit,
                 first_bad,
                 staging,
+                snapshot: None,
                 normals: None,
                 counted: GpuWork::default(),
             };
@@ -425,6 +430,30 @@ impl GpuEngine {
     }
 
     /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
+    /// Asks for the positions, in place of what was asked for before.
+    pub(crate) fn request(&mut self) -> Result<(), Failure> {
+        let snapshot = Snapshot::new(&self.gpu, &self.forces.states[0].x, &self.first_bad);
+        self.snapshot = Some(snapshot.map_err(Failure::Gpu)?);
+        Ok(())
+    }
+
+    /// Shows what was asked for to `look`, once, if it is there: whether it was.
+    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+        let Some(snapshot) = &self.snapshot else { return Ok(false) };
+        let seen = snapshot.look(&self.gpu, |x, first_bad| {
+            look(x);
+            first_bad
+        });
+        let seen = seen.map_err(Failure::Gpu)?;
+        if seen.is_some() {
+            self.snapshot = None;
+        }
+        match seen {
+            Some(vertex) if vertex != NONE => Err(Failure::Unstable(vertex as usize)),
+            seen => Ok(seen.is_some()),
+        }
+    }
+
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         let state = &self.forces.states[0];
         let size = state.x.size();

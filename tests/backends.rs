@@ -4,7 +4,7 @@
 mod common;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError};
 use common::{FRAME, play};
 
 /// A scene with one thing in it.
@@ -178,7 +178,14 @@ fn reset_replays(backend: Backend) {
     assert_eq!(deformer.positions().unwrap(), first);
 }
 
-on_every_backend!(replay, reset_replays, a_failed_step_leaves_the_state, measure_is_right, a_crowd_moves_as_each_alone);
+on_every_backend!(
+    replay,
+    reset_replays,
+    a_failed_step_leaves_the_state,
+    measure_is_right,
+    a_crowd_moves_as_each_alone,
+    positions_arrive_later
+);
 
 /// Cloths of several sizes, one of them windy, one led; and one whose step is refused, which holds up none of the others.
 fn a_crowd_moves_as_each_alone(backend: Backend) {
@@ -262,6 +269,46 @@ fn fails(backend: Backend, air_density: f32) {
         play(deformer, 3, &still);
     }
     assert_eq!(deformer.positions().unwrap(), spared.positions().unwrap());
+}
+
+/// What was asked for, however long it takes.
+fn taken(deformer: &mut Deformer) -> Result<Vec<Vec3>, StepError> {
+    loop {
+        if let Some(positions) = deformer.requested_positions()? {
+            return Ok(positions.to_vec());
+        }
+        std::thread::yield_now();
+    }
+}
+
+/// Positions asked for are those of that moment, whatever is queued behind; they are there once, and a failure is told.
+fn positions_arrive_later(backend: Backend) {
+    let (mesh, options) = common::hang(9, 20, backend);
+    let attributes = Attributes::default();
+    let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
+    assert!(deformer.requested_positions().unwrap().is_none(), "none were asked for");
+    play(&mut deformer, 3, &attributes);
+    let then = deformer.positions().unwrap().to_vec();
+    deformer.request_positions().unwrap();
+    play(&mut deformer, 3, &attributes);
+    assert_eq!(taken(&mut deformer).unwrap(), then);
+    assert!(deformer.requested_positions().unwrap().is_none(), "they were taken");
+    let now = deformer.positions().unwrap().to_vec();
+    assert_ne!(now, then);
+    // The second request takes the first's place.
+    deformer.request_positions().unwrap();
+    play(&mut deformer, 1, &attributes);
+    deformer.request_positions().unwrap();
+    let later = taken(&mut deformer).unwrap();
+    assert_eq!(later, deformer.positions().unwrap());
+    let endless = Attributes { gravity: Vec3::splat(3e38), ..Attributes::default() };
+    let failed = deformer
+        .step(FRAME, &endless)
+        .map(|_| ())
+        .and_then(|()| deformer.request_positions())
+        .and_then(|()| taken(&mut deformer).map(|_| ()));
+    assert!(matches!(failed, Err(StepError::Unstable { .. })), "{failed:?}");
+    assert_eq!(deformer.positions().unwrap(), later, "the state is as it was");
 }
 
 /// A stretched, moving pair of triangles, by hand.

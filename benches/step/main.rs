@@ -20,7 +20,7 @@ fn threads(criterion: &mut Criterion) {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     for n in [32_u32, 64, 128, 256] {
         group.throughput(Throughput::Elements(u64::from(n * n * SUBSTEPS)));
-        let mut yardstick = Plain::hang(n, SUBSTEPS);
+        let mut yardstick = Plain::hang(n, SUBSTEPS, true);
         (0..30 * SUBSTEPS).for_each(|_| yardstick.substep());
         group.bench_function(BenchmarkId::new("plain", n), |bencher| {
             bencher.iter(|| (0..SUBSTEPS).for_each(|_| black_box(&mut yardstick).substep()));

@@ -1,4 +1,7 @@
 //! The yardstick: the default method as plainly as it can be written, one edge after another, on one thread.
+//!
+//! In the order of colours it is as stable as the crate; in the mesh's own order, that of code that knows no batches, it gains
+//! energy after a while (`tests/stability.rs`), and waits for each edge's neighbour to be done.
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Vec3A, Vec4};
@@ -24,8 +27,8 @@ struct Edge {
 }
 
 impl Plain {
-    /// Density 0.2 kg/m², K = 5000 N/m.
-    pub(crate) fn hang(n: u32, substeps: u32) -> Plain {
+    /// Density 0.2 kg/m², K = 5000 N/m. `colors`: edges in the order of colours, else of their vertices.
+    pub(crate) fn hang(n: u32, substeps: u32, colors: bool) -> Plain {
         let mesh = Mesh::grid(n, n, 1.0, 1.0);
         let h = 1.0 / (60.0 * substeps as f32);
         let side = 1.0 / (n - 1) as f32;
@@ -64,9 +67,20 @@ impl Plain {
             let inverse_weight = 1.0 / (weight + (compliance - 0.5 * weight).max(0.0));
             edges.push((color, Edge { a, b, inverse_rest: 1.0 / rest, inverse_weight }));
         }
-        edges.sort_by_key(|&(color, _)| color);
+        if colors {
+            edges.sort_by_key(|&(color, _)| color);
+        } else {
+            edges.sort_by_key(|(_, edge)| (edge.a, edge.b));
+        }
         let zero = vec![Vec3A::ZERO; x.len()];
         Plain { x, p: zero.clone(), u: zero, edges: edges.into_iter().map(|(_, edge)| edge).collect(), h, last: 0.0 }
+    }
+
+    /// Back to rest, at the given place.
+    pub(crate) fn reset(&mut self, rest: &[Vec3A]) {
+        self.x.iter_mut().zip(rest).for_each(|(x, rest)| *x = rest.extend(x.w));
+        self.p.fill(Vec3A::ZERO);
+        self.last = 0.0;
     }
 
     /// One substep.
