@@ -124,7 +124,7 @@ impl Engine {
     }
 
     /// Asks for positions without waiting; whether there is anybody to wait for.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, clippy::unused_self, reason = "memory is always there"))]
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory is always there"))]
     pub(crate) fn request(&mut self) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
@@ -134,7 +134,7 @@ impl Engine {
     }
 
     /// Shows the positions asked for to `look` if they have arrived: whether they have.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, clippy::unused_self, reason = "nothing is under way"))]
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "nothing is under way"))]
     pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
