@@ -12,9 +12,9 @@ pub enum Backend {
     /// A real GPU if there is one and the mesh is large enough to gain from it, else the CPU.
     #[default]
     Auto,
-    /// Rayon over vertices, and over the edges of one colour at a time.
+    /// Rayon's threads: the colours' order in stripes, the same bits on any number of them.
     Cpu,
-    /// Forces on the GPU, edges and contact on the CPU, every substep: the shape of the 2013 plug-in.
+    /// Forces that differ from vertex to vertex on the GPU, edges and contact on the CPU, every substep: the shape of the 2013 plug-in.
     Hybrid,
     /// Everything on the GPU; read back when asked for.
     Gpu,
