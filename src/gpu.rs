@@ -21,6 +21,7 @@ mod paths;
 mod snapshot;
 mod sweep;
 mod top;
+mod work;
 
 use glam::Vec4;
 
@@ -45,6 +46,8 @@ use snapshot::Snapshot;
 #[cfg(test)]
 pub(crate) use sweep::Batch;
 use sweep::{Colours, Halo, TURNS, Whole, turn};
+pub use work::GpuWork;
+use work::Work;
 
 /// From this many vertices on a GPU beats the CPU: in `benches/results/gpu_h200.md`, at 20 substeps, the H200 takes .90 ms for
 /// 128 x 128 and 16 cores 1.03, and .64 against .56 for 64 x 64.
@@ -52,9 +55,7 @@ pub(crate) const WORTHWHILE: usize = 16_384;
 
 /// Rounded up so that a uniform of any size may start there.
 const SLOT: u64 = 256;
-/// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
-const LONGEST_SUBMIT: usize = 16_384;
-/// Sweeps in one dispatch, for the same reason.
+/// Sweeps in one dispatch: a driver takes the device away from work that holds it for seconds.
 const LONGEST_DISPATCH: u32 = 2048;
 /// Vertices up to which one workgroup is faster than many, and cloths of any size from which one each is.
 const WHOLE_ALONE: usize = 1024;
@@ -73,36 +74,6 @@ const NONE: u32 = u32::MAX;
 fn cut(cloth: &Cloth, most: Cut) -> Option<Patches> {
     let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
     Patches::new(&cloth.rest, &ends, &cloth.colors, most)
-}
-
-/// Dispatches on their way to the device: one pass and one submit, or as few as it bears.
-struct Work<'a> {
-    gpu: &'a Gpu,
-    encoder: wgpu::CommandEncoder,
-    pass: wgpu::ComputePass<'static>,
-    dispatches: usize,
-}
-
-impl<'a> Work<'a> {
-    fn new(gpu: &'a Gpu) -> Work<'a> {
-        let mut encoder = gpu.encoder();
-        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
-        Work { gpu, encoder, pass, dispatches: 0 }
-    }
-
-    /// The pass, with room for some dispatches that belong together. What was bound may have to be bound again.
-    fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
-        if self.dispatches > 0 && self.dispatches + dispatches > LONGEST_SUBMIT {
-            std::mem::replace(self, Work::new(self.gpu)).submit();
-        }
-        self.dispatches += dispatches;
-        &mut self.pass
-    }
-
-    fn submit(self) {
-        drop(self.pass);
-        self.gpu.queue.submit([self.encoder.finish()]);
-    }
 }
 
 /// A cloth on the GPU.
@@ -128,20 +99,6 @@ pub(crate) struct GpuEngine {
     normals: Option<Normals>,
     /// What the last step came to.
     counted: GpuWork,
-}
-
-/// What a step asks of a GPU, counted: for a roofline beside measured times.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct GpuWork {
-    /// Dispatches that each wait for the one before.
-    pub dispatches: usize,
-    /// Bytes read and written if each dispatch reads what it needs once.
-    pub bytes: usize,
-    /// Colours that each wait for the one before, inside of dispatches.
-    pub rounds: usize,
-    /// Edges corrected in workgroup memory, those of halos in every patch that has them.
-    pub edges: usize,
 }
 
 /// How a substep's edges are swept.
