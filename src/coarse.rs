@@ -7,11 +7,13 @@ use glam::Vec4;
 use crate::cloth::Cloth;
 use crate::crew::Shared;
 use crate::kernels::Edge;
-use crate::lanes::{Breadth, Packed, Rule};
+use crate::lanes::Rule;
 use crate::levels::Level;
 use crate::lines::Lines;
+use crate::packed::Packed;
 use crate::plan::Plan;
-use crate::stripes::Stripes;
+use crate::stripes::{Stripes, Task};
+use crate::wide::Breadth;
 
 /// Aggregates that a task restricts.
 const GRAIN: usize = 64;
@@ -60,11 +62,9 @@ impl Aggregates {
         }
     }
 
-    fn pack(&mut self, level: &Level, edges: &[Edge]) {
-        self.edges.resize_with(self.stripes.rounds.len(), Packed::default);
-        for (packed, tasks) in self.edges.iter_mut().zip(&self.stripes.rounds) {
-            packed.pack(tasks, edges, &level.colors, &level.inverse_mass);
-        }
+    fn pack(&mut self, level: &Level, edges: &[Edge], breadth: Breadth) {
+        let pack = |tasks: &Vec<Task>| Packed::new(tasks, edges, &level.colors, &level.inverse_mass, breadth);
+        self.edges = self.stripes.rounds.iter().map(pack).collect();
     }
 
     fn share(&mut self) {
@@ -75,14 +75,14 @@ impl Aggregates {
 
 impl Coarse {
     /// Makes ready for substeps of another length: `edges` of each level in use.
-    pub(crate) fn pack(&mut self, cloth: &Cloth, edges: &[Vec<Edge>]) {
+    pub(crate) fn pack(&mut self, cloth: &Cloth, edges: &[Vec<Edge>], breadth: Breadth) {
         self.levels.truncate(edges.len());
         for (index, edges) in edges.iter().enumerate() {
             let level = &cloth.hierarchy().levels[index];
             if index == self.levels.len() {
                 self.levels.push(Aggregates::new(level));
             }
-            self.levels[index].pack(level, edges);
+            self.levels[index].pack(level, edges, breadth);
         }
     }
 
@@ -92,7 +92,6 @@ impl Coarse {
         plan: &'a Plan<'_>,
         x: Shared<Vec4>,
         u: Shared<Vec4>,
-        breadth: Breadth,
     ) -> Option<Correction<'a>> {
         self.levels.iter_mut().for_each(Aggregates::share);
         let apart = self.levels.iter().position(|level| level.x.len() < WORTHWHILE).unwrap_or(self.levels.len());
@@ -101,7 +100,6 @@ impl Coarse {
             fine: (x, u),
             levels: &self.levels,
             apart,
-            breadth,
         })
     }
 }
@@ -129,7 +127,6 @@ pub(crate) struct Correction<'a> {
     levels: &'a [Aggregates],
     /// Levels with rounds of their own, the finest ones.
     apart: usize,
-    breadth: Breadth,
 }
 
 #[expect(unsafe_code, reason = "see Correction; labels and members are indices into the level below")]
@@ -196,7 +193,7 @@ impl Correction<'_> {
             self.hand_down_to(level, here.stripes.ranges[task].clone());
         }
         // SAFETY: see Correction.
-        unsafe { here.edges[round].sweep(task, here.at.x, here.at.u, Rule::Pull, self.breadth) };
+        unsafe { here.edges[round].sweep(task, here.at.x, here.at.u, Rule::Pull) };
     }
 
     /// Adds to some aggregates of a level what their aggregates were corrected by.

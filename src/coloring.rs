@@ -59,7 +59,7 @@ fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
     (x * 9 + y) * 9 + z
 }
 
-/// First fit, each palette with colours of its own; none if that takes more than `most`.
+/// First fit but for rows, each palette with colours of its own; none if that takes more than `most`.
 fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, most: usize, vertices: usize) -> Option<Coloring> {
     // A bit for each colour that a vertex has already; one word does for all but the wildest fans.
     let mut used = vec![0_u64; vertices];
@@ -68,19 +68,28 @@ fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, mos
     let mut colors = 0;
     for palette in palettes {
         let base = colors;
+        let mut last = ([u32::MAX; 2], 0);
         for &index in palette {
-            let [a, b] = edges[index as usize].map(|vertex| vertex as usize);
+            let edge = edges[index as usize];
+            let [a, b] = edge.map(|vertex| vertex as usize);
             let word = |vertex: usize, word: usize| match word {
                 0 => used[vertex],
                 _ => further.get(vertex).and_then(|words| words.get(word - 1)).copied().unwrap_or(0),
             };
-            let free = (base / 64..)
-                .find_map(|w| {
-                    let below = if w == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
-                    let free = !(word(a, w) | word(b, w) | below);
-                    (free != 0).then(|| 64 * w + free.trailing_zeros() as usize)
-                })
-                .expect("a word past the last used colour is free");
+            let first = || {
+                (base / 64..)
+                    .find_map(|w| {
+                        let below = if w == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
+                        let free = !(word(a, w) | word(b, w) | below);
+                        (free != 0).then(|| 64 * w + free.trailing_zeros() as usize)
+                    })
+                    .expect("a word past the last used colour is free")
+            };
+            // Beside the last edge, its colour: one row of a grid has one colour, and its edges can be visited side by side.
+            let beside = edge == last.0.map(|vertex: u32| vertex.wrapping_add(1));
+            let taken = |color: usize| (word(a, color / 64) | word(b, color / 64)) >> (color % 64) & 1 == 1;
+            let free = if beside && !taken(last.1) { last.1 } else { first() };
+            last = (edge, free);
             if free >= most {
                 return None;
             }

@@ -10,11 +10,14 @@ use crate::coarse::{Coarse, Tasks};
 use crate::crew::{Crew, Shared, Turns};
 use crate::engine::Failure;
 use crate::forces::Parts;
-use crate::lanes::{Breadth, Packed, Rule};
+use crate::lanes::Rule;
 use crate::lines::Lines;
 use crate::moves::{Moves, Then};
 use crate::options::Method;
+use crate::packed::Packed;
 use crate::plan::Plan;
+use crate::stripes::Task;
+use crate::wide::Breadth;
 
 /// The state of the cloth in memory, one value per vertex in the cloth's order.
 #[derive(Debug)]
@@ -136,7 +139,7 @@ impl Cpu {
         let falls = elsewhere.is_none() && !forces.any();
 
         let rounds = &mut self.rounds;
-        let coarse = self.coarse.share(plan, x, u, breadth);
+        let coarse = self.coarse.share(plan, x, u);
         rounds.clear();
         self.crew.clear();
         let mut add = |round: Round, turns: Turns, tasks: usize| {
@@ -166,7 +169,7 @@ impl Cpu {
             #[expect(unsafe_code, reason = "tasks are kept apart by Stripes and Crew")]
             // SAFETY: in a round of stripes or borders a task visits vertices of its own alone.
             unsafe {
-                edges.sweep(task, x, u, rule, breadth);
+                edges.sweep(task, x, u, rule);
             }
         };
         let state = State { x, u };
@@ -238,11 +241,9 @@ impl Cpu {
         }
         self.packed_for = wanted;
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
-        self.edges.resize_with(stripes.rounds.len(), Packed::default);
-        for (packed, tasks) in self.edges.iter_mut().zip(&stripes.rounds) {
-            packed.pack(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass);
-        }
-        self.coarse.pack(plan.cloth, &coefficients.levels);
+        let pack = |tasks: &Vec<Task>| Packed::new(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass, self.breadth);
+        self.edges = stripes.rounds.iter().map(pack).collect();
+        self.coarse.pack(plan.cloth, &coefficients.levels, self.breadth);
     }
 }
 

@@ -7,12 +7,12 @@ use crate::cloth::Cloth;
 use crate::coefficients::Coefficients;
 use crate::crew::Shared;
 use crate::kernels::{BendEntry, BendRow, Panel, Params, Substep};
-use crate::wide::{self, Eight, IN_ROW, Two, Wide, Wide3};
+use crate::wide::{self, At, Eight, Wide, Wide3};
 
 /// Vertices or triangles together.
 pub(crate) const WIDTH: usize = 8;
 
-/// What the loops need, in their order: lane `k` of vertices is the one at [`IN_ROW`]`[k]`.
+/// What the loops need, in their order: lane `k` of vertices is the one at [`wide::place`].
 #[derive(Debug, Default)]
 pub(crate) struct Eights {
     rows: Vec<Rows>,
@@ -71,7 +71,7 @@ impl Eights {
     fn pack_rows(&mut self, cloth: &Cloth, rows: &[BendRow], bending: &Bending) {
         let mut entries: [Vec<BendEntry>; WIDTH] = Default::default();
         for first in (0..rows.len()).step_by(WIDTH) {
-            let vertex = IN_ROW.map(|k| first + k);
+            let vertex = std::array::from_fn::<_, WIDTH, _>(|lane| first + wide::place(lane, WIDTH));
             for (entries, &v) in entries.iter_mut().zip(&vertex) {
                 entries.clear();
                 entries.extend(if v < rows.len() { bending.entries.of(v as u32) } else { &[] });
@@ -83,7 +83,7 @@ impl Eights {
                 let entry = |lane: usize| entries[lane].get(index);
                 let itself = |lane: usize| vertex[lane].min(rows.len() - 1) as u32;
                 let other: [u32; WIDTH] = std::array::from_fn(|lane| entry(lane).map_or(itself(lane), |entry| entry.other));
-                self.places.push(if other == IN_ROW.map(|k| other[0] + k as u32) {
+                self.places.push(if (0..WIDTH).all(|lane| other[lane] == other[0] + wide::place(lane, WIDTH) as u32) {
                     Place::Row(other[0])
                 } else {
                     self.apart.push(other);
@@ -264,7 +264,7 @@ impl Eights {
         let first = eight * WIDTH;
         for (k, pair) in Eight::vectors(force).into_iter().enumerate() {
             // SAFETY: the caller's promise.
-            unsafe { pair.store(gusts, Two::Apart(first + k, first + k + 4)) };
+            unsafe { pair.store(gusts, At::Apart([first + k, first + k + 4, 0, 0])) };
         }
     }
 }
@@ -304,7 +304,7 @@ fn all([x, y, z]: [f32; 3]) -> Wide3<Eight> {
 #[inline]
 #[target_feature(enable = "avx2,fma")]
 fn of(values: &[f32; WIDTH]) -> Eight {
-    Eight::from_array(values)
+    Eight::from_slice(values)
 }
 
 /// Eight vertices from `first` on, in the order of [`IN_ROW`].
@@ -315,7 +315,7 @@ unsafe fn vertices(values: Shared<Vec4>, first: usize) -> Wide3<Eight> {
     let mut pairs = [Eight::splat(0.0); 4];
     for (k, pair) in pairs.iter_mut().enumerate() {
         // SAFETY: the caller's promise.
-        *pair = unsafe { Eight::load(values, Two::Beside(first + 2 * k)) };
+        *pair = unsafe { Eight::load(values, At::Beside(first + 2 * k)) };
     }
     Eight::transpose(pairs)
 }
@@ -328,7 +328,7 @@ unsafe fn gather(values: Shared<Vec4>, at: &[u32; WIDTH]) -> Wide3<Eight> {
     let mut pairs = [Eight::splat(0.0); 4];
     for (k, pair) in pairs.iter_mut().enumerate() {
         // SAFETY: the caller's promise.
-        *pair = unsafe { Eight::load(values, Two::Apart(at[k] as usize, at[k + 4] as usize)) };
+        *pair = unsafe { Eight::load(values, At::Apart([at[k] as usize, at[k + 4] as usize, 0, 0])) };
     }
     Eight::transpose(pairs)
 }
@@ -340,6 +340,6 @@ unsafe fn gather(values: Shared<Vec4>, at: &[u32; WIDTH]) -> Wide3<Eight> {
 unsafe fn put(values: Shared<Vec4>, first: usize, vectors: Wide3<Eight>) {
     for (k, pair) in Eight::vectors(vectors).into_iter().enumerate() {
         // SAFETY: the caller's promise.
-        unsafe { pair.store(values, Two::Beside(first + 2 * k)) };
+        unsafe { pair.store(values, At::Beside(first + 2 * k)) };
     }
 }

@@ -8,10 +8,10 @@ use crate::crew::Shared;
 #[cfg(target_arch = "x86_64")]
 use crate::eights::{self, Eights, State};
 use crate::kernels::{self, BendEntry, BendRow, Substep, xyz};
-use crate::lanes::Breadth;
 use crate::lines::Lines;
 use crate::options::Method;
 use crate::plan::Plan;
+use crate::wide::Breadth;
 
 /// Triangles that a task computes the air's force on.
 const GRAIN: usize = 1024;
@@ -75,7 +75,7 @@ impl Parts {
         #[cfg(target_arch = "x86_64")]
         {
             let scene = (plan.coefficients.h.to_bits(), bending, wind);
-            if breadth == Breadth::Eight && self.packed_for != Some(scene) {
+            if breadth >= Breadth::Eight && self.packed_for != Some(scene) {
                 self.eights = Eights::new(plan.cloth, plan.coefficients, bending, wind);
                 self.packed_for = Some(scene);
             }
@@ -88,7 +88,7 @@ impl Parts {
             couples: Shared::new(&mut self.couples),
             gusts: Shared::new(&mut self.gusts),
             #[cfg(target_arch = "x86_64")]
-            eights: (breadth == Breadth::Eight).then_some(&self.eights),
+            eights: (breadth >= Breadth::Eight).then_some(&self.eights),
         }
     }
 }

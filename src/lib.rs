@@ -32,6 +32,7 @@ mod mesh;
 mod moves;
 mod obj;
 mod options;
+mod packed;
 mod pc2;
 mod plan;
 mod quality;

@@ -21,6 +21,13 @@ impl Lines {
     pub(crate) fn new(length: usize) -> Lines {
         Lines { lines: vec![Line::zeroed(); 2 * length.div_ceil(8)], length }
     }
+
+    /// These.
+    pub(crate) fn of(vectors: &[Vec4]) -> Lines {
+        let mut lines = Lines::new(vectors.len());
+        lines.copy_from_slice(vectors);
+        lines
+    }
 }
 
 impl Deref for Lines {

@@ -8,8 +8,8 @@ use glam::{Vec3, Vec3A, Vec4};
 use crate::cloth::MAX_POSITION;
 use crate::crew::Shared;
 use crate::kernels::{self, Body, PLANE, Substep, xyz};
-use crate::lanes::Breadth;
 use crate::plan::Plan;
+use crate::wide::{self, At, Breadth, Loop, Wide};
 
 /// The loops over vertices that a task owns.
 #[derive(Debug)]
@@ -57,21 +57,14 @@ impl Moves<'_> {
     /// Contact, the move, and what comes then.
     pub(crate) fn advance(&self, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
         for range in ranges {
-            let range = range.start as usize..range.end as usize;
-            #[cfg(target_arch = "x86_64")]
-            if let (Breadth::Eight, Then::Fall(next)) = (self.breadth, then) {
-                // SAFETY: the processor has the instructions; the task's own vertices.
-                let mut first = range.start;
-                while range.end - first >= 8 {
-                    if !unsafe { self.eight(first, substep, next) } {
-                        self.each(first..first + 8, substep, then);
-                    }
-                    first += 8;
-                }
-                self.each(first..range.end, substep, then);
+            let vertices = range.start as usize..range.end as usize;
+            #[cfg(test)]
+            if self.breadth == Breadth::One {
+                self.each(vertices, substep, then);
                 continue;
             }
-            self.each(range, substep, then);
+            // SAFETY: the breadth was detected; the task's own vertices.
+            unsafe { wide::run(self.breadth, Advance { moves: self, vertices, substep, then }) };
         }
     }
 
@@ -106,55 +99,93 @@ impl Moves<'_> {
             }
         }
     }
+}
 
-    /// [`Moves::each`] for eight vertices that are clear of all bodies, and will fall on; false, and nothing, if one may not be clear.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma")]
-    unsafe fn eight(&self, first: usize, substep: &Substep, next: &Substep) -> bool {
-        use crate::wide::{Eight, Wide, dot, sub};
-        #[allow(clippy::wildcard_imports, reason = "the instruction set is the vocabulary here")]
-        use std::arch::x86_64::*;
+/// [`Moves::each`] of many vertices together, where they are clear of all bodies and nothing is wrong.
+struct Advance<'a> {
+    moves: &'a Moves<'a>,
+    vertices: Range<usize>,
+    substep: &'a Substep,
+    then: Then<'a>,
+}
 
-        // SAFETY: the task's own vertices.
-        unsafe {
-            let at = |values: Shared<Vec4>, k: usize| values.pointer().add(first + 2 * k).cast::<f32>();
-            let mut x = [Eight::splat(0.0); 4];
-            let mut u = x;
-            for k in 0..4 {
-                x[k] = Eight(_mm256_loadu_ps(at(self.x, k)));
-                u[k] = Eight(_mm256_loadu_ps(at(self.u, k)));
-            }
-            if !self.plan.bodies.is_empty() {
-                let (place, by) = (Eight::transpose(x), Eight::transpose(u));
-                let travel = dot(by, by);
-                for body in self.plan.bodies {
-                    let clear = Clear::of(body, substep, self.plan.params.fraction);
-                    let from = sub(place, clear.center.to_array().map(Eight::splat));
-                    let slow = travel.below(Eight::splat(clear.travel * clear.travel));
-                    let square = dot(from, from);
-                    let outside = match clear.normal {
-                        None => Eight::splat(clear.reach * clear.reach).below(square),
-                        Some(normal) => {
-                            let height = dot(from, normal.to_array().map(Eight::splat));
-                            let sure = (square * Eight::splat(1e-8)).below(height * height);
-                            Eight::both(sure, Eight::splat(clear.reach).below(height))
-                        }
-                    };
-                    if !Eight::all(Eight::both(slow, outside)) {
-                        return false;
+#[expect(unsafe_code, reason = "see Moves")]
+impl Loop for Advance<'_> {
+    #[inline(always)]
+    unsafe fn run<W: Wide>(self) {
+        let Moves { plan, x, u, .. } = *self.moves;
+        let (zero, group) = (W::splat(0.0), W::LANES / 4);
+        let (carry, gravity) = match self.then {
+            Then::Fall(next) => (W::splat(next.carry), W::repeat((Vec3::from(plan.params.acceleration) * next.gain).extend(0.0))),
+            Then::Wait | Then::Check => (W::splat(1.0), zero),
+        };
+        let fourth = zero.below(W::repeat(Vec4::W));
+        let most = W::splat(MAX_POSITION);
+        let mut first = self.vertices.start;
+        while self.vertices.end - first >= W::LANES {
+            // SAFETY: the task's own vertices.
+            unsafe {
+                let mut clear = plan.bodies.is_empty() || self.clear::<W>(first);
+                if clear && matches!(self.then, Then::Check) {
+                    for k in 0..4 {
+                        let at = At::Beside(first + group * k);
+                        let (x, u) = (W::load(x, at), W::load(u, at));
+                        let to = W::choose(fourth, zero, x + u);
+                        clear &= W::all(W::both(to.abs().below(most), W::choose(fourth, zero, u).abs().below(most)));
                     }
                 }
+                if clear {
+                    for k in 0..4 {
+                        let at = At::Beside(first + group * k);
+                        let (from, by) = (W::load(x, at), W::load(u, at));
+                        // The inverse mass stays.
+                        W::choose(fourth, from, from + by).store(x, at);
+                        if matches!(self.then, Then::Fall(_)) {
+                            // Rounded as the plain code does it, product and sum.
+                            W::choose(zero.below(from.last()), by * carry + gravity, zero).store(u, at);
+                        }
+                    }
+                } else {
+                    self.moves.each(first..first + W::LANES, self.substep, self.then);
+                }
             }
-            let [a, b, c] = self.plan.params.acceleration.map(|a| a * next.gain);
-            let gravity = _mm256_setr_ps(a, b, c, 0.0, a, b, c, 0.0);
-            let carry = _mm256_set1_ps(next.carry);
-            for k in 0..4 {
-                let free = _mm256_cmp_ps::<_CMP_NEQ_UQ>(_mm256_permute_ps::<0xff>(x[k].0), _mm256_setzero_ps());
-                // The inverse mass stays.
-                let to = _mm256_blend_ps::<0x88>((x[k] + u[k]).0, x[k].0);
-                let on = _mm256_and_ps(free, _mm256_add_ps(_mm256_mul_ps(u[k].0, carry), gravity));
-                _mm256_storeu_ps(at(self.x, k), to);
-                _mm256_storeu_ps(at(self.u, k), on);
+            first += W::LANES;
+        }
+        self.moves.each(first..self.vertices.end, self.substep, self.then);
+    }
+}
+
+#[expect(unsafe_code, reason = "see Moves")]
+impl Advance<'_> {
+    /// Whether these vertices surely meet no body.
+    #[inline(always)]
+    unsafe fn clear<W: Wide>(&self, first: usize) -> bool {
+        let group = W::LANES / 4;
+        let at = |k: usize| At::Beside(first + group * k);
+        // SAFETY: the caller's promise.
+        let (place, by) = unsafe {
+            let Moves { x, u, .. } = *self.moves;
+            let place = [W::load(x, at(0)), W::load(x, at(1)), W::load(x, at(2)), W::load(x, at(3))];
+            let by = [W::load(u, at(0)), W::load(u, at(1)), W::load(u, at(2)), W::load(u, at(3))];
+            (W::transpose(place), W::transpose(by))
+        };
+        let travel = wide::dot(by, by);
+        for body in self.moves.plan.bodies {
+            let clear = Clear::of(body, self.substep, self.moves.plan.params.fraction);
+            let [cx, cy, cz] = clear.center.to_array();
+            let from = wide::sub(place, [W::splat(cx), W::splat(cy), W::splat(cz)]);
+            let slow = travel.below(W::splat(clear.travel * clear.travel));
+            let square = wide::dot(from, from);
+            let outside = match clear.normal {
+                None => W::splat(clear.reach * clear.reach).below(square),
+                Some(normal) => {
+                    let height = wide::dot(from, [W::splat(normal.x), W::splat(normal.y), W::splat(normal.z)]);
+                    let sure = (square * W::splat(1e-8)).below(height * height);
+                    W::both(sure, W::splat(clear.reach).below(height))
+                }
+            };
+            if !W::all(W::both(slow, outside)) {
+                return false;
             }
         }
         true
@@ -248,10 +279,10 @@ mod tests {
                 let both: [Vec<[f32; 4]>; 2] = [x, u].map(state);
                 both
             };
-            let (one, eight) = (run(Breadth::Four), run(Breadth::detected()));
-            for (one, eight) in one.iter().zip(&eight) {
+            let one = run(Breadth::One);
+            for (one, eight) in Breadth::all().into_iter().map(run).flat_map(|many| one.clone().into_iter().zip(many)) {
                 let same = |a: &[f32; 4], b: &[f32; 4]| a[..3].iter().zip(&b[..3]).all(|(a, b)| a == b);
-                let first = one.iter().zip(eight).position(|(a, b)| !same(a, b));
+                let first = one.iter().zip(&eight).position(|(a, b)| !same(a, b));
                 assert!(first.is_none(), "{:?} {far} {size}: vertex {first:?}", body.shape);
             }
         }

@@ -1,4 +1,6 @@
-//! Numbers side by side, for loops that do the same to many: eight with AVX2, four wherever glam runs.
+//! Numbers side by side, for loops that do the same to many: sixteen with AVX-512, eight with AVX2, four wherever glam runs.
+//!
+//! Vectors of four lie in the same lanes, a quarter as many: so they are loaded, four times over, and transposed.
 //!
 //! What is computed is written once over [`Wide`]; a function that enables the instructions calls it, so everything here is
 //! inlined into that.
@@ -9,10 +11,146 @@ use std::ops::{Add, Div, Mul, Sub};
 
 use glam::{BVec4A, Mat4, Vec4};
 
-/// Numbers side by side.
+use crate::crew::Shared;
+
+#[cfg(target_arch = "x86_64")]
+mod eight;
+#[cfg(target_arch = "x86_64")]
+mod sixteen;
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) use eight::Eight;
+#[cfg(target_arch = "x86_64")]
+pub(crate) use sixteen::Sixteen;
+
+/// What the processor can do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, PartialOrd)]
+pub(crate) enum Breadth {
+    /// The plain kernels, one after another: the oracle of the others.
+    #[cfg(test)]
+    One,
+    /// Four at once, on every machine that glam is made for.
+    #[default]
+    Four,
+    /// Eight, with AVX2 and FMA.
+    #[cfg(target_arch = "x86_64")]
+    Eight,
+    /// Sixteen, with AVX-512F besides.
+    #[cfg(target_arch = "x86_64")]
+    Sixteen,
+}
+
+impl Breadth {
+    /// The widest here.
+    pub(crate) fn detected() -> Breadth {
+        if std::env::var("B").as_deref() == Ok("4") { return Breadth::Four; }
+        #[cfg(target_arch = "x86_64")]
+        if std::env::var("B").as_deref() == Ok("8") { return Breadth::Eight; }
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            return if is_x86_feature_detected!("avx512f") { Breadth::Sixteen } else { Breadth::Eight };
+        }
+        Breadth::Four
+    }
+
+    /// All that there are here.
+    #[cfg(test)]
+    pub(crate) fn all() -> Vec<Breadth> {
+        let mut all = vec![Breadth::One, Breadth::Four];
+        #[cfg(target_arch = "x86_64")]
+        all.extend([Breadth::Eight, Breadth::Sixteen]);
+        all.retain(|&breadth| breadth <= Breadth::detected());
+        all
+    }
+
+    /// Numbers at once.
+    pub(crate) fn lanes(self) -> usize {
+        match self {
+            #[cfg(test)]
+            Breadth::One => 4,
+            Breadth::Four => 4,
+            #[cfg(target_arch = "x86_64")]
+            Breadth::Eight => 8,
+            #[cfg(target_arch = "x86_64")]
+            Breadth::Sixteen => 16,
+        }
+    }
+}
+
+/// A loop that is compiled for each breadth; what it calls must be inlined into it.
+#[expect(unsafe_code, reason = "loops share state with other threads")]
+pub(crate) trait Loop {
+    /// # Safety
+    /// The processor can do it; and as the loop itself says.
+    unsafe fn run<W: Wide>(self);
+}
+
+/// Runs a loop as broadly as said.
+///
+/// # Safety
+/// The processor can do it ([`Breadth::detected`]); and as the loop itself says.
+#[expect(unsafe_code, reason = "see the safety section")]
+pub(crate) unsafe fn run(breadth: Breadth, work: impl Loop) {
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx2,fma")]
+    unsafe fn sixteen(work: impl Loop) {
+        // SAFETY: the caller's promise.
+        unsafe { work.run::<Sixteen>() };
+    }
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn eight(work: impl Loop) {
+        // SAFETY: the caller's promise.
+        unsafe { work.run::<Eight>() };
+    }
+    // SAFETY: the caller's promise.
+    unsafe {
+        match breadth {
+            #[cfg(target_arch = "x86_64")]
+            Breadth::Sixteen => sixteen(work),
+            #[cfg(target_arch = "x86_64")]
+            Breadth::Eight => eight(work),
+            _ => work.run::<Vec4>(),
+        }
+    }
+}
+
+/// Where vectors side by side are: one after another from here on, or the first so many of these.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum At {
+    Beside(usize),
+    Apart([usize; 4]),
+}
+
+/// The vectors of register `k`, which are where their lanes say.
+#[inline(always)]
+pub(crate) fn apart<W: Wide>(places: &[u32], k: usize) -> At {
+    let vertex = |lane: usize| if lane < W::LANES { places[lane] as usize } else { 0 };
+    At::Apart([vertex(k), vertex(k + 4), vertex(k + 8), vertex(k + 12)])
+}
+
+#[inline(always)]
+fn every_other(first: usize) -> At {
+    At::Apart([first, first + 2, first + 4, first + 6])
+}
+
+/// Which of so many vectors one after another a lane has, once they are loaded side by side and transposed.
+#[inline(always)]
+pub(crate) fn place(lane: usize, lanes: usize) -> usize {
+    lanes / 4 * (lane % 4) + lane / 4
+}
+
+/// Numbers side by side, or a quarter as many vectors. Whoever makes one knows that the processor can.
+#[expect(unsafe_code, reason = "loads and stores where other threads may")]
 pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     type Mask: Copy;
+    const LANES: usize;
     fn splat(value: f32) -> Self;
+    /// A vector again and again.
+    fn repeat(vector: Vec4) -> Self;
+    /// # Panics
+    /// If there are not as many as lanes.
+    fn from_slice(values: &[f32]) -> Self;
     /// `self * by + to`, and `to - self * by`; rounded once where the machine can.
     fn times_plus(self, by: Self, to: Self) -> Self;
     fn times_from(self, by: Self, to: Self) -> Self;
@@ -25,10 +163,42 @@ pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     fn both(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn all(mask: Self::Mask) -> bool;
     fn choose(mask: Self::Mask, yes: Self, no: Self) -> Self;
-}
 
-/// Which of eight vectors one after another each lane has, once they are loaded by twos and transposed.
-pub(crate) const IN_ROW: [usize; 8] = [0, 2, 4, 6, 1, 3, 5, 7];
+    /// # Safety
+    /// They are there, and nobody writes them meanwhile.
+    unsafe fn load(values: Shared<Vec4>, at: At) -> Self;
+    /// Of vectors at one place the first is what lasts.
+    ///
+    /// # Safety
+    /// As [`Wide::load`], and nobody reads there meanwhile.
+    unsafe fn store(self, values: Shared<Vec4>, at: At);
+    /// Every other vector of twice as many from `first` on, and the ones between.
+    ///
+    /// # Safety
+    /// As [`Wide::load`].
+    #[inline(always)]
+    unsafe fn load_pairs(values: Shared<Vec4>, first: usize) -> [Self; 2] {
+        // SAFETY: the caller's promise.
+        unsafe { [Self::load(values, every_other(first)), Self::load(values, every_other(first + 1))] }
+    }
+    /// # Safety
+    /// As [`Wide::store`].
+    #[inline(always)]
+    unsafe fn store_pairs([a, b]: [Self; 2], values: Shared<Vec4>, first: usize) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            a.store(values, every_other(first));
+            b.store(values, every_other(first + 1));
+        }
+    }
+    /// The x, y and z of vectors loaded one after another, a register of each; lanes as [`place`] says.
+    fn transpose(vectors: [Self; 4]) -> Wide3<Self>;
+    /// Each vector's w, four times over.
+    fn last(self) -> Self;
+    /// Each number four times over, for its vector: register by register as they were transposed.
+    fn spread(self) -> [Self; 4];
+    fn spread_mask(mask: Self::Mask) -> [Self::Mask; 4];
+}
 
 /// Vectors side by side: all x, all y, all z.
 pub(crate) type Wide3<W> = [W; 3];
@@ -67,12 +237,24 @@ pub(crate) fn plus<W: Wide>(v: Wide3<W>, by: W, to: Wide3<W>) -> Wide3<W> {
 }
 
 /// Four on any machine.
+#[expect(unsafe_code, reason = "see Wide")]
 impl Wide for Vec4 {
     type Mask = BVec4A;
+    const LANES: usize = 4;
 
     #[inline(always)]
     fn splat(value: f32) -> Vec4 {
         Vec4::splat(value)
+    }
+
+    #[inline(always)]
+    fn repeat(vector: Vec4) -> Vec4 {
+        vector
+    }
+
+    #[inline(always)]
+    fn from_slice(values: &[f32]) -> Vec4 {
+        Vec4::from_slice(values)
     }
 
     #[inline(always)]
@@ -124,204 +306,39 @@ impl Wide for Vec4 {
     fn choose(mask: BVec4A, yes: Vec4, no: Vec4) -> Vec4 {
         Vec4::select(mask, yes, no)
     }
-}
 
-/// The x, y and z of four vectors, each as four numbers.
-#[inline(always)]
-pub(crate) fn transpose(v: [Vec4; 4]) -> Wide3<Vec4> {
-    let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
-    [t.x_axis, t.y_axis, t.z_axis]
-}
-
-#[cfg(target_arch = "x86_64")]
-pub(crate) use avx2::{Eight, Two};
-
-#[cfg(target_arch = "x86_64")]
-mod avx2 {
-    #[allow(clippy::wildcard_imports, reason = "the instruction set is the vocabulary here")]
-    use std::arch::x86_64::*;
-    use std::ops::{Add, Div, Mul, Sub};
-
-    use glam::Vec4;
-
-    use super::{Wide, Wide3};
-    use crate::crew::Shared;
-
-    /// Where two vertices are: both from one place on, or each somewhere.
-    #[derive(Debug, Clone, Copy)]
-    pub(crate) enum Two {
-        Beside(usize),
-        Apart(usize, usize),
+    #[inline(always)]
+    unsafe fn load(values: Shared<Vec4>, at: At) -> Vec4 {
+        let (At::Beside(place) | At::Apart([place, ..])) = at;
+        // SAFETY: the caller's promise.
+        unsafe { values.get(place) }
     }
 
-    /// Eight with AVX2 and FMA. Whoever makes one knows that the processor has both.
-    #[derive(Debug, Clone, Copy)]
-    pub(crate) struct Eight(pub __m256);
-
-    macro_rules! operator {
-        ($operator:ident, $name:ident, $instruction:ident) => {
-            #[expect(unsafe_code, reason = "see Eight")]
-            impl $operator for Eight {
-                type Output = Eight;
-                #[inline(always)]
-                fn $name(self, other: Eight) -> Eight {
-                    // SAFETY: see Eight.
-                    Eight(unsafe { $instruction(self.0, other.0) })
-                }
-            }
-        };
-    }
-    operator!(Add, add, _mm256_add_ps);
-    operator!(Sub, sub, _mm256_sub_ps);
-    operator!(Mul, mul, _mm256_mul_ps);
-    operator!(Div, div, _mm256_div_ps);
-
-    // SAFETY of each block: see Eight.
-    #[expect(unsafe_code, reason = "see Eight")]
-    #[allow(clippy::undocumented_unsafe_blocks, reason = "said once, above")]
-    impl Wide for Eight {
-        type Mask = Eight;
-
-        #[inline(always)]
-        fn splat(value: f32) -> Eight {
-            Eight(unsafe { _mm256_set1_ps(value) })
-        }
-
-        #[inline(always)]
-        fn times_plus(self, by: Eight, to: Eight) -> Eight {
-            Eight(unsafe { _mm256_fmadd_ps(self.0, by.0, to.0) })
-        }
-
-        #[inline(always)]
-        fn times_from(self, by: Eight, to: Eight) -> Eight {
-            Eight(unsafe { _mm256_fnmadd_ps(self.0, by.0, to.0) })
-        }
-
-        #[inline(always)]
-        fn abs(self) -> Eight {
-            Eight(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
-        }
-
-        #[inline(always)]
-        fn sqrt(self) -> Eight {
-            Eight(unsafe { _mm256_sqrt_ps(self.0) })
-        }
-
-        #[inline(always)]
-        fn max(self, other: Eight) -> Eight {
-            Eight(unsafe { _mm256_max_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn below(self, other: Eight) -> Eight {
-            Eight(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn is(self, other: Eight) -> Eight {
-            Eight(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn both(one: Eight, other: Eight) -> Eight {
-            Eight(unsafe { _mm256_and_ps(one.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn all(mask: Eight) -> bool {
-            unsafe { _mm256_movemask_ps(mask.0) == 0xff }
-        }
-
-        #[inline(always)]
-        fn choose(mask: Eight, yes: Eight, no: Eight) -> Eight {
-            Eight(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
-        }
+    #[inline(always)]
+    unsafe fn store(self, values: Shared<Vec4>, at: At) {
+        let (At::Beside(place) | At::Apart([place, ..])) = at;
+        // SAFETY: the caller's promise.
+        unsafe { values.set(place, self) };
     }
 
-    #[expect(unsafe_code, reason = "see Eight")]
-    #[allow(clippy::undocumented_unsafe_blocks, reason = "said once, above")]
-    impl Eight {
-        /// The x, y and z of eight vectors, of which `v[k]` holds two; in the order first of each, second of each.
-        #[inline(always)]
-        pub(crate) fn transpose(v: [Eight; 4]) -> Wide3<Eight> {
-            unsafe {
-                let (xy01, zw01) = (_mm256_unpacklo_ps(v[0].0, v[1].0), _mm256_unpackhi_ps(v[0].0, v[1].0));
-                let (xy23, zw23) = (_mm256_unpacklo_ps(v[2].0, v[3].0), _mm256_unpackhi_ps(v[2].0, v[3].0));
-                [
-                    Eight(_mm256_shuffle_ps::<0x44>(xy01, xy23)),
-                    Eight(_mm256_shuffle_ps::<0xee>(xy01, xy23)),
-                    Eight(_mm256_shuffle_ps::<0x44>(zw01, zw23)),
-                ]
-            }
-        }
+    #[inline(always)]
+    fn transpose(v: [Vec4; 4]) -> Wide3<Vec4> {
+        let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
+        [t.x_axis, t.y_axis, t.z_axis]
+    }
 
-        #[inline(always)]
-        pub(crate) fn from_array(values: &[f32; 8]) -> Eight {
-            Eight(unsafe { _mm256_loadu_ps(values.as_ptr()) })
-        }
+    #[inline(always)]
+    fn last(self) -> Vec4 {
+        Vec4::splat(self.w)
+    }
 
-        /// Two vectors side by side.
-        ///
-        /// # Safety
-        /// They are there, and nobody writes them meanwhile.
-        #[inline(always)]
-        pub(crate) unsafe fn load(values: Shared<Vec4>, at: Two) -> Eight {
-            unsafe {
-                let pointer = |vertex: usize| values.pointer().add(vertex).cast::<f32>();
-                Eight(match at {
-                    Two::Beside(first) => _mm256_loadu_ps(pointer(first)),
-                    Two::Apart(low, high) => {
-                        let low = _mm256_castps128_ps256(_mm_load_ps(pointer(low)));
-                        _mm256_insertf128_ps::<1>(low, _mm_load_ps(pointer(high)))
-                    }
-                })
-            }
-        }
+    #[inline(always)]
+    fn spread(self) -> [Vec4; 4] {
+        [Vec4::splat(self.x), Vec4::splat(self.y), Vec4::splat(self.z), Vec4::splat(self.w)]
+    }
 
-        /// # Safety
-        /// As [`Eight::load`], and nobody reads there meanwhile.
-        #[inline(always)]
-        pub(crate) unsafe fn store(self, values: Shared<Vec4>, at: Two) {
-            unsafe {
-                let pointer = |vertex: usize| values.pointer().add(vertex).cast::<f32>();
-                match at {
-                    Two::Beside(first) => _mm256_storeu_ps(pointer(first), self.0),
-                    Two::Apart(low, high) => {
-                        // If one repeats the other, with no share, it is the higher: what it stores must not last.
-                        _mm_store_ps(pointer(high), _mm256_extractf128_ps::<1>(self.0));
-                        _mm_store_ps(pointer(low), _mm256_castps256_ps128(self.0));
-                    }
-                }
-            }
-        }
-
-        /// The inverse of [`Eight::transpose`], with 0 as fourth.
-        #[inline(always)]
-        pub(crate) fn vectors([x, y, z]: Wide3<Eight>) -> [Eight; 4] {
-            unsafe {
-                let zero = _mm256_setzero_ps();
-                let (xy_low, xy_high) = (_mm256_unpacklo_ps(x.0, y.0), _mm256_unpackhi_ps(x.0, y.0));
-                let (z_low, z_high) = (_mm256_unpacklo_ps(z.0, zero), _mm256_unpackhi_ps(z.0, zero));
-                [
-                    Eight(_mm256_shuffle_ps::<0x44>(xy_low, z_low)),
-                    Eight(_mm256_shuffle_ps::<0xee>(xy_low, z_low)),
-                    Eight(_mm256_shuffle_ps::<0x44>(xy_high, z_high)),
-                    Eight(_mm256_shuffle_ps::<0xee>(xy_high, z_high)),
-                ]
-            }
-        }
-
-        /// Each number four times over: `[k]` has one for each of the two vectors in [`Eight::transpose`]'s `v[k]`.
-        #[inline(always)]
-        pub(crate) fn spread(self) -> [Eight; 4] {
-            unsafe {
-                [
-                    Eight(_mm256_permute_ps::<0x00>(self.0)),
-                    Eight(_mm256_permute_ps::<0x55>(self.0)),
-                    Eight(_mm256_permute_ps::<0xaa>(self.0)),
-                    Eight(_mm256_permute_ps::<0xff>(self.0)),
-                ]
-            }
-        }
+    #[inline(always)]
+    fn spread_mask(mask: BVec4A) -> [BVec4A; 4] {
+        [0, 1, 2, 3].map(|k| BVec4A::splat(mask.test(k)))
     }
 }
