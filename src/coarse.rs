@@ -13,7 +13,7 @@ use crate::lines::Lines;
 use crate::packed::Packed;
 use crate::plan::Plan;
 use crate::stripes::{Stripes, Task};
-use crate::wide::Breadth;
+use crate::wide::{self, At, Breadth, Loop, Wide};
 
 /// Aggregates that a task restricts.
 const GRAIN: usize = 64;
@@ -31,9 +31,11 @@ pub(crate) struct Coarse {
 struct Aggregates {
     /// Centres (m), w the inverse mass (1/kg).
     x: Lines,
-    /// Their displacement (m): as predicted, and as corrected. Its w means nothing.
-    predicted: Lines,
+    /// Their displacement (m): as predicted, and once it is done with, what it was corrected by. Its w means nothing.
+    change: Lines,
+    /// As corrected.
     u: Lines,
+    members: Members,
     stripes: Stripes,
     /// The edges of each round.
     edges: Vec<Packed>,
@@ -44,21 +46,49 @@ struct Aggregates {
 #[derive(Debug, Clone, Copy)]
 struct Values {
     x: Shared<Vec4>,
-    predicted: Shared<Vec4>,
+    change: Shared<Vec4>,
     u: Shared<Vec4>,
 }
 
+/// The items of each aggregate in whole registers, ascending, and their shares of its mass; the first comes again at the end, with
+/// none.
+#[derive(Debug, Default)]
+struct Members {
+    items: Vec<u32>,
+    shares: Vec<f32>,
+    /// Where each aggregate's begin, and the last one's end.
+    starts: Vec<usize>,
+}
+
+impl Members {
+    fn new(level: &Level, breadth: Breadth) -> Members {
+        let mut members = Members { starts: vec![0], ..Members::default() };
+        for span in &level.members.spans {
+            let range = span.start as usize..span.end as usize;
+            let first = level.members.items[range.start];
+            members.items.extend(&level.members.items[range.clone()]);
+            members.shares.extend(&level.share[range]);
+            let whole = members.items.len().next_multiple_of(breadth.lanes() / 4);
+            members.items.resize(whole, first);
+            members.shares.resize(whole, 0.0);
+            members.starts.push(whole);
+        }
+        members
+    }
+}
+
 impl Aggregates {
-    fn new(level: &Level) -> Aggregates {
+    fn new(level: &Level, breadth: Breadth) -> Aggregates {
         let mut zero = Lines::new(level.inverse_mass.len());
         let nowhere = Shared::new(&mut zero[..0]);
         Aggregates {
             x: zero.clone(),
-            predicted: zero.clone(),
-            stripes: Stripes::coarse(&level.links, zero.len()),
+            change: zero.clone(),
+            members: Members::new(level, breadth),
+            stripes: if zero.len() < WORTHWHILE { Stripes::one(&level.links, zero.len()) } else { Stripes::coarse(&level.links, zero.len()) },
             u: zero,
             edges: Vec::new(),
-            at: Values { x: nowhere, predicted: nowhere, u: nowhere },
+            at: Values { x: nowhere, change: nowhere, u: nowhere },
         }
     }
 
@@ -68,8 +98,8 @@ impl Aggregates {
     }
 
     fn share(&mut self) {
-        let [x, predicted, u] = [&mut self.x, &mut self.predicted, &mut self.u].map(|values| Shared::new(values));
-        self.at = Values { x, predicted, u };
+        let [x, change, u] = [&mut self.x, &mut self.change, &mut self.u].map(|values| Shared::new(values));
+        self.at = Values { x, change, u };
     }
 }
 
@@ -80,7 +110,7 @@ impl Coarse {
         for (index, edges) in edges.iter().enumerate() {
             let level = &cloth.hierarchy().levels[index];
             if index == self.levels.len() {
-                self.levels.push(Aggregates::new(level));
+                self.levels.push(Aggregates::new(level, breadth));
             }
             self.levels[index].pack(level, edges, breadth);
         }
@@ -92,6 +122,7 @@ impl Coarse {
         plan: &'a Plan<'_>,
         x: Shared<Vec4>,
         u: Shared<Vec4>,
+        breadth: Breadth,
     ) -> Option<Correction<'a>> {
         self.levels.iter_mut().for_each(Aggregates::share);
         let apart = self.levels.iter().position(|level| level.x.len() < WORTHWHILE).unwrap_or(self.levels.len());
@@ -99,6 +130,7 @@ impl Coarse {
             shapes: &plan.cloth.hierarchy().levels,
             fine: (x, u),
             levels: &self.levels,
+            breadth,
             apart,
         })
     }
@@ -125,6 +157,7 @@ pub(crate) struct Correction<'a> {
     shapes: &'a [Level],
     fine: (Shared<Vec4>, Shared<Vec4>),
     levels: &'a [Aggregates],
+    breadth: Breadth,
     /// Levels with rounds of their own, the finest ones.
     apart: usize,
 }
@@ -163,28 +196,13 @@ impl Correction<'_> {
         }
     }
 
-    /// Mass-weighted averages of the items below. Positions are taken relative to the first, which keeps what single
-    /// precision loses in proportion to the aggregate's size.
     fn restrict(&self, level: usize, aggregates: Range<usize>) {
-        let (shape, to) = (&self.shapes[level], &self.levels[level]);
+        let to = &self.levels[level];
         let (x, u) = if level == 0 { self.fine } else { (self.levels[level - 1].at.x, self.levels[level - 1].at.u) };
-        for aggregate in aggregates {
-            let span = shape.members.spans[aggregate];
-            let range = span.start as usize..span.end as usize;
-            let members = &shape.members.items[range.clone()];
-            let (mut dx, mut by) = (Vec4::ZERO, Vec4::ZERO);
-            // SAFETY: see Correction.
-            unsafe {
-                let first = x.get(members[0] as usize);
-                for (&item, &share) in members.iter().zip(&shape.share[range]) {
-                    dx += (x.get(item as usize) - first) * share;
-                    by += u.get(item as usize) * share;
-                }
-                to.at.x.set(aggregate, (first + dx).truncate().extend(shape.inverse_mass[aggregate]));
-                to.at.predicted.set(aggregate, by);
-                to.at.u.set(aggregate, by);
-            }
-        }
+        let (members, inverse_mass) = (&to.members, &self.shapes[level].inverse_mass);
+        let restrict = Restrict { members, inverse_mass, x, u, to: to.at, aggregates };
+        // SAFETY: see Correction.
+        unsafe { wide::run(self.breadth, restrict) };
     }
 
     fn sweep(&self, level: usize, round: usize, task: usize) {
@@ -192,28 +210,96 @@ impl Correction<'_> {
         if round == 0 && level + 1 < self.levels.len() {
             self.hand_down_to(level, here.stripes.ranges[task].clone());
         }
+        let Values { x, change, u } = here.at;
         // SAFETY: see Correction.
-        unsafe { here.edges[round].sweep(task, here.at.x, here.at.u, Rule::Pull) };
+        unsafe {
+            here.edges[round].sweep(task, x, u, Rule::Pull);
+            for vertex in here.stripes.rounds[round][task].vertices.iter().cloned().flatten() {
+                change.set(vertex as usize, u.get(vertex as usize) - change.get(vertex as usize));
+            }
+        }
     }
 
     /// Adds to some aggregates of a level what their aggregates were corrected by.
     fn hand_down_to(&self, level: usize, items: Range<u32>) {
-        let (label, from) = (&self.shapes[level + 1].label, self.levels[level + 1].at);
-        hand_down(label, from, self.levels[level].at.u, items);
+        self.hand(level + 1, self.levels[level].at.u, items);
     }
 
     /// Adds to some vertices what their aggregates were corrected by.
     pub(crate) fn hand_down(&self, vertices: Range<u32>) {
-        hand_down(&self.shapes[0].label, self.levels[0].at, self.fine.1, vertices);
+        self.hand(0, self.fine.1, vertices);
+    }
+
+    fn hand(&self, from: usize, u: Shared<Vec4>, items: Range<u32>) {
+        let change = self.levels[from].at.change;
+        let items = items.start as usize..items.end as usize;
+        // SAFETY: see Correction.
+        unsafe { wide::run(self.breadth, HandDown { label: &self.shapes[from].label, change, u, items }) };
     }
 }
 
-/// Adds to each item below what its aggregate was corrected by.
+/// Mass-weighted averages of the items below. Positions are taken relative to the first, which keeps what single
+/// precision loses in proportion to the aggregate's size.
+struct Restrict<'a> {
+    members: &'a Members,
+    inverse_mass: &'a [f32],
+    /// Of the items.
+    x: Shared<Vec4>,
+    u: Shared<Vec4>,
+    to: Values,
+    aggregates: Range<usize>,
+}
+
+#[expect(unsafe_code, reason = "see Correction; labels and members are indices into the level below")]
+impl Loop for Restrict<'_> {
+    #[inline(always)]
+    unsafe fn run<W: Wide>(self) {
+        let Restrict { members, inverse_mass, x, u, to, aggregates } = self;
+        for aggregate in aggregates {
+            let range = members.starts[aggregate]..members.starts[aggregate + 1];
+            let items = members.items[range.clone()].chunks_exact(W::LANES / 4);
+            let shares = members.shares[range.clone()].chunks_exact(W::LANES / 4);
+            // SAFETY: the caller's promise.
+            unsafe {
+                let first = x.get(members.items[range.start] as usize);
+                let (origin, mut dx, mut by) = (W::repeat(first), W::splat(0.0), W::splat(0.0));
+                for (items, shares) in items.zip(shares) {
+                    let (at, share) = (wide::ascending::<W>(items), W::each(shares));
+                    dx = (W::load(x, at) - origin).times_plus(share, dx);
+                    by = W::load(u, at).times_plus(share, by);
+                }
+                let by = by.sum();
+                to.x.set(aggregate, (first + dx.sum()).truncate().extend(inverse_mass[aggregate]));
+                to.change.set(aggregate, by);
+                to.u.set(aggregate, by);
+            }
+        }
+    }
+}
+
+/// Adds to each item what its aggregate was corrected by.
+struct HandDown<'a> {
+    label: &'a [u32],
+    change: Shared<Vec4>,
+    u: Shared<Vec4>,
+    items: Range<usize>,
+}
+
 #[expect(unsafe_code, reason = "see Correction")]
-fn hand_down(label: &[u32], from: Values, u: Shared<Vec4>, items: Range<u32>) {
-    for item in items {
-        let aggregate = label[item as usize] as usize;
-        // SAFETY: see Correction.
-        unsafe { u.set(item as usize, u.get(item as usize) + (from.u.get(aggregate) - from.predicted.get(aggregate))) };
+impl Loop for HandDown<'_> {
+    #[inline(always)]
+    unsafe fn run<W: Wide>(self) {
+        let HandDown { label, change, u, items } = self;
+        let group = W::LANES / 4;
+        let labels = label[items.clone()].chunks_exact(group);
+        let rest = items.end - labels.remainder().len();
+        for (labels, first) in labels.zip(items.clone().step_by(group)) {
+            // SAFETY: the caller's promise.
+            unsafe { (W::load(u, At::Beside(first)) + W::load(change, wide::listed::<W>(labels))).store(u, At::Beside(first)) };
+        }
+        for item in rest..items.end {
+            // SAFETY: the caller's promise.
+            unsafe { u.set(item, u.get(item) + change.get(label[item] as usize)) };
+        }
     }
 }

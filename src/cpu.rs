@@ -139,7 +139,7 @@ impl Cpu {
         let falls = elsewhere.is_none() && !forces.any();
 
         let rounds = &mut self.rounds;
-        let coarse = self.coarse.share(plan, x, u);
+        let coarse = self.coarse.share(plan, x, u, breadth);
         rounds.clear();
         self.crew.clear();
         let mut add = |round: Round, turns: Turns, tasks: usize| {

@@ -57,6 +57,11 @@ impl Stripes {
         Stripes::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
     }
 
+    /// One stripe: all colours in turn, for one thread.
+    pub(crate) fn one(links: &[Link], vertices: usize) -> Stripes {
+        Stripes::cut(links, links.len(), vertices, vertices)
+    }
+
     /// The same with stripes of about `length` vertices.
     fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Stripes {
         let count = (vertices / length).max(1);

@@ -122,6 +122,20 @@ pub(crate) enum At {
     Apart([usize; 4]),
 }
 
+/// Vectors that are where these say, a quarter as many as lanes.
+#[inline(always)]
+pub(crate) fn listed<W: Wide>(places: &[u32]) -> At {
+    let vertex = |k: usize| if k < W::LANES / 4 { places[k] as usize } else { 0 };
+    At::Apart([vertex(0), vertex(1), vertex(2), vertex(3)])
+}
+
+/// The same of ascending places, or some and then lower ones: often they are one after another.
+#[inline(always)]
+pub(crate) fn ascending<W: Wide>(places: &[u32]) -> At {
+    let last = W::LANES / 4 - 1;
+    if places[last] == places[0] + last as u32 { At::Beside(places[0] as usize) } else { listed::<W>(places) }
+}
+
 /// The vectors of register `k`, which are where their lanes say.
 #[inline(always)]
 pub(crate) fn apart<W: Wide>(places: &[u32], k: usize) -> At {
@@ -148,6 +162,11 @@ pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     fn splat(value: f32) -> Self;
     /// A vector again and again.
     fn repeat(vector: Vec4) -> Self;
+    /// Each of these four times over, for its vector.
+    ///
+    /// # Panics
+    /// If there are not as many as vectors.
+    fn each(values: &[f32]) -> Self;
     /// # Panics
     /// If there are not as many as lanes.
     fn from_slice(values: &[f32]) -> Self;
@@ -193,6 +212,8 @@ pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     }
     /// The x, y and z of vectors loaded one after another, a register of each; lanes as [`place`] says.
     fn transpose(vectors: [Self; 4]) -> Wide3<Self>;
+    /// The vectors added up.
+    fn sum(self) -> Vec4;
     /// Each vector's w, four times over.
     fn last(self) -> Self;
     /// Each number four times over, for its vector: register by register as they were transposed.
@@ -250,6 +271,11 @@ impl Wide for Vec4 {
     #[inline(always)]
     fn repeat(vector: Vec4) -> Vec4 {
         vector
+    }
+
+    #[inline(always)]
+    fn each(values: &[f32]) -> Vec4 {
+        Vec4::splat(values[0])
     }
 
     #[inline(always)]
@@ -325,6 +351,11 @@ impl Wide for Vec4 {
     fn transpose(v: [Vec4; 4]) -> Wide3<Vec4> {
         let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
         [t.x_axis, t.y_axis, t.z_axis]
+    }
+
+    #[inline(always)]
+    fn sum(self) -> Vec4 {
+        self
     }
 
     #[inline(always)]

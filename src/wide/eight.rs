@@ -49,6 +49,11 @@ impl Wide for Eight {
     }
 
     #[inline(always)]
+    fn each(values: &[f32]) -> Eight {
+        Eight(unsafe { _mm256_set_m128(_mm_set1_ps(values[1]), _mm_set1_ps(values[0])) })
+    }
+
+    #[inline(always)]
     fn from_slice(values: &[f32]) -> Eight {
         assert!(values.len() == 8, "a number a lane");
         Eight(unsafe { _mm256_loadu_ps(values.as_ptr()) })
@@ -143,6 +148,11 @@ impl Wide for Eight {
                 Eight(_mm256_shuffle_ps::<0x44>(zw_low, zw_high)),
             ]
         }
+    }
+
+    #[inline(always)]
+    fn sum(self) -> Vec4 {
+        unsafe { _mm_add_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0)) }.into()
     }
 
     #[inline(always)]

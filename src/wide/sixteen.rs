@@ -49,6 +49,13 @@ impl Wide for Sixteen {
     }
 
     #[inline(always)]
+    fn each(values: &[f32]) -> Sixteen {
+        assert!(values.len() == 4, "a number a vector");
+        let of = unsafe { _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3) };
+        Sixteen(unsafe { _mm512_permutexvar_ps(of, _mm512_castps128_ps512(_mm_loadu_ps(values.as_ptr()))) })
+    }
+
+    #[inline(always)]
     fn from_slice(values: &[f32]) -> Sixteen {
         assert!(values.len() == 16, "a number a lane");
         Sixteen(unsafe { _mm512_loadu_ps(values.as_ptr()) })
@@ -166,6 +173,16 @@ impl Wide for Sixteen {
                 Sixteen(_mm512_shuffle_ps::<0x44>(zw_low, zw_high)),
             ]
         }
+    }
+
+    #[inline(always)]
+    fn sum(self) -> Vec4 {
+        unsafe {
+            let low = _mm_add_ps(_mm512_castps512_ps128(self.0), _mm512_extractf32x4_ps::<1>(self.0));
+            let high = _mm_add_ps(_mm512_extractf32x4_ps::<2>(self.0), _mm512_extractf32x4_ps::<3>(self.0));
+            _mm_add_ps(low, high)
+        }
+        .into()
     }
 
     #[inline(always)]
