@@ -5,13 +5,12 @@ use std::ops::Range;
 use glam::{Vec3A, Vec4};
 
 use crate::crew::Shared;
-#[cfg(target_arch = "x86_64")]
-use crate::eights::{self, Eights, State};
-use crate::kernels::{self, BendEntry, BendRow, Substep, xyz};
+use crate::gathers::{Gathers, Gusts, Moments, Predict, State};
+use crate::kernels::{self, Substep, xyz};
 use crate::lines::Lines;
 use crate::options::Method;
 use crate::plan::Plan;
-use crate::wide::Breadth;
+use crate::wide::{self, Breadth};
 
 /// Triangles that a task computes the air's force on.
 const GRAIN: usize = 1024;
@@ -25,15 +24,8 @@ pub(crate) struct Parts {
     /// A third of the air's force (N) on each triangle: what each of its corners feels.
     gusts: Lines,
     /// The lists of a scene that the wide loops take, and for what they were packed: substep (its bits), bending, wind.
-    #[cfg(target_arch = "x86_64")]
-    eights: Eights,
+    gathers: Gathers,
     packed_for: Option<(u32, bool, bool)>,
-}
-
-/// The eights that begin in a range which begins with a whole one.
-#[cfg(target_arch = "x86_64")]
-fn eights_in(items: &Range<usize>) -> Range<usize> {
-    items.start / eights::WIDTH..items.end.div_ceil(eights::WIDTH)
 }
 
 /// The loops, over state that the tasks of a round share.
@@ -49,8 +41,8 @@ pub(crate) struct Forces<'a> {
     pulls: Shared<Vec4>,
     couples: Shared<Vec4>,
     gusts: Shared<Vec4>,
-    #[cfg(target_arch = "x86_64")]
-    eights: Option<&'a Eights>,
+    gathers: &'a Gathers,
+    breadth: Breadth,
 }
 
 impl Parts {
@@ -72,13 +64,10 @@ impl Parts {
         fit(&mut self.pulls, if bending { x.len() } else { 0 });
         fit(&mut self.couples, if bending && plan.damped() { x.len() } else { 0 });
         fit(&mut self.gusts, if wind { plan.cloth.panels().panels.len() } else { 0 });
-        #[cfg(target_arch = "x86_64")]
-        {
-            let scene = (plan.coefficients.h.to_bits(), bending, wind);
-            if breadth >= Breadth::Eight && self.packed_for != Some(scene) {
-                self.eights = Eights::new(plan.cloth, plan.coefficients, bending, wind);
-                self.packed_for = Some(scene);
-            }
+        let scene = (plan.coefficients.h.to_bits(), bending, wind);
+        if self.packed_for != Some(scene) {
+            self.gathers = Gathers::new(plan.cloth, plan.coefficients, bending, wind, breadth);
+            self.packed_for = Some(scene);
         }
         Forces {
             plan,
@@ -87,8 +76,8 @@ impl Parts {
             pulls: Shared::new(&mut self.pulls),
             couples: Shared::new(&mut self.couples),
             gusts: Shared::new(&mut self.gusts),
-            #[cfg(target_arch = "x86_64")]
-            eights: (breadth >= Breadth::Eight).then_some(&self.eights),
+            gathers: &self.gathers,
+            breadth,
         }
     }
 }
@@ -126,65 +115,31 @@ impl Forces<'_> {
         xyz(unsafe { self.u.get(vertex as usize) })
     }
 
-    #[cfg(target_arch = "x86_64")]
     fn state(&self) -> State {
         State { x: self.x, u: self.u, pulls: self.pulls, couples: self.couples }
     }
 
-    /// The bending rows of these vertices, from their rings; a stripe's, which begins with a whole eight.
+    /// The bending rows of these vertices, from their rings; a stripe's, which begins with a whole group.
     fn moments(&self, vertices: Range<u32>, substep: &Substep) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(eights) = self.eights {
-            for eight in eights_in(&(vertices.start as usize..vertices.end as usize)) {
-                // SAFETY: see Forces; there are eights where the processor can take them.
-                unsafe { eights.moments(eight, &self.state(), substep.rate) };
-            }
-            return;
+        #[cfg(test)]
+        if self.breadth == Breadth::One {
+            return self.plain_moments(vertices, substep);
         }
-        let (rows, entries) = (&self.plan.coefficients.bending, &self.plan.cloth.bending().entries);
-        if !self.plan.damped() {
-            for v in vertices {
-                let center = self.x(v);
-                let y = entries.of(v).iter().fold(Vec3A::ZERO, |y, entry| y + (self.x(entry.other) - center) * entry.forward);
-                // SAFETY: see Forces.
-                unsafe { self.pulls.set(v as usize, (y * rows[v as usize].stiffness).extend(0.0)) };
-            }
-            return;
-        }
-        for v in vertices {
-            let mut ring = kernels::Ring::default();
-            for entry in entries.of(v).iter().filter(|entry| entry.forward != 0.0) {
-                let rate = (self.u(entry.other) - self.u(v)) * substep.rate;
-                ring.add(self.x(entry.other) - self.x(v), rate, entry.forward);
-            }
-            let (pull, couple) = kernels::bend_moment(&ring, &rows[v as usize]);
-            // SAFETY: see Forces.
-            unsafe {
-                self.pulls.set(v as usize, pull.extend(0.0));
-                self.couples.set(v as usize, couple.extend(0.0));
-            }
-        }
+        let vertices = vertices.start as usize..vertices.end as usize;
+        let moments = Moments { gathers: self.gathers, state: self.state(), vertices, rate: substep.rate };
+        // SAFETY: see Forces; the breadth was detected.
+        unsafe { wide::run(self.breadth, moments) };
     }
 
     /// The air on these triangles.
     fn gusts(&self, triangles: Range<usize>, substep: &Substep) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(eights) = self.eights {
-            for eight in eights_in(&triangles) {
-                // SAFETY: see Forces; there are eights where the processor can take them.
-                unsafe { eights.gusts(eight, &self.state(), self.gusts, &self.plan.params, substep) };
-            }
-            return;
+        #[cfg(test)]
+        if self.breadth == Breadth::One {
+            return self.plain_gusts(triangles, substep);
         }
-        let panels = &self.plan.cloth.panels().panels;
-        for triangle in triangles {
-            let panel = panels[triangle];
-            let [a, b, c] = panel.corners;
-            let velocity = (self.u(a) + self.u(b) + self.u(c)) * (substep.rate / 3.0);
-            let force = kernels::wind_force([a, b, c].map(|v| self.x(v)), velocity, panel.mass, substep, &self.plan.params);
-            // SAFETY: see Forces.
-            unsafe { self.gusts.set(triangle, (force / 3.0).extend(0.0)) };
-        }
+        let (gathers, state, params) = (self.gathers, self.state(), &self.plan.params);
+        // SAFETY: see Forces; the breadth was detected.
+        unsafe { wide::run(self.breadth, Gusts { gathers, state, gusts: self.gusts, triangles, params, substep }) };
     }
 
     /// The displacements that the forces predict, of a stripe's vertices.
@@ -219,21 +174,90 @@ impl Forces<'_> {
 
     /// What the ambient acceleration and the bending rows predict.
     fn bend(&self, vertices: Range<u32>, substep: &Substep) {
-        #[cfg(target_arch = "x86_64")]
-        if let (true, Some(eights)) = (self.plan.bending, self.eights) {
-            for eight in eights_in(&(vertices.start as usize..vertices.end as usize)) {
-                // SAFETY: see Forces; there are eights where the processor can take them.
-                unsafe { eights.predict(eight, &self.state(), &self.plan.params, substep) };
-            }
+        #[cfg(test)]
+        if self.plan.bending && self.breadth == Breadth::One {
+            return self.plain_bend(vertices, substep);
+        }
+        if self.plan.bending {
+            let vertices = vertices.start as usize..vertices.end as usize;
+            let (gathers, state, params) = (self.gathers, self.state(), &self.plan.params);
+            // SAFETY: see Forces; the breadth was detected.
+            unsafe { wide::run(self.breadth, Predict { gathers, state, vertices, params, substep }) };
             return;
         }
         let ambient = Vec3A::from(self.plan.params.acceleration);
-        let bending = self.plan.bending.then(|| (&self.plan.coefficients.bending, &self.plan.cloth.bending().entries));
+        for i in vertices {
+            // SAFETY: see Forces.
+            let free = unsafe { self.x.get(i as usize) }.w != 0.0;
+            let by = if free { kernels::predict(self.u(i), ambient, substep) } else { Vec3A::ZERO };
+            // SAFETY: see Forces.
+            unsafe { self.u.set(i as usize, by.extend(0.0)) };
+        }
+    }
+
+    /// Displacements of the pins among these vertices.
+    pub(crate) fn lead_pins(&self, vertices: Range<u32>, substep: &Substep) {
+        let pins = self.plan.pins;
+        let first = pins.partition_point(|pin| pin.vertex < vertices.start);
+        for pin in pins[first..].iter().take_while(|pin| pin.vertex < vertices.end) {
+            let (origin, goal) = (Vec3A::from(pin.origin), Vec3A::from(pin.goal));
+            let by = origin + (goal - origin) * substep.end - self.x(pin.vertex);
+            // SAFETY: see Forces.
+            unsafe { self.u.set(pin.vertex as usize, by.extend(0.0)) };
+        }
+    }
+}
+
+/// The same vertex by vertex, as the mathematics is written: the oracle of the wide loops.
+#[cfg(test)]
+#[expect(unsafe_code, reason = "see Forces")]
+impl Forces<'_> {
+    fn plain_moments(&self, vertices: Range<u32>, substep: &Substep) {
+        let (rows, entries) = (&self.plan.coefficients.bending, &self.plan.cloth.bending().entries);
+        if !self.plan.damped() {
+            for v in vertices {
+                let center = self.x(v);
+                let y = entries.of(v).iter().fold(Vec3A::ZERO, |y, entry| y + (self.x(entry.other) - center) * entry.forward);
+                // SAFETY: see Forces.
+                unsafe { self.pulls.set(v as usize, (y * rows[v as usize].stiffness).extend(0.0)) };
+            }
+            return;
+        }
+        for v in vertices {
+            let mut ring = kernels::Ring::default();
+            for entry in entries.of(v).iter().filter(|entry| entry.forward != 0.0) {
+                let rate = (self.u(entry.other) - self.u(v)) * substep.rate;
+                ring.add(self.x(entry.other) - self.x(v), rate, entry.forward);
+            }
+            let (pull, couple) = kernels::bend_moment(&ring, &rows[v as usize]);
+            // SAFETY: see Forces.
+            unsafe {
+                self.pulls.set(v as usize, pull.extend(0.0));
+                self.couples.set(v as usize, couple.extend(0.0));
+            }
+        }
+    }
+
+    fn plain_gusts(&self, triangles: Range<usize>, substep: &Substep) {
+        let panels = &self.plan.cloth.panels().panels;
+        for triangle in triangles {
+            let panel = panels[triangle];
+            let [a, b, c] = panel.corners;
+            let velocity = (self.u(a) + self.u(b) + self.u(c)) * (substep.rate / 3.0);
+            let force = kernels::wind_force([a, b, c].map(|v| self.x(v)), velocity, panel.mass, substep, &self.plan.params);
+            // SAFETY: see Forces.
+            unsafe { self.gusts.set(triangle, (force / 3.0).extend(0.0)) };
+        }
+    }
+
+    fn plain_bend(&self, vertices: Range<u32>, substep: &Substep) {
+        let ambient = Vec3A::from(self.plan.params.acceleration);
+        let (rows, entries) = (&self.plan.coefficients.bending, &self.plan.cloth.bending().entries);
         for i in vertices {
             // SAFETY: see Forces.
             let w = unsafe { self.x.get(i as usize) }.w;
             let mut by = if w == 0.0 { Vec3A::ZERO } else { kernels::predict(self.u(i), ambient, substep) };
-            if let (Some((rows, entries)), true) = (bending, w != 0.0) {
+            if w != 0.0 {
                 by += self.bending(i, &rows[i as usize], entries.of(i)) * (w * substep.gain);
             }
             // SAFETY: see Forces.
@@ -242,7 +266,7 @@ impl Forces<'_> {
     }
 
     /// Force (N) of the bending rows that a vertex is in.
-    fn bending(&self, i: u32, row: &BendRow, entries: &[BendEntry]) -> Vec3A {
+    fn bending(&self, i: u32, row: &kernels::BendRow, entries: &[kernels::BendEntry]) -> Vec3A {
         // SAFETY: see Forces.
         let of = |values: Shared<Vec4>, vertex: u32| xyz(unsafe { values.get(vertex as usize) });
         let mut force = -of(self.pulls, i) * row.diagonal;
@@ -257,18 +281,6 @@ impl Forces<'_> {
             force -= couple.cross(self.x(entry.other) - self.x(i));
         }
         force
-    }
-
-    /// Displacements of the pins among these vertices.
-    pub(crate) fn lead_pins(&self, vertices: Range<u32>, substep: &Substep) {
-        let pins = self.plan.pins;
-        let first = pins.partition_point(|pin| pin.vertex < vertices.start);
-        for pin in pins[first..].iter().take_while(|pin| pin.vertex < vertices.end) {
-            let (origin, goal) = (Vec3A::from(pin.origin), Vec3A::from(pin.goal));
-            let by = origin + (goal - origin) * substep.end - self.x(pin.vertex);
-            // SAFETY: see Forces.
-            unsafe { self.u.set(pin.vertex as usize, by.extend(0.0)) };
-        }
     }
 }
 
@@ -323,19 +335,21 @@ mod tests {
                 let fabric = Fabric { bending, damping, ..Fabric::default() };
                 let options = Options { fabric, pinned: vec![0, 7, 500], ..Options::default() };
                 let cloth = Cloth::new(mesh, &options).unwrap();
-                let plain = predicted(&cloth, &options, Breadth::Four, attributes);
-                let wide = predicted(&cloth, &options, Breadth::detected(), attributes);
+                let plain = predicted(&cloth, &options, Breadth::One, attributes);
                 let still = Options { fabric: Fabric { bending: 0.0, ..fabric }, ..options.clone() };
-                let fallen = predicted(&cloth, &still, Breadth::Four, &Attributes::default());
+                let fallen = predicted(&cloth, &still, Breadth::One, &Attributes::default());
                 let most = |a: &[Vec4], b: &[Vec4]| {
                     a.iter()
                         .zip(b)
                         .map(|(a, b)| (a - b).truncate().length())
                         .fold(0.0, |most: f32, d| if d > most || d.is_nan() { d } else { most })
                 };
-                let (moved, apart) = (most(&plain, &fallen), most(&plain, &wide));
+                let moved = most(&plain, &fallen);
                 assert!(moved > 1e-7, "{name} {scene}: forces move by {moved}");
-                assert!(apart <= 1e-5 * moved + 1e-9, "{name} {scene}: {apart} apart of {moved}");
+                for breadth in Breadth::all() {
+                    let apart = most(&plain, &predicted(&cloth, &options, breadth, attributes));
+                    assert!(apart <= 1e-5 * moved + 1e-9, "{name} {scene} {breadth:?}: {apart} apart of {moved}");
+                }
             }
         }
     }

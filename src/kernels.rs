@@ -6,6 +6,8 @@
 //! single precision, a velocity loses gravity altogether once `h^2 g` nears the last bit of `x`. Storing `p` rather than
 //! `v` spares a division and lets no rounding of `v -> h v -> v` add up over thousands of substeps.
 
+#![cfg_attr(not(test), allow(dead_code, reason = "what the wide loops and shaders do is said here; tests compare with it"))]
+
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3A, Vec4};
 
@@ -189,7 +191,6 @@ pub(crate) fn project(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
 }
 
 /// Impulse of a coarse edge, which is that of an edge but only pulls: centres of cloth may come as near as they like.
-#[cfg_attr(not(test), expect(dead_code, reason = "said in words for the shaders' twins, and the oracle of the lanes"))]
 pub(crate) fn project_coarse(d0: Vec3A, du: Vec3A, edge: &Edge) -> Vec3A {
     let d = d0 + du;
     if d.dot(d) * edge.inverse_rest * edge.inverse_rest <= 1.0 { Vec3A::ZERO } else { project(d0, du, edge) }

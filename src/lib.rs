@@ -11,12 +11,11 @@ mod coloring;
 mod cpu;
 mod crew;
 mod deformer;
-#[cfg(target_arch = "x86_64")]
-mod eights;
 mod engine;
 mod error;
 mod fabric;
 mod forces;
+mod gathers;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]

@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
-/// As many vectors as were asked for, from the start of a cache line on, and room for whole eights of them.
+/// As many vectors as were asked for, from the start of a cache line on, and room for whole sixteens of them.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lines {
     lines: Vec<Line>,
@@ -19,7 +19,7 @@ struct Line([Vec4; 4]);
 impl Lines {
     /// Zeros.
     pub(crate) fn new(length: usize) -> Lines {
-        Lines { lines: vec![Line::zeroed(); 2 * length.div_ceil(8)], length }
+        Lines { lines: vec![Line::zeroed(); 4 * length.div_ceil(16)], length }
     }
 
     /// These.

@@ -65,8 +65,8 @@ impl Stripes {
     /// The same with stripes of about `length` vertices.
     fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Stripes {
         let count = (vertices / length).max(1);
-        // Whole eights, which loops over vertices take at a time.
-        let start = |stripe: usize| if stripe == count { vertices as u32 } else { (stripe * vertices / count) as u32 & !7 };
+        // Whole sixteens: as many as loops over vertices take at a time.
+        let start = |stripe: usize| if stripe == count { vertices as u32 } else { (stripe * vertices / count) as u32 & !15 };
         let ranges: Vec<Range<u32>> = (0..count).map(|stripe| start(stripe)..start(stripe + 1)).collect();
         let mut stripe_of = vec![0_u32; vertices];
         for (stripe, range) in ranges.iter().enumerate() {

@@ -162,6 +162,8 @@ pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     fn splat(value: f32) -> Self;
     /// A vector again and again.
     fn repeat(vector: Vec4) -> Self;
+    /// The inverse of [`Wide::transpose`], with 0 as fourth.
+    fn vectors(numbers: Wide3<Self>) -> [Self; 4];
     /// Each of these four times over, for its vector.
     ///
     /// # Panics
@@ -351,6 +353,12 @@ impl Wide for Vec4 {
     fn transpose(v: [Vec4; 4]) -> Wide3<Vec4> {
         let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
         [t.x_axis, t.y_axis, t.z_axis]
+    }
+
+    #[inline(always)]
+    fn vectors([x, y, z]: Wide3<Vec4>) -> [Vec4; 4] {
+        let t = Mat4::from_cols(x, y, z, Vec4::ZERO).transpose();
+        [t.x_axis, t.y_axis, t.z_axis, t.w_axis]
     }
 
     #[inline(always)]

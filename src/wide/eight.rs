@@ -151,6 +151,21 @@ impl Wide for Eight {
     }
 
     #[inline(always)]
+    fn vectors([x, y, z]: Wide3<Eight>) -> [Eight; 4] {
+        unsafe {
+            let zero = _mm256_setzero_ps();
+            let (xy_low, xy_high) = (_mm256_unpacklo_ps(x.0, y.0), _mm256_unpackhi_ps(x.0, y.0));
+            let (z_low, z_high) = (_mm256_unpacklo_ps(z.0, zero), _mm256_unpackhi_ps(z.0, zero));
+            [
+                Eight(_mm256_shuffle_ps::<0x44>(xy_low, z_low)),
+                Eight(_mm256_shuffle_ps::<0xee>(xy_low, z_low)),
+                Eight(_mm256_shuffle_ps::<0x44>(xy_high, z_high)),
+                Eight(_mm256_shuffle_ps::<0xee>(xy_high, z_high)),
+            ]
+        }
+    }
+
+    #[inline(always)]
     fn sum(self) -> Vec4 {
         unsafe { _mm_add_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0)) }.into()
     }
@@ -175,25 +190,5 @@ impl Wide for Eight {
     #[inline(always)]
     fn spread_mask(mask: Eight) -> [Eight; 4] {
         mask.spread()
-    }
-}
-
-#[expect(unsafe_code, reason = "see Wide")]
-#[allow(clippy::undocumented_unsafe_blocks, reason = "said once, above")]
-impl Eight {
-    /// The inverse of [`Eight::transpose`], with 0 as fourth.
-    #[inline(always)]
-    pub(crate) fn vectors([x, y, z]: Wide3<Eight>) -> [Eight; 4] {
-        unsafe {
-            let zero = _mm256_setzero_ps();
-            let (xy_low, xy_high) = (_mm256_unpacklo_ps(x.0, y.0), _mm256_unpackhi_ps(x.0, y.0));
-            let (z_low, z_high) = (_mm256_unpacklo_ps(z.0, zero), _mm256_unpackhi_ps(z.0, zero));
-            [
-                Eight(_mm256_shuffle_ps::<0x44>(xy_low, z_low)),
-                Eight(_mm256_shuffle_ps::<0xee>(xy_low, z_low)),
-                Eight(_mm256_shuffle_ps::<0x44>(xy_high, z_high)),
-                Eight(_mm256_shuffle_ps::<0xee>(xy_high, z_high)),
-            ]
-        }
     }
 }

@@ -176,6 +176,21 @@ impl Wide for Sixteen {
     }
 
     #[inline(always)]
+    fn vectors([x, y, z]: Wide3<Sixteen>) -> [Sixteen; 4] {
+        unsafe {
+            let zero = _mm512_setzero_ps();
+            let (xy_low, xy_high) = (_mm512_unpacklo_ps(x.0, y.0), _mm512_unpackhi_ps(x.0, y.0));
+            let (z_low, z_high) = (_mm512_unpacklo_ps(z.0, zero), _mm512_unpackhi_ps(z.0, zero));
+            [
+                Sixteen(_mm512_shuffle_ps::<0x44>(xy_low, z_low)),
+                Sixteen(_mm512_shuffle_ps::<0xee>(xy_low, z_low)),
+                Sixteen(_mm512_shuffle_ps::<0x44>(xy_high, z_high)),
+                Sixteen(_mm512_shuffle_ps::<0xee>(xy_high, z_high)),
+            ]
+        }
+    }
+
+    #[inline(always)]
     fn sum(self) -> Vec4 {
         unsafe {
             let low = _mm_add_ps(_mm512_castps512_ps128(self.0), _mm512_extractf32x4_ps::<1>(self.0));
