@@ -97,6 +97,12 @@ impl Cpu {
         }
     }
 
+    /// Forgets that the processor can do more at once than this.
+    pub(crate) fn narrow(&mut self, breadth: Breadth) {
+        (self.breadth, self.packed_for) = (breadth, None);
+        (self.parts, self.coarse) = Default::default();
+    }
+
     /// Puts the state somewhere else.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.x.copy_from_slice(x);

@@ -362,6 +362,19 @@ impl Deformer {
         }
     }
 
+    /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can: a benchmark asks what that costs.
+    #[doc(hidden)]
+    pub fn at_most_lanes(&mut self, lanes: usize) {
+        let breadth = crate::wide::Breadth::at_most(lanes);
+        match &mut self.engine {
+            Engine::Cpu(cpu) => cpu.narrow(breadth),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.cpu.narrow(breadth),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(_) => {}
+        }
+    }
+
     /// How many substeps an exchange with the GPU is to be good for, in the hybrid: a benchmark asks what more than one costs.
     #[cfg(feature = "gpu")]
     #[doc(hidden)]

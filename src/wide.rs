@@ -43,14 +43,22 @@ pub(crate) enum Breadth {
 impl Breadth {
     /// The widest here.
     pub(crate) fn detected() -> Breadth {
-        if std::env::var("B").as_deref() == Ok("4") { return Breadth::Four; }
-        #[cfg(target_arch = "x86_64")]
-        if std::env::var("B").as_deref() == Ok("8") { return Breadth::Eight; }
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             return if is_x86_feature_detected!("avx512f") { Breadth::Sixteen } else { Breadth::Eight };
         }
         Breadth::Four
+    }
+
+    /// The widest here of no more than so many lanes.
+    pub(crate) fn at_most(lanes: usize) -> Breadth {
+        match Breadth::detected() {
+            #[cfg(target_arch = "x86_64")]
+            Breadth::Sixteen | Breadth::Eight if lanes < 8 => Breadth::Four,
+            #[cfg(target_arch = "x86_64")]
+            Breadth::Sixteen if lanes < 16 => Breadth::Eight,
+            breadth => breadth,
+        }
     }
 
     /// All that there are here.

@@ -46,14 +46,15 @@ fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// A frame of HANG on one thread against the same frame by the plainest code: in the order of colours, after half a second; and
-/// in the mesh's own order, unbatched, the first frame from rest over and over, for that order does not stay a cloth.
+/// in the mesh's own order, unbatched, the first frame from rest over and over, for that order does not stay a cloth. By how many
+/// numbers are computed at once: what the processor can, and less.
 fn ratio() {
     println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn)");
     println!(
-        "{:>5} {:>9} {:>9} {:>7} {:>12} {:>12}  from rest: {:>9} {:>9} {:>7}",
-        "N", "plain", "step", "ratio", "plain strain", "strain", "unbatched", "step", "ratio"
+        "{:>5} {:>6} {:>9} {:>9} {:>7} {:>12} {:>12}  from rest: {:>9} {:>9} {:>7}",
+        "N", "lanes", "plain", "step", "ratio", "plain strain", "strain", "unbatched", "step", "ratio"
     );
-    for n in [64, 128, 256] {
+    for (n, lanes) in [64, 128, 256].into_iter().flat_map(|n| [16, 8, 4].map(|lanes| (n, lanes))) {
         on_one_thread(|| {
             let mut plain = Plain::hang(n, SUBSTEPS, true);
             let mut unbatched = Plain::hang(n, SUBSTEPS, false);
@@ -61,8 +62,11 @@ fn ratio() {
             let rest: Vec<Vec3A> = mesh.positions.iter().map(|&x| x.into()).collect();
             let mut resting = Deformer::new(&mesh, options.clone()).expect("a sheet");
             let mut deformer = scenes::moving(&(mesh, options), &Attributes::default());
+            deformer.at_most_lanes(lanes);
+            resting.at_most_lanes(lanes);
             (0..30 * SUBSTEPS).for_each(|_| plain.substep());
             let frame = |deformer: &mut Deformer| scenes::frame(deformer, &Attributes::default());
+            (frame(&mut deformer), frame(&mut resting));
             let (mut first, mut own) = (Vec::new(), Vec::new());
             let (mut a, mut b) = (Vec::new(), Vec::new());
             for _ in 0..41 {
@@ -76,7 +80,7 @@ fn ratio() {
             let strain = deformer.measure().expect("memory").mean_strain;
             let [a, b, own, first] = [a, b, own, first].map(|times| 1e3 * median(times));
             println!(
-                "{n:>5} {a:>9.3} {b:>9.3} {:>7.3} {:>12.2e} {strain:>12.2e}             {own:>9.3} {first:>9.3} {:>7.3}",
+                "{n:>5} {lanes:>6} {a:>9.3} {b:>9.3} {:>7.3} {:>12.2e} {strain:>12.2e}             {own:>9.3} {first:>9.3} {:>7.3}",
                 b / a,
                 plain.strain(),
                 first / own
