@@ -142,7 +142,7 @@ impl Loop for Advance<'_> {
                         W::choose(fourth, from, from + by).store(x, at);
                         if matches!(self.then, Then::Fall(_)) {
                             // Rounded as the plain code does it, product and sum.
-                            W::choose(zero.below(from.last()), by * carry + gravity, zero).store(u, at);
+                            W::choose(fourth, zero, W::choose(zero.below(from.last()), by * carry + gravity, zero)).store(u, at);
                         }
                     }
                 } else {
