@@ -85,7 +85,11 @@ impl Aggregates {
             x: zero.clone(),
             change: zero.clone(),
             members: Members::new(level, breadth),
-            stripes: if zero.len() < WORTHWHILE { Stripes::one(&level.links, zero.len()) } else { Stripes::coarse(&level.links, zero.len()) },
+            stripes: if zero.len() < WORTHWHILE {
+                Stripes::one(&level.links, zero.len())
+            } else {
+                Stripes::coarse(&level.links, zero.len())
+            },
             u: zero,
             edges: Vec::new(),
             at: Values { x: nowhere, change: nowhere, u: nowhere },
@@ -297,9 +301,9 @@ impl Loop for HandDown<'_> {
             // SAFETY: the caller's promise.
             unsafe { (W::load(u, At::Beside(first)) + W::load(change, wide::listed::<W>(labels))).store(u, At::Beside(first)) };
         }
-        for item in rest..items.end {
+        for (item, &label) in (rest..items.end).zip(&label[rest..items.end]) {
             // SAFETY: the caller's promise.
-            unsafe { u.set(item, u.get(item) + change.get(label[item] as usize)) };
+            unsafe { u.set(item, u.get(item) + change.get(label as usize)) };
         }
     }
 }

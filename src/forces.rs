@@ -139,7 +139,7 @@ impl Forces<'_> {
         }
         let (gathers, state, params) = (self.gathers, self.state(), &self.plan.params);
         // SAFETY: see Forces; the breadth was detected.
-        unsafe { wide::run(self.breadth, Gusts { gathers, state, gusts: self.gusts, triangles, params, substep }) };
+        unsafe { wide::run(self.breadth, Gusts { gathers, state, to: self.gusts, triangles, params, substep }) };
     }
 
     /// The displacements that the forces predict, of a stripe's vertices.
@@ -315,7 +315,7 @@ mod tests {
         u.to_vec()
     }
 
-    /// Eight at a time or one, on meshes with rows and without, with borders, pins and a remainder: the same to rounding.
+    /// Many at a time or one, on meshes with rows and without, with borders, pins and a remainder: the same to rounding.
     #[test]
     fn wide_forces_are_the_plain_ones() {
         let grid = Mesh::grid(32, 27, 1.0, 0.9);

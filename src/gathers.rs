@@ -1,8 +1,6 @@
 //! Forces on as many vertices, or of as many triangles, as the processor takes at once. The oracle of each loop is the function of
 //! its name in `kernels.rs`, as [`Forces`](crate::forces::Forces) calls it for a test.
 
-#![allow(clippy::inline_always, reason = "instructions can be enabled for whole functions alone")]
-
 use std::ops::Range;
 
 use glam::Vec4;
@@ -196,7 +194,8 @@ impl Moments<'_> {
     #[inline(always)]
     unsafe fn damped<W: Wide>(&self, group: usize) {
         let (gathers, state, first) = (self.gathers, &self.state, group * W::LANES);
-        let [stiffness, damping] = [Gathers::numbers::<W>(&gathers.rows, 4, group, 0), Gathers::numbers(&gathers.rows, 4, group, 1)];
+        let [stiffness, damping] =
+            [Gathers::numbers::<W>(&gathers.rows, 4, group, 0), Gathers::numbers(&gathers.rows, 4, group, 1)];
         let zero = W::splat(0.0);
         // SAFETY: the caller's promise.
         unsafe {
@@ -283,12 +282,12 @@ impl Loop for Predict<'_> {
 }
 
 /// A third of [`kernels::wind_force`](crate::kernels::wind_force) of a range of triangles that begins with a whole group. Nobody
-/// writes `x` or `u` meanwhile, or reads or writes these `gusts`.
+/// writes `x` or `u` meanwhile, or reads or writes what they are written to.
 #[derive(Debug, Clone)]
 pub(crate) struct Gusts<'a> {
     pub gathers: &'a Gathers,
     pub state: State,
-    pub gusts: Shared<Vec4>,
+    pub to: Shared<Vec4>,
     pub triangles: Range<usize>,
     pub params: &'a Params,
     pub substep: &'a Substep,
@@ -326,7 +325,7 @@ impl Loop for Gusts<'_> {
                 let (k_n, k_t) = (k_n * area / k_n.times_plus(kick, one), k_t * area / k_t.times_plus(kick, one));
                 let force = wide::plus(normal, k_n, wide::scaled(tangential, k_t));
                 let flat = double_area.below(W::splat(1e-20));
-                put(self.gusts, group * W::LANES, choose3(flat, [zero; 3], wide::scaled(force, W::splat(-1.0 / 3.0))));
+                put(self.to, group * W::LANES, choose3(flat, [zero; 3], wide::scaled(force, W::splat(-1.0 / 3.0))));
             }
         }
     }

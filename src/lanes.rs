@@ -2,8 +2,6 @@
 //!
 //! The intricate part of the CPU backend, kept inside this wall: [`kernels::project`] is what it computes, and its oracle.
 
-#![allow(clippy::inline_always, reason = "instructions can be enabled for whole functions alone")]
-
 use glam::Vec4;
 
 use crate::crew::Shared;
@@ -76,7 +74,8 @@ impl Rows<'_> {
                 }
                 Kind::Apart => {
                     for (factors, ends) in rows {
-                        let at = |k: usize| Ends::Of(wide::apart::<W>(&ends[..W::LANES], k), wide::apart::<W>(&ends[W::LANES..], k));
+                        let at =
+                            |k: usize| Ends::Of(wide::apart::<W>(&ends[..W::LANES], k), wide::apart::<W>(&ends[W::LANES..], k));
                         row::<W, PULL, RELAX>(factors, self.x, self.u, at);
                     }
                 }

@@ -78,13 +78,7 @@ impl Packed {
     ///
     /// # Panics
     /// If an edge's vertex has no inverse mass, or a colour names a vertex twice.
-    pub(crate) fn new(
-        tasks: &[Task],
-        edges: &[Edge],
-        colors: &[Range<usize>],
-        inverse_mass: &[f32],
-        breadth: Breadth,
-    ) -> Packed {
+    pub(crate) fn new(tasks: &[Task], edges: &[Edge], colors: &[Range<usize>], inverse_mass: &[f32], breadth: Breadth) -> Packed {
         let vertices = inverse_mass.len();
         let mut packer = Packer { lanes: breadth.lanes(), inverse_mass, factors: Vec::new(), packed: Packed::default() };
         // The task and colour that last visited a vertex.

@@ -5,8 +5,6 @@
 //! What is computed is written once over [`Wide`]; a function that enables the instructions calls it, so everything here is
 //! inlined into that.
 
-#![allow(clippy::inline_always, reason = "instructions can be enabled for whole functions alone")]
-
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::{BVec4A, Mat4, Vec4};

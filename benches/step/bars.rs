@@ -5,7 +5,7 @@
 use std::time::Instant;
 
 use cloth_deformer::glam::Vec3A;
-use cloth_deformer::{Attributes, Deformer, Fabric, Levels, Options, Quality};
+use cloth_deformer::{Attributes, Deformer, Fabric, Levels, Mesh, Options, Quality};
 
 use crate::plain::Plain;
 use crate::scenes::{self, SUBSTEPS};
@@ -199,6 +199,38 @@ fn limits() {
             });
         });
         println!("{count:>3} threads meet in {:6.2} us", 1e6 * time / rounds as f64);
+    }
+    shares();
+}
+
+/// What frames could take if threads had nothing to do with one another: each steps a strip of its own, as large as its share of a
+/// sheet. More than one thread's time over their number, it says what processors share: pipelines, caches, memory.
+fn shares() {
+    let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let counts: Vec<u32> = [1, 2, 4, 8, 16, 32].into_iter().filter(|&count| count as usize <= most).collect();
+    println!("\nStrips of N x N over threads, a strip each, S = {SUBSTEPS}, ms a frame (medians), threads {counts:?}");
+    println!("{:>5} {:>8}", "N", "bending");
+    for (n, bending) in [128, 256, 512, 1024].into_iter().flat_map(|n| [(n, 0.0), (n, 1e-5)]) {
+        let times = counts.iter().map(|&count| {
+            let meet = std::sync::Barrier::new(count as usize);
+            let strip = || {
+                let (_, options) = scenes::hang(n, Fabric { bending, ..scenes::bare() });
+                let options = Options { levels: Levels::Off, ..options };
+                let mut deformer = Deformer::new(&Mesh::grid(n, n / count, 1.0, 1.0 / count as f32), options).expect("a strip");
+                let mut times = Vec::new();
+                for _ in 0..if n > 256 { 6 } else { 21 } {
+                    meet.wait();
+                    times.push(seconds(&mut || scenes::frame(&mut deformer, &Attributes::default())));
+                }
+                median(times)
+            };
+            std::thread::scope(|scope| {
+                let strips: Vec<_> = (0..count).map(|_| scope.spawn(|| on_one_thread(strip))).collect();
+                strips.into_iter().map(|strip| strip.join().expect("it steps")).fold(0.0, f64::max)
+            })
+        });
+        let times: Vec<String> = times.map(|time| format!("{:8.3}", 1e3 * time)).collect();
+        println!("{n:>5} {:>8} {}", bending > 0.0, times.join(" "));
     }
 }
 
