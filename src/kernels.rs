@@ -335,10 +335,11 @@ pub(crate) fn contact(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params
     let before = start - radius;
     let travel2 = du.length_squared();
     // A vertex at rest on the surface may be inside it by a rounding.
-    if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
-        if let Some((n, after)) = swept(x, du, a, b, radius, travel2.sqrt()) {
-            return respond(x, u, n, before, after - body.radius_travel * params.fraction, step, body.friction, params.h);
-        }
+    if before > -SWEPT * radius
+        && travel2 > SWEPT * SWEPT * radius * radius
+        && let Some((n, after)) = swept(x, du, a, b, radius, travel2.sqrt())
+    {
+        return respond(x, u, n, before, after - body.radius_travel * params.fraction, step, body.friction, params.h);
     }
     let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - body.radius_travel * params.fraction;
     let n = if end > 1e-12 { d / end } else { Vec3A::Y };

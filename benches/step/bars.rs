@@ -66,7 +66,8 @@ fn ratio() {
             resting.at_most_lanes(lanes);
             (0..30 * SUBSTEPS).for_each(|_| plain.substep());
             let frame = |deformer: &mut Deformer| scenes::frame(deformer, &Attributes::default());
-            (frame(&mut deformer), frame(&mut resting));
+            frame(&mut deformer);
+            frame(&mut resting);
             let (mut first, mut own) = (Vec::new(), Vec::new());
             let (mut a, mut b) = (Vec::new(), Vec::new());
             for _ in 0..41 {
