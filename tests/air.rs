@@ -253,7 +253,8 @@ fn a_flag_streams_downwind() {
     // Flat and level it would be at 0.5 m downstream.
     assert!(strong.z > 0.4, "not downstream: {strong}");
     assert!(strong.y.abs() < 0.1, "not level: {strong}");
-    assert!(calm.y < -0.1 && calm.z.abs() < 0.1, "hangs: {calm}");
+    // Beside the pole, on whatever side of it: nothing about a pole says which.
+    assert!(calm.y < -0.1 && calm.x.hypot(calm.z) < 0.2, "hangs: {calm}");
 }
 
 on_every_backend!(

@@ -266,9 +266,10 @@ fn folds(x: &[Vec3], mesh: &Mesh) -> f64 {
 }
 
 /// Levels iron no wrinkles out of a drape: it has those of cloth whose stiffness is resolved, where the sweep alone, whose
-/// cloth stretches instead, has too few. Wrinkles are chaotic, so means over three starts.
+/// cloth stretches instead, has too few. Wrinkles are chaotic, so means over several starts: one scatters by 4 %.
 #[test]
 fn wrinkles_are_not_ironed() {
+    const STARTS: u64 = 10;
     let n = 65;
     let mean = |substeps, levels| {
         let of = |seed| {
@@ -287,7 +288,7 @@ fn wrinkles_are_not_ironed() {
             play(&mut deformer, 75, &Attributes { colliders, damping: 0.5, ..Attributes::default() });
             folds(deformer.positions().unwrap(), &mesh)
         };
-        (0..3).map(of).sum::<f64>() / 3.0
+        (0..STARTS).map(of).sum::<f64>() / STARTS as f64
     };
     let [exact, plain, levels] = [mean(170, Levels::Off), mean(20, Levels::Off), mean(20, Levels::Auto)];
     println!("folds: {exact:.2} m resolved, {plain:.2} m in few substeps, {levels:.2} m with levels");
