@@ -97,12 +97,13 @@ impl Aggregates {
     }
 
     fn pack(&mut self, level: &Level, edges: &[Edge], breadth: Breadth) {
+        self.edges = Vec::new();
         let pack = |tasks: &Vec<Task>| Packed::new(tasks, edges, &level.colors, &level.inverse_mass, breadth);
         self.edges = self.stripes.rounds.iter().map(pack).collect();
     }
 
     fn share(&mut self) {
-        let [x, change, u] = [&mut self.x, &mut self.change, &mut self.u].map(|values| Shared::new(values));
+        let [x, change, u] = [&mut self.x, &mut self.change, &mut self.u].map(Lines::share);
         self.at = Values { x, change, u };
     }
 }

@@ -59,55 +59,79 @@ fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
     (x * 9 + y) * 9 + z
 }
 
-/// First fit but for rows, each palette with colours of its own; none if that takes more than `most`.
+/// First fit, each palette with colours of its own; none if that takes more than `most`.
+///
+/// A row of a grid's edges is given one colour if it can be, so that they can be visited side by side.
 fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, most: usize, vertices: usize) -> Option<Coloring> {
-    // A bit for each colour that a vertex has already; one word does for all but the wildest fans.
-    let mut used = vec![0_u64; vertices];
-    let mut further: Vec<Vec<u64>> = Vec::new();
+    let mut used = Used { first: vec![0; vertices], further: Vec::new() };
     let mut of = vec![0; edges.len()];
     let mut colors = 0;
     for palette in palettes {
         let base = colors;
-        let mut last = ([u32::MAX; 2], 0);
-        for &index in palette {
-            let edge = edges[index as usize];
-            let [a, b] = edge.map(|vertex| vertex as usize);
-            let word = |vertex: usize, word: usize| match word {
-                0 => used[vertex],
-                _ => further.get(vertex).and_then(|words| words.get(word - 1)).copied().unwrap_or(0),
-            };
-            let first = || {
-                (base / 64..)
-                    .find_map(|w| {
-                        let below = if w == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
-                        let free = !(word(a, w) | word(b, w) | below);
-                        (free != 0).then(|| 64 * w + free.trailing_zeros() as usize)
-                    })
-                    .expect("a word past the last used colour is free")
-            };
-            // Beside the last edge, its colour: one row of a grid has one colour, and its edges can be visited side by side.
-            let beside = edge == last.0.map(|vertex: u32| vertex.wrapping_add(1));
-            let taken = |color: usize| (word(a, color / 64) | word(b, color / 64)) >> (color % 64) & 1 == 1;
-            let free = if beside && !taken(last.1) { last.1 } else { first() };
-            last = (edge, free);
-            if free >= most {
-                return None;
+        let mut give = |row: &[u32]| {
+            let ends = || row.iter().flat_map(|&index| edges[index as usize]);
+            let color = used.free(base, ends);
+            if color >= most {
+                return false;
             }
-            for vertex in [a, b] {
-                if free < 64 {
-                    used[vertex] |= 1 << free;
-                    continue;
+            ends().for_each(|vertex| used.take(color, vertex));
+            row.iter().for_each(|&index| of[index as usize] = color as u32);
+            colors = colors.max(color + 1);
+            true
+        };
+        let beside = |&one: &u32, &next: &u32| edges[one as usize].map(|vertex| vertex + 1) == edges[next as usize];
+        for run in palette.chunk_by(beside) {
+            // So many have no vertex in common.
+            let [a, b] = edges[run[0] as usize];
+            for row in run.chunks(a.abs_diff(b) as usize) {
+                if (row.len() < ROW || !give(row)) && !row.chunks(1).all(&mut give) {
+                    return None;
                 }
-                further.resize_with(vertices, Vec::new);
-                let words = &mut further[vertex];
-                words.resize(words.len().max(free / 64), 0);
-                words[free / 64 - 1] |= 1 << (free % 64);
             }
-            of[index as usize] = free as u32;
-            colors = colors.max(free + 1);
         }
     }
     Some(Coloring { of, colors })
+}
+
+/// Edges that are worth a colour in common.
+const ROW: usize = 8;
+
+/// A bit for each colour that a vertex has already; one word does for all but the wildest fans.
+struct Used {
+    first: Vec<u64>,
+    further: Vec<Vec<u64>>,
+}
+
+impl Used {
+    /// The first colour from `base` on that none of these vertices has.
+    fn free<I: Iterator<Item = u32>>(&self, base: usize, vertices: impl Fn() -> I) -> usize {
+        (base / 64..)
+            .find_map(|word| {
+                let below = if word == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
+                let free = !vertices().fold(below, |taken, vertex| taken | self.word(vertex as usize, word));
+                (free != 0).then(|| 64 * word + free.trailing_zeros() as usize)
+            })
+            .expect("a word past the last used colour is free")
+    }
+
+    fn word(&self, vertex: usize, word: usize) -> u64 {
+        match word {
+            0 => self.first[vertex],
+            _ => self.further.get(vertex).and_then(|words| words.get(word - 1)).copied().unwrap_or(0),
+        }
+    }
+
+    fn take(&mut self, color: usize, vertex: u32) {
+        let vertex = vertex as usize;
+        if color < 64 {
+            self.first[vertex] |= 1 << color;
+            return;
+        }
+        self.further.resize_with(self.first.len(), Vec::new);
+        let words = &mut self.further[vertex];
+        words.resize(words.len().max(color / 64), 0);
+        words[color / 64 - 1] |= 1 << (color % 64);
+    }
 }
 
 /// An order of the vertices in which neighbours are close: the mesh's own if it is (a grid's rows), else breadth first.
@@ -212,6 +236,30 @@ mod tests {
             let mesh = Mesh::grid(columns, rows, 1.0, 1.0);
             let edges = mesh.edges();
             assert_eq!(check(&edges, &mesh.positions), max_degree(&edges, mesh.positions.len()), "{columns} x {rows}");
+        }
+    }
+
+    /// Whichever way the diagonals run, the edges of one direction between two rows have one colour.
+    #[test]
+    fn rows_of_a_grid_have_one_colour() {
+        let (columns, rows) = (20, 13);
+        let mut mesh = Mesh::grid(columns, rows, 1.0, 1.0);
+        for mirrored in [false, true] {
+            if mirrored {
+                // Each row the other way round.
+                let name = |v: u32| v / columns * columns + (columns - 1 - v % columns);
+                mesh.triangles.iter_mut().flatten().for_each(|v| *v = name(*v));
+                let positions = mesh.positions.clone();
+                (0..columns * rows).for_each(|v| mesh.positions[name(v) as usize] = positions[v as usize]);
+            }
+            let edges = mesh.edges();
+            let coloring = color(&edges, &mesh.positions);
+            assert_eq!(coloring.colors, 6);
+            let mut colour_of = std::collections::HashMap::new();
+            for (edge, color) in edges.iter().zip(&coloring.of).filter(|(edge, _)| edge[1] - edge[0] > 1) {
+                let row = (edge[0] / columns, edge[1] - edge[0]);
+                assert_eq!(colour_of.entry(row).or_insert(color), &color, "mirrored {mirrored}: {edge:?}");
+            }
         }
     }
 

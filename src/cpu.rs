@@ -136,8 +136,8 @@ impl Cpu {
         let stripes = plan.cloth.stripes();
         self.pack(plan);
         let lost = AtomicUsize::new(usize::MAX);
-        let (breadth, x, u) = (self.breadth, Shared::new(&mut self.x), Shared::new(&mut self.p));
-        let good = [Shared::new(&mut self.x_good), Shared::new(&mut self.p_good)];
+        let (breadth, x, u) = (self.breadth, self.x.share(), self.p.share());
+        let good = [self.x_good.share(), self.p_good.share()];
         let moves = Moves { plan, x, u, good, lost: &lost, breadth };
         let forces = self.parts.share(plan, x, u, elsewhere.is_none(), breadth);
         let gathers = elsewhere.is_none() && forces.any();
@@ -247,6 +247,8 @@ impl Cpu {
         }
         self.packed_for = wanted;
         let (stripes, inverse_mass) = (plan.cloth.stripes(), plan.cloth.inverse_mass());
+        // The old ones first, or memory would hold both.
+        self.edges = Vec::new();
         let pack = |tasks: &Vec<Task>| Packed::new(tasks, &coefficients.edges, &plan.cloth.colors, &inverse_mass, self.breadth);
         self.edges = stripes.rounds.iter().map(pack).collect();
         self.coarse.pack(plan.cloth, &coefficients.levels, self.breadth);

@@ -38,17 +38,25 @@ struct Apart<T>(T);
 pub(crate) struct Shared<T> {
     start: *mut T,
     length: usize,
+    /// Items that may be read and written, be they beyond the slice.
+    room: usize,
 }
 
 impl<T> Shared<T> {
     pub(crate) fn new(items: &mut [T]) -> Shared<T> {
-        Shared { start: items.as_mut_ptr(), length: items.len() }
+        let length = items.len();
+        Shared::with_room(items, length)
+    }
+
+    /// The first so many items; the others may be read and written too.
+    pub(crate) fn with_room(items: &mut [T], length: usize) -> Shared<T> {
+        Shared { start: items.as_mut_ptr(), length, room: items.len() }
     }
 
     /// Items that are not in a slice of ours.
     #[cfg(feature = "gpu")]
     pub(crate) fn at(start: *mut T, length: usize) -> Shared<T> {
-        Shared { start, length }
+        Shared { start, length, room: length }
     }
 
     pub(crate) fn len(self) -> usize {
@@ -63,9 +71,9 @@ impl<T> Shared<T> {
 #[expect(unsafe_code, reason = "tasks of one round write disjoint items: see Stripes")]
 impl<T: Copy> Shared<T> {
     /// # Safety
-    /// The slice is alive, `index` is below its length, and nobody writes there meanwhile.
+    /// The slice is alive, `index` is within its room, and nobody writes there meanwhile.
     pub(crate) unsafe fn get(self, index: usize) -> T {
-        debug_assert!(index < self.length);
+        debug_assert!(index < self.room);
         // SAFETY: the caller's promise.
         unsafe { *self.start.add(index) }
     }
@@ -73,7 +81,7 @@ impl<T: Copy> Shared<T> {
     /// # Safety
     /// As [`Shared::get`], and nobody reads there meanwhile.
     pub(crate) unsafe fn set(self, index: usize, value: T) {
-        debug_assert!(index < self.length);
+        debug_assert!(index < self.room);
         // SAFETY: the caller's promise.
         unsafe { *self.start.add(index) = value }
     }

@@ -362,9 +362,10 @@ impl Deformer {
         }
     }
 
-    /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can: a benchmark asks what that costs.
+    /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can, and says how many it is: a benchmark
+    /// asks what that costs.
     #[doc(hidden)]
-    pub fn at_most_lanes(&mut self, lanes: usize) {
+    pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
         let breadth = crate::wide::Breadth::at_most(lanes);
         match &mut self.engine {
             Engine::Cpu(cpu) => cpu.narrow(breadth),
@@ -373,6 +374,7 @@ impl Deformer {
             #[cfg(feature = "gpu")]
             Engine::Gpu(_) => {}
         }
+        breadth.lanes()
     }
 
     /// How many substeps an exchange with the GPU is to be good for, in the hybrid: a benchmark asks what more than one costs.

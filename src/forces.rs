@@ -66,6 +66,8 @@ impl Parts {
         fit(&mut self.gusts, if wind { plan.cloth.panels().panels.len() } else { 0 });
         let scene = (plan.coefficients.h.to_bits(), bending, wind);
         if self.packed_for != Some(scene) {
+            // The old one first, or memory would hold both.
+            self.gathers = Gathers::default();
             self.gathers = Gathers::new(plan.cloth, plan.coefficients, bending, wind, breadth);
             self.packed_for = Some(scene);
         }
@@ -73,9 +75,9 @@ impl Parts {
             plan,
             x,
             u,
-            pulls: Shared::new(&mut self.pulls),
-            couples: Shared::new(&mut self.couples),
-            gusts: Shared::new(&mut self.gusts),
+            pulls: self.pulls.share(),
+            couples: self.couples.share(),
+            gusts: self.gusts.share(),
             gathers: &self.gathers,
             breadth,
         }
@@ -306,7 +308,7 @@ mod tests {
             u[v] = vector(0.002).extend(0.0);
         }
         let mut parts = Parts::default();
-        let forces = parts.share(&plan, Shared::new(&mut x), Shared::new(&mut u), true, breadth);
+        let forces = parts.share(&plan, x.share(), u.share(), true, breadth);
         let vertices = cloth.rest.len() as u32;
         // Two stripes, as they are cut.
         let stripes = [0..400, 400..vertices];

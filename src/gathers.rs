@@ -57,7 +57,7 @@ impl Gathers {
     fn pack_rows(&mut self, cloth: &Cloth, rows: &[BendRow], bending: &Bending) {
         let lanes = self.lanes;
         let mut entries: Vec<Vec<BendEntry>> = vec![Vec::new(); lanes];
-        let (mut numbers, mut weights) = (Vec::new(), Vec::new());
+        let (mut numbers, mut weights) = (Lines::default(), Lines::default());
         for first in (0..rows.len()).step_by(lanes) {
             let vertex = |lane: usize| first + wide::place(lane, lanes);
             for (lane, entries) in entries.iter_mut().enumerate() {
@@ -78,28 +78,28 @@ impl Gathers {
                     self.apart.extend((0..lanes).map(other));
                     Place::Apart((self.apart.len() - lanes) as u32)
                 });
-                push(&mut weights, lanes, |lane| entry(lane).map_or(0.0, |entry| entry.forward));
-                push(&mut weights, lanes, |lane| entry(lane).map_or(0.0, |entry| entry.backward));
+                weights.push(lanes, |lane| entry(lane).map_or(0.0, |entry| entry.forward));
+                weights.push(lanes, |lane| entry(lane).map_or(0.0, |entry| entry.backward));
             }
             let row = |lane: usize| rows.get(vertex(lane)).copied().unwrap_or_default();
-            push(&mut numbers, lanes, |lane| row(lane).stiffness);
-            push(&mut numbers, lanes, |lane| row(lane).stiffness * row(lane).tau);
-            push(&mut numbers, lanes, |lane| row(lane).diagonal);
-            push(&mut numbers, lanes, |lane| cloth.rest.get(vertex(lane)).map_or(0.0, |x| x.w));
+            numbers.push(lanes, |lane| row(lane).stiffness);
+            numbers.push(lanes, |lane| row(lane).stiffness * row(lane).tau);
+            numbers.push(lanes, |lane| row(lane).diagonal);
+            numbers.push(lanes, |lane| cloth.rest.get(vertex(lane)).map_or(0.0, |x| x.w));
         }
         self.starts.push(self.places.len());
-        (self.rows, self.weights) = (Lines::of(&numbers), Lines::of(&weights));
+        (self.rows, self.weights) = (numbers, weights);
     }
 
     fn pack_panels(&mut self, panels: &[Panel]) {
         let lanes = self.lanes;
-        let mut masses = Vec::new();
+        let mut masses = Lines::default();
         for panels in panels.chunks(lanes) {
             let panel = |lane: usize| panels[wide::place(lane, lanes).min(panels.len() - 1)];
-            push(&mut masses, lanes, |lane| panel(lane).mass);
+            masses.push(lanes, |lane| panel(lane).mass);
             (0..3).for_each(|corner| self.corners.extend((0..lanes).map(|lane| panel(lane).corners[corner])));
         }
-        self.masses = Lines::of(&masses);
+        self.masses = masses;
     }
 
     /// The groups of a range that begins with a whole one.
@@ -124,16 +124,11 @@ impl Gathers {
         // SAFETY: the caller's promise.
         unsafe {
             match self.places[item] {
-                Place::Row(first) => vertices(values, first as usize),
+                Place::Row(first) => wide::vertices(values, first as usize),
                 Place::Apart(first) => gather(values, &self.apart[first as usize..first as usize + W::LANES]),
             }
         }
     }
-}
-
-/// A number for each lane.
-fn push(list: &mut Vec<Vec4>, lanes: usize, number: impl Fn(usize) -> f32) {
-    list.extend((0..lanes / 4).map(|four| Vec4::from_array([0, 1, 2, 3].map(|k| number(4 * four + k)))));
 }
 
 /// State that the loops read, and what they write, one vector a vertex. All have room for whole groups.
@@ -181,7 +176,7 @@ impl Moments<'_> {
         let (gathers, state, first) = (self.gathers, &self.state, group * W::LANES);
         // SAFETY: the caller's promise.
         unsafe {
-            let center = vertices::<W>(state.x, first);
+            let center = wide::vertices::<W>(state.x, first);
             let mut y = [W::splat(0.0); 3];
             for near in gathers.starts[group]..gathers.starts[group + 1] {
                 let forward = Gathers::numbers(&gathers.weights, 2, near, 0);
@@ -199,7 +194,7 @@ impl Moments<'_> {
         let zero = W::splat(0.0);
         // SAFETY: the caller's promise.
         unsafe {
-            let (center, own) = (vertices::<W>(state.x, first), vertices::<W>(state.u, first));
+            let (center, own) = (wide::vertices::<W>(state.x, first), wide::vertices::<W>(state.u, first));
             let rate = W::splat(self.rate);
             let mut y = [zero; 3];
             let (mut y_rate, mut spin, mut inertia, mut products) = (y, y, y, y);
@@ -253,9 +248,9 @@ impl Loop for Predict<'_> {
             // SAFETY: the caller's promise.
             unsafe {
                 let diagonal = zero - Gathers::numbers::<W>(&gathers.rows, 4, group, 2);
-                let mut force = wide::scaled(vertices(state.pulls, first), diagonal);
+                let mut force = wide::scaled(wide::vertices(state.pulls, first), diagonal);
                 if state.couples.len() > 0 {
-                    let (center, own) = (vertices::<W>(state.x, first), vertices::<W>(state.couples, first));
+                    let (center, own) = (wide::vertices::<W>(state.x, first), wide::vertices::<W>(state.couples, first));
                     for near in entries {
                         let forward = Gathers::numbers::<W>(&gathers.weights, 2, near, 0);
                         let backward = Gathers::numbers::<W>(&gathers.weights, 2, near, 1);
@@ -274,7 +269,7 @@ impl Loop for Predict<'_> {
                 }
                 let w = Gathers::numbers::<W>(&gathers.rows, 4, group, 3);
                 let (carry, gain) = (W::splat(substep.carry), w * W::splat(substep.gain));
-                let by = wide::plus(force, gain, wide::plus(vertices(state.u, first), carry, ambient));
+                let by = wide::plus(force, gain, wide::plus(wide::vertices(state.u, first), carry, ambient));
                 put(state.u, first, choose3(zero.below(w), by, [zero; 3]));
             }
         }
@@ -360,15 +355,6 @@ fn all<W: Wide>([x, y, z]: [f32; 3]) -> Wide3<W> {
     [W::splat(x), W::splat(y), W::splat(z)]
 }
 
-/// Vertices from `first` on.
-#[expect(unsafe_code, reason = "the loops' callers promise")]
-#[inline(always)]
-unsafe fn vertices<W: Wide>(values: Shared<Vec4>, first: usize) -> Wide3<W> {
-    let at = |k: usize| At::Beside(first + W::LANES / 4 * k);
-    // SAFETY: the caller's promise.
-    W::transpose(unsafe { [W::load(values, at(0)), W::load(values, at(1)), W::load(values, at(2)), W::load(values, at(3))] })
-}
-
 /// Vertices anywhere.
 #[expect(unsafe_code, reason = "the loops' callers promise")]
 #[inline(always)]
@@ -378,7 +364,7 @@ unsafe fn gather<W: Wide>(values: Shared<Vec4>, places: &[u32]) -> Wide3<W> {
     W::transpose(unsafe { [W::load(values, at(0)), W::load(values, at(1)), W::load(values, at(2)), W::load(values, at(3))] })
 }
 
-/// The inverse of [`vertices`], with 0 as fourth.
+/// The inverse of [`wide::vertices`], with 0 as fourth.
 #[expect(unsafe_code, reason = "the loops' callers promise")]
 #[inline(always)]
 unsafe fn put<W: Wide>(values: Shared<Vec4>, first: usize, vectors: Wide3<W>) {

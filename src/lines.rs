@@ -1,9 +1,14 @@
-//! Vertices in whole cache lines: two of them in a wide load, and no load across two lines where the first is even.
+//! Vertices in whole cache lines, so that no wide load is across two that need not be.
 
 use std::ops::{Deref, DerefMut};
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
+
+use crate::crew::Shared;
+
+/// Cache lines of sixteen vectors.
+const WHOLE: usize = 4;
 
 /// As many vectors as were asked for, from the start of a cache line on, and room for whole sixteens of them.
 #[derive(Debug, Clone, Default)]
@@ -19,14 +24,24 @@ struct Line([Vec4; 4]);
 impl Lines {
     /// Zeros.
     pub(crate) fn new(length: usize) -> Lines {
-        Lines { lines: vec![Line::zeroed(); 4 * length.div_ceil(16)], length }
+        Lines { lines: vec![Line::zeroed(); WHOLE * length.div_ceil(4 * WHOLE)], length }
     }
 
-    /// These.
-    pub(crate) fn of(vectors: &[Vec4]) -> Lines {
-        let mut lines = Lines::new(vectors.len());
-        lines.copy_from_slice(vectors);
-        lines
+    /// Adds a number for each of so many lanes.
+    pub(crate) fn push(&mut self, lanes: usize, number: impl Fn(usize) -> f32) {
+        for four in 0..lanes / 4 {
+            if self.length == 4 * self.lines.len() {
+                self.lines.extend([Line::zeroed(); WHOLE]);
+            }
+            let vector = Vec4::from_array([0, 1, 2, 3].map(|k| number(4 * four + k)));
+            self.lines[self.length / 4].0[self.length % 4] = vector;
+            self.length += 1;
+        }
+    }
+
+    /// These for the tasks of a round, with the room.
+    pub(crate) fn share(&mut self) -> Shared<Vec4> {
+        Shared::with_room(bytemuck::cast_slice_mut(&mut self.lines), self.length)
     }
 }
 

@@ -160,15 +160,9 @@ impl Advance<'_> {
     /// Whether these vertices surely meet no body.
     #[inline(always)]
     unsafe fn clear<W: Wide>(&self, first: usize) -> bool {
-        let group = W::LANES / 4;
-        let at = |k: usize| At::Beside(first + group * k);
+        let Moves { x, u, .. } = *self.moves;
         // SAFETY: the caller's promise.
-        let (place, by) = unsafe {
-            let Moves { x, u, .. } = *self.moves;
-            let place = [W::load(x, at(0)), W::load(x, at(1)), W::load(x, at(2)), W::load(x, at(3))];
-            let by = [W::load(u, at(0)), W::load(u, at(1)), W::load(u, at(2)), W::load(u, at(3))];
-            (W::transpose(place), W::transpose(by))
-        };
+        let (place, by) = unsafe { (wide::vertices::<W>(x, first), wide::vertices::<W>(u, first)) };
         let travel = wide::dot(by, by);
         for body in self.moves.plan.bodies {
             let clear = Clear::of(body, self.substep, self.moves.plan.params.fraction);
@@ -238,7 +232,7 @@ mod tests {
     use crate::plan::{Lists, Motion};
     use crate::{Attributes, Collider, Mesh, Options};
 
-    /// Vertices near bodies and far, slow and fast, by eights and one by one: the same bits.
+    /// Vertices near bodies and far, slow and fast, together and one by one: the same bits.
     #[test]
     fn what_is_told_to_be_clear_is_clear() {
         let options = Options { pinned: vec![3, 70], ..Options::default() };
@@ -270,7 +264,7 @@ mod tests {
                     x[v] = (rest.truncate() * far + vector(0.3)).extend(rest.w);
                     u[v] = vector(size).extend(0.0);
                 }
-                let (x, u, lost) = (Shared::new(&mut x), Shared::new(&mut u), AtomicUsize::new(usize::MAX));
+                let (x, u, lost) = (x.share(), u.share(), AtomicUsize::new(usize::MAX));
                 let moves = Moves { plan: &plan, x, u, good: [x, u], lost: &lost, breadth };
                 moves.advance(&[0..37, 37..cloth.rest.len() as u32], &plan.substeps[0], Then::Fall(&plan.substeps[1]));
                 #[expect(unsafe_code, reason = "one thread, both alive")]
@@ -280,9 +274,9 @@ mod tests {
                 both
             };
             let one = run(Breadth::One);
-            for (one, eight) in Breadth::all().into_iter().map(run).flat_map(|many| one.clone().into_iter().zip(many)) {
+            for (one, many) in Breadth::all().into_iter().map(run).flat_map(|many| one.clone().into_iter().zip(many)) {
                 let same = |a: &[f32; 4], b: &[f32; 4]| a[..3].iter().zip(&b[..3]).all(|(a, b)| a == b);
-                let first = one.iter().zip(&eight).position(|(a, b)| !same(a, b));
+                let first = one.iter().zip(&many).position(|(a, b)| !same(a, b));
                 assert!(first.is_none(), "{:?} {far} {size}: vertex {first:?}", body.shape);
             }
         }

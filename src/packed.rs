@@ -80,7 +80,8 @@ impl Packed {
     /// If an edge's vertex has no inverse mass, or a colour names a vertex twice.
     pub(crate) fn new(tasks: &[Task], edges: &[Edge], colors: &[Range<usize>], inverse_mass: &[f32], breadth: Breadth) -> Packed {
         let vertices = inverse_mass.len();
-        let mut packer = Packer { lanes: breadth.lanes(), inverse_mass, factors: Vec::new(), packed: Packed::default() };
+        let mut packer =
+            Packer { lanes: breadth.lanes(), inverse_mass, packed: Packed { breadth, vertices, ..Packed::default() } };
         // The task and colour that last visited a vertex.
         let mut visited = vec![(usize::MAX, usize::MAX); vertices];
         let mut edges_now: Vec<Edge> = Vec::new();
@@ -102,13 +103,13 @@ impl Packed {
             let end = packer.packed.batches.len();
             packer.packed.of.push(start..end);
         }
-        Packed { breadth, factors: Lines::of(&packer.factors), vertices, ..packer.packed }
+        packer.packed
     }
 
     /// Visits the edges of one task in order.
     ///
     /// # Safety
-    /// No other thread may write `u` at the task's vertices meanwhile, nor `x`, nor read `u` there; both have as many
+    /// The processor can do the breadth. No other thread may write `u` at the task's vertices meanwhile, nor `x`, nor read `u` there; both have as many
     /// items as the inverse masses that the edges were packed with.
     #[expect(unsafe_code, reason = "see the safety section; tasks are kept apart by Stripes and Crew")]
     pub(crate) unsafe fn sweep(&self, task: usize, x: Shared<Vec4>, u: Shared<Vec4>, rule: Rule) {
@@ -136,7 +137,6 @@ impl Packed {
 struct Packer<'a> {
     lanes: usize,
     inverse_mass: &'a [f32],
-    factors: Vec<Vec4>,
     packed: Packed,
 }
 
@@ -174,7 +174,7 @@ impl Packer<'_> {
     /// Adds a row, given by its lanes, to the last batch of those from `open` on, or a new one.
     fn push(&mut self, kind: Kind, open: usize, lane: impl Fn(usize) -> Lane) {
         let (lanes, packed) = (self.lanes, &mut self.packed);
-        let row = 4 * self.factors.len() / (3 * lanes);
+        let row = 4 * packed.factors.len() / (3 * lanes);
         match packed.batches[open..].last_mut() {
             Some(batch) if batch.kind == kind => batch.rows.end += 1,
             _ => packed.batches.push(Batch { kind, rows: row..row + 1, ends: packed.ends.len() }),
@@ -192,12 +192,9 @@ impl Packer<'_> {
         debug_assert!((0..lanes).all(|k| spelled(k) == [lane(k).0.a, lane(k).0.b]), "{kind:?}");
         let inverse_mass = self.inverse_mass;
         let share = |(edge, counts): Lane, end: u32| if counts { edge.inverse_weight * inverse_mass[end as usize] } else { 0.0 };
-        let mut add = |number: &dyn Fn(Lane) -> f32| {
-            self.factors.extend((0..lanes / 4).map(|four| Vec4::from_array([0, 1, 2, 3].map(|k| number(lane(4 * four + k))))));
-        };
-        add(&|(edge, _)| edge.inverse_rest);
-        add(&|lane| share(lane, lane.0.a));
-        add(&|lane| share(lane, lane.0.b));
+        packed.factors.push(lanes, |k| lane(k).0.inverse_rest);
+        packed.factors.push(lanes, |k| share(lane(k), lane(k).0.a));
+        packed.factors.push(lanes, |k| share(lane(k), lane(k).0.b));
     }
 }
 
@@ -255,7 +252,7 @@ mod tests {
                 let plain = swept(&cloth, &edges, &start, rule, None);
                 let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);
                 assert!(moved > 0.01 * size, "{size}: something is corrected");
-                for breadth in Breadth::all() {
+                for breadth in [Breadth::One].into_iter().chain(Breadth::all()) {
                     let lanes = swept(&cloth, &edges, &start, rule, Some(breadth));
                     let apart = plain.iter().zip(&lanes).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
                     assert!(apart <= 3e-6 * (moved + size), "{rule:?} {size} {stretch} {breadth:?}: {apart} of {moved}");

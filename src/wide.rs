@@ -50,19 +50,12 @@ impl Breadth {
 
     /// The widest here of no more than so many lanes.
     pub(crate) fn at_most(lanes: usize) -> Breadth {
-        match Breadth::detected() {
-            #[cfg(target_arch = "x86_64")]
-            Breadth::Sixteen | Breadth::Eight if lanes < 8 => Breadth::Four,
-            #[cfg(target_arch = "x86_64")]
-            Breadth::Sixteen if lanes < 16 => Breadth::Eight,
-            breadth => breadth,
-        }
+        Breadth::all().into_iter().rfind(|breadth| breadth.lanes() <= lanes).unwrap_or_default()
     }
 
-    /// All that there are here.
-    #[cfg(test)]
+    /// All that there are here, the widest last.
     pub(crate) fn all() -> Vec<Breadth> {
-        let mut all = vec![Breadth::One, Breadth::Four];
+        let mut all = vec![Breadth::Four];
         #[cfg(target_arch = "x86_64")]
         all.extend([Breadth::Eight, Breadth::Sixteen]);
         all.retain(|&breadth| breadth <= Breadth::detected());
@@ -96,6 +89,7 @@ pub(crate) trait Loop {
 /// # Safety
 /// The processor can do it ([`Breadth::detected`]); and as the loop itself says.
 #[expect(unsafe_code, reason = "see the safety section")]
+#[cfg_attr(not(target_arch = "x86_64"), expect(unused_variables, reason = "there is one breadth"))]
 pub(crate) unsafe fn run(breadth: Breadth, work: impl Loop) {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx2,fma")]
@@ -109,16 +103,15 @@ pub(crate) unsafe fn run(breadth: Breadth, work: impl Loop) {
         // SAFETY: the caller's promise.
         unsafe { work.run::<Eight>() };
     }
+    #[cfg(target_arch = "x86_64")]
     // SAFETY: the caller's promise.
-    unsafe {
-        match breadth {
-            #[cfg(target_arch = "x86_64")]
-            Breadth::Sixteen => sixteen(work),
-            #[cfg(target_arch = "x86_64")]
-            Breadth::Eight => eight(work),
-            _ => work.run::<Vec4>(),
-        }
+    match breadth {
+        Breadth::Sixteen => return unsafe { sixteen(work) },
+        Breadth::Eight => return unsafe { eight(work) },
+        _ => {}
     }
+    // SAFETY: the caller's promise.
+    unsafe { work.run::<Vec4>() };
 }
 
 /// Where vectors side by side are: one after another from here on, or the first so many of these.
@@ -263,6 +256,18 @@ pub(crate) fn scaled<W: Wide>(v: Wide3<W>, by: W) -> Wide3<W> {
 #[inline(always)]
 pub(crate) fn plus<W: Wide>(v: Wide3<W>, by: W, to: Wide3<W>) -> Wide3<W> {
     [v[0].times_plus(by, to[0]), v[1].times_plus(by, to[1]), v[2].times_plus(by, to[2])]
+}
+
+/// Vectors from `first` on, transposed.
+///
+/// # Safety
+/// They are there, and nobody writes them meanwhile.
+#[expect(unsafe_code, reason = "see the safety section")]
+#[inline(always)]
+pub(crate) unsafe fn vertices<W: Wide>(values: Shared<Vec4>, first: usize) -> Wide3<W> {
+    let at = |k: usize| At::Beside(first + W::LANES / 4 * k);
+    // SAFETY: the caller's promise.
+    W::transpose(unsafe { [W::load(values, at(0)), W::load(values, at(1)), W::load(values, at(2)), W::load(values, at(3))] })
 }
 
 /// Four on any machine.
