@@ -300,7 +300,12 @@ impl Loop for HandDown<'_> {
         let rest = items.end - labels.remainder().len();
         for (labels, first) in labels.zip(items.clone().step_by(group)) {
             // SAFETY: the caller's promise.
-            unsafe { (W::load(u, At::Beside(first)) + W::load(change, wide::listed::<W>(labels))).store(u, At::Beside(first)) };
+            unsafe {
+                // Neighbours are mostly of one aggregate.
+                let one = labels.iter().all(|&label| label == labels[0]);
+                let by = if one { W::repeat(change.get(labels[0] as usize)) } else { W::load(change, wide::listed::<W>(labels)) };
+                (W::load(u, At::Beside(first)) + by).store(u, At::Beside(first));
+            }
         }
         for (item, &label) in (rest..items.end).zip(&label[rest..items.end]) {
             // SAFETY: the caller's promise.
