@@ -51,6 +51,7 @@ impl Gathers {
         if wind {
             gathers.pack_panels(&cloth.panels().panels);
         }
+        [&mut gathers.rows, &mut gathers.weights, &mut gathers.masses].into_iter().for_each(Lines::trim);
         gathers
     }
 

@@ -39,6 +39,11 @@ impl Lines {
         }
     }
 
+    /// Gives back what pushing took beforehand.
+    pub(crate) fn trim(&mut self) {
+        self.lines.shrink_to_fit();
+    }
+
     /// These for the tasks of a round, with the room.
     pub(crate) fn share(&mut self) -> Shared<Vec4> {
         Shared::with_room(bytemuck::cast_slice_mut(&mut self.lines), self.length)

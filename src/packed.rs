@@ -103,6 +103,7 @@ impl Packed {
             let end = packer.packed.batches.len();
             packer.packed.of.push(start..end);
         }
+        packer.packed.factors.trim();
         packer.packed
     }
 
