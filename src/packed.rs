@@ -110,8 +110,8 @@ impl Packed {
     /// Visits the edges of one task in order.
     ///
     /// # Safety
-    /// The processor can do the breadth. No other thread may write `u` at the task's vertices meanwhile, nor `x`, nor read `u` there; both have as many
-    /// items as the inverse masses that the edges were packed with.
+    /// The processor can do the breadth. No other thread may write `u` at the task's vertices meanwhile, nor `x`, nor read `u`
+    /// there; both have as many items as the inverse masses that the edges were packed with.
     #[expect(unsafe_code, reason = "see the safety section; tasks are kept apart by Stripes and Crew")]
     pub(crate) unsafe fn sweep(&self, task: usize, x: Shared<Vec4>, u: Shared<Vec4>, rule: Rule) {
         debug_assert!(x.len() == self.vertices && u.len() == self.vertices, "one item per vertex");

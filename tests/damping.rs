@@ -107,7 +107,7 @@ fn damping_does_not_slow_a_fall() {
 ///
 /// The bending rows still every fold; what swings as a whole, a corner that hangs free, they leave to the air, as they must
 /// to keep the momenta. In a vacuum the corners alone still move at 2 to 16 mm/s (RMS) by then. Which corners hang free is
-/// chance (of thirty runs one or two end above the bound, whatever the order of the edges), so the median of five starts counts.
+/// chance (one of thirty runs ended above the bound, with either of two orders of the edges), so the median of five starts counts.
 #[test]
 fn a_towel_settles() {
     let n = 33;
