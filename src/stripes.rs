@@ -26,6 +26,8 @@ const SHARES: usize = 32;
 const MOST: usize = 16;
 /// Parts of a border up to this many vertices together are one task.
 const CRUMBS: usize = 128;
+/// As many vertices as a loop over them takes at a time.
+const TOGETHER: usize = 16;
 /// No task yet.
 const NONE: u32 = u32::MAX;
 
@@ -65,8 +67,10 @@ impl Stripes {
     /// The same with stripes of about `length` vertices.
     fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Stripes {
         let count = (vertices / length).max(1);
-        // Whole sixteens: as many as loops over vertices take at a time.
-        let start = |stripe: usize| if stripe == count { vertices as u32 } else { (stripe * vertices / count) as u32 & !15 };
+        let start = |stripe: usize| match stripe {
+            _ if stripe == count => vertices as u32,
+            _ => (stripe * vertices / count / TOGETHER * TOGETHER) as u32,
+        };
         let ranges: Vec<Range<u32>> = (0..count).map(|stripe| start(stripe)..start(stripe + 1)).collect();
         let mut stripe_of = vec![0_u32; vertices];
         for (stripe, range) in ranges.iter().enumerate() {
@@ -81,6 +85,10 @@ impl Stripes {
         }
         let places: Vec<u32> = (0..swept as u32).collect();
         let (mut first, mut late) = round(links, &places, &stripe_of, count, &mut waits);
+        // Vertices are moved so many at a time: one that waits holds up those beside it, rather than that they are moved one by one.
+        for beside in waits.chunks_mut(TOGETHER).filter(|beside| beside.contains(&true)) {
+            beside.fill(true);
+        }
         for (task, range) in first.iter_mut().zip(&ranges) {
             task.vertices = runs(range.clone().filter(|&vertex| !waits[vertex as usize]));
         }
@@ -145,6 +153,13 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool]) -> Vec<Task> {
         let [a, b] = links[place as usize].ends.map(|end| root(&mut parent, end));
         // The lower one leads, so that parts come in the order of their first vertex.
         parent[a.max(b) as usize] = a.min(b);
+    }
+    // So are vertices that are moved together.
+    for first in (0..waits.len()).step_by(TOGETHER).filter(|&first| waits[first]) {
+        for vertex in first + 1..waits.len().min(first + TOGETHER) {
+            let [a, b] = [first, vertex].map(|vertex| root(&mut parent, vertex as u32));
+            parent[a.max(b) as usize] = a.min(b);
+        }
     }
     let mut task_of = vec![NONE; waits.len()];
     let mut lists: Vec<Vec<u32>> = Vec::new();
