@@ -177,8 +177,11 @@ impl Cloth {
                 let mass = (area_of(corners, &rest) * least) as f32;
                 Panel { corners, mass: if mass.is_finite() { mass.max(f32::MIN_POSITIVE) } else { f32::MIN_POSITIVE } }
             };
-            let panels = self.triangles.iter().map(panel).collect();
-            let corners = self.triangles.iter().enumerate();
+            // Those that are near come together: the mesh's triangles may be in another order than the vertices here.
+            let mut triangles = self.triangles.clone();
+            triangles.sort_by_key(|corners| corners.iter().min().copied());
+            let panels = triangles.iter().map(panel).collect();
+            let corners = triangles.iter().enumerate();
             let around = corners.flat_map(|(index, triangle)| triangle.map(|vertex| (vertex, index as u32)));
             Panels { panels, around: Lists::new(rest.len(), around) }
         })

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::Vec4;
 
 use crate::cloth::Cloth;
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::kernels::Edge;
 use crate::lanes::Rule;
 use crate::levels::Level;

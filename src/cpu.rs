@@ -7,7 +7,8 @@ use glam::Vec4;
 
 use crate::cloth::Cloth;
 use crate::coarse::{Coarse, Tasks};
-use crate::crew::{Crew, Shared, Turns};
+use crate::crew::{Crew, Meets, Turns};
+use crate::shared::Shared;
 use crate::engine::Failure;
 use crate::forces::Parts;
 use crate::lanes::Rule;
@@ -66,8 +67,9 @@ pub(crate) struct Elsewhere<'a> {
 enum Round {
     /// What is predicted elsewhere comes from there.
     Exchange,
-    /// What forces are made of; nothing but in a substep's first turn.
-    Parts,
+    /// What forces are made of, of bending and of air; nothing but in a substep's first turn.
+    Moments,
+    Gusts,
     /// With levels: displacements of every stripe, predicted; then the rounds of [`Correction`](crate::coarse::Correction).
     Predict,
     Coarse(Tasks),
@@ -75,6 +77,15 @@ enum Round {
     Stripes,
     /// Edges between stripes, those of this round of [`Stripes`](crate::stripes::Stripes).
     Borders(usize),
+}
+
+impl Round {
+    fn meets(self) -> Meets {
+        match self {
+            Round::Exchange | Round::Coarse(_) => Meets::All,
+            _ => Meets::Neighbours,
+        }
+    }
 }
 
 impl Cpu {
@@ -151,14 +162,15 @@ impl Cpu {
         let mut add = |round: Round, turns: Turns, tasks: usize| {
             if tasks > 0 {
                 rounds.push(round);
-                self.crew.add(turns, tasks);
+                self.crew.add(turns, round.meets(), tasks);
             }
         };
         if elsewhere.is_some() {
             add(Round::Exchange, Turns::All, 1);
         }
         if gathers {
-            add(Round::Parts, Turns::All, forces.parts(stripes.ranges.len()));
+            add(Round::Moments, Turns::All, if plan.bending { stripes.ranges.len() } else { 0 });
+            add(Round::Gusts, Turns::All, forces.winded.len());
         }
         if let Some(coarse) = &coarse {
             add(Round::Predict, if falls && plan.pins.is_empty() { Turns::First } else { Turns::All }, stripes.ranges.len());
@@ -173,7 +185,7 @@ impl Cpu {
         let sweep = |edges: &Packed, task: usize| {
             let Some(rule) = rule else { return };
             #[expect(unsafe_code, reason = "tasks are kept apart by Stripes and Crew")]
-            // SAFETY: in a round of stripes or borders a task visits vertices of its own alone.
+            // SAFETY: a task visits vertices of stripes that it touches, and beside it none of its round does.
             unsafe {
                 edges.sweep(task, x, u, rule);
             }
@@ -227,13 +239,21 @@ impl Cpu {
                         end(&stripes.rounds[round][task].vertices, index);
                     }
                 }
-                (Round::Parts, _) if begins => forces.part(task, &stripes.ranges, &plan.substeps[index]),
+                (Round::Moments, _) if begins => forces.moments(stripes.ranges[task].clone(), &plan.substeps[index]),
+                (Round::Gusts, _) if begins => forces.gusts(task, &plan.substeps[index]),
                 (Round::Predict, _) if begins => begin(task, turn, index),
                 (Round::Coarse(tasks), Some(coarse)) => coarse.work(tasks, task),
                 _ => {}
             }
         };
-        self.crew.run(turns, rayon::current_num_threads(), &work);
+        let touches = |kind: usize, task: usize| match rounds[kind] {
+            Round::Exchange | Round::Coarse(_) => &[],
+            Round::Moments => stripes.around[task].as_slice(),
+            Round::Gusts => &forces.winded[task],
+            Round::Predict | Round::Stripes => &stripes.rounds[0][task].touches,
+            Round::Borders(round) => &stripes.rounds[round][task].touches,
+        };
+        self.crew.run(turns, rayon::current_num_threads(), &touches, &work);
         let lost = lost.into_inner();
         (lost < usize::MAX).then_some(lost)
     }

@@ -1,8 +1,11 @@
-//! Rounds of tasks on the threads of the current rayon pool: all tasks of a round before any of the next.
+//! Rounds of tasks on the threads of the current rayon pool: a task begins once every task of an earlier round that touches what it
+//! touches is done.
 //!
 //! A rayon loop wakes and settles its threads anew, 1.4 to 6 us; a step has hundreds of rounds. Here threads join once a step and
-//! take tasks by a flag each, their own first so that a stripe stays in one core's cache. Whoever is there does the work:
-//! a thread that comes late, or never because the caller's pool is busy, is waited for by nobody, only a task that it took.
+//! take tasks by a flag each, their own first so that a stripe stays in one core's cache. A task waits for its neighbours, by a count
+//! at each place that it touches, not for a whole round, or the slowest of many threads would hold up all of them each time. And
+//! whoever is there does the work: a thread that comes late, or never because the caller's pool is busy, is waited for by nobody,
+//! only a task that it took.
 
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
@@ -10,22 +13,43 @@ use std::sync::{Condvar, Mutex, PoisonError};
 /// What a step's rounds are: so many tasks in each kind of round, all kinds in turn, again and again.
 #[derive(Debug, Default)]
 pub(crate) struct Crew {
-    kinds: Vec<(Turns, usize)>,
+    kinds: Vec<Kind>,
     /// How often each task has been taken, kind after kind.
     taken: Vec<Apart<AtomicU32>>,
-    /// How many tasks of each kind are done, over all turns: in a few counts, for threads that are done at once wait for one another at
-    /// one.
-    done: Vec<[Apart<AtomicUsize>; COUNTS]>,
+    /// How many tasks that touch a place are done.
+    done: Vec<Apart<AtomicUsize>>,
+    /// How many of those there are before each kind in the first turn, kind after kind, and how many in every turn.
+    before: Vec<usize>,
+    each: Vec<usize>,
+    /// How many tasks are done anywhere: in a few counts, for threads that are done at once wait for one another at one.
+    all_done: [Apart<AtomicUsize>; COUNTS],
     sleepers: AtomicUsize,
     lock: Mutex<()>,
     bell: Condvar,
 }
 
-/// When a kind of round comes.
+/// When a kind of round comes. What comes first alone is added first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Turns {
     All,
     First,
+}
+
+/// Which tasks of other rounds those of a kind cannot run beside.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Meets {
+    /// Those that touch what they touch.
+    Neighbours,
+    All,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    turns: Turns,
+    meets: Meets,
+    tasks: usize,
+    /// Tasks before it in the first turn, and its first one's flag.
+    first: usize,
 }
 
 /// In cache lines of its own (two, as they are fetched), so that threads at its neighbours do not wait for it.
@@ -33,81 +57,11 @@ pub(crate) enum Turns {
 #[repr(align(128))]
 struct Apart<T>(T);
 
-/// A slice that the tasks of a round share. Who reads and writes where is for the tasks to agree on.
-#[derive(Debug)]
-pub(crate) struct Shared<T> {
-    start: *mut T,
-    length: usize,
-    /// Items that may be read and written, be they beyond the slice.
-    room: usize,
-}
-
-impl<T> Shared<T> {
-    pub(crate) fn new(items: &mut [T]) -> Shared<T> {
-        let length = items.len();
-        Shared::with_room(items, length)
-    }
-
-    /// The first so many items; the others may be read and written too.
-    pub(crate) fn with_room(items: &mut [T], length: usize) -> Shared<T> {
-        Shared { start: items.as_mut_ptr(), length, room: items.len() }
-    }
-
-    /// Items that are not in a slice of ours.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn at(start: *mut T, length: usize) -> Shared<T> {
-        Shared { start, length, room: length }
-    }
-
-    pub(crate) fn len(self) -> usize {
-        self.length
-    }
-
-    pub(crate) fn pointer(self) -> *mut T {
-        self.start
-    }
-}
-
-#[expect(unsafe_code, reason = "tasks of one round write disjoint items: see Stripes")]
-impl<T: Copy> Shared<T> {
-    /// # Safety
-    /// The slice is alive, `index` is within its room, and nobody writes there meanwhile.
-    pub(crate) unsafe fn get(self, index: usize) -> T {
-        debug_assert!(index < self.room);
-        // SAFETY: the caller's promise.
-        unsafe { *self.start.add(index) }
-    }
-
-    /// # Safety
-    /// As [`Shared::get`], and nobody reads there meanwhile.
-    pub(crate) unsafe fn set(self, index: usize, value: T) {
-        debug_assert!(index < self.room);
-        // SAFETY: the caller's promise.
-        unsafe { *self.start.add(index) = value }
-    }
-}
-
-impl<T> Clone for Shared<T> {
-    fn clone(&self) -> Shared<T> {
-        *self
-    }
-}
-
-impl<T> Copy for Shared<T> {}
-
-#[expect(unsafe_code, reason = "see Shared")]
-// SAFETY: access is by unsafe functions alone, whose callers keep threads apart.
-unsafe impl<T: Send> Sync for Shared<T> {}
-
-#[expect(unsafe_code, reason = "see Shared")]
-// SAFETY: as above.
-unsafe impl<T: Send> Send for Shared<T> {}
-
 const COUNTS: usize = 4;
-/// Looks at the others' progress before a thread looks for tasks of theirs: a microsecond or two.
+/// Looks at what a task waits for before a thread looks for another to do: a microsecond or two at first, then twice as long.
 const GRACE: u32 = 50;
-/// Looks at the others' progress before a thread goes to sleep: some 0.2 ms, longer than any task of a cloth worth sharing.
-const PATIENCE: u32 = 5_000;
+/// Looks before it goes to sleep: some 0.2 ms with those before, longer than any task of a cloth worth sharing.
+const PATIENCE: u32 = 64 * GRACE;
 
 impl Crew {
     /// No rounds.
@@ -115,126 +69,200 @@ impl Crew {
         self.kinds.clear();
     }
 
-    /// One kind of round more, of `tasks` tasks.
-    pub(crate) fn add(&mut self, turns: Turns, tasks: usize) {
-        self.kinds.push((turns, tasks));
+    /// One kind of round more, of `tasks` tasks. The first kind after one that meets all must touch every place.
+    pub(crate) fn add(&mut self, turns: Turns, meets: Meets, tasks: usize) {
+        debug_assert!(turns == Turns::All || self.kinds.iter().all(|kind| kind.turns == Turns::First), "what is first comes first");
+        let first = self.kinds.last().map_or(0, |last| last.first + last.tasks);
+        self.kinds.push(Kind { turns, meets, tasks, first });
     }
 
-    /// Calls `work(turn, kind, task)` for every task of `turns` turns, on up to `threads` threads of the current pool. Allocates
-    /// only when there are more tasks than ever before.
-    pub(crate) fn run(&mut self, turns: u32, threads: usize, work: &(impl Fn(u32, usize, usize) + Sync)) {
-        let tasks: usize = self.kinds.iter().map(|kind| kind.1).sum();
-        self.taken.resize_with(tasks.max(self.taken.len()), Apart::default);
-        self.done.resize_with(self.kinds.len().max(self.done.len()), Default::default);
-        self.taken.iter_mut().for_each(|taken| *taken.0.get_mut() = 0);
-        self.done.iter_mut().flatten().for_each(|done| *done.0.get_mut() = 0);
-        let most = self.kinds.iter().map(|kind| kind.1).max().unwrap_or(0);
+    /// Calls `work(turn, kind, task)` for every task of `turns` turns, on up to `threads` threads of the current pool, given the
+    /// places that each task of a kind `touches`. Allocates only when there is more of something than ever before.
+    pub(crate) fn run<'a>(
+        &mut self,
+        turns: u32,
+        threads: usize,
+        touches: &(impl Fn(usize, usize) -> &'a [u32] + Sync),
+        work: &(impl Fn(u32, usize, usize) + Sync),
+    ) {
+        let most = self.kinds.iter().map(|kind| kind.tasks).max().unwrap_or(0);
         let threads = threads.min(most).max(1);
         if threads == 1 {
             for turn in 0..turns {
-                for (kind, &(when, count)) in self.kinds.iter().enumerate() {
-                    let count = if when == Turns::First && turn > 0 { 0 } else { count };
-                    (0..count).for_each(|task| work(turn, kind, task));
+                for (index, kind) in self.kinds.iter().enumerate().filter(|(_, kind)| kind.comes(turn)) {
+                    (0..kind.tasks).for_each(|task| work(turn, index, task));
                 }
             }
             return;
         }
-        self.recruit(0, threads, threads, turns, work);
+        self.count(touches);
+        let every = self.kinds.iter().filter(|kind| kind.turns == Turns::All).map(|kind| kind.tasks).sum();
+        Run { crew: self, threads, turns, every, touches, work }.recruit(0, threads);
     }
 
-    /// Members `first..end`, by halves: unlike tasks of a scope, these need no memory of their own.
-    fn recruit(&self, first: usize, end: usize, threads: usize, turns: u32, work: &(impl Fn(u32, usize, usize) + Sync)) {
-        if end - first == 1 {
-            return self.serve(first, threads, turns, work);
+    /// Counts what there is to wait for at each place.
+    fn count<'a>(&mut self, touches: &impl Fn(usize, usize) -> &'a [u32]) {
+        let Crew { kinds, taken, done, before, each, all_done, .. } = self;
+        let visit = |kind: usize, visitor: &mut dyn FnMut(usize)| {
+            let tasks = if kinds[kind].meets == Meets::All { 0 } else { kinds[kind].tasks };
+            (0..tasks).flat_map(|task| touches(kind, task)).for_each(|&place| visitor(place as usize));
+        };
+        let mut places = 0;
+        (0..kinds.len()).for_each(|kind| visit(kind, &mut |place| places = places.max(place + 1)));
+        before.clear();
+        each.clear();
+        each.resize(places, 0);
+        for kind in 0..kinds.len() {
+            before.extend_from_slice(each);
+            visit(kind, &mut |place| each[place] += 1);
         }
-        let middle = first.midpoint(end);
-        let half = |first, end| move || self.recruit(first, end, threads, turns, work);
-        rayon::join(half(first, middle), half(middle, end));
-    }
+        (0..kinds.len()).filter(|&kind| !kinds[kind].comes(1)).for_each(|kind| visit(kind, &mut |place| each[place] -= 1));
 
-    /// One member's part: in every round its own tasks, then any that nobody took, unless the others are done soon.
-    fn serve(&self, member: usize, threads: usize, turns: u32, work: &(impl Fn(u32, usize, usize) + Sync)) {
-        for turn in 0..turns {
-            let mut base = 0;
-            for (kind, &(when, count)) in self.kinds.iter().enumerate() {
-                let round = Round { turn, kind, base, target: count * (turn as usize + 1) };
-                base += count;
-                if when == Turns::First && turn > 0 {
-                    continue;
-                }
-                let own = member * count / threads..(member + 1) * count / threads;
-                own.clone().for_each(|task| self.take(round, task, work));
-                // To look at another's task is to fetch its cache line: a round of well cut tasks ends without.
-                if !self.looks(GRACE, round) {
-                    (own.end..count).chain(0..own.start).for_each(|task| self.take(round, task, work));
-                    self.wait(round);
-                }
-            }
-        }
-    }
-
-    /// Does a task unless somebody has.
-    fn take(&self, round: Round, task: usize, work: &(impl Fn(u32, usize, usize) + Sync)) {
-        let (turn, flag) = (round.turn, &self.taken[round.base + task].0);
-        let free = flag.load(Ordering::Relaxed) == turn;
-        if free && flag.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
-            let _done = Done { crew: self, round, task };
-            work(turn, round.kind, task);
-        }
-    }
-
-    fn is_done(&self, round: Round) -> bool {
-        let done = |count: &Apart<AtomicUsize>| count.0.load(Ordering::SeqCst);
-        self.done[round.kind].iter().map(done).sum::<usize>() >= round.target
-    }
-
-    /// Whether the round is done before so many looks at it.
-    fn looks(&self, looks: u32, round: Round) -> bool {
-        for _ in 0..looks {
-            if self.is_done(round) {
-                return true;
-            }
-            std::hint::spin_loop();
-        }
-        false
-    }
-
-    /// Until the round is done: looks for a while, then sleeps, so that a busy machine can get on with what is waited for.
-    fn wait(&self, round: Round) {
-        if self.looks(PATIENCE, round) {
-            return;
-        }
-        self.sleepers.fetch_add(1, Ordering::SeqCst);
-        let mut guard = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
-        while !self.is_done(round) {
-            guard = self.bell.wait(guard).unwrap_or_else(PoisonError::into_inner);
-        }
-        drop(guard);
-        self.sleepers.fetch_sub(1, Ordering::SeqCst);
+        let tasks = kinds.last().map_or(0, |last| last.first + last.tasks);
+        taken.resize_with(tasks.max(taken.len()), Apart::default);
+        done.resize_with(places.max(done.len()), Apart::default);
+        taken.iter_mut().for_each(|taken| *taken.0.get_mut() = 0);
+        done.iter_mut().chain(all_done).for_each(|done| *done.0.get_mut() = 0);
     }
 }
 
-/// One round of one turn: its tasks' flags begin at `base`, and it is done when `target` tasks of its kind are, over all turns.
+impl Kind {
+    fn comes(self, turn: u32) -> bool {
+        turn == 0 || self.turns == Turns::All
+    }
+}
+
+/// What the members of a crew do.
+struct Run<'r, T, W> {
+    crew: &'r Crew,
+    threads: usize,
+    turns: u32,
+    /// Tasks in every turn.
+    every: usize,
+    touches: &'r T,
+    work: &'r W,
+}
+
+/// A task in one turn.
 #[derive(Debug, Clone, Copy)]
-struct Round {
+struct Job {
     turn: u32,
     kind: usize,
-    base: usize,
-    target: usize,
+    task: usize,
+}
+
+impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Sync> Run<'_, T, W> {
+    /// Members `first..end`, by halves: unlike tasks of a scope, these need no memory of their own.
+    fn recruit(&self, first: usize, end: usize) {
+        if end - first == 1 {
+            return self.serve(first);
+        }
+        let middle = first.midpoint(end);
+        rayon::join(|| self.recruit(first, middle), || self.recruit(middle, end));
+    }
+
+    /// One member's part: in every round its own tasks, unless others do them.
+    fn serve(&self, member: usize) {
+        for turn in 0..self.turns {
+            for (index, kind) in self.crew.kinds.iter().enumerate().filter(|(_, kind)| kind.comes(turn)) {
+                let own = member * kind.tasks / self.threads..(member + 1) * kind.tasks / self.threads;
+                let jobs = own.map(|task| Job { turn, kind: index, task });
+                // What is ready, then the others: their neighbours may wait for this.
+                jobs.clone().filter(|&job| self.is_ready(job)).for_each(|job| _ = self.take(job));
+                jobs.for_each(|job| self.see_to(job));
+            }
+        }
+    }
+
+    /// How often a job's task was taken.
+    fn taken(&self, job: Job) -> &AtomicU32 {
+        &self.crew.taken[self.crew.kinds[job.kind].first + job.task].0
+    }
+
+    /// Whether all that a job waits for is done.
+    fn is_ready(&self, job: Job) -> bool {
+        let Crew { kinds, done, before, each, all_done, .. } = self.crew;
+        let (turn, kind) = (job.turn as usize, kinds[job.kind]);
+        let previous = kinds[job.kind.checked_sub(1).unwrap_or(kinds.len() - 1)];
+        if [kind, previous].iter().any(|kind| kind.meets == Meets::All) {
+            return all_done.iter().map(|done| done.0.load(Ordering::SeqCst)).sum::<usize>() >= kind.first + turn * self.every;
+        }
+        let mut places = (self.touches)(job.kind, job.task).iter().map(|&place| place as usize);
+        places.all(|place| done[place].0.load(Ordering::SeqCst) >= before[job.kind * each.len() + place] + turn * each[place])
+    }
+
+    /// Does a job that is ready, unless somebody has.
+    fn take(&self, job: Job) -> bool {
+        let (Job { turn, kind, task }, taken) = (job, self.taken(job));
+        let is_free = taken.load(Ordering::Relaxed) == turn;
+        let is_mine = is_free && taken.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok();
+        if is_mine {
+            let places = if self.crew.kinds[kind].meets == Meets::All { &[] } else { (self.touches)(kind, task) };
+            let _done = Done { crew: self.crew, places, task };
+            (self.work)(turn, kind, task);
+        }
+        is_mine
+    }
+
+    /// Until somebody takes a job: waits for what it waits for, and does others meanwhile.
+    fn see_to(&self, job: Job) {
+        let mut grace = GRACE;
+        while self.taken(job).load(Ordering::Relaxed) == job.turn {
+            let looks = || (0..grace).any(|_| {
+                std::hint::spin_loop();
+                self.is_ready(job)
+            });
+            if self.is_ready(job) || looks() {
+                self.take(job);
+                return;
+            }
+            grace = match self.ready().find(|&other| self.take(other)) {
+                Some(_) => GRACE,
+                None if grace < PATIENCE => 2 * grace,
+                None => {
+                    self.sleep(job);
+                    GRACE
+                }
+            };
+        }
+    }
+
+    /// Jobs that anyone can do now.
+    fn ready(&self) -> impl Iterator<Item = Job> {
+        let kinds = self.crew.kinds.iter().enumerate();
+        let tasks = kinds.flat_map(|(kind, of)| (0..of.tasks).map(move |task| Job { turn: 0, kind, task }));
+        let next = tasks.map(|job| Job { turn: self.taken(job).load(Ordering::Relaxed), ..job });
+        next.filter(|&job| job.turn < self.turns && self.crew.kinds[job.kind].comes(job.turn) && self.is_ready(job))
+    }
+
+    /// Sleeps until there is something to do, so that a busy machine can get on with what is waited for.
+    fn sleep(&self, job: Job) {
+        let crew = self.crew;
+        crew.sleepers.fetch_add(1, Ordering::SeqCst);
+        let mut guard = crew.lock.lock().unwrap_or_else(PoisonError::into_inner);
+        while !self.is_ready(job) && self.ready().next().is_none() {
+            guard = crew.bell.wait(guard).unwrap_or_else(PoisonError::into_inner);
+        }
+        drop(guard);
+        crew.sleepers.fetch_sub(1, Ordering::SeqCst);
+    }
 }
 
 /// Counts a task as done when dropped: also if it panics, or the others would wait for ever.
 struct Done<'a> {
     crew: &'a Crew,
-    round: Round,
+    places: &'a [u32],
     task: usize,
 }
 
 impl Drop for Done<'_> {
     fn drop(&mut self) {
-        let crew = self.crew;
-        crew.done[self.round.kind][self.task % COUNTS].0.fetch_add(1, Ordering::SeqCst);
-        if crew.sleepers.load(Ordering::SeqCst) > 0 && crew.is_done(self.round) {
+        let Done { crew, places, task } = *self;
+        places.iter().for_each(|&place| _ = crew.done[place as usize].0.fetch_add(1, Ordering::SeqCst));
+        if crew.kinds.iter().any(|kind| kind.meets == Meets::All) {
+            crew.all_done[task % COUNTS].0.fetch_add(1, Ordering::SeqCst);
+        }
+        if crew.sleepers.load(Ordering::SeqCst) > 0 {
             // Under the lock, so that no one is between looking and sleeping.
             drop(crew.lock.lock().unwrap_or_else(PoisonError::into_inner));
             crew.bell.notify_all();
@@ -246,36 +274,59 @@ impl Drop for Done<'_> {
 mod tests {
     use super::*;
 
-    /// Every task once a turn, no round before the last is done, on any number of threads; also with more threads than cores.
+    /// Every task once a turn, and none before those that it must wait for, on any number of threads; also with more threads than
+    /// cores.
     #[test]
-    fn rounds_follow_one_another() {
-        for threads in [1, 2, 3, 16] {
+    fn tasks_wait_for_all_that_they_meet() {
+        // Tasks touch what follows from their number; neighbours overlap.
+        let all: Vec<u32> = (0..12).collect();
+        let touches = |kind: usize, task: usize| match kind % 3 {
+            0 => &all[task..=task],
+            1 => &all[task..task + 2],
+            _ => &all[2 * task..2 * task + 3],
+        };
+        let (neighbours, everyone) = (Meets::Neighbours, Meets::All);
+        let scenes = [
+            vec![(neighbours, 12), (neighbours, 11)],
+            vec![(neighbours, 12), (neighbours, 3), (neighbours, 4)],
+            vec![(everyone, 2), (neighbours, 11), (neighbours, 2)],
+            vec![(neighbours, 12), (everyone, 1), (everyone, 5), (neighbours, 12), (neighbours, 7)],
+        ];
+        for (threads, scene) in [1, 2, 3, 16].into_iter().flat_map(|threads| scenes.iter().map(move |scene| (threads, scene))) {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut crew = Crew::default();
-            for counts in [vec![5, 3], vec![1], vec![7, 0, 2]] {
+            for first in [false, true] {
                 crew.clear();
-                counts.iter().for_each(|&count| crew.add(Turns::All, count));
-                crew.add(Turns::First, 3);
-                let early = AtomicU32::new(0);
+                for (index, &(meets, tasks)) in scene.iter().enumerate() {
+                    crew.add(if first && index == 0 { Turns::First } else { Turns::All }, meets, tasks);
+                }
+                let rounds = |kind: usize, turns: u32| if first && kind == 0 { turns.min(1) } else { turns };
                 let runs: Vec<Vec<AtomicU32>> =
-                    counts.iter().map(|&count| (0..count).map(|_| AtomicU32::new(0)).collect()).collect();
-                pool.install(|| {
-                    crew.run(100, threads, &|turn, kind, task| {
-                        if kind == runs.len() {
-                            early.fetch_add(1 + turn, Ordering::SeqCst);
-                            return;
+                    scene.iter().map(|&(_, tasks)| (0..tasks).map(|_| AtomicU32::new(0)).collect()).collect();
+                let meet = |a: (usize, usize), b: (usize, usize)| {
+                    let all = [a, b].iter().any(|&(kind, _)| scene[kind].0 == everyone);
+                    all || touches(a.0, a.1).iter().any(|place| touches(b.0, b.1).contains(place))
+                };
+                let look = |turn: u32, kind: usize, task: usize| {
+                    for (other, runs) in runs.iter().enumerate().filter(|&(other, _)| other != kind) {
+                        let expected = rounds(other, turn + u32::from(other < kind));
+                        for (beside, run) in runs.iter().enumerate().filter(|&(beside, _)| meet((kind, task), (other, beside))) {
+                            assert_eq!(run.load(Ordering::SeqCst), expected, "{other}.{beside} while {kind}.{task} in {turn}");
                         }
-                        assert!(turn == 0 || early.load(Ordering::SeqCst) == 3, "what comes once is done");
-                        assert_eq!(runs[kind][task].fetch_add(1, Ordering::SeqCst), turn, "its {turn}th turn");
-                        for (other, runs) in runs.iter().enumerate() {
-                            let expected = turn + u32::from(other < kind);
-                            if other != kind {
-                                assert!(runs.iter().all(|runs| runs.load(Ordering::SeqCst) == expected), "{kind} while {other}");
-                            }
-                        }
-                    });
-                });
-                assert!(runs.iter().flatten().all(|runs| runs.load(Ordering::SeqCst) == 100));
+                    }
+                };
+                let work = |turn: u32, kind: usize, task: usize| {
+                    look(turn, kind, task);
+                    if (task + turn as usize).is_multiple_of(7) {
+                        std::thread::yield_now();
+                    }
+                    look(turn, kind, task);
+                    assert_eq!(runs[kind][task].fetch_add(1, Ordering::SeqCst), turn, "its {turn}th turn");
+                };
+                pool.install(|| crew.run(100, threads, &touches, &work));
+                for (kind, runs) in runs.iter().enumerate() {
+                    assert!(runs.iter().all(|runs| runs.load(Ordering::SeqCst) == rounds(kind, 100)));
+                }
             }
         }
     }
@@ -284,8 +335,9 @@ mod tests {
     fn a_panic_in_a_task_reaches_the_caller_and_stops_nobody() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let mut crew = Crew::default();
-        (0..2).for_each(|_| crew.add(Turns::All, 4));
-        let mut run = || pool.install(|| crew.run(3, 2, &|turn, _, task| assert!((turn, task) != (1, 2), "as planned")));
+        (0..2).for_each(|_| crew.add(Turns::All, Meets::Neighbours, 4));
+        let work = |turn: u32, _: usize, task: usize| assert!((turn, task) != (1, 2), "as planned");
+        let mut run = || pool.install(|| crew.run(3, 2, &|_, task| &[0, 1, 2, 3][task..=task], &work));
         assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(&mut run)).is_err());
     }
 }

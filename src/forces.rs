@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{Vec3A, Vec4};
 
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::gathers::{Gathers, Gusts, Moments, Predict, State};
 use crate::kernels::{self, Substep, xyz};
 use crate::lines::Lines;
@@ -26,12 +26,15 @@ pub(crate) struct Parts {
     /// The lists of a scene that the wide loops take, and for what they were packed: substep (its bits), bending, wind.
     gathers: Gathers,
     packed_for: Option<(u32, bool, bool)>,
+    /// Stripes of each task of [`Forces::gusts`].
+    winded: Vec<Vec<u32>>,
 }
 
 /// The loops, over state that the tasks of a round share.
 ///
-/// Why no two tasks meet: while parts are made nobody writes `x` or `u`. While vertices are predicted, a task writes `u` at its own
-/// vertices, and reads there and `x` of neighbours, which nobody writes in that round ([`Stripes`](crate::stripes::Stripes)).
+/// Why no two tasks meet: tasks that make parts touch the stripes of all vertices that they look at. One that predicts vertices
+/// writes `u` at its own, and reads there, and parts and `x` of neighbours, whose tasks touch its stripe
+/// ([`Task::touches`](crate::stripes::Task)).
 #[derive(Debug)]
 pub(crate) struct Forces<'a> {
     plan: &'a Plan<'a>,
@@ -41,6 +44,7 @@ pub(crate) struct Forces<'a> {
     pulls: Shared<Vec4>,
     couples: Shared<Vec4>,
     gusts: Shared<Vec4>,
+    pub winded: &'a [Vec<u32>],
     gathers: &'a Gathers,
     breadth: Breadth,
 }
@@ -70,6 +74,16 @@ impl Parts {
             self.gathers = Gathers::default();
             self.gathers = Gathers::new(plan.cloth, plan.coefficients, bending, wind, breadth);
             self.packed_for = Some(scene);
+            let stripes = &plan.cloth.stripes().ranges;
+            let stripe = |vertex: u32| stripes.partition_point(|range| range.end <= vertex) as u32;
+            let panels = if wind { plan.cloth.panels().panels.as_slice() } else { &[] };
+            self.winded = Vec::new();
+            for panels in panels.chunks(GRAIN) {
+                let mut touches: Vec<u32> = panels.iter().flat_map(|panel| panel.corners).map(stripe).collect();
+                touches.sort_unstable();
+                touches.dedup();
+                self.winded.push(touches);
+            }
         }
         Forces {
             plan,
@@ -78,6 +92,7 @@ impl Parts {
             pulls: self.pulls.share(),
             couples: self.couples.share(),
             gusts: self.gusts.share(),
+            winded: &self.winded,
             gathers: &self.gathers,
             breadth,
         }
@@ -89,22 +104,6 @@ impl Forces<'_> {
     /// Whether anything but the ambient acceleration acts.
     pub(crate) fn any(&self) -> bool {
         self.plan.bending || self.plan.wind || self.plan.method == Method::Springs
-    }
-
-    /// Tasks of [`Forces::part`].
-    pub(crate) fn parts(&self, stripes: usize) -> usize {
-        let moments = if self.plan.bending { stripes } else { 0 };
-        moments + self.gusts.len().div_ceil(GRAIN)
-    }
-
-    /// One of the parts that forces are made of, of the state as the last substep left it.
-    pub(crate) fn part(&self, task: usize, stripes: &[Range<u32>], substep: &Substep) {
-        let gust = match self.plan.bending {
-            true if task < stripes.len() => return self.moments(stripes[task].clone(), substep),
-            true => task - stripes.len(),
-            false => task,
-        };
-        self.gusts(gust * GRAIN..((gust + 1) * GRAIN).min(self.gusts.len()), substep);
     }
 
     fn x(&self, vertex: u32) -> Vec3A {
@@ -122,7 +121,7 @@ impl Forces<'_> {
     }
 
     /// The bending rows of these vertices, from their rings; a stripe's, which begins with a whole group.
-    fn moments(&self, vertices: Range<u32>, substep: &Substep) {
+    pub(crate) fn moments(&self, vertices: Range<u32>, substep: &Substep) {
         #[cfg(test)]
         if self.breadth == Breadth::One {
             return self.plain_moments(vertices, substep);
@@ -133,8 +132,9 @@ impl Forces<'_> {
         unsafe { wide::run(self.breadth, moments) };
     }
 
-    /// The air on these triangles.
-    fn gusts(&self, triangles: Range<usize>, substep: &Substep) {
+    /// The air on some triangles.
+    pub(crate) fn gusts(&self, task: usize, substep: &Substep) {
+        let triangles = task * GRAIN..((task + 1) * GRAIN).min(self.gusts.len());
         #[cfg(test)]
         if self.breadth == Breadth::One {
             return self.plain_gusts(triangles, substep);
@@ -312,7 +312,8 @@ mod tests {
         let vertices = cloth.rest.len() as u32;
         // Two stripes, as they are cut.
         let stripes = [0..400, 400..vertices];
-        (0..forces.parts(stripes.len())).for_each(|task| forces.part(task, &stripes, &plan.substeps[0]));
+        stripes.iter().filter(|_| plan.bending).for_each(|stripe| forces.moments(stripe.clone(), &plan.substeps[0]));
+        (0..forces.winded.len()).for_each(|task| forces.gusts(task, &plan.substeps[0]));
         stripes.iter().for_each(|stripe| forces.predict(stripe.clone(), &plan.substeps[0]));
         u.to_vec()
     }

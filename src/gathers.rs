@@ -8,7 +8,7 @@ use glam::Vec4;
 use crate::bending::Bending;
 use crate::cloth::Cloth;
 use crate::coefficients::Coefficients;
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::kernels::{BendEntry, BendRow, Panel, Params, Substep};
 use crate::lines::Lines;
 use crate::wide::{self, At, Breadth, Loop, Wide, Wide3};

@@ -37,7 +37,7 @@ use glam::{Vec3A, Vec4};
 
 use crate::cloth::Cloth;
 use crate::cpu::{Cpu, Elsewhere, State};
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::engine::Failure;
 use crate::gpu::{Desk, Exchange, Forces, Gpu, Parcel};
 use crate::kernels::{self, Params, Substep, xyz};

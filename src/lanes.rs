@@ -4,7 +4,7 @@
 
 use glam::Vec4;
 
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::kernels;
 use crate::packed::Kind;
 use crate::wide::{self, At, Loop, Wide, Wide3};

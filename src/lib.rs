@@ -35,6 +35,7 @@ mod packed;
 mod pc2;
 mod plan;
 mod quality;
+mod shared;
 mod stripes;
 mod whole;
 mod wide;

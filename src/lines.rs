@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
-use crate::crew::Shared;
+use crate::shared::Shared;
 
 /// Cache lines of sixteen vectors.
 const WHOLE: usize = 4;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{Vec3, Vec3A, Vec4};
 
 use crate::cloth::MAX_POSITION;
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::kernels::{self, Body, PLANE, Substep, xyz};
 use crate::plan::Plan;
 use crate::wide::{self, At, Breadth, Loop, Wide};

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::Vec4;
 
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::kernels::Edge;
 #[cfg(test)]
 use crate::lanes;

@@ -35,6 +35,8 @@ const NONE: u32 = u32::MAX;
 #[derive(Debug, Clone)]
 pub(crate) struct Stripes {
     pub ranges: Vec<Range<u32>>,
+    /// Each stripe, and those that its edges lead to.
+    pub around: Vec<Vec<u32>>,
     /// The tasks of each round. Those of the first are the stripes', those of the last move what the first do not.
     pub rounds: Vec<Vec<Task>>,
 }
@@ -45,6 +47,15 @@ pub(crate) struct Task {
     /// Places in the colour order, ascending.
     pub edges: Vec<u32>,
     pub vertices: Vec<Range<u32>>,
+    /// Stripes of all vertices that it visits, and of all that look at those that it moves.
+    pub touches: Vec<u32>,
+}
+
+/// Adds a stripe to a short list, in order.
+fn insert(list: &mut Vec<u32>, stripe: u32) {
+    if let Err(place) = list.binary_search(&stripe) {
+        list.insert(place, stripe);
+    }
 }
 
 impl Stripes {
@@ -89,13 +100,14 @@ impl Stripes {
         for beside in waits.chunks_mut(TOGETHER).filter(|beside| beside.contains(&true)) {
             beside.fill(true);
         }
-        for (task, range) in first.iter_mut().zip(&ranges) {
+        for (stripe, (task, range)) in first.iter_mut().zip(&ranges).enumerate() {
             task.vertices = runs(range.clone().filter(|&vertex| !waits[vertex as usize]));
+            task.touches = vec![stripe as u32];
         }
         let most = first.iter().map(|task| task.edges.len()).max().unwrap_or(0);
         let mut rounds = vec![first];
         loop {
-            let last = borders(links, &late, &waits);
+            let last = borders(links, &late, &waits, &stripe_of);
             if last.iter().all(|task| 2 * task.edges.len() <= 3 * most) {
                 rounds.push(last);
                 break;
@@ -110,10 +122,20 @@ impl Stripes {
                 rounds.push(last);
                 break;
             }
-            rounds.push(tasks.into_iter().filter(|task| !task.edges.is_empty()).collect());
+            let mut tasks: Vec<Task> = tasks.into_iter().filter(|task| !task.edges.is_empty()).collect();
+            for Task { edges, touches, .. } in &mut tasks {
+                let ends = edges.iter().flat_map(|&place| links[place as usize].ends);
+                ends.for_each(|end| insert(touches, stripe_of[end as usize]));
+            }
+            rounds.push(tasks);
             late = later;
         }
-        Stripes { ranges, rounds }
+        let mut around: Vec<Vec<u32>> = (0..count as u32).map(|stripe| vec![stripe]).collect();
+        for [a, b] in links.iter().map(|link| link.ends.map(|end| stripe_of[end as usize])).filter(|[a, b]| a != b) {
+            insert(&mut around[a as usize], b);
+            insert(&mut around[b as usize], a);
+        }
+        Stripes { ranges, around, rounds }
     }
 }
 
@@ -140,7 +162,7 @@ fn round(links: &[Link], places: &[u32], stripe_of: &[u32], stripes: usize, wait
 }
 
 /// The connected parts of the edges that wait, one task each, or several small ones together.
-fn borders(links: &[Link], late: &[u32], waits: &[bool]) -> Vec<Task> {
+fn borders(links: &[Link], late: &[u32], waits: &[bool], stripe_of: &[u32]) -> Vec<Task> {
     let mut parent: Vec<u32> = (0..waits.len() as u32).collect();
     let root = |parent: &mut [u32], mut vertex: u32| {
         while parent[vertex as usize] != vertex {
@@ -179,7 +201,17 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool]) -> Vec<Task> {
         lists[task_of[lead] as usize].push(vertex);
     }
     let mut tasks: Vec<Task> =
-        lists.into_iter().map(|vertices| Task { edges: Vec::new(), vertices: runs(vertices.into_iter()) }).collect();
+        lists.into_iter().map(|vertices| Task { vertices: runs(vertices.into_iter()), ..Task::default() }).collect();
+    for &vertex in &waiting {
+        insert(&mut tasks[task_of[vertex as usize] as usize].touches, stripe_of[vertex as usize]);
+    }
+    for link in links {
+        for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]].map(|ends| ends.map(|end| end as usize)) {
+            if task_of[moved] != NONE {
+                insert(&mut tasks[task_of[moved] as usize].touches, stripe_of[by]);
+            }
+        }
+    }
     for &place in late {
         tasks[task_of[links[place as usize].ends[0] as usize] as usize].edges.push(place);
     }

@@ -9,7 +9,7 @@ use std::ops::{Add, Div, Mul, Sub};
 
 use glam::{BVec4A, Mat4, Vec4};
 
-use crate::crew::Shared;
+use crate::shared::Shared;
 
 #[cfg(target_arch = "x86_64")]
 mod eight;

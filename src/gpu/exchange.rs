@@ -14,7 +14,7 @@ use glam::Vec3;
 
 use super::device::{Bind, Entry, Gpu, Stage, shader};
 use super::forces::Forces;
-use crate::crew::Shared;
+use crate::shared::Shared;
 use crate::plan::Plan;
 
 /// How long a callback may take once the device is done.

@@ -7,7 +7,7 @@ use std::ops::{Add, Div, Mul, Sub};
 use glam::Vec4;
 
 use super::{At, Wide, Wide3};
-use crate::crew::Shared;
+use crate::shared::Shared;
 
 /// See the module; FMA is there too.
 #[derive(Debug, Clone, Copy)]

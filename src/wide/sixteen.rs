@@ -7,7 +7,7 @@ use std::ops::{Add, Div, Mul, Sub};
 use glam::Vec4;
 
 use super::{At, Wide, Wide3};
-use crate::crew::Shared;
+use crate::shared::Shared;
 
 /// See the module; no more than AVX-512F is asked for.
 #[derive(Debug, Clone, Copy)]
