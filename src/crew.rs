@@ -7,6 +7,7 @@
 //! whoever is there does the work: a thread that comes late, or never because the caller's pool is busy, is waited for by nobody,
 //! only a task that it took.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
@@ -161,17 +162,33 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
         rayon::join(|| self.recruit(first, middle), || self.recruit(middle, end));
     }
 
-    /// One member's part: in every round its own tasks, unless others do them.
+    /// One member's part: its own tasks of every round, unless others do them.
     fn serve(&self, member: usize) {
+        let alone = |kind: &Kind| kind.meets == Meets::All;
         for turn in 0..self.turns {
-            for (index, kind) in self.crew.kinds.iter().enumerate().filter(|(_, kind)| kind.comes(turn)) {
-                let own = member * kind.tasks / self.threads..(member + 1) * kind.tasks / self.threads;
-                let jobs = own.map(|task| Job { turn, kind: index, task });
+            let mut first = 0;
+            for kinds in self.crew.kinds.chunk_by(|one, next| !alone(one) && !alone(next)) {
+                let own = || self.own(turn, first..first + kinds.len(), member);
                 // What is ready, then the others: their neighbours may wait for this.
-                jobs.clone().filter(|&job| self.is_ready(job)).for_each(|job| _ = self.take(job));
-                jobs.for_each(|job| self.see_to(job));
+                own().filter(|&job| self.is_ready(job)).for_each(|job| _ = self.take(job));
+                own().for_each(|job| self.see_to(job));
+                first += kinds.len();
             }
         }
+    }
+
+    /// A member's jobs of some kinds: at each place one kind soon after the other, while the place is in cache.
+    fn own(&self, turn: u32, kinds: Range<usize>, member: usize) -> impl Iterator<Item = Job> {
+        let share = move |kind: usize| {
+            let tasks = if self.crew.kinds[kind].comes(turn) { self.crew.kinds[kind].tasks } else { 0 };
+            member * tasks / self.threads..(member + 1) * tasks / self.threads
+        };
+        let steps = kinds.clone().enumerate().map(|(lag, kind)| share(kind).len() + lag).max().unwrap_or(0);
+        let jobs = (0..steps).flat_map(move |step| kinds.clone().enumerate().map(move |(lag, kind)| (step, lag, kind)));
+        jobs.filter_map(move |(step, lag, kind)| {
+            let task = share(kind).start + step.checked_sub(lag)?;
+            (task < share(kind).end).then_some(Job { turn, kind, task })
+        })
     }
 
     /// How often a job's task was taken.
