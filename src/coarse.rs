@@ -5,13 +5,13 @@ use std::ops::Range;
 use glam::Vec4;
 
 use crate::cloth::Cloth;
-use crate::shared::Shared;
 use crate::kernels::Edge;
 use crate::lanes::Rule;
 use crate::levels::Level;
 use crate::lines::Lines;
 use crate::packed::Packed;
 use crate::plan::Plan;
+use crate::shared::Shared;
 use crate::stripes::{Stripes, Task};
 use crate::wide::{self, At, Breadth, Loop, Wide};
 

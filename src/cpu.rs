@@ -6,18 +6,18 @@ use std::sync::atomic::AtomicUsize;
 use glam::Vec4;
 
 use crate::cloth::Cloth;
-use crate::coarse::{Coarse, Tasks};
+use crate::coarse::{Coarse, Correction, Tasks};
 use crate::crew::{Crew, Meets, Turns};
-use crate::shared::Shared;
 use crate::engine::Failure;
-use crate::forces::Parts;
+use crate::forces::{Forces, Parts};
 use crate::lanes::Rule;
 use crate::lines::Lines;
 use crate::moves::{Moves, Then};
 use crate::options::Method;
 use crate::packed::Packed;
 use crate::plan::Plan;
-use crate::stripes::Task;
+use crate::shared::Shared;
+use crate::stripes::{Stripes, Task};
 use crate::wide::Breadth;
 
 /// The state of the cloth in memory, one value per vertex in the cloth's order.
@@ -80,6 +80,42 @@ enum Round {
 }
 
 impl Round {
+    /// The rounds of a turn in order, when they come, and of how many tasks.
+    fn each(
+        plan: &Plan<'_>,
+        elsewhere: bool,
+        forces: &Forces<'_>,
+        coarse: Option<&Correction<'_>>,
+        mut add: impl FnMut(Round, Turns, usize),
+    ) {
+        let stripes = plan.cloth.stripes();
+        if elsewhere {
+            add(Round::Exchange, Turns::All, 1);
+        } else {
+            add(Round::Moments, Turns::All, if plan.bending { stripes.ranges.len() } else { 0 });
+            add(Round::Gusts, Turns::All, forces.winded.len());
+        }
+        if let Some(coarse) = coarse {
+            let falls = !elsewhere && !forces.any() && plan.pins.is_empty();
+            add(Round::Predict, if falls { Turns::First } else { Turns::All }, stripes.ranges.len());
+            coarse.rounds(|tasks, count| add(Round::Coarse(tasks), Turns::All, count));
+        }
+        for (round, tasks) in stripes.rounds.iter().enumerate() {
+            add(if round == 0 { Round::Stripes } else { Round::Borders(round) }, Turns::All, tasks.len());
+        }
+    }
+
+    /// The stripes that a task touches, given those of the air's.
+    fn touches<'a>(self, task: usize, stripes: &'a Stripes, winded: &'a [Vec<u32>]) -> &'a [u32] {
+        match self {
+            Round::Exchange | Round::Coarse(_) => &[],
+            Round::Moments => &stripes.around[task],
+            Round::Gusts => &winded[task],
+            Round::Predict | Round::Stripes => &stripes.rounds[0][task].touches,
+            Round::Borders(round) => &stripes.rounds[round][task].touches,
+        }
+    }
+
     fn meets(self) -> Meets {
         match self {
             Round::Exchange | Round::Coarse(_) => Meets::All,
@@ -159,26 +195,12 @@ impl Cpu {
         let coarse = self.coarse.share(plan, x, u, breadth);
         rounds.clear();
         self.crew.clear();
-        let mut add = |round: Round, turns: Turns, tasks: usize| {
+        Round::each(plan, elsewhere.is_some(), &forces, coarse.as_ref(), |round, turns, tasks| {
             if tasks > 0 {
                 rounds.push(round);
                 self.crew.add(turns, round.meets(), tasks);
             }
-        };
-        if elsewhere.is_some() {
-            add(Round::Exchange, Turns::All, 1);
-        }
-        if gathers {
-            add(Round::Moments, Turns::All, if plan.bending { stripes.ranges.len() } else { 0 });
-            add(Round::Gusts, Turns::All, forces.winded.len());
-        }
-        if let Some(coarse) = &coarse {
-            add(Round::Predict, if falls && plan.pins.is_empty() { Turns::First } else { Turns::All }, stripes.ranges.len());
-            coarse.rounds(|tasks, count| add(Round::Coarse(tasks), Turns::All, count));
-        }
-        for (round, tasks) in stripes.rounds.iter().enumerate() {
-            add(if round == 0 { Round::Stripes } else { Round::Borders(round) }, Turns::All, tasks.len());
-        }
+        });
 
         let sweeps = plan.sweeps.max(1);
         let rule = rule(plan.method);
@@ -246,13 +268,7 @@ impl Cpu {
                 _ => {}
             }
         };
-        let touches = |kind: usize, task: usize| match rounds[kind] {
-            Round::Exchange | Round::Coarse(_) => &[],
-            Round::Moments => stripes.around[task].as_slice(),
-            Round::Gusts => &forces.winded[task],
-            Round::Predict | Round::Stripes => &stripes.rounds[0][task].touches,
-            Round::Borders(round) => &stripes.rounds[round][task].touches,
-        };
+        let touches = |kind: usize, task: usize| rounds[kind].touches(task, stripes, forces.winded);
         self.crew.run(turns, rayon::current_num_threads(), &touches, &work);
         let lost = lost.into_inner();
         (lost < usize::MAX).then_some(lost)

@@ -72,7 +72,10 @@ impl Crew {
 
     /// One kind of round more, of `tasks` tasks. The first kind after one that meets all must touch every place.
     pub(crate) fn add(&mut self, turns: Turns, meets: Meets, tasks: usize) {
-        debug_assert!(turns == Turns::All || self.kinds.iter().all(|kind| kind.turns == Turns::First), "what is first comes first");
+        debug_assert!(
+            turns == Turns::All || self.kinds.iter().all(|kind| kind.turns == Turns::First),
+            "what is first comes first"
+        );
         let first = self.kinds.last().map_or(0, |last| last.first + last.tasks);
         self.kinds.push(Kind { turns, meets, tasks, first });
     }
@@ -225,10 +228,12 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
     fn see_to(&self, job: Job) {
         let mut grace = GRACE;
         while self.taken(job).load(Ordering::Relaxed) == job.turn {
-            let looks = || (0..grace).any(|_| {
-                std::hint::spin_loop();
-                self.is_ready(job)
-            });
+            let looks = || {
+                (0..grace).any(|_| {
+                    std::hint::spin_loop();
+                    self.is_ready(job)
+                })
+            };
             if self.is_ready(job) || looks() {
                 self.take(job);
                 return;

@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use glam::{Vec3A, Vec4};
 
-use crate::shared::Shared;
 use crate::gathers::{Gathers, Gusts, Moments, Predict, State};
 use crate::kernels::{self, Substep, xyz};
 use crate::lines::Lines;
 use crate::options::Method;
 use crate::plan::Plan;
+use crate::shared::Shared;
 use crate::wide::{self, Breadth};
 
 /// Triangles that a task computes the air's force on.

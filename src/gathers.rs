@@ -8,9 +8,9 @@ use glam::Vec4;
 use crate::bending::Bending;
 use crate::cloth::Cloth;
 use crate::coefficients::Coefficients;
-use crate::shared::Shared;
 use crate::kernels::{BendEntry, BendRow, Panel, Params, Substep};
 use crate::lines::Lines;
+use crate::shared::Shared;
 use crate::wide::{self, At, Breadth, Loop, Wide, Wide3};
 
 /// What the loops need, in their order: a lane of vertices or triangles is the one at its [`wide::place`].

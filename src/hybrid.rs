@@ -37,12 +37,12 @@ use glam::{Vec3A, Vec4};
 
 use crate::cloth::Cloth;
 use crate::cpu::{Cpu, Elsewhere, State};
-use crate::shared::Shared;
 use crate::engine::Failure;
 use crate::gpu::{Desk, Exchange, Forces, Gpu, Parcel};
 use crate::kernels::{self, Params, Substep, xyz};
 use crate::options::Method;
 use crate::plan::Plan;
+use crate::shared::Shared;
 
 /// A cloth whose state is in memory and whose forces are computed on the GPU.
 #[derive(Debug)]

@@ -4,9 +4,9 @@
 
 use glam::Vec4;
 
-use crate::shared::Shared;
 use crate::kernels;
 use crate::packed::Kind;
+use crate::shared::Shared;
 use crate::wide::{self, At, Loop, Wide, Wide3};
 
 /// Which of the edge kernels a sweep is of.
@@ -63,20 +63,20 @@ impl Rows<'_> {
                     for (factors, ends) in rows {
                         let (a, b) = (ends[0] as usize, ends[1] as usize);
                         let at = |k| Ends::Of(At::Beside(a + group * k), At::Beside(b + group * k));
-                        row::<W, PULL, RELAX>(factors, self.x, self.u, at);
+                        row::<W, PULL, RELAX, false>(factors, self.x, self.u, at);
                     }
                 }
                 Kind::Pairs => {
                     for (factors, ends) in rows {
                         let first = ends[0] as usize;
-                        row::<W, PULL, RELAX>(factors, self.x, self.u, |k| Ends::Pairs(first + 2 * group * k));
+                        row::<W, PULL, RELAX, false>(factors, self.x, self.u, |k| Ends::Pairs(first + 2 * group * k));
                     }
                 }
                 Kind::Apart => {
                     for (factors, ends) in rows {
                         let at =
                             |k: usize| Ends::Of(wide::apart::<W>(&ends[..W::LANES], k), wide::apart::<W>(&ends[W::LANES..], k));
-                        row::<W, PULL, RELAX>(factors, self.x, self.u, at);
+                        row::<W, PULL, RELAX, true>(factors, self.x, self.u, at);
                     }
                 }
             }
@@ -125,7 +125,7 @@ impl Ends {
 /// Differences are of vectors side by side, so that one instruction applies the results of several edges.
 #[expect(unsafe_code, reason = "see Rows")]
 #[inline(always)]
-unsafe fn row<W: Wide, const PULL: bool, const RELAX: bool>(
+unsafe fn row<W: Wide, const PULL: bool, const RELAX: bool, const KEEP: bool>(
     factors: &[f32],
     x: Shared<Vec4>,
     u: Shared<Vec4>,
@@ -135,10 +135,11 @@ unsafe fn row<W: Wide, const PULL: bool, const RELAX: bool>(
     // SAFETY: the caller's promise.
     unsafe {
         let mut d0 = [W::splat(0.0); 4];
-        let mut du = d0;
+        let (mut du, mut ends) = (d0, [[d0[0]; 2]; 4]);
         for k in 0..4 {
-            let ([x_a, x_b], [u_a, u_b]) = (at(k).load::<W>(x), at(k).load::<W>(u));
-            (d0[k], du[k]) = (x_a - x_b, u_a - u_b);
+            let [x_a, x_b] = at(k).load::<W>(x);
+            ends[k] = at(k).load::<W>(u);
+            (d0[k], du[k]) = (x_a - x_b, ends[k][0] - ends[k][1]);
         }
         let (scale, rigid) = correction::<W, PULL, RELAX>(W::transpose(d0), W::transpose(du), factor(0));
         if RELAX || !W::all(rigid) {
@@ -149,9 +150,9 @@ unsafe fn row<W: Wide, const PULL: bool, const RELAX: bool>(
         }
         let (by_a, by_b) = ((scale * factor(1)).spread(), (scale * factor(2)).spread());
         for k in 0..4 {
-            // Both loaded before either is stored: where rows are 4096 bytes long, a load would wait for the other's store. And not
-            // before the last is stored, for a lane that repeats another must not undo it.
-            let [a, b] = at(k).load::<W>(u);
+            // Both loaded before either is stored: where rows are 4096 bytes long, a load would wait for the other's store. Loaded again
+            // where that is cheaper than to keep them.
+            let [a, b] = if KEEP { ends[k] } else { at(k).load::<W>(u) };
             at(k).store(u, [d0[k].times_from(by_a[k], a), d0[k].times_plus(by_b[k], b)]);
         }
     }
@@ -208,8 +209,10 @@ pub(crate) unsafe fn each(
 ) {
     let kernel = rule.kernel();
     for (row, factors) in factors.chunks_exact(3 * lanes).enumerate() {
-        for lane in 0..lanes {
-            let (a, b) = (end(row, 0, lane), end(row, 1, lane));
+        let ends = |lane: usize| (end(row, 0, lane), end(row, 1, lane));
+        // A lane that repeats another is that edge once more.
+        for lane in (0..lanes).filter(|&lane| lane == 0 || ends(lane) != ends(lane - 1)) {
+            let (a, b) = ends(lane);
             let edge = kernels::Edge { a, b, inverse_rest: factors[lane], inverse_weight: 1.0 };
             let (a, b) = (a as usize, b as usize);
             // SAFETY: the caller's promise.

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{Vec3, Vec3A, Vec4};
 
 use crate::cloth::MAX_POSITION;
-use crate::shared::Shared;
 use crate::kernels::{self, Body, PLANE, Substep, xyz};
 use crate::plan::Plan;
+use crate::shared::Shared;
 use crate::wide::{self, At, Breadth, Loop, Wide};
 
 /// The loops over vertices that a task owns.

@@ -6,12 +6,12 @@ use std::ops::Range;
 
 use glam::Vec4;
 
-use crate::shared::Shared;
 use crate::kernels::Edge;
 #[cfg(test)]
 use crate::lanes;
 use crate::lanes::{Rows, Rule};
 use crate::lines::Lines;
+use crate::shared::Shared;
 use crate::stripes::Task;
 use crate::wide::{self, Breadth};
 
@@ -36,7 +36,7 @@ struct Batch {
 }
 
 /// The rows of a list of tasks: as many edges of one colour as the processor takes together. A lane without an edge of its own
-/// repeats another with no share.
+/// repeats another, in the same row to the same effect, else with no share.
 #[derive(Debug, Default)]
 pub(crate) struct Packed {
     breadth: Breadth,
@@ -168,7 +168,7 @@ impl Packer<'_> {
         }
         apart.sort_unstable_by_key(|edge| (edge.a, edge.b));
         for edges in apart.chunks(lanes) {
-            self.push(Kind::Apart, open, |lane| (edges[lane.min(edges.len() - 1)], lane < edges.len()));
+            self.push(Kind::Apart, open, |lane| (edges[lane.min(edges.len() - 1)], true));
         }
     }
 

@@ -1,5 +1,5 @@
-//! The colour order cut into tasks for several threads: the same order edge for edge, two barriers a sweep instead of one a
-//! colour.
+//! The colour order cut into tasks for several threads: the same order edge for edge, and a thread waits for its neighbours twice a
+//! sweep instead of for all others once a colour.
 //!
 //! The vertices are cut into stripes, ranges of the vertex order, in which neighbours are near. Walk the edges in colour
 //! order: an edge inside one stripe goes to that stripe's task of the first round, unless an edge that had to wait came to
@@ -202,13 +202,11 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], stripe_of: &[u32]) -> V
     }
     let mut tasks: Vec<Task> =
         lists.into_iter().map(|vertices| Task { vertices: runs(vertices.into_iter()), ..Task::default() }).collect();
-    for &vertex in &waiting {
-        insert(&mut tasks[task_of[vertex as usize] as usize].touches, stripe_of[vertex as usize]);
-    }
+    // Of a vertex without an edge too: what waits with it is of its stripe.
     for link in links {
         for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]].map(|ends| ends.map(|end| end as usize)) {
             if task_of[moved] != NONE {
-                insert(&mut tasks[task_of[moved] as usize].touches, stripe_of[by]);
+                [moved, by].iter().for_each(|&end| insert(&mut tasks[task_of[moved] as usize].touches, stripe_of[end]));
             }
         }
     }
@@ -249,8 +247,12 @@ mod tests {
         let mut two = grid.clone();
         two.positions.extend(grid.positions.iter().map(|x| *x + glam::Vec3::Y));
         two.triangles.extend(grid.triangles.iter().map(|t| t.map(|v| v + 2400)));
+        // Vertices without an edge.
+        let mut loose = grid.clone();
+        loose.triangles.retain(|corners| !corners.iter().any(|vertex| vertex % 50 > 45));
         vec![
             ("grid", build(&grid, vec![0, 39])),
+            ("loose", build(&loose, vec![0, 39])),
             ("pinned rows", build(&grid, (0..1300).collect())),
             ("shuffled", build(&shuffled, vec![])),
             ("fan", build(&fan, vec![])),
@@ -302,8 +304,26 @@ mod tests {
                     }
                 }
                 assert!(visited.iter().all(|&count| count == 1) && moved.iter().all(|&count| count == 1), "{name} {length}");
-                // What lies across from a stripe's border is not moved in the first round: forces look there.
                 let of = |vertex: u32| stripes.ranges.iter().position(|range| range.contains(&vertex));
+                // A task waits for all who meet it.
+                for (round, tasks) in stripes.rounds.iter().enumerate() {
+                    for (index, task) in tasks.iter().enumerate() {
+                        let touches = |vertex: u32| task.touches.binary_search(&(of(vertex).unwrap() as u32)).is_ok();
+                        let ends = task.edges.iter().flat_map(|&place| swept[place as usize].ends);
+                        assert!(ends.chain(task.vertices.iter().cloned().flatten()).all(touches), "{name} {length}");
+                        let moves = |end: u32| owner[end as usize] == (round, index);
+                        let looks = cloth.links.iter().map(|link| link.ends).filter(|ends| ends.iter().any(|&end| moves(end)));
+                        assert!(looks.flatten().all(touches), "{name} {length}: somebody looks at what {round}.{index} moves");
+                    }
+                }
+                for [a, b] in cloth.links.iter().map(|link| link.ends) {
+                    let [a, b] = [a, b].map(|end| of(end).unwrap());
+                    assert!(
+                        stripes.around[a].contains(&(b as u32)) && stripes.around[b].contains(&(a as u32)),
+                        "{name} {length}"
+                    );
+                }
+                // What lies across from a stripe's border is not moved in the first round: forces look there.
                 for link in &cloth.links {
                     let [a, b] = link.ends;
                     assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 == last), "{name} {length}");
