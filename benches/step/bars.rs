@@ -2,6 +2,7 @@
 //!
 //! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [limits]`: all of them, or those named.
 
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use cloth_deformer::glam::Vec3A;
@@ -185,25 +186,37 @@ fn limits() {
         }
         println!("{count:>3} threads read and write {:6.1} GB/s", 2.0 * 8.0 * bytes.len() as f64 / best * 1e-9);
     }
-    for count in [2, 4, 8, 16, 32].into_iter().filter(|&count| count <= threads) {
-        let (arrived, rounds) = (std::sync::atomic::AtomicUsize::new(0), 20_000);
-        let time = seconds(&mut || {
-            std::thread::scope(|scope| {
-                for _ in 0..count {
-                    scope.spawn(|| {
-                        for round in 1..=rounds {
-                            arrived.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
-                            while arrived.load(std::sync::atomic::Ordering::SeqCst) < round * count {
-                                std::hint::spin_loop();
-                            }
-                        }
-                    });
-                }
-            });
-        });
-        println!("{count:>3} threads meet in {:6.2} us", 1e6 * time / rounds as f64);
+    println!(
+        "Threads meet after each has added one to each word of: nothing, 12 KiB, 24 KiB of its own; its own and the next one's in turn"
+    );
+    for count in [1, 2, 4, 8, 16, 32].into_iter().filter(|&count| count <= threads) {
+        let times =
+            [(0, false), (12, false), (24, false), (12, true), (24, true)].map(|(size, next)| meetings(count, size << 7, next));
+        println!("{count:>3} threads {} us", times.map(|time| format!("{:7.2}", 1e6 * time)).join(" "));
     }
     shares();
+}
+
+/// Seconds from one meeting of `count` threads to the next, each having added to so many words of its own, or of the next one's every
+/// other time: as stripes hand their borders over.
+fn meetings(count: usize, words: usize, next: bool) -> f64 {
+    let rounds = 4000;
+    let arrived = AtomicUsize::new(0);
+    let blocks: Vec<Vec<AtomicU64>> = (0..count).map(|_| (0..words).map(|_| AtomicU64::new(0)).collect()).collect();
+    let member = |member: usize| {
+        for round in 1..=rounds {
+            let add = |word: &AtomicU64| word.store(word.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
+            blocks[(member + usize::from(next) * (round % 2)) % count].iter().for_each(add);
+            arrived.fetch_add(1, Ordering::SeqCst);
+            while arrived.load(Ordering::SeqCst) < round * count {
+                std::hint::spin_loop();
+            }
+        }
+    };
+    let time = seconds(&mut || {
+        std::thread::scope(|scope| (0..count).for_each(|index| drop(scope.spawn(move || member(index)))));
+    });
+    time / rounds as f64
 }
 
 /// What frames could take if threads had nothing to do with one another: each steps a strip of its own, as large as its share of a
