@@ -239,6 +239,8 @@ impl Cpu {
             elsewhere.into_iter().for_each(|elsewhere| (elsewhere.moved)(vertices, index, state));
         };
         let rounds = &self.rounds;
+        let threads = rayon::current_num_threads();
+        let member = |&stripe: &u32| stripe as usize * threads / stripes.ranges.len();
         let work = |turn: u32, kind: usize, task: usize| {
             let index = (turn / sweeps) as usize;
             let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
@@ -256,9 +258,14 @@ impl Cpu {
                     }
                 }
                 (Round::Borders(round), _) => {
+                    let Task { vertices, touches, .. } = &stripes.rounds[round][task];
+                    // Between two threads' stripes half of them are in the other's cache.
+                    if touches.first().map(member) != touches.last().map(member) {
+                        vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
+                    }
                     sweep(&edges[round], task);
                     if ends {
-                        end(&stripes.rounds[round][task].vertices, index);
+                        end(vertices, index);
                     }
                 }
                 (Round::Moments, _) if begins => forces.moments(stripes.ranges[task].clone(), &plan.substeps[index]),
@@ -269,7 +276,7 @@ impl Cpu {
             }
         };
         let touches = |kind: usize, task: usize| rounds[kind].touches(task, stripes, forces.winded);
-        self.crew.run(turns, rayon::current_num_threads(), &touches, &work);
+        self.crew.run(turns, threads, &touches, &work);
         let lost = lost.into_inner();
         (lost < usize::MAX).then_some(lost)
     }

@@ -1,5 +1,7 @@
 //! A slice that several threads write, each in places of its own.
 
+use std::ops::Range;
+
 /// A slice that tasks share. Who reads and writes where is for them to agree on.
 #[derive(Debug)]
 pub(crate) struct Shared<T> {
@@ -69,3 +71,24 @@ unsafe impl<T: Send> Sync for Shared<T> {}
 #[expect(unsafe_code, reason = "see Shared")]
 // SAFETY: as above.
 unsafe impl<T: Send> Send for Shared<T> {}
+
+impl<T> Shared<T> {
+    /// Asks for items that are about to be written: what another thread's cache holds would else be waited for at each store.
+    pub(crate) fn claim(self, items: Range<u32>) {
+        #[cfg(target_arch = "x86_64")]
+        for line in (items.start as usize * size_of::<T>()..items.end as usize * size_of::<T>()).step_by(LINE) {
+            let place = self.start.cast::<u8>().wrapping_add(line);
+            #[expect(unsafe_code, reason = "a hint, which may name any address")]
+            // SAFETY: it changes nothing; processors without it do nothing.
+            unsafe {
+                std::arch::asm!("prefetchw [{}]", in(reg) place, options(nostack, preserves_flags));
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = items;
+    }
+}
+
+/// Bytes that are fetched together.
+#[cfg(target_arch = "x86_64")]
+const LINE: usize = 64;
