@@ -21,9 +21,6 @@ use cloth_deformer::{Backend, Deformer, Gpu, Levels, Options, Quality, wgpu};
 use crate::floor::{Way, floor};
 use crate::scene::{FRAME, SUBSTEPS, Scene};
 
-/// Repeats of the force kernels that are timed beside one.
-const MANY: u32 = 6;
-
 type Failure = Box<dyn std::error::Error>;
 
 /// Times the hybrid beside its floor, and at fewer exchanges.
@@ -143,6 +140,8 @@ impl Bench {
         let bare = scene.bare(levels);
         let cloths = [(Backend::Cpu, &bare), (Backend::Hybrid, scene), (Backend::Cpu, scene)];
         let mut cloths = cloths.map(|(backend, scene)| self.cloth(backend, scene).map(|cloth| (scene, cloth, Vec::new())));
+        // Repeats of the force kernels that are timed beside one: a millisecond or so.
+        let many = ((1 << 20) / (n * n)).clamp(6, 101);
         let mut kernels = [const { Vec::new() }; 2];
         let start = Instant::now();
         // In turn, so that whatever else the machine does hits all alike; what is beside the point a few times only.
@@ -157,10 +156,10 @@ impl Bench {
                 let start = Instant::now();
                 cloth.step(FRAME, &scene.attributes)?;
                 times.push(1e3 * start.elapsed().as_secs_f64());
-                // Right after a step, and few: a card that has work without a pause for a tenth of a second runs three times faster
-                // than in the hybrid, which lets it wait for the CPU.
+                // Right after a step, and not for long: a card that has work without a pause for a tenth of a second runs three times
+                // faster than in the hybrid, which lets it wait for the CPU.
                 if index == 1 && scene.gathers() {
-                    for (repeats, times) in [1, MANY].into_iter().zip(&mut kernels) {
+                    for (repeats, times) in [1, many].into_iter().zip(&mut kernels) {
                         let start = Instant::now();
                         cloth.run_forces(FRAME, &scene.attributes, repeats)?;
                         times.push(1e3 * start.elapsed().as_secs_f64());
@@ -173,8 +172,8 @@ impl Bench {
         }
         let [own, hybrid, all] = cloths.map(|cloth| cloth.map(|(_, _, mut times)| median(&mut times)));
         let (own, hybrid, all) = (own?, hybrid?, all?);
-        let [one, many] = kernels.map(|mut times| if scene.gathers() { median(&mut times) } else { 0.0 });
-        let kernels = f64::from(SUBSTEPS) * (many - one) / f64::from(MANY - 1);
+        let [once, often] = kernels.map(|mut times| if scene.gathers() { median(&mut times) } else { 0.0 });
+        let kernels = f64::from(SUBSTEPS) * (often - once) / f64::from(many - 1);
         let sum = transfers + kernels + own;
         let ratio = hybrid / sum;
         println!(
