@@ -187,7 +187,6 @@ impl Cpu {
         let good = [self.x_good.share(), self.p_good.share()];
         let moves = Moves { plan, x, u, good, lost: &lost, breadth };
         let forces = self.parts.share(plan, x, u, elsewhere.is_none(), breadth);
-        let gathers = elsewhere.is_none() && forces.any();
         // Without forces a vertex is predicted where it was moved.
         let falls = elsewhere.is_none() && !forces.any();
 
@@ -220,10 +219,8 @@ impl Cpu {
             }
             if let Some(elsewhere) = elsewhere {
                 (elsewhere.predict)(std::slice::from_ref(&range), index, state);
-            } else if gathers {
+            } else if turn == 0 || !falls {
                 forces.predict(range.clone(), substep);
-            } else if turn == 0 {
-                moves.fall(range.clone(), substep);
             }
             forces.lead_pins(range, substep);
         };

@@ -7,6 +7,7 @@ use glam::{Vec3A, Vec4};
 use crate::gathers::{Gathers, Gusts, Moments, Predict, State};
 use crate::kernels::{self, Substep, xyz};
 use crate::lines::Lines;
+use crate::moves::fallen;
 use crate::options::Method;
 use crate::plan::Plan;
 use crate::shared::Shared;
@@ -190,10 +191,7 @@ impl Forces<'_> {
         let ambient = Vec3A::from(self.plan.params.acceleration);
         for i in vertices {
             // SAFETY: see Forces.
-            let free = unsafe { self.x.get(i as usize) }.w != 0.0;
-            let by = if free { kernels::predict(self.u(i), ambient, substep) } else { Vec3A::ZERO };
-            // SAFETY: see Forces.
-            unsafe { self.u.set(i as usize, by.extend(0.0)) };
+            unsafe { self.u.set(i as usize, fallen(self.x.get(i as usize).w, self.u(i), ambient, substep)) };
         }
     }
 

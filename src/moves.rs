@@ -45,15 +45,6 @@ impl Moves<'_> {
         }
     }
 
-    /// The displacements that the ambient acceleration predicts.
-    pub(crate) fn fall(&self, vertices: Range<u32>, substep: &Substep) {
-        let ambient = Vec3A::from(self.plan.params.acceleration);
-        for i in vertices.start as usize..vertices.end as usize {
-            // SAFETY: the task's own vertices.
-            unsafe { self.u.set(i, fallen(self.x.get(i).w, xyz(self.u.get(i)), ambient, substep)) };
-        }
-    }
-
     /// Contact, the move, and what comes then.
     pub(crate) fn advance(&self, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
         for range in ranges {
@@ -188,7 +179,7 @@ impl Advance<'_> {
 
 /// Displacement of a vertex of inverse mass `w` that falls.
 #[inline]
-fn fallen(w: f32, u: Vec3A, ambient: Vec3A, substep: &Substep) -> Vec4 {
+pub(crate) fn fallen(w: f32, u: Vec3A, ambient: Vec3A, substep: &Substep) -> Vec4 {
     let by = kernels::predict(u, ambient, substep).extend(0.0);
     if w == 0.0 { Vec4::ZERO } else { by }
 }
