@@ -172,8 +172,9 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
             let mut first = 0;
             for kinds in self.crew.kinds.chunk_by(|one, next| !alone(one) && !alone(next)) {
                 let own = || self.own(turn, first..first + kinds.len(), member);
-                // What is ready, then the others: their neighbours may wait for this.
-                own().filter(|&job| self.is_ready(job)).for_each(|job| _ = self.take(job));
+                // All that is ready, then the others: their neighbours may wait for this.
+                let ready = || own().filter(|&job| self.is_free(job) && self.is_ready(job));
+                while ready().fold(false, |some, job| self.take(job) || some) {}
                 own().for_each(|job| self.see_to(job));
                 first += kinds.len();
             }
@@ -199,6 +200,10 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
         &self.crew.taken[self.crew.kinds[job.kind].first + job.task].0
     }
 
+    fn is_free(&self, job: Job) -> bool {
+        self.taken(job).load(Ordering::Relaxed) == job.turn
+    }
+
     /// Whether all that a job waits for is done.
     fn is_ready(&self, job: Job) -> bool {
         let Crew { kinds, done, before, each, all_done, .. } = self.crew;
@@ -214,8 +219,7 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
     /// Does a job that is ready, unless somebody has.
     fn take(&self, job: Job) -> bool {
         let (Job { turn, kind, task }, taken) = (job, self.taken(job));
-        let is_free = taken.load(Ordering::Relaxed) == turn;
-        let is_mine = is_free && taken.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok();
+        let is_mine = self.is_free(job) && taken.compare_exchange(turn, turn + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok();
         if is_mine {
             let places = if self.crew.kinds[kind].meets == Meets::All { &[] } else { (self.touches)(kind, task) };
             let _done = Done { crew: self.crew, places, task };
@@ -227,7 +231,7 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
     /// Until somebody takes a job: waits for what it waits for, and does others meanwhile.
     fn see_to(&self, job: Job) {
         let mut grace = GRACE;
-        while self.taken(job).load(Ordering::Relaxed) == job.turn {
+        while self.is_free(job) {
             let looks = || {
                 (0..grace).any(|_| {
                     std::hint::spin_loop();
