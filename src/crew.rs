@@ -174,7 +174,7 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
                 let own = || self.own(turn, first..first + kinds.len(), member);
                 // All that is ready, then the others: their neighbours may wait for this.
                 let ready = || own().filter(|&job| self.is_free(job) && self.is_ready(job));
-                while ready().fold(false, |some, job| self.take(job) || some) {}
+                while ready().filter(|&job| self.take(job)).count() > 0 {}
                 own().for_each(|job| self.see_to(job));
                 first += kinds.len();
             }
@@ -204,13 +204,18 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
         self.taken(job).load(Ordering::Relaxed) == job.turn
     }
 
+    /// Tasks that are done; counted where some meet all.
+    fn all_done(&self) -> usize {
+        self.crew.all_done.iter().map(|done| done.0.load(Ordering::SeqCst)).sum()
+    }
+
     /// Whether all that a job waits for is done.
     fn is_ready(&self, job: Job) -> bool {
-        let Crew { kinds, done, before, each, all_done, .. } = self.crew;
+        let Crew { kinds, done, before, each, .. } = self.crew;
         let (turn, kind) = (job.turn as usize, kinds[job.kind]);
         let previous = kinds[job.kind.checked_sub(1).unwrap_or(kinds.len() - 1)];
         if [kind, previous].iter().any(|kind| kind.meets == Meets::All) {
-            return all_done.iter().map(|done| done.0.load(Ordering::SeqCst)).sum::<usize>() >= kind.first + turn * self.every;
+            return self.all_done() >= kind.first + turn * self.every;
         }
         let mut places = (self.touches)(job.kind, job.task).iter().map(|&place| place as usize);
         places.all(|place| done[place].0.load(Ordering::SeqCst) >= before[job.kind * each.len() + place] + turn * each[place])
@@ -242,7 +247,7 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
                 self.take(job);
                 return;
             }
-            grace = match self.ready().find(|&other| self.take(other)) {
+            grace = match self.others(job).find(|&other| self.take(other)) {
                 Some(_) => GRACE,
                 None if grace < PATIENCE => 2 * grace,
                 None => {
@@ -253,12 +258,33 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
         }
     }
 
-    /// Jobs that anyone can do now.
-    fn ready(&self) -> impl Iterator<Item = Job> {
-        let kinds = self.crew.kinds.iter().enumerate();
-        let tasks = kinds.flat_map(|(kind, of)| (0..of.tasks).map(move |task| Job { turn: 0, kind, task }));
+    /// Jobs that anyone can do now, among all that a job may wait for.
+    fn others(&self, job: Job) -> impl Iterator<Item = Job> {
+        let kinds = self.behind(job).map(|kind| (kind, self.crew.kinds[kind].tasks));
+        let tasks = kinds.flat_map(|(kind, tasks)| (0..tasks).map(move |task| Job { turn: 0, kind, task }));
         let next = tasks.map(|job| Job { turn: self.taken(job).load(Ordering::Relaxed), ..job });
         next.filter(|&job| job.turn < self.turns && self.crew.kinds[job.kind].comes(job.turn) && self.is_ready(job))
+    }
+
+    /// Kinds of rounds that may hold up a job, in turn: not those before the last that met all and is done. To look at more of others'
+    /// tasks is to take their flags from their caches.
+    fn behind(&self, job: Job) -> impl Iterator<Item = usize> {
+        let kinds = &self.crew.kinds;
+        let count = kinds.len();
+        let before = |kind: usize| (kind + count - 1) % count;
+        let apart = |kind: usize| [kind, before(kind)].iter().any(|&kind| kinds[kind].meets == Meets::All);
+        // Of the first turn there are more.
+        let once = kinds.iter().filter(|kind| !kind.comes(1)).map(|kind| kind.tasks).sum::<usize>();
+        let done = self.all_done();
+        let place = if done < once { done } else { once + (done - once) % self.every.max(1) };
+        let mut first = kinds.iter().rposition(|kind| kind.first <= place).unwrap_or(0);
+        let mut kinds_behind = (job.kind + count - first) % count + 1;
+        // What meets neighbours alone may be done before others of the rounds before.
+        while !apart(first) && kinds_behind < count {
+            first = before(first);
+            kinds_behind += 1;
+        }
+        (0..kinds_behind).map(move |kind| (first + kind) % count)
     }
 
     /// Sleeps until there is something to do, so that a busy machine can get on with what is waited for.
@@ -266,7 +292,7 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
         let crew = self.crew;
         crew.sleepers.fetch_add(1, Ordering::SeqCst);
         let mut guard = crew.lock.lock().unwrap_or_else(PoisonError::into_inner);
-        while !self.is_ready(job) && self.ready().next().is_none() {
+        while !self.is_ready(job) && self.others(job).next().is_none() {
             guard = crew.bell.wait(guard).unwrap_or_else(PoisonError::into_inner);
         }
         drop(guard);
@@ -301,7 +327,7 @@ mod tests {
     use super::*;
 
     /// Every task once a turn, and none before those that it must wait for, on any number of threads; also with more threads than
-    /// cores.
+    /// cores, and more members than threads, so that some never come.
     #[test]
     fn tasks_wait_for_all_that_they_meet() {
         // Tasks touch what follows from their number; neighbours overlap.
@@ -318,7 +344,8 @@ mod tests {
             vec![(everyone, 2), (neighbours, 11), (neighbours, 2)],
             vec![(neighbours, 12), (everyone, 1), (everyone, 5), (neighbours, 12), (neighbours, 7)],
         ];
-        for (threads, scene) in [1, 2, 3, 16].into_iter().flat_map(|threads| scenes.iter().map(move |scene| (threads, scene))) {
+        let crews = [(1, 1), (2, 2), (3, 3), (16, 16), (2, 7), (1, 3)];
+        for ((threads, members), scene) in crews.into_iter().flat_map(|crew| scenes.iter().map(move |scene| (crew, scene))) {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut crew = Crew::default();
             for first in [false, true] {
@@ -349,7 +376,7 @@ mod tests {
                     look(turn, kind, task);
                     assert_eq!(runs[kind][task].fetch_add(1, Ordering::SeqCst), turn, "its {turn}th turn");
                 };
-                pool.install(|| crew.run(100, threads, &touches, &work));
+                pool.install(|| crew.run(100, members, &touches, &work));
                 for (kind, runs) in runs.iter().enumerate() {
                     assert!(runs.iter().all(|runs| runs.load(Ordering::SeqCst) == rounds(kind, 100)));
                 }
