@@ -152,11 +152,12 @@ fn threads() {
             pool.install(|| (0..frames).for_each(|_| scenes::frame(&mut deformer, &Attributes::default())));
             let strain = deformer.measure().expect("memory").mean_strain;
             let mut times = vec![Vec::new(); pools.len()];
-            for _ in 0..if n > 256 { 3 } else { 15 } {
+            let (rounds, before) = if n > 256 { (3, 1) } else { (21, 4) };
+            for _ in 0..rounds {
                 for (pool, times) in pools.iter().zip(&mut times) {
                     let mut step = || scenes::frame(&mut deformer, &Attributes::default());
-                    // One frame for the threads to wake and the cloth to move over.
-                    pool.install(&mut step);
+                    // Frames for the threads to wake, each to find a processor of its own, and the cloth to move over.
+                    (0..before).for_each(|_| pool.install(&mut step));
                     times.push(pool.install(|| seconds(&mut step)));
                 }
             }
