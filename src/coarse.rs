@@ -19,6 +19,8 @@ use crate::wide::{self, At, Breadth, Loop, Wide};
 const GRAIN: usize = 64;
 /// Fewer aggregates than this are no work to share: the barriers would cost more.
 const WORTHWHILE: usize = 2048;
+/// No one aggregate.
+const MIXED: u32 = u32::MAX;
 
 /// What each level's aggregates do in a substep, the finest first; nothing without levels.
 #[derive(Debug, Default)]
@@ -36,6 +38,8 @@ struct Aggregates {
     /// As corrected.
     u: Lines,
     members: Members,
+    /// Which aggregate items below are of, as many together as a register holds; [`MIXED`] if of several.
+    of: Vec<u32>,
     stripes: Stripes,
     /// The edges of each round.
     edges: Vec<Packed>,
@@ -77,6 +81,11 @@ impl Members {
     }
 }
 
+/// The label that all of these are.
+fn one(labels: &[u32]) -> u32 {
+    if labels.iter().all(|&label| label == labels[0]) { labels[0] } else { MIXED }
+}
+
 impl Aggregates {
     fn new(level: &Level, breadth: Breadth) -> Aggregates {
         let mut zero = Lines::new(level.inverse_mass.len());
@@ -85,6 +94,7 @@ impl Aggregates {
             x: zero.clone(),
             change: zero.clone(),
             members: Members::new(level, breadth),
+            of: level.label.chunks(breadth.lanes() / 4).map(one).collect(),
             stripes: if zero.len() < WORTHWHILE {
                 Stripes::one(&level.links, zero.len())
             } else {
@@ -236,10 +246,10 @@ impl Correction<'_> {
     }
 
     fn hand(&self, from: usize, u: Shared<Vec4>, items: Range<u32>) {
-        let change = self.levels[from].at.change;
+        let Aggregates { at: Values { change, .. }, of, .. } = &self.levels[from];
         let items = items.start as usize..items.end as usize;
         // SAFETY: see Correction.
-        unsafe { wide::run(self.breadth, HandDown { label: &self.shapes[from].label, change, u, items }) };
+        unsafe { wide::run(self.breadth, HandDown { label: &self.shapes[from].label, of, change: *change, u, items }) };
     }
 }
 
@@ -285,6 +295,8 @@ impl Loop for Restrict<'_> {
 /// Adds to each item what its aggregate was corrected by.
 struct HandDown<'a> {
     label: &'a [u32],
+    /// The same, as in [`Aggregates`].
+    of: &'a [u32],
     change: Shared<Vec4>,
     u: Shared<Vec4>,
     items: Range<usize>,
@@ -294,16 +306,17 @@ struct HandDown<'a> {
 impl Loop for HandDown<'_> {
     #[inline(always)]
     unsafe fn run<W: Wide>(self) {
-        let HandDown { label, change, u, items } = self;
+        let HandDown { label, of, change, u, items } = self;
         let group = W::LANES / 4;
-        let labels = label[items.clone()].chunks_exact(group);
-        let rest = items.end - labels.remainder().len();
-        for (labels, first) in labels.zip(items.clone().step_by(group)) {
-            // SAFETY: the caller's promise.
+        let rest = items.end - items.len() % group;
+        for (&of, first) in of[items.start / group..rest / group].iter().zip((items.start..rest).step_by(group)) {
+            // SAFETY: the caller's promise; ranges of items begin with whole registers.
             unsafe {
                 // Neighbours are mostly of one aggregate.
-                let one = labels.iter().all(|&label| label == labels[0]);
-                let by = if one { W::repeat(change.get(labels[0] as usize)) } else { W::load(change, wide::listed::<W>(labels)) };
+                let by = match of {
+                    MIXED => W::load(change, wide::listed::<W>(&label[first..first + group])),
+                    one => W::repeat(change.get(one as usize)),
+                };
                 (W::load(u, At::Beside(first)) + by).store(u, At::Beside(first));
             }
         }

@@ -176,7 +176,12 @@ fn correction<W: Wide, const PULL: bool, const RELAX: bool>(s: Wide3<W>, su: Wid
     let guard = W::splat(kernels::STRETCH_GUARD);
     // Each compared by itself: a maximum would let a NaN pass.
     let hardly = W::both(r.abs().below(guard), r0.abs().below(guard));
-    let rigid = W::both(W::splat(kernels::TURN_GUARD).below(c), hardly);
+    let mut rigid = W::both(W::splat(kernels::TURN_GUARD).below(c), hardly);
+    let slack = r.below(zero);
+    if PULL {
+        // What is slack is left alone, whichever way it points.
+        rigid = W::either(rigid, slack);
+    }
     let unit = r0.times_from(r0.times_from(W::splat(0.375), W::splat(0.5)), one);
     let inner = r.times_from(r.times_from(W::splat(0.0625), W::splat(0.125)), W::splat(0.5));
     let mut scale = unit * r * inner;
@@ -184,7 +189,7 @@ fn correction<W: Wide, const PULL: bool, const RELAX: bool>(s: Wide3<W>, su: Wid
         scale = W::choose(rigid, scale, stretch(d, inverse_rest));
     }
     if PULL {
-        scale = W::choose(r.below(zero), zero, scale);
+        scale = W::choose(slack, zero, scale);
     }
     (scale, rigid)
 }

@@ -183,6 +183,7 @@ pub(crate) trait Wide: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     fn below(self, other: Self) -> Self::Mask;
     fn is(self, other: Self) -> Self::Mask;
     fn both(one: Self::Mask, other: Self::Mask) -> Self::Mask;
+    fn either(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn all(mask: Self::Mask) -> bool;
     fn choose(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
@@ -336,6 +337,11 @@ impl Wide for Vec4 {
     #[inline(always)]
     fn both(one: BVec4A, other: BVec4A) -> BVec4A {
         one & other
+    }
+
+    #[inline(always)]
+    fn either(one: BVec4A, other: BVec4A) -> BVec4A {
+        one | other
     }
 
     #[inline(always)]

@@ -100,6 +100,11 @@ impl Wide for Eight {
     }
 
     #[inline(always)]
+    fn either(one: Eight, other: Eight) -> Eight {
+        Eight(unsafe { _mm256_or_ps(one.0, other.0) })
+    }
+
+    #[inline(always)]
     fn all(mask: Eight) -> bool {
         unsafe { _mm256_movemask_ps(mask.0) == 0xff }
     }

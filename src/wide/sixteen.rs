@@ -102,6 +102,11 @@ impl Wide for Sixteen {
     }
 
     #[inline(always)]
+    fn either(one: __mmask16, other: __mmask16) -> __mmask16 {
+        one | other
+    }
+
+    #[inline(always)]
     fn all(mask: __mmask16) -> bool {
         mask == !0
     }
