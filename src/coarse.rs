@@ -17,7 +17,7 @@ use crate::wide::{self, At, Breadth, Loop, Wide};
 
 /// Aggregates that a task restricts.
 const GRAIN: usize = 64;
-/// Fewer aggregates than this are no work to share: the barriers would cost more.
+/// Fewer aggregates than this are no work to share: to wait for one another would cost more.
 const WORTHWHILE: usize = 2048;
 /// No one aggregate.
 const MIXED: u32 = u32::MAX;
