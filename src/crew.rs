@@ -273,8 +273,8 @@ impl<'a, T: Fn(usize, usize) -> &'a [u32] + Sync, W: Fn(u32, usize, usize) + Syn
         let count = kinds.len();
         let before = |kind: usize| (kind + count - 1) % count;
         let apart = |kind: usize| [kind, before(kind)].iter().any(|&kind| kinds[kind].meets == Meets::All);
-        // Of the first turn there are more.
-        let once = kinds.iter().filter(|kind| !kind.comes(1)).map(|kind| kind.tasks).sum::<usize>();
+        // The first turn has more than every turn.
+        let once = kinds.last().map_or(0, |last| last.first + last.tasks) - self.every;
         let done = self.all_done();
         let place = if done < once { done } else { once + (done - once) % self.every.max(1) };
         let mut first = kinds.iter().rposition(|kind| kind.first <= place).unwrap_or(0);
