@@ -5,7 +5,6 @@ use std::fmt::Display;
 use glam::{DVec3, Vec3};
 
 use crate::error::StepError;
-use crate::kernels::{self, Body};
 
 /// Everything outside the cloth that acts on it, sampled once a step.
 ///
@@ -145,47 +144,6 @@ impl Collider {
             Shape::Capsule { a, b, radius } => Shape::Capsule { a: a - origin, b: b - origin, radius },
         };
         Collider { shape, ..*self }
-    }
-
-    /// The collider as the kernels take it, moving here from `last` during the step. A round body is made larger by what
-    /// the longest edge sinks between its ends, a fifth more than its sagitta `l²/8R`.
-    pub(crate) fn body(&self, last: &Collider, origin: Vec3, longest: f32) -> Body {
-        let (now, last) = (self.relative_to(origin).shape, last.relative_to(origin).shape);
-        let round = |from: (Vec3, Vec3, f32), to: (Vec3, Vec3, f32)| {
-            let [from_radius, to_radius] =
-                [from.2, to.2].map(|radius| radius + 1.2 * longest.min(radius).powi(2) / (8.0 * radius));
-            Body {
-                a: from.0.to_array(),
-                radius: from_radius,
-                b: from.1.to_array(),
-                friction: self.friction,
-                a_travel: (to.0 - from.0).to_array(),
-                radius_travel: to_radius - from_radius,
-                b_travel: (to.1 - from.1).to_array(),
-                kind: kernels::ROUND,
-            }
-        };
-        match (now, last) {
-            (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
-                round((from, from, r0), (to, to, r1))
-            }
-            (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => round((a0, b0, r0), (a, b, radius)),
-            (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
-                // Only its motion along the normal can be felt without friction; a plane that turns does so at once.
-                Body {
-                    a: from.to_array(),
-                    b: normal.as_dvec3().normalize().as_vec3().to_array(),
-                    friction: self.friction,
-                    a_travel: (point - from).to_array(),
-                    kind: kernels::PLANE,
-                    ..Body::default()
-                }
-            }
-            // Another shape in its place: nothing it moved from.
-            (Shape::Sphere { center, radius }, _) => round((center, center, radius), (center, center, radius)),
-            (Shape::Capsule { a, b, radius }, _) => round((a, b, radius), (a, b, radius)),
-            (Shape::Plane { .. }, _) => self.body(self, origin, longest),
-        }
     }
 }
 

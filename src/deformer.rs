@@ -3,17 +3,19 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider};
-use crate::cloth::{Cloth, MAX_POSITION};
-use crate::coefficients::Coefficients;
-use crate::engine::{Engine, Failure};
+use crate::backend::{Engine, Failure};
 use crate::error::{BuildError, StepError};
 #[cfg(feature = "gpu")]
 use crate::gpu::Surface;
+use crate::limits::{MAX_POSITION, MIN_TIME_STEP};
 use crate::measure::Measure;
-use crate::mesh::Mesh;
+use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
+use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, StepReport, Warning};
-use crate::plan::{Lists, Motion, Plan};
-use crate::quality::Rates;
+use crate::step::coefficients::Coefficients;
+use crate::step::plan::{Lists, Motion, Plan};
+use crate::step::substeps::Rates;
 
 /// A cloth in motion.
 #[derive(Debug)]
@@ -22,6 +24,9 @@ pub struct Deformer {
     options: Options,
     rates: Rates,
     engine: Engine,
+    /// The coarse levels, once a step wants any; and how many the last step asked for.
+    hierarchy: Hierarchy,
+    asked: usize,
     /// For the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
@@ -42,9 +47,6 @@ pub struct Deformer {
     shown: bool,
 }
 
-/// Shortest step (s): below it a displacement no longer gives a velocity in single precision.
-pub(crate) const MIN_TIME_STEP: f32 = 1e-9;
-
 impl Deformer {
     /// Builds the cloth and its state at frame 1: the mesh at rest.
     ///
@@ -63,6 +65,8 @@ impl Deformer {
             options,
             rates,
             engine,
+            hierarchy: Hierarchy::default(),
+            asked: 0,
             coefficients: None,
             motion,
             lists: Lists::default(),
@@ -123,8 +127,10 @@ impl Deformer {
         let substeps = self.rates.substeps(&self.cloth, &self.options, dt, attributes)?;
         let h = dt / substeps as f32;
         let levels = self.rates.levels(&self.cloth, &self.options, h, attributes);
-        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits() || last.asked != levels) {
-            self.coefficients = Some(Coefficients::new(&self.cloth, &self.options, h, levels));
+        if self.coefficients.as_ref().is_none_or(|last| last.h.to_bits() != h.to_bits() || self.asked != levels) {
+            self.hierarchy.build(&self.cloth, levels);
+            self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, h));
+            self.asked = levels;
         }
         Ok(substeps)
     }
@@ -132,7 +138,9 @@ impl Deformer {
     /// What the engine is to do, and the engine.
     fn job<'a>(&'a mut self, substeps: u32, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
         let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
-        let plan = Plan::new(&self.cloth, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.lists);
+        let levels = self.hierarchy.finest(self.asked);
+        let plan =
+            Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.lists);
         (&mut self.engine, plan)
     }
 
@@ -366,7 +374,7 @@ impl Deformer {
     /// asks what that costs.
     #[doc(hidden)]
     pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
-        let breadth = crate::wide::Breadth::at_most(lanes);
+        let breadth = crate::simd::Breadth::at_most(lanes);
         match &mut self.engine {
             Engine::Cpu(cpu) => cpu.narrow(breadth),
             #[cfg(feature = "gpu")]

@@ -10,7 +10,7 @@ pub enum BuildError {
     #[error("the mesh has no vertices; give it at least one")]
     NoVertices,
     /// More vertices than an index can name exactly.
-    #[error("the mesh has {vertices} vertices, more than {limit}; split it", limit = crate::cloth::MAX_VERTICES)]
+    #[error("the mesh has {vertices} vertices, more than {limit}; split it", limit = crate::limits::MAX_VERTICES)]
     TooManyVertices {
         /// Number of vertices.
         vertices: usize,
@@ -88,7 +88,7 @@ pub enum BuildError {
 #[non_exhaustive]
 pub enum StepError {
     /// A time step that is no time.
-    #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::deformer::MIN_TIME_STEP)]
+    #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::limits::MIN_TIME_STEP)]
     TimeStep {
         /// The time step.
         dt: f32,
@@ -126,7 +126,7 @@ pub enum StepError {
     /// The tolerance asks for more substeps than a step takes.
     #[error(
         "the step needs {needed} substeps (times iterations), more than {limit}; use a shorter dt, a larger strain tolerance or Quality::Substeps",
-        limit = crate::quality::MAX_SUBSTEPS
+        limit = crate::limits::MAX_SUBSTEPS
     )]
     TooManySubsteps {
         /// Substeps that the closed form asks for.

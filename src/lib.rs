@@ -1,44 +1,24 @@
 #![doc = include_str!("../README.md")]
 
-mod aggregates;
 mod attributes;
-mod bending;
-mod cloth;
-mod coarse;
-mod coarse_edges;
-mod coefficients;
-mod coloring;
+mod backend;
 mod cpu;
-mod crew;
 mod deformer;
-mod engine;
 mod error;
 mod fabric;
-mod forces;
-mod gathers;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]
 mod hybrid;
+mod io;
 mod kernels;
-mod lanes;
-#[cfg(all(test, feature = "gpu"))]
-mod layout;
-mod levels;
-mod lines;
+mod limits;
 mod measure;
-mod mesh;
-mod moves;
-mod obj;
+mod model;
+mod multigrid;
 mod options;
-mod packed;
-mod pc2;
-mod plan;
-mod quality;
-mod shared;
-mod stripes;
-mod whole;
-mod wide;
+mod simd;
+mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::Deformer;
@@ -47,10 +27,10 @@ pub use fabric::Fabric;
 pub use glam;
 #[cfg(feature = "gpu")]
 pub use gpu::{Gpu, GpuWork, Surface};
+pub use io::obj::ObjError;
+pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;
-pub use mesh::Mesh;
-pub use obj::ObjError;
+pub use model::mesh::Mesh;
 pub use options::{Backend, Levels, Method, Options, Quality, StepReport, Warning};
-pub use pc2::{Pc2Error, PointCache};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::attributes::Collider;
-use crate::cloth::Cloth;
+use crate::model::cloth::Cloth;
 
 /// Figures of the current state.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

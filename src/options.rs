@@ -4,7 +4,7 @@ use crate::error::BuildError;
 use crate::fabric::Fabric;
 #[cfg(feature = "gpu")]
 use crate::gpu::Gpu;
-use crate::quality::MAX_SUBSTEPS;
+use crate::limits::MAX_SUBSTEPS;
 
 /// Where the work is done. All three give the same motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

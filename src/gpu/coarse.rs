@@ -6,10 +6,11 @@
 
 use glam::Vec4;
 
-use crate::cloth::Cloth;
-use crate::kernels::{Edge, Span};
-use crate::levels::Level;
-use crate::plan::Plan;
+use crate::kernels::Edge;
+use crate::model::cloth::Cloth;
+use crate::model::csr::Span;
+use crate::multigrid::hierarchy::Level;
+use crate::step::plan::Plan;
 
 use super::SLOT;
 use super::device::{Bind, Entry, Gpu, Stage, shader};
@@ -60,10 +61,10 @@ enum Sweep {
 }
 
 impl Coarse {
-    /// With the first `count` levels of the cloth, in workgroups that have room for so many aggregates; `None`: a dispatch a
+    /// With these levels of the cloth, in workgroups that have room for so many aggregates; `None`: a dispatch a
     /// colour.
-    pub(super) fn new(gpu: &Gpu, cloth: &Cloth, count: usize, forces: &Forces, room: Option<usize>) -> Coarse {
-        let levels = &cloth.hierarchy().levels[..count];
+    pub(super) fn new(gpu: &Gpu, cloth: &Cloth, levels: &[Level], forces: &Forces, room: Option<usize>) -> Coarse {
+        let count = levels.len();
         let mut starts = vec![0];
         levels.iter().for_each(|level| starts.push(starts[starts.len() - 1] + level.inverse_mass.len()));
         let rest = at_rest(&cloth.rest, levels);

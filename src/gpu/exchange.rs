@@ -14,8 +14,8 @@ use glam::Vec3;
 
 use super::device::{Bind, Entry, Gpu, Stage, shader};
 use super::forces::Forces;
-use crate::plan::Plan;
-use crate::shared::Shared;
+use crate::cpu::shared::Shared;
+use crate::step::plan::Plan;
 
 /// How long a callback may take once the device is done.
 const PATIENCE: Duration = Duration::from_secs(2);

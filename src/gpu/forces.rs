@@ -1,9 +1,9 @@
 //! Stage 1 on the GPU: the state, and the forces that the scene has. A term that is absent has no kernel and no buffer.
 
-use crate::cloth::Cloth;
 use crate::kernels::{Params, Pin, Substep};
+use crate::model::cloth::Cloth;
 use crate::options::Method;
-use crate::plan::Plan;
+use crate::step::plan::Plan;
 
 use super::SLOT;
 use super::device::{Bind, Entry, Gpu, Group, Sent, Stage, shader};

@@ -1,7 +1,7 @@
 //! The cloth as a renderer takes it: positions, normals and indices on the device, nothing through the CPU.
 
-use crate::cloth::Cloth;
-use crate::engine::Failure;
+use crate::backend::Failure;
+use crate::model::cloth::Cloth;
 
 use super::GpuEngine;
 use super::device::{Bind, Entry, Gpu, Group, Stage, shader};

@@ -10,8 +10,8 @@ use std::ops::Range;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::coloring::Lists;
 use crate::kernels::Edge;
+use crate::model::csr::Csr;
 
 /// What `table.wgsl` calls none, of edges and of labels.
 pub(super) const NO_EDGE: u32 = u32::MAX;
@@ -57,7 +57,7 @@ struct Source<'a> {
     ends: &'a [[u32; 2]],
     colors: &'a [Range<usize>],
     /// The edges at each vertex.
-    around: Lists<u32>,
+    around: Csr<u32>,
     /// Vertices that a patch may hold.
     room: usize,
 }
@@ -66,7 +66,7 @@ impl Patches {
     /// Cuts the cloth into patches. `None` if that cannot be done, as for a fan of many edges, or not be done well.
     pub(crate) fn new(rest: &[Vec4], ends: &[[u32; 2]], colors: &[Range<usize>], most: Cut) -> Option<Patches> {
         let pairs = ends.iter().enumerate().flat_map(|(edge, &[a, b])| [(a, edge as u32), (b, edge as u32)]);
-        let around = Lists::new(rest.len(), pairs);
+        let around = Csr::new(rest.len(), pairs);
         let room = most.room.min(1 << 16);
         let source = Source { rest, ends, colors, around, room };
         let mut pieces = Vec::new();

@@ -5,13 +5,14 @@ use glam::{Vec3, Vec4};
 use super::patches::{Cut, Patches};
 use super::{Gpu, GpuEngine, IN_PATCH, Path};
 use crate::attributes::{Attributes, Collider};
-use crate::cloth::Cloth;
-use crate::coefficients::Coefficients;
+use crate::backend::Engine;
 use crate::cpu::Cpu;
-use crate::engine::Engine;
-use crate::mesh::Mesh;
+use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
+use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
-use crate::plan::{Lists, Motion, Plan};
+use crate::step::coefficients::Coefficients;
+use crate::step::plan::{Lists, Motion, Plan};
 
 /// A step (s) and its substeps.
 const DT: f32 = 1.0 / 60.0;
@@ -62,7 +63,10 @@ fn play_from(
     let x: Vec<Vec4> = cloth.rest.iter().map(|x| (x.truncate() * scale).extend(x.w)).collect();
     engine.set(&x, &p);
     let mut motion = Motion::after(cloth, &x, 0.0);
-    let coefficients = Coefficients::new(cloth, options, DT / SUBSTEPS as f32, levels);
+    let mut hierarchy = Hierarchy::default();
+    hierarchy.build(cloth, levels);
+    let levels = hierarchy.finest(levels);
+    let coefficients = Coefficients::new(cloth, levels, options, DT / SUBSTEPS as f32);
     for frame in 0..FRAMES {
         let mut attributes = Attributes { damping: 0.5, ..Attributes::default() };
         let center = Vec3::new(0.1, -0.31 + 0.02 * f32::from(frame), 0.0);
@@ -75,7 +79,8 @@ fn play_from(
             attributes.pin_targets = Some(motion.pins.iter().map(|&pin| pin + Vec3::new(0.01, 0.02, 0.0)).collect());
         }
         let mut lists = Lists::default();
-        let plan = Plan::new(cloth, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut lists);
+        let plan =
+            Plan::new(cloth, levels, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut lists);
         engine.step(&plan).unwrap();
         if let Some(targets) = attributes.pin_targets {
             motion.pins = targets;
@@ -156,7 +161,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     let (plain, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 0);
     let rounding = rounding(&cloth, &options, false, 3, &x) / apart(&x, &cloth.rest);
     assert!(apart(&x, &plain) > 1e-4 * apart(&x, &cloth.rest), "levels matter here");
-    let of_level: Vec<usize> = cloth.hierarchy().levels.iter().map(|level| level.inverse_mass.len()).collect();
+    let of_level: Vec<usize> = Hierarchy::new(&cloth).levels.iter().map(|level| level.inverse_mass.len()).collect();
     for (room, in_patches) in [(of_level[0] - 1, Some(1)), (10, None)] {
         let cut = Cut { own: 100, room: 700 };
         let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Halo, cut).unwrap();
@@ -177,14 +182,14 @@ fn a_failed_step_is_undone_on_every_path() {
     let gpu = Gpu::shared(true).unwrap();
     let options = Options { pinned: vec![3], ..Options::default() };
     let cloth = Cloth::new(&Mesh::grid(20, 20, 1.0, 1.0), &options).unwrap();
-    let coefficients = Coefficients::new(&cloth, &options, DT / SUBSTEPS as f32, 0);
+    let coefficients = Coefficients::new(&cloth, &[], &options, DT / SUBSTEPS as f32);
     let motion = Motion::after(&cloth, &cloth.rest, 0.0);
     for path in [Path::Colours, Path::Halo, Path::Whole] {
         let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, path, Cut { own: 60, room: 500 }).unwrap();
         let mut step = |gravity: Vec3, read: bool| {
             let attributes = Attributes { gravity, ..Attributes::default() };
             let mut lists = Lists::default();
-            engine.step(&Plan::new(&cloth, &options, &coefficients, &motion, SUBSTEPS, &attributes, &mut lists)).unwrap();
+            engine.step(&Plan::new(&cloth, &[], &options, &coefficients, &motion, SUBSTEPS, &attributes, &mut lists)).unwrap();
             let mut seen = Vec::new();
             let failed = read && engine.read(|x, _| seen = x.to_vec()).is_err();
             (seen, failed)

@@ -2,10 +2,10 @@
 
 use glam::Vec4;
 
-use crate::cloth::Cloth;
 use crate::kernels::{Body, Edge};
-use crate::levels::Level;
-use crate::plan::Plan;
+use crate::model::cloth::Cloth;
+use crate::multigrid::hierarchy::Level;
+use crate::step::plan::Plan;
 
 use super::SLOT;
 use super::device::{Bind, Entry, Gpu, Sent, Stage, shader};

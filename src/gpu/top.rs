@@ -1,7 +1,7 @@
 //! Coarse levels that one workgroup holds together, as `levels.wgsl` reads them.
 
 use crate::kernels::Edge;
-use crate::levels::Level;
+use crate::multigrid::hierarchy::Level;
 
 use super::patches::NO_EDGE;
 
@@ -147,7 +147,8 @@ fn push_members(table: &mut Vec<u32>, level: &Level, below: u32, room: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloth::Cloth;
+    use crate::model::cloth::Cloth;
+    use crate::multigrid::hierarchy::Hierarchy;
     use crate::{Mesh, Options};
 
     /// The table, read as `levels.wgsl` reads it, says what the levels are: whole colours or parts of them.
@@ -155,7 +156,7 @@ mod tests {
     fn a_table_says_what_the_levels_are() {
         let options = Options { pinned: (0..70).collect(), ..Options::default() };
         let cloth = Cloth::new(&Mesh::grid(70, 50, 1.0, 1.0), &options).unwrap();
-        let all = &cloth.hierarchy().levels;
+        let all = &Hierarchy::new(&cloth).levels;
         assert!(all.len() > 2);
         for (finest, below, most) in [(0, None, 512), (0, Some(0), 32), (1, Some(5), 512)] {
             let mut top = Top::with_width(all, finest, below, most);

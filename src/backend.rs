@@ -1,0 +1,161 @@
+//! The three engines behind one door: an enum and a match, no trait.
+
+use glam::Vec4;
+
+use crate::cpu::Cpu;
+use crate::error::{BuildError, StepError};
+#[cfg(feature = "gpu")]
+use crate::gpu::{self, Gpu, GpuEngine};
+#[cfg(feature = "gpu")]
+use crate::hybrid::Hybrid;
+use crate::model::cloth::Cloth;
+use crate::options::{Backend, Method, Options};
+use crate::step::plan::Plan;
+
+/// Where the state lives.
+#[derive(Debug)]
+pub(crate) enum Engine {
+    Cpu(Box<Cpu>),
+    #[cfg(feature = "gpu")]
+    Hybrid(Box<Hybrid>),
+    #[cfg(feature = "gpu")]
+    Gpu(Box<GpuEngine>),
+}
+
+/// What an engine reports when a step or a read did not work out.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The state is not finite from this vertex on, in the cloth's order.
+    Unstable(usize),
+    #[cfg(feature = "gpu")]
+    Gpu(String),
+}
+
+impl Failure {
+    pub(crate) fn named(self, cloth: &Cloth, method: Method) -> StepError {
+        match self {
+            Failure::Unstable(vertex) => {
+                let remedy = match method {
+                    Method::SmallSteps | Method::Relaxation { .. } => "use a shorter dt, more substeps or smaller attributes",
+                    Method::Springs => "use more substeps (see Warning::ExplicitLimit), a softer fabric or SmallSteps",
+                };
+                StepError::Unstable { vertex: cloth.order[vertex] as usize, remedy }
+            }
+            #[cfg(feature = "gpu")]
+            Failure::Gpu(reason) => StepError::Gpu { reason },
+        }
+    }
+}
+
+impl Engine {
+    #[cfg(not(feature = "gpu"))]
+    pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
+        let refuse = |backend| BuildError::NoGpu { backend, reason: "this build lacks the `gpu` feature".to_owned() };
+        match options.backend {
+            Backend::Auto | Backend::Cpu => Ok(Engine::Cpu(Box::new(Cpu::new(cloth)))),
+            Backend::Hybrid => Err(refuse("Backend::Hybrid")),
+            Backend::Gpu => Err(refuse("Backend::Gpu")),
+        }
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
+        let find = |software| match &options.gpu {
+            Some(gpu) => Ok(gpu.clone()),
+            None => Gpu::shared(software),
+        };
+        let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
+        Ok(match options.backend {
+            Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
+            Backend::Auto if cloth.rest.len() < gpu::WORTHWHILE => Engine::Cpu(Box::new(Cpu::new(cloth))),
+            Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
+                Ok(gpu) => Engine::Gpu(Box::new(gpu)),
+                Err(_) => Engine::Cpu(Box::new(Cpu::new(cloth))),
+            },
+            Backend::Hybrid => {
+                let gpu = find(true).and_then(|gpu| Hybrid::new(gpu, cloth));
+                Engine::Hybrid(Box::new(gpu.map_err(refuse("Backend::Hybrid"))?))
+            }
+            Backend::Gpu => {
+                let gpu = find(true).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method));
+                Engine::Gpu(Box::new(gpu.map_err(refuse("Backend::Gpu"))?))
+            }
+        })
+    }
+
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        match self {
+            Engine::Cpu(cpu) => cpu.step(plan),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.step(plan),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.step(plan),
+        }
+    }
+
+    /// A step of each: those on a GPU together, the others one after another.
+    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<(), Failure>> {
+        #[cfg(feature = "gpu")]
+        let mut together = Vec::new();
+        let mut done = Vec::new();
+        for (index, (engine, plan)) in jobs.into_iter().enumerate() {
+            done.push(Ok(()));
+            match engine {
+                #[cfg(feature = "gpu")]
+                Engine::Gpu(gpu) => together.push((index, &mut **gpu, plan)),
+                engine => done[index] = engine.step(&plan),
+            }
+        }
+        #[cfg(feature = "gpu")]
+        for (index, failure) in GpuEngine::step_all(&mut together) {
+            done[index] = Err(failure);
+        }
+        done
+    }
+
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        match self {
+            Engine::Cpu(cpu) => cpu.set(x, p),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.set(x, p),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.set(x, p),
+        }
+    }
+
+    /// Asks for positions without waiting; whether there is anybody to wait for.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory is always there"))]
+    pub(crate) fn request(&mut self) -> Result<bool, Failure> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.request().map(|()| true),
+            _ => Ok(false),
+        }
+    }
+
+    /// Shows the positions asked for to `look` if they have arrived: whether they have.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "nothing is under way"))]
+    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.arrived(look),
+            _ => {
+                drop(look);
+                Ok(false)
+            }
+        }
+    }
+
+    /// Shows the state, `x` and `p`, to `look`.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
+    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
+        match self {
+            Engine::Cpu(cpu) => look(&cpu.x, &cpu.p),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => look(&hybrid.cpu.x, &hybrid.cpu.p),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.read(look)?,
+        }
+        Ok(())
+    }
+}

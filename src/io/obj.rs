@@ -1,0 +1,332 @@
+//! Meshes in and out of Wavefront OBJ.
+//!
+//! Reading goes through `tobj`, which is made for rendering: it numbers vertices anew in the order that faces use them,
+//! drops the unused, splits at every `o`, `g` and known `usemtl`, takes a polyline (`l 1 2 3`) for a triangle, and passes
+//! over a face with two corners. A cloth needs the file's own vertices, so `tobj` sees only the file's `v` and `f`
+//! statements, and ahead of them one polygon through all vertices in the file's order. Numbering by first use is then the
+//! file's numbering, nothing is unused, and groups and seams have nothing to split; the polygon's triangles come first
+//! and are cut off. (Indices hidden in vertex colours would do as well, up to 2^24, at the price of a search afterwards.)
+//!
+//! `tobj`'s errors name no line, and it accepts NaN and 1e999, so each statement is checked before it is passed on.
+
+use std::{
+    borrow::Cow,
+    fmt::{self, Write},
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use glam::Vec3;
+
+use crate::io::atomic_file;
+use crate::model::mesh::Mesh;
+
+/// Why an OBJ could not be read or written. One line: file, line, what is wrong, what to do.
+///
+/// Vertices and faces of a text are counted from 1, as the file itself counts.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ObjError {
+    /// The file is not there, is a folder, or may not be read.
+    #[error("{}: cannot be read: {reason}; check the path", .file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        reason: io::Error,
+    },
+    /// The file could not be written. What was there before still is.
+    #[error("{}: cannot be written: {reason}; check the folder and the space left", .file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        reason: io::Error,
+    },
+    /// A text without a vertex.
+    #[error("{}no vertices; give at least one line `v x y z`", Place(.file.as_ref(), None))]
+    NoVertices {
+        /// The file, if the text came from one.
+        file: Option<PathBuf>,
+    },
+    /// A `v` statement that is no position.
+    #[error("{}vertex {vertex} {problem}", Place(.file.as_ref(), Some(*.line)))]
+    Vertex {
+        /// The file, if the text came from one.
+        file: Option<PathBuf>,
+        /// The line, from 1.
+        line: usize,
+        /// The vertex, from 1.
+        vertex: usize,
+        /// What is wrong with it, and what to do.
+        problem: String,
+    },
+    /// An `f` statement that is no face of these vertices.
+    #[error("{}face {face} {problem}", Place(.file.as_ref(), Some(*.line)))]
+    Face {
+        /// The file, if the text came from one.
+        file: Option<PathBuf>,
+        /// The line, from 1.
+        line: usize,
+        /// The face, from 1.
+        face: usize,
+        /// What is wrong with it, and what to do.
+        problem: String,
+    },
+    /// The parser refused a text in which every line is in order: a defect to report, not one of the file.
+    #[error("{}the OBJ parser failed: {reason}; please report the file", Place(.file.as_ref(), None))]
+    Parser {
+        /// The file, if the text came from one.
+        file: Option<PathBuf>,
+        /// What it said.
+        reason: String,
+    },
+    /// A mesh that would make a file nobody can read. Nothing was written.
+    #[error("{}{problem}", Place(.file.as_ref(), None))]
+    Mesh {
+        /// The file that was to be written, if any.
+        file: Option<PathBuf>,
+        /// What is wrong with the mesh, and what to do. Vertices and triangles are counted from 0, as in [`Mesh`].
+        problem: String,
+    },
+}
+
+/// `file:line: `, as compilers say it, or what is known of it.
+struct Place<'a>(Option<&'a PathBuf>, Option<usize>);
+
+impl fmt::Display for Place<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match (self.0, self.1) {
+            (Some(file), Some(line)) => write!(f, "{}:{line}: ", file.display()),
+            (Some(file), None) => write!(f, "{}: ", file.display()),
+            (None, Some(line)) => write!(f, "line {line}: "),
+            (None, None) => Ok(()),
+        }
+    }
+}
+
+impl Mesh {
+    /// Reads the OBJ file at `path`; see [`Mesh::parse_obj`]. Bytes that are not UTF-8 are harmless in names and comments.
+    ///
+    /// # Errors
+    /// [`ObjError::Read`], or what [`Mesh::parse_obj`] says, with the file's name.
+    pub fn load_obj(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
+        let path = path.as_ref();
+        let bytes = fs::read(path).map_err(|reason| ObjError::Read { file: path.to_owned(), reason })?;
+        parse(&String::from_utf8_lossy(&bytes), Some(path))
+    }
+
+    /// Reads the text of an OBJ: its `v` lines are the vertices (m), in their order, used or not; its `f` lines are the
+    /// triangles, in their order, polygons cut into a fan from their first corner.
+    ///
+    /// Corners are joined by position alone: seams of texture and normals, objects and groups do not cut the cloth.
+    /// Indices may be negative (counted back from the face's line), lines continued by `\` and commented by `#`. After
+    /// `x y z` a single number is a weight that divides them, as in `tobj`; three or four are a colour, and ignored.
+    /// So is every statement but `v` and `f`: materials need not exist, and polylines (`l`) and points (`p`) are no faces.
+    /// A text without faces is a mesh of loose points.
+    ///
+    /// ```
+    /// let mesh = cloth_deformer::Mesh::parse_obj("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nf 1 2 3 4\n")?;
+    /// assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    /// # Ok::<(), cloth_deformer::ObjError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If there is no vertex, a position is not three finite numbers, or a face has fewer than three corners or names a
+    /// vertex that is not there. Nothing is repaired.
+    pub fn parse_obj(text: &str) -> Result<Mesh, ObjError> {
+        parse(text, None)
+    }
+
+    /// Writes the mesh to an OBJ file, whole or not at all; see [`Mesh::write_obj`].
+    ///
+    /// # Errors
+    /// As [`Mesh::write_obj`], or [`ObjError::Write`]. What was at `path` is then as it was.
+    pub fn save_obj(&self, path: impl AsRef<Path>) -> Result<(), ObjError> {
+        let path = path.as_ref();
+        let text = write(self, Some(path))?;
+        atomic_file::write(path, text.as_bytes()).map_err(|reason| ObjError::Write { file: path.to_owned(), reason })
+    }
+
+    /// The mesh as the text of an OBJ: a line `v x y z` for each vertex, a line `f a b c` for each triangle, both in their
+    /// order. Numbers are the shortest decimals that read back bit for bit, without exponents.
+    ///
+    /// # Errors
+    /// [`ObjError::Mesh`] if [`Mesh::parse_obj`] would refuse the text.
+    pub fn write_obj(&self) -> Result<String, ObjError> {
+        write(self, None)
+    }
+}
+
+/// A `v` or `f` statement and the line it begins on.
+struct Statement<'a> {
+    line: usize,
+    text: Cow<'a, str>,
+}
+
+impl Statement<'_> {
+    fn is_vertex(&self) -> bool {
+        self.text.starts_with('v')
+    }
+}
+
+fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
+    let file = file.map(Path::to_owned);
+    let statements = statements(text);
+    let vertices = statements.iter().filter(|statement| statement.is_vertex()).count();
+    if vertices == 0 {
+        return Err(ObjError::NoVertices { file });
+    }
+
+    let mut source = String::with_capacity(text.len() + 8 * vertices);
+    source.push('f');
+    (1..=vertices).for_each(|vertex| _ = write!(source, " {vertex}"));
+    source.push('\n');
+    let (mut vertex, mut face) = (0, 0);
+    for statement in &statements {
+        let line = statement.line;
+        let words: Vec<&str> = statement.text.split_whitespace().collect();
+        if statement.is_vertex() {
+            vertex += 1;
+            let [x, y, z, weight] =
+                check_vertex(&words[1..]).map_err(|problem| ObjError::Vertex { file: file.clone(), line, vertex, problem })?;
+            _ = writeln!(source, "v {x} {y} {z} {weight}");
+        } else {
+            face += 1;
+            check_face(&words[1..], vertex, vertices).map_err(|problem| ObjError::Face {
+                file: file.clone(),
+                line,
+                face,
+                problem,
+            })?;
+            source.push_str(&statement.text);
+            source.push('\n');
+        }
+    }
+
+    // Not `single_index`: that would split vertices at seams.
+    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+    let loaded = tobj::load_obj_buf(&mut source.as_bytes(), &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    let models = match loaded {
+        Ok((models, _materials)) => models,
+        Err(error) => return Err(ObjError::Parser { file, reason: error.to_string() }),
+    };
+    // `tobj` makes one triangle even of a polygon with one or two corners.
+    let ahead = vertices.max(3) - 2;
+    match models.as_slice() {
+        [model] if model.mesh.positions.len() == 3 * vertices && model.mesh.indices.len() >= 3 * ahead => Ok(Mesh {
+            positions: model.mesh.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
+            triangles: model.mesh.indices[3 * ahead..].chunks_exact(3).map(|corner| [corner[0], corner[1], corner[2]]).collect(),
+        }),
+        _ => Err(ObjError::Parser { file, reason: "it lost vertices".to_owned() }),
+    }
+}
+
+/// The text's `v` and `f` statements without comments, continued lines joined.
+///
+/// Only these are continued: a path or comment may end in `\` and must not swallow the vertex on the next line.
+fn statements(text: &str) -> Vec<Statement<'_>> {
+    let mut statements = Vec::new();
+    // `tobj` would take a byte order mark for a part of the first word, and lose that vertex.
+    let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines().zip(1..);
+    while let Some((line, number)) = lines.next() {
+        let mut text = Cow::Borrowed(bare(line));
+        let uncontinued = text.strip_suffix('\\').unwrap_or(&text);
+        if !matches!(uncontinued.split_whitespace().next(), Some("v" | "f")) {
+            continue;
+        }
+        while text.ends_with('\\') {
+            let joined = text.to_mut();
+            joined.pop();
+            joined.push(' ');
+            joined.push_str(lines.next().map_or("", |(line, _)| bare(line)));
+        }
+        statements.push(Statement { line: number, text });
+    }
+    statements
+}
+
+/// A line without its comment and the space around it.
+fn bare(line: &str) -> &str {
+    line.split('#').next().unwrap_or_default().trim()
+}
+
+/// What `tobj` shall see of a vertex: x, y, z and the weight that divides them.
+fn check_vertex<'a>(words: &[&'a str]) -> Result<[&'a str; 4], String> {
+    let number = |word: &str| word.parse::<f32>().ok();
+    let (&[x, y, z], after) = match words.split_first_chunk() {
+        Some(split) if matches!(split.1.len(), 0 | 1 | 3 | 4) => split,
+        _ => return Err(format!("has {} numbers; give it x, y and z", words.len())),
+    };
+    if ![x, y, z].into_iter().all(|word| number(word).is_some_and(f32::is_finite)) {
+        return Err(format!("is at ({}, {}, {}); positions must be finite numbers", short(x), short(y), short(z)));
+    }
+    if let Some(word) = after.iter().find(|word| number(word).is_none()) {
+        return Err(format!("has `{}` after x, y and z; that must be a weight or a colour in numbers, or nothing", short(word)));
+    }
+    let &[weight] = after else { return Ok([x, y, z, "1"]) };
+    let divided = |word| Some(number(word)? / number(weight)?);
+    match number(weight) {
+        Some(w) if w.is_finite() && [x, y, z].into_iter().all(|word| divided(word).is_some_and(f32::is_finite)) => {
+            Ok([x, y, z, weight])
+        }
+        _ => Err(format!("has the weight {}, and positions divided by it must be finite; leave it out", short(weight))),
+    }
+}
+
+/// `before`: vertices ahead of the face, from which negative indices count back.
+fn check_face(corners: &[&str], before: usize, vertices: usize) -> Result<(), String> {
+    if corners.len() < 3 {
+        return Err(format!("has {} corners; give it three or more", corners.len()));
+    }
+    corners.iter().try_for_each(|corner| {
+        let mut parts = corner.split('/');
+        let index = parts.next().and_then(|part| part.parse::<isize>().ok());
+        // Texture and normal are not looked up, so they need only be numbers.
+        let rest = parts.clone().count() <= 2 && parts.all(|part| part.is_empty() || part.parse::<isize>().is_ok());
+        match index.filter(|_| rest) {
+            None => Err(format!("has the corner `{}`; write it as v, v/vt, v//vn or v/vt/vn", short(corner))),
+            Some(0) => Err("names vertex 0; vertices are counted from 1".to_owned()),
+            Some(index) if index > 0 && index.unsigned_abs() > vertices => {
+                Err(format!("names vertex {index}, but the last one is {vertices} (counted from 1)"))
+            }
+            Some(index) if index < 0 && index.unsigned_abs() > before => {
+                Err(format!("names vertex {index}, but only {before} come before it; count back from the face"))
+            }
+            Some(_) => Ok(()),
+        }
+    })
+}
+
+/// A word from a file that may be anything, fit for an error of one line.
+fn short(word: &str) -> String {
+    const LIMIT: usize = 32;
+    let cut = word.chars().nth(LIMIT).map_or("", |_| "...");
+    word.chars().take(LIMIT).flat_map(char::escape_debug).collect::<String>() + cut
+}
+
+fn write(mesh: &Mesh, file: Option<&Path>) -> Result<String, ObjError> {
+    let vertices = mesh.positions.len();
+    let problem = |problem| Err(ObjError::Mesh { file: file.map(Path::to_owned), problem });
+    if vertices == 0 {
+        return problem("the mesh has no vertices; give it at least one".to_owned());
+    }
+    let mut text = String::with_capacity(40 * vertices + 24 * mesh.triangles.len());
+    for (vertex, position) in mesh.positions.iter().enumerate() {
+        let &Vec3 { x, y, z } = position;
+        if !position.is_finite() {
+            return problem(format!("vertex {vertex} is at ({x}, {y}, {z}); positions must be finite numbers"));
+        }
+        _ = writeln!(text, "v {x} {y} {z}");
+    }
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        if let Some(index) = corners.iter().find(|&&index| index as usize >= vertices) {
+            return problem(format!(
+                "triangle {triangle} names vertex {index}, but the mesh has {vertices} vertices (numbered from 0)"
+            ));
+        }
+        let [a, b, c] = corners.map(|index| u64::from(index) + 1);
+        _ = writeln!(text, "f {a} {b} {c}");
+    }
+    Ok(text)
+}

@@ -1,0 +1,148 @@
+//! Point caches out: the positions of a mesh frame by frame in one PC2 file, for Blender's Mesh Cache modifier and its kin.
+//!
+//! Little-endian: `POINTCACHE2` and a zero (12 bytes), the version 1 (`i32`), vertices (`i32`), the first sample's frame
+//! (`f32`), frames from sample to sample (`f32`), samples (`i32`), then for each sample three `f32` a vertex. The file says
+//! neither units nor axes: positions are written as they are, metres with y up.
+
+use std::{
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use glam::Vec3;
+
+use crate::io::atomic_file::Whole;
+
+/// Why a point cache could not be written. What was at its path is as it was.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Pc2Error {
+    /// The file could not be written.
+    #[error("{}: cannot be written: {reason}; check the folder and the space left", .file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        reason: io::Error,
+    },
+    /// More vertices or samples than the file's header can count.
+    #[error("{count} {things} are too many for a point cache, which counts to 2147483647; split it")]
+    TooMany {
+        /// `vertices` or `samples`.
+        things: &'static str,
+        /// How many there are.
+        count: usize,
+    },
+    /// A sample that is not one finite position for each vertex.
+    #[error("sample {sample} has {problem}; give a finite position for each of the cache's {vertices} vertices")]
+    Sample {
+        /// The sample, from 1.
+        sample: usize,
+        /// What is wrong with it.
+        problem: String,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// Not as many samples as were announced.
+    #[error("the cache was to hold {expected} samples, not {given}; write as many as PointCache::create was told")]
+    Samples {
+        /// Number of samples given, the one refused included.
+        given: usize,
+        /// Number of samples announced.
+        expected: usize,
+    },
+}
+
+/// A PC2 file in the making: created for a number of samples, given them one by one, and finished. Until it is finished
+/// what was at its path stays as it was; dropped before, it leaves no trace.
+///
+/// ```
+/// # use cloth_deformer::{Attributes, Backend, Deformer, Mesh, Options, PointCache};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("towel.pc2");
+/// let mesh = Mesh::grid(20, 20, 1.0, 1.0);
+/// let mut cloth = Deformer::new(&mesh, Options { backend: Backend::Cpu, pinned: vec![0, 19], ..Options::default() })?;
+/// let mut cache = PointCache::create(&path, mesh.positions.len(), 10)?;
+/// cache.push(&mesh.positions)?; // frame 1 is the mesh at rest
+/// for _ in 2..=10 {
+///     cloth.step(1.0 / 60.0, &Attributes::default())?;
+///     cache.push(cloth.positions()?)?;
+/// }
+/// cache.finish()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct PointCache {
+    path: PathBuf,
+    file: Whole,
+    vertices: usize,
+    samples: usize,
+    /// Samples given so far.
+    given: usize,
+}
+
+impl PointCache {
+    /// Begins a cache of so many samples of so many vertices, the first at frame 1, then one a frame.
+    ///
+    /// # Errors
+    /// If the file cannot be made, or a number is beyond what a point cache can say.
+    pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
+        let path = path.as_ref().to_path_buf();
+        let header = header(vertices, samples)?;
+        let begun = Whole::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
+        match begun {
+            Ok(file) => Ok(PointCache { path, file, vertices, samples, given: 0 }),
+            Err(reason) => Err(Pc2Error::Write { file: path, reason }),
+        }
+    }
+
+    /// Writes the next sample: positions (m), one per vertex, in the mesh's order.
+    ///
+    /// # Errors
+    /// If there are more samples than announced, not one position for each vertex, one that is not finite, or no space
+    /// left. After the last the cache is spoilt: drop it.
+    pub fn push(&mut self, positions: &[Vec3]) -> Result<(), Pc2Error> {
+        let sample = self.given + 1;
+        if sample > self.samples {
+            return Err(Pc2Error::Samples { given: sample, expected: self.samples });
+        }
+        let problem = match positions.iter().position(|x| !x.is_finite()) {
+            _ if positions.len() != self.vertices => Some(format!("{} positions", positions.len())),
+            Some(vertex) => Some(format!("vertex {vertex} at {}", positions[vertex])),
+            None => None,
+        };
+        if let Some(problem) = problem {
+            return Err(Pc2Error::Sample { sample, problem, vertices: self.vertices });
+        }
+        let mut numbers = positions.iter().flat_map(Vec3::to_array);
+        numbers
+            .try_for_each(|number| self.file.write_all(&number.to_le_bytes()))
+            .map_err(|reason| Pc2Error::Write { file: self.path.clone(), reason })?;
+        self.given = sample;
+        Ok(())
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// If samples are missing, or the system refuses.
+    pub fn finish(self) -> Result<(), Pc2Error> {
+        if self.given < self.samples {
+            return Err(Pc2Error::Samples { given: self.given, expected: self.samples });
+        }
+        let path = self.path;
+        self.file.finish().map_err(|reason| Pc2Error::Write { file: path, reason })
+    }
+}
+
+fn header(vertices: usize, samples: usize) -> Result<Vec<u8>, Pc2Error> {
+    let count = |things, count: usize| i32::try_from(count).map_err(|_| Pc2Error::TooMany { things, count });
+    let (vertices, samples) = (count("vertices", vertices)?, count("samples", samples)?);
+    let mut header = b"POINTCACHE2\0".to_vec();
+    header.extend(1_i32.to_le_bytes());
+    header.extend(vertices.to_le_bytes());
+    header.extend(1_f32.to_le_bytes());
+    header.extend(1_f32.to_le_bytes());
+    header.extend(samples.to_le_bytes());
+    Ok(header)
+}

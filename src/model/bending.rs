@@ -1,0 +1,176 @@
+//! Bending: the rows of the discrete curvature energy, and how far explicit integration can take them.
+//!
+//! `E = B/2 sum_v D_v |y_v|²`, `y_v = sum_j c_vj (x_j - x_v)`: cotangent weights and mixed Voronoi areas (Meyer et al.
+//! 2003), `D = 1/A`, at interior vertices; at a vertex on a straight free edge the curvature along that edge alone. The
+//! rest shape is flat, as cloth is cut. Off at `B = 0`, when none of this is built.
+//!
+//! Limitation: the energy sees the mean curvature alone, so a saddle costs nothing. What keeps a sheet from it is that it
+//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimetre and more), not of a narrow
+//! strip as stiff as a ruler, which bends the other way across and sags too much.
+
+use glam::Vec4;
+
+use crate::kernels::{BendEntry, BendRow};
+use crate::model::csr::Csr;
+use crate::model::mesh::{self, Places};
+
+/// The rows for unit bending rigidity, independent of the substep.
+#[derive(Debug, Clone)]
+pub(crate) struct Bending {
+    /// The neighbours in each vertex's row, and the vertex in theirs.
+    pub entries: Csr<BendEntry>,
+    /// `D_v` (1/m²) for each vertex; 0 where it has no row.
+    weight: Vec<f64>,
+    /// `-c_vv` for each vertex.
+    diagonal: Vec<f64>,
+}
+
+/// A boundary vertex has a row if its two boundary edges are this nearly in line (cosine of the angle between them).
+const IN_LINE: f64 = -0.9;
+
+/// What the triangles around one edge say of it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sides {
+    triangles: u32,
+    /// Half the sum of the cotangents of the opposite corners.
+    cotangent: f64,
+}
+
+impl Bending {
+    /// Builds the rows from the rest positions (m).
+    pub(crate) fn new(rest: &[Vec4], triangles: &[[u32; 3]]) -> Bending {
+        let vertices = rest.len();
+        let at = |vertex: u32| rest[vertex as usize].truncate().as_dvec3();
+        let edges = mesh::edges(triangles);
+        let places = Places::new(&edges, vertices);
+        let mut sides = vec![Sides::default(); edges.len()];
+        let mut area = vec![0.0; vertices];
+        for &triangle in triangles {
+            let x = triangle.map(at);
+            let double_area = (x[1] - x[0]).cross(x[2] - x[0]).length();
+            let longest = (0..3).map(|k| x[k].distance_squared(x[(k + 1) % 3])).fold(0.0, f64::max);
+            if double_area <= 1e-9 * longest {
+                continue; // no plane, no cotangents: it bends freely
+            }
+            let dot = [0, 1, 2].map(|k| (x[(k + 1) % 3] - x[k]).dot(x[(k + 2) % 3] - x[k]));
+            let cotangent = dot.map(|dot| dot / double_area);
+            for k in 0..3 {
+                let (i, j) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
+                let side = &mut sides[places.of([i.min(j), i.max(j)])];
+                side.triangles += 1;
+                side.cotangent += 0.5 * cotangent[k];
+                area[triangle[k] as usize] += mixed_area(k, double_area, dot, cotangent, x);
+            }
+        }
+
+        let mut boundary: Vec<Vec<u32>> = vec![Vec::new(); vertices];
+        let mut manifold = vec![true; vertices];
+        for (&[i, j], side) in edges.iter().zip(&sides) {
+            for (vertex, other) in [(i, j), (j, i)] {
+                manifold[vertex as usize] &= side.triangles <= 2;
+                if side.triangles == 1 {
+                    boundary[vertex as usize].push(other);
+                }
+            }
+        }
+        let mut weight = vec![0.0; vertices];
+        let mut free_edge = vec![None; vertices];
+        for vertex in 0..vertices {
+            if !manifold[vertex] || area[vertex] <= 0.0 {
+                continue;
+            }
+            match *boundary[vertex].as_slice() {
+                [] => weight[vertex] = 1.0 / area[vertex],
+                [a, b] => {
+                    let (to_a, to_b) = (at(a) - at(vertex as u32), at(b) - at(vertex as u32));
+                    let lengths = [to_a.length(), to_b.length()];
+                    if to_a.dot(to_b) < IN_LINE * lengths[0] * lengths[1] {
+                        weight[vertex] = area[vertex] * (2.0 / (lengths[0] + lengths[1])).powi(2);
+                        free_edge[vertex] = Some([(a, 1.0 / lengths[0]), (b, 1.0 / lengths[1])]);
+                    }
+                }
+                _ => {}
+            }
+        }
+
+        let coefficient = |vertex: u32, other: u32, side: &Sides| -> f64 {
+            match free_edge[vertex as usize] {
+                _ if weight[vertex as usize] == 0.0 => 0.0,
+                Some(ends) => ends.iter().find(|end| end.0 == other).map_or(0.0, |end| end.1),
+                None => side.cotangent,
+            }
+        };
+        let pairs = edges.iter().zip(&sides).flat_map(|(&[i, j], side)| {
+            let (ij, ji) = (coefficient(i, j, side), coefficient(j, i, side));
+            let entry =
+                |other, forward: f64, backward: f64| BendEntry { other, forward: forward as f32, backward: backward as f32 };
+            [(i, entry(j, ij, ji)), (j, entry(i, ji, ij))]
+        });
+        let entries = Csr::new(vertices, pairs.filter(|(_, entry)| entry.forward != 0.0 || entry.backward != 0.0));
+        let diagonal =
+            (0..vertices as u32).map(|vertex| entries.of(vertex).iter().map(|entry| f64::from(entry.forward)).sum()).collect();
+        Bending { entries, weight, diagonal }
+    }
+
+    /// Bending energy (J) of positions `x` (m) for unit rigidity.
+    pub(crate) fn energy(&self, x: &[glam::DVec3]) -> f64 {
+        let row = |(v, weight): (usize, &f64)| {
+            let entries = self.entries.of(v as u32).iter();
+            let y: glam::DVec3 = entries.map(|e| (x[e.other as usize] - x[v]) * f64::from(e.forward)).sum();
+            0.5 * weight * y.length_squared()
+        };
+        self.weight.iter().enumerate().map(row).sum()
+    }
+
+    /// The rows for rigidity `bending` (N m) and retardation time `tau` (s) at substep `h` (s), and the number of vertices
+    /// where the rigidity had to be lowered to stay stable. `rest` has the inverse masses (1/kg) as w.
+    ///
+    /// The energy of a row is lowered, not the response of a vertex, so that momentum is kept. The bound on the largest
+    /// eigenvalue is Gershgorin's: `g_i = w_i sum_v |c_vi| r_v D_v B`, `r_v = sum_j |c_vj|`; leapfrog needs `h² g < 4`.
+    pub(crate) fn rows(&self, rest: &[Vec4], bending: f64, tau: f64, h: f64) -> (Vec<BendRow>, usize) {
+        let vertices = rest.len();
+        let reach: Vec<f64> = (0..vertices)
+            .map(|v| self.diagonal[v].abs() + self.entries.of(v as u32).iter().map(|e| f64::from(e.forward.abs())).sum::<f64>())
+            .collect();
+        let bound = |stiffness: &[f64]| -> Vec<f64> {
+            (0..vertices)
+                .map(|i| {
+                    let own = self.diagonal[i].abs() * reach[i] * stiffness[i];
+                    let others = self.entries.of(i as u32).iter();
+                    let others =
+                        others.map(|e| f64::from(e.backward.abs()) * reach[e.other as usize] * stiffness[e.other as usize]);
+                    f64::from(rest[i].w) * (own + others.sum::<f64>())
+                })
+                .collect()
+        };
+        let over_row = |per_vertex: &[f64], v: usize| -> f64 {
+            let row = self.entries.of(v as u32).iter().filter(|e| e.forward != 0.0);
+            row.map(|e| per_vertex[e.other as usize]).fold(per_vertex[v], f64::min)
+        };
+        let full: Vec<f64> = self.weight.iter().map(|weight| bending * weight).collect();
+        let limit = if tau > 0.0 { 1.0 } else { 2.0 };
+        let share: Vec<f64> = bound(&full).iter().map(|g| (limit / (h * h * g)).min(1.0)).collect();
+        let row_share: Vec<f64> = (0..vertices).map(|v| over_row(&share, v)).collect();
+        let stiffness: Vec<f64> = full.iter().zip(&row_share).map(|(full, share)| full * share).collect();
+        let damped: Vec<f64> = bound(&stiffness).iter().map(|g| tau.min(0.5 * h * (2.0 / (h * h * g) - 1.0)).max(0.0)).collect();
+        let rows = (0..vertices).map(|v| BendRow {
+            stiffness: stiffness[v] as f32,
+            tau: over_row(&damped, v) as f32,
+            diagonal: -self.diagonal[v] as f32,
+        });
+        let limited = row_share.iter().zip(&self.weight).filter(|(share, weight)| **share < 1.0 && **weight > 0.0).count();
+        (rows.collect(), limited)
+    }
+}
+
+/// The share of a triangle's area nearest to its corner `k`, obtuse triangles split by halves (Meyer et al. 2003).
+fn mixed_area(k: usize, double_area: f64, dot: [f64; 3], cotangent: [f64; 3], x: [glam::DVec3; 3]) -> f64 {
+    match dot.iter().position(|&dot| dot < 0.0) {
+        Some(obtuse) if obtuse == k => 0.25 * double_area,
+        Some(_) => 0.125 * double_area,
+        None => {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            (x[i].distance_squared(x[k]) * cotangent[j] + x[j].distance_squared(x[k]) * cotangent[i]) / 8.0
+        }
+    }
+}

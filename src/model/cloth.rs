@@ -1,0 +1,324 @@
+//! The cloth: everything about a mesh and its fabric that does not change while it moves.
+//!
+//! A vertex of a grid takes 350 bytes in all on the CPU, 420 with levels, 500 with bending (`tests/memory.rs`); of the 350 the
+//! three edges here are 96, the same for one length of substep 48; state and what is needed to go back 64.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use glam::{DVec3, Vec3, Vec4};
+
+use crate::error::BuildError;
+use crate::kernels::{Panel, Spring};
+use crate::limits::{MAX_POSITION, MAX_VERTICES};
+use crate::model::bending::Bending;
+use crate::model::coloring;
+use crate::model::csr::Csr;
+use crate::model::mesh::{Mesh, Places, sides};
+use crate::model::vertex_order;
+use crate::options::Options;
+
+/// A cloth in its own vertex order and local coordinates.
+#[derive(Debug)]
+pub(crate) struct Cloth {
+    /// The mesh's index of each vertex.
+    pub order: Vec<u32>,
+    /// What was subtracted from the mesh's positions (m), exactly.
+    pub origin: Vec3,
+    /// Rest positions (m); w is the inverse mass (1/kg), 0 where pinned.
+    pub rest: Vec<Vec4>,
+    /// Masses (kg), pinned or not.
+    pub mass: Vec<f32>,
+    /// Triangles, without those that name a vertex twice.
+    pub triangles: Vec<[u32; 3]>,
+    /// Edges in colour order; those between two pins come last, in no colour.
+    pub links: Vec<Link>,
+    /// The edges of each colour.
+    pub colors: Vec<Range<usize>>,
+    /// Pinned vertices, in the order of the options.
+    pub pinned: Vec<u32>,
+    /// Mass over area (kg/m²), and the longest side of the rest shape's box (m).
+    pub density: f64,
+    pub extent: f64,
+    /// Longest edge (m).
+    pub longest: f32,
+    /// Membrane stiffness K (N/m).
+    pub stretch: f64,
+    panels: OnceLock<Panels>,
+    springs: OnceLock<Csr<Spring>>,
+    bending: OnceLock<Bending>,
+}
+
+/// An edge of the cloth.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Link {
+    pub ends: [u32; 2],
+    /// Rest length (m).
+    pub rest: f32,
+    /// Stiffness `K (A1 + A2) / l0²` (N/m); infinite if inextensible.
+    pub stiffness: f64,
+    /// The same for K = 1 N/m.
+    pub shape: f64,
+}
+
+/// The triangles, and which of them each vertex belongs to.
+#[derive(Debug, Clone)]
+pub(crate) struct Panels {
+    pub panels: Vec<Panel>,
+    pub around: Csr<u32>,
+}
+
+impl Cloth {
+    /// Checks the mesh and the options, and builds all that every scene needs.
+    pub(crate) fn new(mesh: &Mesh, options: &Options) -> Result<Cloth, BuildError> {
+        check_mesh(mesh)?;
+        let mesh_edges = mesh.edges();
+        check_options(mesh, &mesh_edges, options)?;
+        let vertices = mesh.positions.len();
+        let order = vertex_order::vertex_order(&mesh_edges, vertices);
+        let rank = vertex_order::inverse(&order);
+        let origin = local_origin(&mesh.positions);
+        let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
+        let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
+        let whole = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+        let triangles: Vec<[u32; 3]> = whole.clone().map(moved).collect();
+
+        let mut area = vec![0.0; vertices];
+        let mut side_area = vec![0.0; mesh_edges.len()];
+        let places = Places::new(&mesh_edges, vertices);
+        for (&named, &triangle) in whole.zip(&triangles) {
+            let triangle_area = area_of(triangle, &rest);
+            triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
+            sides(named).for_each(|side| side_area[places.of(side)] += triangle_area);
+        }
+        let (mass, density) = masses(options, &order, &area)?;
+        let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
+        let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
+        pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
+
+        // Vertices without an edge have no say in how large the cloth is.
+        let held: Vec<Vec3> = mesh_edges.iter().flatten().map(|&vertex| rest[rank[vertex as usize] as usize]).collect();
+        let (low, high) = bounds(&held);
+        let extent = f64::from((high - low).max_element().max(0.0));
+        let longest = mesh_edges.iter().map(|ends| {
+            let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
+            a.distance(b)
+        });
+        let longest = longest.fold(0.0, f64::max);
+        let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
+        for (index, ends) in mesh_edges.iter().enumerate() {
+            let [a, b] = ends.map(|vertex| rank[vertex as usize]);
+            let ends = [a.min(b), a.max(b)];
+            let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
+            // Coincident ends have no direction; a length too short to see keeps the arithmetic finite.
+            let length = length.max(1e-7 * longest).max(1e-12);
+            // An edge without area (a thread, a flat sliver) is given that of a square of its length.
+            let area = if side_area[index] > 0.0 { side_area[index] } else { length * length };
+            let scale = options.edge_scale.as_ref().map_or(1.0, |scale| f64::from(scale[index]));
+            let shape = scale * area / (length * length);
+            let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
+            links.push(Link { ends, rest: length as f32, stiffness, shape });
+        }
+        let colors = sort_by_color(&mut links, &rest, &inverse_mass);
+        let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
+        Ok(Cloth {
+            order,
+            origin,
+            rest,
+            mass,
+            triangles,
+            links,
+            colors,
+            pinned,
+            density,
+            extent,
+            longest: longest as f32,
+            stretch: f64::from(options.fabric.stretch),
+            panels: OnceLock::new(),
+            springs: OnceLock::new(),
+            bending: OnceLock::new(),
+        })
+    }
+
+    /// The edges that the sweep visits: all but those between two pins.
+    pub(crate) fn swept(&self) -> &[Link] {
+        &self.links[..self.colors.last().map_or(0, |range| range.end)]
+    }
+
+    /// Inverse mass (1/kg) of each vertex, 0 where pinned.
+    pub(crate) fn inverse_mass(&self) -> Vec<f32> {
+        self.rest.iter().map(|x| x.w).collect()
+    }
+
+    /// Sum of the inverse masses (1/kg) of an edge's ends.
+    pub(crate) fn weight(&self, link: &Link) -> f64 {
+        link.ends.iter().map(|&vertex| f64::from(self.rest[vertex as usize].w)).sum()
+    }
+
+    /// The triangles as the air sees them; built when air is first met.
+    pub(crate) fn panels(&self) -> &Panels {
+        self.panels.get_or_init(|| {
+            let rest: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
+            let mut area = vec![0.0; rest.len()];
+            for &triangle in &self.triangles {
+                triangle.iter().for_each(|&vertex| area[vertex as usize] += area_of(triangle, &rest) / 3.0);
+            }
+            let density = |vertex: u32| f64::from(self.mass[vertex as usize]) / area[vertex as usize];
+            let panel = |&corners: &[u32; 3]| {
+                let least = corners.iter().map(|&vertex| density(vertex)).fold(f64::INFINITY, f64::min);
+                let mass = (area_of(corners, &rest) * least) as f32;
+                Panel { corners, mass: if mass.is_finite() { mass.max(f32::MIN_POSITIVE) } else { f32::MIN_POSITIVE } }
+            };
+            // Those that are near come together: the mesh's triangles may be in another order than the vertices here.
+            let mut triangles = self.triangles.clone();
+            triangles.sort_by_key(|corners| corners.iter().min().copied());
+            let panels = triangles.iter().map(panel).collect();
+            let corners = triangles.iter().enumerate();
+            let around = corners.flat_map(|(index, triangle)| triangle.map(|vertex| (vertex, index as u32)));
+            Panels { panels, around: Csr::new(rest.len(), around) }
+        })
+    }
+
+    /// The springs at each vertex; built for [`Method::Springs`](crate::Method::Springs) alone.
+    pub(crate) fn springs(&self) -> &Csr<Spring> {
+        self.springs.get_or_init(|| {
+            let ends = self.swept().iter().flat_map(|link| {
+                let [a, b] = link.ends;
+                let spring = |other| Spring { other, rest: link.rest, stiffness: link.stiffness as f32 };
+                [(a, spring(b)), (b, spring(a))]
+            });
+            Csr::new(self.rest.len(), ends)
+        })
+    }
+
+    /// The rows of the bending energy; built for a fabric that resists bending.
+    pub(crate) fn bending(&self) -> &Bending {
+        self.bending.get_or_init(|| Bending::new(&self.rest, &self.triangles))
+    }
+}
+
+/// Colours the edges with a free end and sorts them by colour, the others behind them: the range of each colour.
+fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
+    let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
+    links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
+    let free = links.partition_point(is_free);
+    let ends: Vec<[u32; 2]> = links[..free].iter().map(|link| link.ends).collect();
+    let coloring = coloring::color(&ends, rest);
+    let colors = Csr::new(coloring.colors, coloring.of.iter().zip(0..).map(|(&color, place)| (color, place)));
+    let sorted: Vec<Link> = colors.items.iter().map(|&place: &u32| links[place as usize]).collect();
+    links[..free].copy_from_slice(&sorted);
+    colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect()
+}
+
+fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
+    let vertices = mesh.positions.len();
+    if vertices == 0 {
+        return Err(BuildError::NoVertices);
+    }
+    if vertices > MAX_VERTICES {
+        return Err(BuildError::TooManyVertices { vertices });
+    }
+    let inside = |position: &Vec3| position.is_finite() && position.abs().max_element() <= MAX_POSITION;
+    if let Some(vertex) = mesh.positions.iter().position(|position| !inside(position)) {
+        return Err(BuildError::Position { vertex, position: mesh.positions[vertex] });
+    }
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        if let Some(&index) = corners.iter().find(|&&index| index as usize >= vertices) {
+            return Err(BuildError::Index { triangle, index, vertices });
+        }
+    }
+    Ok(())
+}
+
+fn check_options(mesh: &Mesh, edges: &[[u32; 2]], options: &Options) -> Result<(), BuildError> {
+    let vertices = mesh.positions.len();
+    let value = |name: &str, value: f32, holds: bool, remedy: &'static str| match holds {
+        true => Ok(()),
+        false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
+    };
+    let positive = |x: f32| x > 0.0 && x.is_finite();
+    let not_negative = |x: f32| x >= 0.0 && x.is_finite();
+    let fabric = options.fabric;
+    value("fabric.density", fabric.density, positive(fabric.density), "must be finite and above 0 kg/m2")?;
+    value("fabric.stretch", fabric.stretch, fabric.stretch > 0.0, "must be above 0 N/m, or infinite for inextensible")?;
+    value("fabric.bending", fabric.bending, not_negative(fabric.bending), "must be finite and 0 N m or above")?;
+    value("fabric.damping", fabric.damping, not_negative(fabric.damping), "must be finite and 0 s or above")?;
+    options.check_numbers()?;
+
+    let mut is_pinned = vec![false; vertices];
+    for (slot, &index) in options.pinned.iter().enumerate() {
+        let Some(pinned) = is_pinned.get_mut(index as usize) else { return Err(BuildError::Pin { slot, index, vertices }) };
+        if std::mem::replace(pinned, true) {
+            return Err(BuildError::PinTwice { slot, index });
+        }
+    }
+    let length = |name, list: &[f32], expected, things| match list.len() == expected {
+        true => Ok(()),
+        false => Err(BuildError::Length { name, given: list.len(), expected, things }),
+    };
+    let each = |name: &str, list: &[f32], holds: fn(f32) -> bool, remedy| match list.iter().position(|&x| !holds(x)) {
+        None => Ok(()),
+        Some(index) => value(&format!("{name}[{index}]"), list[index], false, remedy),
+    };
+    if let Some(mass) = &options.mass {
+        length("mass", mass, vertices, "vertices")?;
+        each("mass", mass, is_mass, "must be finite and above 0 kg; use `pinned` for a fixed vertex")?;
+    }
+    if let Some(scale) = &options.edge_scale {
+        length("edge_scale", scale, edges.len(), "edges")?;
+        each("edge_scale", scale, |x| x >= 0.0 && x.is_finite(), "must be finite and 0 or above")?;
+    }
+    Ok(())
+}
+
+/// Whether a mass (kg) and its inverse are ordinary numbers.
+fn is_mass(mass: f32) -> bool {
+    mass > 0.0 && mass.is_normal() && (1.0 / mass).is_normal()
+}
+
+/// Mass of each vertex (kg) and the mean areal density (kg/m²).
+///
+/// A vertex of no triangle, or of flat ones alone, has no area to weigh: it takes the mean mass of the others, or if
+/// there are none, that of a square metre shared by all. Alone it moves the same whatever its mass.
+fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f64), BuildError> {
+    let density = f64::from(options.fabric.density);
+    let total: f64 = area.iter().sum();
+    if let Some(mass) = &options.mass {
+        let mass: Vec<f32> = order.iter().map(|&vertex| mass[vertex as usize]).collect();
+        let weighed = mass.iter().map(|&mass| f64::from(mass)).sum::<f64>();
+        return Ok((mass, if total > 0.0 { weighed / total } else { density }));
+    }
+    let count = area.iter().filter(|&&area| area > 0.0).count();
+    let mean = if count == 0 { 1.0 / area.len() as f64 } else { total / count as f64 };
+    // Slivers too thin for their mass to be inverted weigh as little as can be.
+    let least = 1e-30;
+    let mass: Vec<f32> = area.iter().map(|&area| (density * if area > 0.0 { area } else { mean }).max(least) as f32).collect();
+    if mass.iter().all(|&mass| is_mass(mass)) {
+        return Ok((mass, density));
+    }
+    let (name, value) = ("fabric.density".to_owned(), options.fabric.density.to_string());
+    Err(BuildError::Value { name, value, remedy: "makes vertices of this mesh too heavy for single precision; lower it" })
+}
+
+/// Origin of the local coordinates: 0 unless the mesh is far out, and such that subtracting it is exact.
+///
+/// Along an axis whose coordinates are all within a factor of two, the difference of any two is exact (Sterbenz 1974),
+/// and so is adding it back.
+fn local_origin(positions: &[Vec3]) -> Vec3 {
+    let (low, high) = bounds(positions);
+    let along = |low: f32, high: f32| match low > 0.0 && high <= 2.0 * low || high < 0.0 && low >= 2.0 * high {
+        true => low + 0.5 * (high - low),
+        false => 0.0,
+    };
+    Vec3::new(along(low.x, high.x), along(low.y, high.y), along(low.z, high.z))
+}
+
+fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
+    positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
+}
+
+/// Area (m²), in double precision: single would lose a thin triangle.
+fn area_of(triangle: [u32; 3], positions: &[Vec3]) -> f64 {
+    let [a, b, c]: [DVec3; 3] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
+    0.5 * (b - a).cross(c - a).length()
+}

@@ -1,0 +1,45 @@
+//! Csr of lists in one array.
+
+use bytemuck::{Pod, Zeroable};
+
+/// One row's place in the array: items `start..end`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Span {
+    pub start: u32,
+    pub end: u32,
+}
+
+/// A list of items for each vertex, all in one array (compressed sparse rows).
+#[derive(Debug, Clone)]
+pub(crate) struct Csr<T> {
+    pub spans: Vec<Span>,
+    pub items: Vec<T>,
+}
+
+impl<T: Copy + Default> Csr<T> {
+    /// Gathers `(vertex, item)` pairs by vertex; the items of a vertex keep their order.
+    pub(crate) fn new(vertices: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) -> Csr<T> {
+        let mut spans = vec![Span::default(); vertices];
+        pairs.clone().for_each(|(vertex, _)| spans[vertex as usize].end += 1);
+        let mut total = 0;
+        for span in &mut spans {
+            let count = span.end;
+            (span.start, span.end) = (total, total);
+            total += count;
+        }
+        let mut items = vec![T::default(); total as usize];
+        for (vertex, item) in pairs {
+            let end = &mut spans[vertex as usize].end;
+            items[*end as usize] = item;
+            *end += 1;
+        }
+        Csr { spans, items }
+    }
+
+    /// The items of a vertex.
+    pub(crate) fn of(&self, vertex: u32) -> &[T] {
+        let span = self.spans[vertex as usize];
+        &self.items[span.start as usize..span.end as usize]
+    }
+}

@@ -1,0 +1,8 @@
+//! What never changes while the cloth moves: the mesh, its masses, edges and their colours, bending rows.
+
+pub(crate) mod bending;
+pub(crate) mod cloth;
+pub(crate) mod coloring;
+pub(crate) mod csr;
+pub(crate) mod mesh;
+pub(crate) mod vertex_order;

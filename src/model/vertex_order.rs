@@ -1,0 +1,105 @@
+//! A vertex order that keeps neighbours close in memory.
+
+use std::collections::VecDeque;
+
+use crate::model::csr::Csr;
+
+/// An order of the vertices in which neighbours are close: the mesh's own if it has rows or is close, else breadth
+/// first. `order[k]` is the mesh's index of the `k`-th vertex. `edges` ascend.
+pub(crate) fn vertex_order(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
+    let own: Vec<u32> = (0..vertices as u32).collect();
+    // What lines up can be loaded side by side, which is worth more than a shorter way to the next row. Of a grid that is two thirds
+    // at least, whichever way its diagonals run.
+    if 5 * lined_up(edges) >= 3 * edges.len() {
+        return own;
+    }
+    let breadth = breadth_first(edges, vertices);
+    // Breadth first must win clearly: some rows may line up.
+    if spread(edges, &own) <= 1.5 * spread(edges, &breadth) { own } else { breadth }
+}
+
+/// Edges that have another beside them, one vertex on at both ends.
+fn lined_up(edges: &[[u32; 2]]) -> usize {
+    let mut others = edges.iter().peekable();
+    let beside = |edge: &&[u32; 2]| {
+        let next = edge.map(|vertex| vertex + 1);
+        while others.next_if(|&&other| other < next).is_some() {}
+        others.peek() == Some(&&next)
+    };
+    edges.iter().filter(beside).count()
+}
+
+/// Mean distance in memory between the ends of an edge.
+fn spread(edges: &[[u32; 2]], order: &[u32]) -> f64 {
+    let rank = inverse(order);
+    let total: u64 = edges.iter().map(|&[a, b]| u64::from(rank[a as usize].abs_diff(rank[b as usize]))).sum();
+    total as f64 / edges.len().max(1) as f64
+}
+
+/// The inverse of a permutation.
+pub(crate) fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut rank = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(place, &vertex)| rank[vertex as usize] = place as u32);
+    rank
+}
+
+fn breadth_first(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
+    let neighbours = Csr::new(vertices, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+    let mut order = Vec::with_capacity(vertices);
+    let mut seen = vec![false; vertices];
+    let mut queue = VecDeque::new();
+    for first in 0..vertices as u32 {
+        if !std::mem::replace(&mut seen[first as usize], true) {
+            queue.push_back(first);
+        }
+        while let Some(vertex) = queue.pop_front() {
+            order.push(vertex);
+            for &next in neighbours.of(vertex) {
+                if !std::mem::replace(&mut seen[next as usize], true) {
+                    queue.push_back(next);
+                }
+            }
+        }
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Mesh;
+
+    #[test]
+    fn breadth_first_brings_shuffled_neighbours_together() {
+        let mesh = Mesh::grid(30, 30, 1.0, 1.0);
+        let mut names: Vec<u32> = (0..900).collect();
+        fastrand::Rng::with_seed(3).shuffle(&mut names);
+        let edges: Vec<[u32; 2]> = mesh.edges().iter().map(|edge| edge.map(|vertex| names[vertex as usize])).collect();
+        let order = vertex_order(&edges, 900);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..900), "a permutation");
+        let own: Vec<u32> = (0..900).collect();
+        assert!(spread(&edges, &order) < 0.2 * spread(&edges, &own));
+        assert_eq!(vertex_order(&mesh.edges(), 900), own, "a grid keeps its rows");
+    }
+
+    /// However long they are.
+    #[test]
+    fn rows_keep_their_order() {
+        let mesh = Mesh::grid(90, 4, 1.0, 1.0);
+        assert_eq!(vertex_order(&mesh.edges(), 360), (0..360).collect::<Vec<_>>());
+        // Every other diagonal the other way.
+        let squares = (0..3).flat_map(|row| (0..89).map(move |column| (row * 90 + column, (row + column) % 2 == 0)));
+        let crossed = squares.flat_map(|(a, other)| {
+            let [b, c, d] = [a + 1, a + 90, a + 91];
+            if other { [[a, c, d], [a, d, b]] } else { [[a, c, b], [b, c, d]] }
+        });
+        let crossed = Mesh { triangles: crossed.collect(), ..mesh.clone() };
+        assert_eq!(vertex_order(&crossed.edges(), 360), (0..360).collect::<Vec<_>>());
+        // Two of them.
+        let mut two = mesh.clone();
+        two.triangles.extend(two.triangles.clone().iter().map(|corners| corners.map(|vertex| vertex + 361)));
+        assert_eq!(vertex_order(&two.edges(), 721), (0..721).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,204 @@
+//! The edges between aggregates: which there are, how long they are at rest, and how stiff. The reasons are in `levels.rs`.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{DMat3, DVec3, Vec3};
+
+use crate::model::cloth::{Cloth, Link};
+use crate::model::coloring;
+use crate::model::csr::Csr;
+use crate::multigrid::aggregation::holding;
+use crate::multigrid::hierarchy::Patch;
+
+/// Cloth that is softer than this along an edge, as a share of what it is made of, does not pull there.
+const SLACK: f64 = 1e-3;
+
+/// What patches are made of, for the distances about pins: vertices, or aggregates two levels finer.
+pub(crate) struct Points {
+    items: Vec<Patch>,
+    of: Csr<u32>,
+}
+
+impl Points {
+    pub(crate) fn new(items: Vec<Patch>, label: Vec<u32>, count: usize) -> Points {
+        let of = Csr::new(count, label.iter().enumerate().map(|(item, &patch)| (patch, item as u32)));
+        Points { items, of }
+    }
+
+    /// Mean distance (m) by which mass moves in a plan that carries one patch onto the other: the nearest pairs first.
+    fn transport(&self, patches: [u32; 2], masses: [f64; 2]) -> f64 {
+        let [mut from, mut to] = [0, 1].map(|side| {
+            let of = self.of.of(patches[side]).iter();
+            of.map(|&item| (self.items[item as usize].center, self.items[item as usize].mass / masses[side])).collect::<Vec<_>>()
+        });
+        let mut pairs: Vec<(f64, usize, usize)> = Vec::with_capacity(from.len() * to.len());
+        for (i, a) in from.iter().enumerate() {
+            pairs.extend(to.iter().enumerate().map(|(j, b)| (a.0.distance(b.0), i, j)));
+        }
+        pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mut mean = 0.0;
+        for (distance, i, j) in pairs {
+            let moved = from[i].1.min(to[j].1);
+            from[i].1 -= moved;
+            to[j].1 -= moved;
+            mean += distance * moved;
+        }
+        mean
+    }
+}
+
+/// Stiffness of patches along any direction: that of their own edges, and half of those that leave them.
+pub(crate) struct Stiffness {
+    /// Two directions in the plane of each patch.
+    frames: Vec<[DVec3; 2]>,
+    /// Sum of `K l0² q q^T` for K = 1 N/m (m²), `q = (a², b², sqrt(2) a b)` of an edge's direction in the plane.
+    tensors: Vec<DMat3>,
+}
+
+/// A fine edge as the patches at its ends feel it; the same for all levels.
+pub(crate) struct Fibre {
+    ends: [u32; 2],
+    direction: DVec3,
+    /// Half of `K l0²` for K = 1 N/m (m²).
+    weight: f64,
+}
+
+impl Fibre {
+    /// Those of the edges that hold.
+    pub(crate) fn all(cloth: &Cloth) -> Vec<Fibre> {
+        let fibre = |link: &Link| {
+            let [a, b] = link.ends.map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
+            let weight = 0.5 * link.shape * f64::from(link.rest).powi(2);
+            Fibre { ends: link.ends, direction: (b - a).normalize_or_zero(), weight }
+        };
+        holding(cloth).map(fibre).collect()
+    }
+}
+
+impl Stiffness {
+    pub(crate) fn new(fibres: &[Fibre], patches: &[Patch], patch_of: &[u32]) -> Stiffness {
+        let of = |fibre: &Fibre| fibre.ends.map(|vertex| patch_of[vertex as usize] as usize);
+        // Threads have no normal; the plane of one is any through it.
+        let mut along = vec![DVec3::ZERO; patches.len()];
+        for fibre in fibres {
+            let d = fibre.direction;
+            for patch in of(fibre) {
+                let sum = &mut along[patch];
+                *sum += if d.dot(*sum) < 0.0 { -d } else { d };
+            }
+        }
+        let frame = |(patch, along): (&Patch, &DVec3)| {
+            let side = patch.normal.cross(*along);
+            let side =
+                if side.length_squared() > 0.0 { side.normalize() } else { along.any_orthogonal_vector().normalize_or_zero() };
+            let normal = patch.normal.normalize_or_zero();
+            let e = (*along - normal * normal.dot(*along)).normalize_or_zero();
+            [e, side]
+        };
+        let frames: Vec<[DVec3; 2]> = patches.iter().zip(&along).map(frame).collect();
+        let mut tensors = vec![DMat3::ZERO; patches.len()];
+        for fibre in fibres {
+            for patch in of(fibre) {
+                let q = voigt(fibre.direction, frames[patch]);
+                tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fibre.weight;
+            }
+        }
+        Stiffness { frames, tensors }
+    }
+
+    /// Stiffness times area (m²) along `n` for K = 1 N/m, free to contract across it, and its share of the whole.
+    fn along(&self, patch: u32, n: DVec3) -> (f64, f64) {
+        let tensor = self.tensors[patch as usize];
+        let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
+        if trace == 0.0 {
+            return (0.0, 0.0);
+        }
+        let q = voigt(n, self.frames[patch as usize]).normalize_or_zero();
+        let compliance = q.dot((tensor + DMat3::IDENTITY * (1e-6 * trace)).inverse() * q);
+        (1.0 / compliance, 1.0 / (compliance * trace))
+    }
+}
+
+/// `(a², b², sqrt(2) a b)` of a direction in a plane: what a strain is multiplied by to give the direction's own.
+fn voigt(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
+    let (a, b) = (n.dot(e), n.dot(f));
+    DVec3::new(a * a, b * b, std::f64::consts::SQRT_2 * a * b)
+}
+
+/// What it takes to make coarse edges.
+pub(crate) struct Edges<'a> {
+    pub cloth: &'a Cloth,
+    pub patches: &'a [Patch],
+    pub points: &'a Points,
+    /// Share of the distance about pins that counts.
+    pub gather: f64,
+    pub stiffness: Stiffness,
+}
+
+impl Edges<'_> {
+    /// The edges between groups of pairs, group after group, in colour order.
+    pub(crate) fn color(&self, groups: &[Vec<[u32; 2]>]) -> (Vec<Link>, Vec<Range<usize>>) {
+        let centers: Vec<Vec3> = self.patches.iter().map(|patch| patch.center.as_vec3()).collect();
+        let (mut links, mut colors) = (Vec::new(), Vec::new());
+        for pairs in groups {
+            let made: Vec<Link> = pairs.iter().filter_map(|&pair| self.between(pair)).collect();
+            let ends: Vec<[u32; 2]> = made.iter().map(|link| link.ends).collect();
+            let coloring = coloring::color(&ends, &centers);
+            for color in 0..coloring.colors as u32 {
+                let start = links.len();
+                links.extend(made.iter().zip(&coloring.of).filter(|&(_, &of)| of == color).map(|(link, _)| *link));
+                colors.push(start..links.len());
+            }
+        }
+        (links, colors)
+    }
+
+    /// The edge between two patches; none if nothing holds them together.
+    fn between(&self, pair: [u32; 2]) -> Option<Link> {
+        let [a, b] = pair.map(|patch| &self.patches[patch as usize]);
+        let turn = 0.5 * a.normal.angle_between(b.normal);
+        let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
+        let mut rest = a.center.distance(b.center) * bent;
+        if a.pinned || b.pinned {
+            rest = rest.max(self.gather * self.points.transport(pair, [a.mass, b.mass]));
+        }
+        let n = (b.center - a.center).normalize_or_zero();
+        let along = pair.map(|patch| self.stiffness.along(patch, n));
+        // Of the pinned vertices there may be one only, with hardly an edge.
+        let (area, part) = match (a.pinned, b.pinned) {
+            (true, _) => along[1],
+            (_, true) => along[0],
+            _ => (0.5 * (along[0].0 + along[1].0), along[0].1.min(along[1].1)),
+        };
+        // What would not be a number is no edge either.
+        if !(rest.is_normal() && rest > 0.0 && part > SLACK) {
+            return None;
+        }
+        let shape = area / (rest * rest);
+        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape })
+    }
+}
+
+/// Pairs that are not neighbours but have two neighbours in common, one on either side: not across the end of a slit.
+pub(crate) fn two_rings(pairs: &[[u32; 2]], patches: &[Patch]) -> Vec<[u32; 2]> {
+    let near = Csr::new(patches.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+    let mut found = Vec::new();
+    for a in 0..patches.len() as u32 {
+        // Which sides of the way to each patch two rings away have a common neighbour.
+        let mut sides: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
+        for &between in near.of(a) {
+            for &b in near.of(between) {
+                if b <= a || near.of(a).contains(&b) {
+                    continue;
+                }
+                let [x, y, z] = [a, between, b].map(|patch| patches[patch as usize].center);
+                let side = (y - x).cross(z - x).dot(patches[a as usize].normal + patches[b as usize].normal);
+                sides.entry(b).or_default()[usize::from(side > 0.0)] = true;
+            }
+        }
+        let held = |b: &u32| !(patches[a as usize].pinned && patches[*b as usize].pinned);
+        found.extend(sides.iter().filter(|(b, sides)| **sides == [true; 2] && held(b)).map(|(&b, _)| [a, b]));
+    }
+    found
+}

@@ -1,0 +1,5 @@
+//! A step as numbers, before any backend runs.
+
+pub(crate) mod coefficients;
+pub(crate) mod plan;
+pub(crate) mod substeps;

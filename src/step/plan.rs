@@ -1,0 +1,191 @@
+//! A step as numbers: what attributes, options and the last step come to, before any engine runs.
+
+use glam::{Vec3, Vec4};
+
+use crate::attributes::{Attributes, Collider, Shape};
+use crate::kernels::{self, Body, Params, Pin, Substep};
+use crate::model::cloth::Cloth;
+use crate::multigrid::hierarchy::Level;
+use crate::options::{Method, Options};
+use crate::step::coefficients::Coefficients;
+
+/// What the next step must know of the last.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Motion {
+    /// Its substep (s); 0 if there was none, which makes the first kick half a kick (leapfrog start).
+    pub h: f32,
+    /// Its colliders, which those of the next step move from; none if the state was set.
+    pub colliders: Vec<Collider>,
+    /// Where it left the pins (m), local.
+    pub pins: Vec<Vec3>,
+}
+
+impl Motion {
+    /// Where a state in the cloth's order leaves off, made by a substep of `h` (0: set, not stepped to).
+    pub(crate) fn after(cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
+        let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
+        Motion { h, pins, ..Motion::default() }
+    }
+
+    /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
+    pub(crate) fn unit(&self) -> f32 {
+        if self.h > 0.0 { self.h } else { 1.0 }
+    }
+}
+
+/// The lists of a plan, kept from step to step so that a step allocates nothing.
+#[derive(Debug, Default)]
+pub(crate) struct Lists {
+    substeps: Vec<Substep>,
+    bodies: Vec<Body>,
+    pins: Vec<Pin>,
+}
+
+/// All that an engine needs for one step.
+#[derive(Debug)]
+pub(crate) struct Plan<'a> {
+    pub cloth: &'a Cloth,
+    /// The coarse levels in use, the finest first.
+    pub levels: &'a [Level],
+    pub coefficients: &'a Coefficients,
+    pub params: Params,
+    pub substeps: &'a [Substep],
+    pub bodies: &'a [Body],
+    /// In the order of their vertices.
+    pub pins: &'a [Pin],
+    /// Sweeps over the edges in each substep.
+    pub sweeps: u32,
+    pub method: Method,
+    /// The force terms that the scene has; springs are the method.
+    pub bending: bool,
+    pub wind: bool,
+}
+
+impl<'a> Plan<'a> {
+    /// Turns attributes into the numbers the kernels take. `motion` is where the last step left off.
+    pub(crate) fn new(
+        cloth: &'a Cloth,
+        levels: &'a [Level],
+        options: &Options,
+        coefficients: &'a Coefficients,
+        motion: &Motion,
+        count: u32,
+        attributes: &Attributes,
+        lists: &'a mut Lists,
+    ) -> Plan<'a> {
+        let h = coefficients.h;
+        let drag = f64::from(attributes.damping);
+        // The kick spans from the middle of the last substep to the middle of this one; exact for linear drag.
+        let substep = |index: u32| {
+            let (last, unit) = if index == 0 { (motion.h, motion.unit()) } else { (h, h) };
+            let kick = 0.5 * (f64::from(last) + f64::from(h));
+            let gain = if drag > 0.0 { -(-drag * kick).exp_m1() / drag } else { kick };
+            Substep {
+                carry: ((-drag * kick).exp() * f64::from(h) / f64::from(unit)) as f32,
+                gain: (gain * f64::from(h)) as f32,
+                rate: 1.0 / unit,
+                start: index as f32 / count as f32,
+                end: (index + 1) as f32 / count as f32,
+            }
+        };
+        let colliders = attributes.colliders.iter().enumerate();
+        lists.bodies.clear();
+        lists.bodies.extend(colliders.map(|(index, collider)| {
+            body(collider, motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest)
+        }));
+        let targets = attributes.pin_targets.iter().flatten();
+        let pin = |((&to, from), &vertex): ((&Vec3, &Vec3), &u32)| Pin {
+            origin: from.to_array(),
+            vertex,
+            goal: (to - cloth.origin).to_array(),
+            padding: 0,
+        };
+        lists.pins.clear();
+        lists.pins.extend(targets.zip(&motion.pins).zip(&cloth.pinned).map(pin));
+        lists.pins.sort_unstable_by_key(|pin| pin.vertex);
+        lists.substeps.clear();
+        lists.substeps.extend((0..count).map(substep));
+        let (bending, wind) = (options.fabric.bending > 0.0, attributes.air_density > 0.0);
+        let sweeps = match options.method {
+            Method::SmallSteps => 1,
+            Method::Relaxation { iterations } => iterations,
+            Method::Springs => 0,
+        };
+        let params = Params {
+            acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
+            h,
+            wind: attributes.wind.to_array(),
+            half_density: 0.5 * attributes.air_density,
+            drag: attributes.drag,
+            lift: attributes.lift,
+            fraction: 1.0 / count as f32,
+            vertices: cloth.rest.len() as u32,
+            bodies: lists.bodies.len() as u32,
+            pins: lists.pins.len() as u32,
+            damped: u32::from(options.fabric.damping > 0.0),
+            predicted: u32::from(bending || wind || options.method == Method::Springs || !lists.pins.is_empty()),
+            substeps: count,
+            sweeps,
+            relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
+            levels: coefficients.levels.len() as u32,
+        };
+        Plan {
+            cloth,
+            levels,
+            coefficients,
+            params,
+            substeps: &lists.substeps,
+            bodies: &lists.bodies,
+            pins: &lists.pins,
+            sweeps,
+            method: options.method,
+            bending,
+            wind,
+        }
+    }
+
+    /// Whether bending is damped.
+    pub(crate) fn damped(&self) -> bool {
+        self.params.damped != 0
+    }
+}
+
+/// A collider as the kernels take it, moving here from `last` during the step. A round body is made larger by what
+/// the longest edge sinks between its ends, a fifth more than its sagitta `l²/8R`.
+fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
+    let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
+    let round = |from: (Vec3, Vec3, f32), to: (Vec3, Vec3, f32)| {
+        let [from_radius, to_radius] = [from.2, to.2].map(|radius| radius + 1.2 * longest.min(radius).powi(2) / (8.0 * radius));
+        Body {
+            a: from.0.to_array(),
+            radius: from_radius,
+            b: from.1.to_array(),
+            friction: now.friction,
+            a_travel: (to.0 - from.0).to_array(),
+            radius_travel: to_radius - from_radius,
+            b_travel: (to.1 - from.1).to_array(),
+            kind: kernels::ROUND,
+        }
+    };
+    match (shape, last) {
+        (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
+            round((from, from, r0), (to, to, r1))
+        }
+        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => round((a0, b0, r0), (a, b, radius)),
+        (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
+            // Only its motion along the normal can be felt without friction; a plane that turns does so at once.
+            Body {
+                a: from.to_array(),
+                b: normal.as_dvec3().normalize().as_vec3().to_array(),
+                friction: now.friction,
+                a_travel: (point - from).to_array(),
+                kind: kernels::PLANE,
+                ..Body::default()
+            }
+        }
+        // Another shape in its place: nothing it moved from.
+        (Shape::Sphere { center, radius }, _) => round((center, center, radius), (center, center, radius)),
+        (Shape::Capsule { a, b, radius }, _) => round((a, b, radius), (a, b, radius)),
+        (Shape::Plane { .. }, _) => body(now, now, origin, longest),
+    }
+}
