@@ -85,7 +85,7 @@ impl Engine {
 
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         match self {
-            Engine::Cpu(cpu) => cpu.step(plan),
+            Engine::Cpu(cpu) => cpu.step(plan, None).map_err(Failure::Unstable),
             #[cfg(feature = "gpu")]
             Engine::Hybrid(hybrid) => hybrid.step(plan),
             #[cfg(feature = "gpu")]

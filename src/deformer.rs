@@ -374,7 +374,7 @@ impl Deformer {
     /// asks what that costs.
     #[doc(hidden)]
     pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
-        let breadth = crate::simd::Breadth::at_most(lanes);
+        let breadth = crate::simd::Width::at_most(lanes);
         match &mut self.engine {
             Engine::Cpu(cpu) => cpu.narrow(breadth),
             #[cfg(feature = "gpu")]

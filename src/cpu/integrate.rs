@@ -1,79 +1,90 @@
-//! Contact, and the move: the end of a substep, and where no force but the ambient acceleration acts, the start of the next.
+//! The end of a substep: contact and the move; and where no force but the ambient acceleration acts, the start of the next.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{Vec3, Vec3A, Vec4};
 
-use crate::cpu::shared::Shared;
-use crate::kernels::{self, Body, PLANE, Substep, xyz};
+use crate::cpu::tasks::shared::{Four, SharedArray, Task, View};
+use crate::kernels::contact::{Clear, contact_body};
+use crate::kernels::integrate::{predict_displacement, xyz};
+use crate::kernels::params::Substep;
 use crate::limits::MAX_POSITION;
-use crate::simd::{self, At, Breadth, Loop, Wide};
+use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
 
-/// The loops over vertices that a task owns.
+/// The state, and where it goes back to.
 #[derive(Debug)]
-pub(crate) struct Moves<'a> {
+pub(crate) struct Integrator<'a> {
     pub plan: &'a Plan<'a>,
-    pub x: Shared<Vec4>,
-    pub u: Shared<Vec4>,
-    /// Where the state goes back to if the step fails.
-    pub good: [Shared<Vec4>; 2],
+    /// Positions (m), w the inverse mass (1/kg).
+    pub x: &'a SharedArray<'a>,
+    /// Displacements (m) over the substep.
+    pub u: &'a SharedArray<'a>,
+    /// Both, where the step began.
+    pub good: [SharedArray<'a>; 2],
     /// The first vertex that left the bounds.
-    pub lost: &'a AtomicUsize,
-    pub breadth: Breadth,
+    pub lost: AtomicUsize,
+    pub width: Width,
 }
 
-/// What a vertex does after its substep.
+/// What becomes of a vertex after its substep.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Then<'a> {
     /// It waits for forces.
     Wait,
-    /// It is predicted to fall on.
+    /// It falls on: its displacement in the next substep is predicted.
     Fall(&'a Substep),
-    /// It ends the step: is it still somewhere?
+    /// It ends the step: is it within bounds?
     Check,
 }
 
-#[expect(unsafe_code, reason = "tasks of a round own their vertices")]
-impl Moves<'_> {
-    /// Remembers the state of these vertices.
-    pub(crate) fn remember(&self, vertices: Range<u32>) {
-        for (values, good) in [(self.x, self.good[0]), (self.u, self.good[1])] {
-            // SAFETY: the task's own vertices.
-            vertices.clone().for_each(|i| unsafe { good.set(i as usize, values.get(i as usize)) });
+impl Integrator<'_> {
+    /// Remembers the state of a tile's vertices.
+    pub(crate) fn remember(&self, task: &Task, tile: Range<u32>) {
+        for (values, good) in [(self.x, &self.good[0]), (self.u, &self.good[1])] {
+            simd::run(self.width, Copy { from: values.within(task), to: good.within(task), vertices: range(&tile) });
         }
+    }
+
+    /// Predicts what a tile's vertices will do under the ambient acceleration alone.
+    pub(crate) fn fall(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
+        let (x, u) = (self.x.within(task), self.u.within(task));
+        simd::run(self.width, Fall { x, u, vertices: range(&tile), fall: self.ambient(substep), carry: substep.carry });
     }
 
     /// Contact, the move, and what comes then.
-    pub(crate) fn advance(&self, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
-        for range in ranges {
-            let vertices = range.start as usize..range.end as usize;
-            #[cfg(test)]
-            if self.breadth == Breadth::One {
-                self.each(vertices, substep, then);
-                continue;
-            }
-            // SAFETY: the breadth was detected; the task's own vertices.
-            unsafe { simd::run(self.breadth, Advance { moves: self, vertices, substep, then }) };
+    pub(crate) fn advance(&self, task: &Task, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
+        let (x, u) = (self.x.within(task), self.u.within(task));
+        for vertices in ranges {
+            simd::run(self.width, Advance { integrator: self, x, u, vertices: range(vertices), substep, then });
         }
     }
 
-    fn each(&self, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
-        let ambient = Vec3A::from(self.plan.params.acceleration);
+    /// What the ambient acceleration moves a vertex by (m).
+    fn ambient(&self, substep: &Substep) -> Vec4 {
+        (Vec3::from(self.plan.params.acceleration) * substep.gain).extend(0.0)
+    }
+
+    /// [`Integrator::advance`] of one vertex after another.
+    fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
         for i in vertices {
-            // SAFETY: the task's own vertices.
-            let (x, u) = unsafe { (self.x.get(i), self.u.get(i)) };
-            let (mut at, mut by) = (xyz(x), xyz(u));
-            if x.w > 0.0 {
+            let (from, by) = (x.get(i), u.get(i));
+            let w = from.w;
+            let (mut at, mut by) = (xyz(from), xyz(by));
+            if w > 0.0 {
                 for body in self.plan.bodies {
-                    (at, by) = kernels::contact(at, by, body, substep, &self.plan.params);
+                    (at, by) = contact_body(at, by, body, substep, &self.plan.params);
                 }
             }
-            let to = (at + by).extend(x.w);
+            let to = (at + by).extend(w);
             let on = match then {
                 Then::Wait => by.extend(0.0),
-                Then::Fall(next) => fallen(x.w, by, ambient, next),
+                Then::Fall(next) if w > 0.0 => {
+                    let fall = Vec3A::from_vec4(self.ambient(next));
+                    predict_displacement(by, Vec3A::splat(next.carry), fall).extend(0.0)
+                }
+                Then::Fall(_) => Vec4::ZERO,
                 Then::Check => {
                     let bounded = |v: Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
                     // NaN is not below the limit either.
@@ -83,193 +94,122 @@ impl Moves<'_> {
                     by.extend(0.0)
                 }
             };
-            // SAFETY: as above.
-            unsafe {
-                self.x.set(i, to);
-                self.u.set(i, on);
+            x.set(i, to);
+            u.set(i, on);
+        }
+    }
+}
+
+fn range(vertices: &Range<u32>) -> Range<usize> {
+    vertices.start as usize..vertices.end as usize
+}
+
+/// Copies vertices of a tile, which begins with a whole group.
+struct Copy<'t> {
+    from: View<'t>,
+    to: View<'t>,
+    vertices: Range<usize>,
+}
+
+impl Loop for Copy<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        for first in self.vertices.step_by(L::LANES) {
+            let (from, to) = (self.from.row::<L>(first), self.to.row::<L>(first));
+            for k in 0..4 {
+                to.set(k, from.get(k));
             }
         }
     }
 }
 
-/// [`Moves::each`] of many vertices together, where they are clear of all bodies and nothing is wrong.
+/// Predicts vertices of a tile, which begins with a whole group.
+struct Fall<'t> {
+    x: View<'t>,
+    u: View<'t>,
+    vertices: Range<usize>,
+    fall: Vec4,
+    carry: f32,
+}
+
+impl Loop for Fall<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let (zero, fall, carry) = (L::splat(0.0), L::repeat(self.fall), L::splat(self.carry));
+        let fourth = zero.lt(L::repeat(Vec4::W));
+        for first in self.vertices.step_by(L::LANES) {
+            let (x, u) = (self.x.row::<L>(first), self.u.row::<L>(first));
+            for k in 0..4 {
+                let on = predict_displacement(u.get(k), carry, fall);
+                u.set(k, L::select(fourth, zero, L::select(zero.lt(x.get(k).w()), on, zero)));
+            }
+        }
+    }
+}
+
+/// [`Integrator::advance_each`] of many vertices together, where they are clear of all bodies and nothing is wrong.
 struct Advance<'a> {
-    moves: &'a Moves<'a>,
+    integrator: &'a Integrator<'a>,
+    x: View<'a>,
+    u: View<'a>,
     vertices: Range<usize>,
     substep: &'a Substep,
     then: Then<'a>,
 }
 
-#[expect(unsafe_code, reason = "see Moves")]
 impl Loop for Advance<'_> {
     #[inline(always)]
-    unsafe fn run<W: Wide>(self) {
-        let Moves { plan, x, u, .. } = *self.moves;
-        let (zero, group) = (W::splat(0.0), W::LANES / 4);
-        let (carry, gravity) = match self.then {
-            Then::Fall(next) => (W::splat(next.carry), W::repeat((Vec3::from(plan.params.acceleration) * next.gain).extend(0.0))),
-            Then::Wait | Then::Check => (W::splat(1.0), zero),
+    fn run<L: Registers>(self) {
+        let Advance { integrator, x, u, substep, then, .. } = self;
+        let bodies = integrator.plan.bodies;
+        let zero = L::splat(0.0);
+        let (carry, fall) = match then {
+            Then::Fall(next) => (L::splat(next.carry), L::repeat(integrator.ambient(next))),
+            Then::Wait | Then::Check => (L::splat(1.0), zero),
         };
-        let fourth = zero.below(W::repeat(Vec4::W));
-        let most = W::splat(MAX_POSITION);
+        let fourth = zero.lt(L::repeat(Vec4::W));
+        let most = L::splat(MAX_POSITION);
         let mut first = self.vertices.start;
-        while self.vertices.end - first >= W::LANES {
-            // SAFETY: the task's own vertices.
-            unsafe {
-                let mut clear = plan.bodies.is_empty() || self.clear::<W>(first);
-                if clear && matches!(self.then, Then::Check) {
-                    for k in 0..4 {
-                        let at = At::Beside(first + group * k);
-                        let (x, u) = (W::load(x, at), W::load(u, at));
-                        let to = W::choose(fourth, zero, x + u);
-                        clear &= W::all(W::both(to.abs().below(most), W::choose(fourth, zero, u).abs().below(most)));
-                    }
-                }
-                if clear {
-                    for k in 0..4 {
-                        let at = At::Beside(first + group * k);
-                        let (from, by) = (W::load(x, at), W::load(u, at));
-                        // The inverse mass stays.
-                        W::choose(fourth, from, from + by).store(x, at);
-                        if matches!(self.then, Then::Fall(_)) {
-                            // Rounded as the plain code does it, product and sum.
-                            W::choose(fourth, zero, W::choose(zero.below(from.last()), by * carry + gravity, zero)).store(u, at);
-                        }
-                    }
-                } else {
-                    self.moves.each(first..first + W::LANES, self.substep, self.then);
+        while self.vertices.end - first >= L::LANES {
+            let (x_row, u_row) = (x.row::<L>(first), u.row::<L>(first));
+            let mut clear = bodies.is_empty() || self.is_clear::<L>(first);
+            if clear && matches!(then, Then::Check) {
+                for k in 0..4 {
+                    let (from, by) = (x_row.get(k), u_row.get(k));
+                    let to = L::select(fourth, zero, from + by);
+                    clear &= L::all(L::and(to.abs().lt(most), L::select(fourth, zero, by).abs().lt(most)));
                 }
             }
-            first += W::LANES;
+            if clear {
+                for k in 0..4 {
+                    let (from, by) = (x_row.get(k), u_row.get(k));
+                    // The inverse mass stays.
+                    x_row.set(k, L::select(fourth, from, from + by));
+                    if matches!(then, Then::Fall(_)) {
+                        let on = predict_displacement(by, carry, fall);
+                        u_row.set(k, L::select(fourth, zero, L::select(zero.lt(from.w()), on, zero)));
+                    }
+                }
+            } else {
+                integrator.advance_each(x, u, first..first + L::LANES, substep, then);
+            }
+            first += L::LANES;
         }
-        self.moves.each(first..self.vertices.end, self.substep, self.then);
+        integrator.advance_each(x, u, first..self.vertices.end, substep, then);
     }
 }
 
-#[expect(unsafe_code, reason = "see Moves")]
 impl Advance<'_> {
-    /// Whether these vertices surely meet no body.
+    /// Whether as many vertices as lanes surely meet no body.
     #[inline(always)]
-    unsafe fn clear<W: Wide>(&self, first: usize) -> bool {
-        let Moves { x, u, .. } = *self.moves;
-        // SAFETY: the caller's promise.
-        let (place, by) = unsafe { (simd::vertices::<W>(x, first), simd::vertices::<W>(u, first)) };
-        let travel = simd::dot(by, by);
-        for body in self.moves.plan.bodies {
-            let clear = Clear::of(body, self.substep, self.moves.plan.params.fraction);
-            let [cx, cy, cz] = clear.center.to_array();
-            let from = simd::sub(place, [W::splat(cx), W::splat(cy), W::splat(cz)]);
-            let slow = travel.below(W::splat(clear.travel * clear.travel));
-            let square = simd::dot(from, from);
-            let outside = match clear.normal {
-                None => W::splat(clear.reach * clear.reach).below(square),
-                Some(normal) => {
-                    let height = simd::dot(from, [W::splat(normal.x), W::splat(normal.y), W::splat(normal.z)]);
-                    let sure = (square * W::splat(1e-8)).below(height * height);
-                    W::both(sure, W::splat(clear.reach).below(height))
-                }
-            };
-            if !W::all(W::both(slow, outside)) {
+    fn is_clear<L: Registers>(&self, first: usize) -> bool {
+        let (x, u) = (self.x.vectors::<L>(first), self.u.vectors::<L>(first));
+        let plan = self.integrator.plan;
+        for body in plan.bodies {
+            if !L::all(Clear::of(body, self.substep, plan.params.fraction).of_vertices(x, u)) {
                 return false;
             }
         }
         true
-    }
-}
-
-/// Displacement of a vertex of inverse mass `w` that falls.
-#[inline]
-pub(crate) fn fallen(w: f32, u: Vec3A, ambient: Vec3A, substep: &Substep) -> Vec4 {
-    let by = kernels::predict(u, ambient, substep).extend(0.0);
-    if w == 0.0 { Vec4::ZERO } else { by }
-}
-
-/// Where a body cannot be met in a substep, told more cheaply than where it is.
-#[derive(Debug, Clone, Copy)]
-struct Clear {
-    /// Vertices that move by less than this (m) ...
-    travel: f32,
-    /// ... and begin farther from here than `reach` (m), or for a plane above it along its normal, are clear.
-    center: Vec3A,
-    reach: f32,
-    normal: Option<Vec3A>,
-}
-
-impl Clear {
-    fn of(body: &Body, substep: &Substep, fraction: f32) -> Clear {
-        let (a_travel, b_travel) = (Vec3A::from(body.a_travel), Vec3A::from(body.b_travel));
-        let a = Vec3A::from(body.a) + a_travel * substep.start;
-        let radius = body.radius.abs() + body.radius_travel.abs();
-        if body.kind == PLANE {
-            let travel = 0.1;
-            let reach = 1.01 * (travel + a_travel.length() * fraction);
-            return Clear { travel, center: a, reach, normal: Some(Vec3A::from(body.b)) };
-        }
-        let b = Vec3A::from(body.b) + b_travel * substep.start;
-        let travel = 0.25 * radius;
-        let step = a_travel.length().max(b_travel.length()) * fraction;
-        // With a margin for what rounding makes of either, here and in the contact's own arithmetic.
-        let reach = 1.01 * (0.5 * (b - a).length() + radius + travel + step);
-        Clear { travel, center: (a + b) * 0.5, reach, normal: None }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::cloth::Cloth;
-    use crate::simd::aligned::Lines;
-    use crate::step::coefficients::Coefficients;
-    use crate::step::plan::{Lists, Motion};
-    use crate::{Attributes, Collider, Mesh, Options};
-
-    /// Vertices near bodies and far, slow and fast, together and one by one: the same bits.
-    #[test]
-    fn what_is_told_to_be_clear_is_clear() {
-        let options = Options { pinned: vec![3, 70], ..Options::default() };
-        let cloth = Cloth::new(&Mesh::grid(64, 65, 1.0, 1.0), &options).unwrap();
-        let h = 1.0 / 1200.0;
-        let coefficients = Coefficients::new(&cloth, &[], &options, h);
-        let at = |y: f32| glam::Vec3::new(0.2, y, -0.1);
-        let bodies = [
-            Collider::sphere(at(0.1), 0.3),
-            Collider::capsule(at(0.4), at(-0.6), 0.2),
-            Collider::plane(at(-0.2), glam::Vec3::new(0.6, 0.8, 0.0)),
-        ];
-        for (body, far, size) in
-            bodies.into_iter().flat_map(|b| [(1.0, 1e-4), (1.0, 0.03), (1.0, 0.5), (20.0, 0.01)].map(|(f, s)| (b, f, s)))
-        {
-            // It comes from elsewhere, so that it moves within the step.
-            let before = match body.shape {
-                _ if size > 0.1 => body,
-                _ => Collider::sphere(at(0.3), 0.25),
-            };
-            let attributes = Attributes { colliders: vec![body], ..Attributes::default() };
-            let (mut lists, motion) = (Lists::default(), Motion { h, colliders: vec![before], ..Motion::default() });
-            let plan = Plan::new(&cloth, &[], &options, &coefficients, &motion, 2, &attributes, &mut lists);
-            let run = |breadth: Breadth| {
-                let mut random = fastrand::Rng::with_seed(8);
-                let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
-                let (mut x, mut u) = (Lines::new(cloth.rest.len()), Lines::new(cloth.rest.len()));
-                for (v, rest) in cloth.rest.iter().enumerate() {
-                    x[v] = (rest.truncate() * far + vector(0.3)).extend(rest.w);
-                    u[v] = vector(size).extend(0.0);
-                }
-                let (x, u, lost) = (x.share(), u.share(), AtomicUsize::new(usize::MAX));
-                let moves = Moves { plan: &plan, x, u, good: [x, u], lost: &lost, breadth };
-                moves.advance(&[0..37, 37..cloth.rest.len() as u32], &plan.substeps[0], Then::Fall(&plan.substeps[1]));
-                #[expect(unsafe_code, reason = "one thread, both alive")]
-                // SAFETY: nobody else is here.
-                let state = |values: Shared<Vec4>| (0..values.len()).map(|v| unsafe { values.get(v) }.to_array()).collect();
-                let both: [Vec<[f32; 4]>; 2] = [x, u].map(state);
-                both
-            };
-            let one = run(Breadth::One);
-            for (one, many) in Breadth::all().into_iter().map(run).flat_map(|many| one.clone().into_iter().zip(many)) {
-                let same = |a: &[f32; 4], b: &[f32; 4]| a[..3].iter().zip(&b[..3]).all(|(a, b)| a == b);
-                let first = one.iter().zip(&many).position(|(a, b)| !same(a, b));
-                assert!(first.is_none(), "{:?} {far} {size}: vertex {first:?}", body.shape);
-            }
-        }
     }
 }

@@ -1,93 +1,93 @@
-//! The colour order cut into tasks for several threads: the same order edge for edge, and a thread waits for its neighbours twice a
-//! sweep instead of for all others once a colour.
+//! The color order cut into pieces for several threads: the same order edge for edge, and a thread waits for its neighbors twice a
+//! sweep instead of for all others once a color.
 //!
-//! The vertices are cut into stripes, ranges of the vertex order, in which neighbours are near. Walk the edges in colour
-//! order: an edge inside one stripe goes to that stripe's task of the first round, unless an edge that had to wait came to
-//! one of its ends before. Any other edge waits for the second round, and so do its ends. So within a round no two tasks
-//! share a vertex, and at every vertex the edges come in the order of their colours: the result is the same bit for bit
-//! however the cloth is cut, and however many threads take the tasks. What waits spreads by an edge a colour at most; where
-//! stripes are wider than that, what waits at one border has nothing to do with the next, and each is a task of its own.
-//! Where they are not (many colours, as on coarse levels), what waits is cut again half a stripe farther on, and again, a round each.
+//! The vertices are cut into tiles, ranges of the vertex order, in which neighbors are near. Walk the edges in color
+//! order: an edge inside one tile goes to that tile's piece of the first round, unless an edge that had to wait came to
+//! one of its ends before. Any other edge waits for the second round, and so do its ends. So within a round no two pieces
+//! share a vertex, and at every vertex the edges come in the order of their colors: the result is the same bit for bit
+//! however the cloth is cut, and however many threads take the pieces. What waits spreads by an edge a color at most; where
+//! tiles are wider than that, what waits at one border has nothing to do with the next, and each is a piece of its own.
+//! Where they are not (many colors, as on coarse levels), what waits is cut again half a tile farther on, and again, a round each.
 //!
-//! A task stays in cache: all colours of a stripe pass before the next stripe is touched.
+//! A piece stays in cache: all colors of a tile pass before the next tile is touched.
 
 use std::ops::Range;
 
 use crate::model::cloth::Link;
+use crate::simd;
 
-/// Vertices in a stripe, at least: fewer are not worth a task (about 10 us).
+/// Vertices in a tile, at least: fewer are not worth a piece (about 10 us).
 const LEAST: usize = 512;
-/// Stripes are this many times the mean distance in memory between an edge's ends: eight rows of a grid, and what waits at
+/// Tiles are this many times the mean distance in memory between an edge's ends: eight rows of a grid, and what waits at
 /// a border of it is four on each side.
 const REACH: f64 = 12.0;
-/// Stripes of a coarse level, at most: more are more rounds.
+/// Tiles of a coarse level, at most: more are more rounds.
 const SHARES: usize = 32;
 /// Rounds, at most but one.
 const MOST: usize = 16;
-/// Parts of a border up to this many vertices together are one task.
+/// Parts of a border up to this many vertices together are one piece.
 const CRUMBS: usize = 128;
 /// As many vertices as a loop over them takes at a time.
-const TOGETHER: usize = 16;
-/// No task yet.
+const TOGETHER: usize = simd::MAX_LANES;
+/// No piece yet.
 const NONE: u32 = u32::MAX;
 
 /// See the module. Made once for a cloth.
 #[derive(Debug, Clone)]
-pub(crate) struct Stripes {
-    pub ranges: Vec<Range<u32>>,
-    /// Each stripe, and those that its edges lead to.
+pub(crate) struct Partition {
+    pub tiles: Vec<Range<u32>>,
+    /// Each tile, and those that its edges lead to.
     pub around: Vec<Vec<u32>>,
-    /// The tasks of each round. Those of the first are the stripes', those of the last move what the first do not.
-    pub rounds: Vec<Vec<Task>>,
+    /// The pieces of each round. Those of the first are the tiles', those of the last move what the first do not.
+    pub rounds: Vec<Vec<Piece>>,
 }
 
 /// Edges that one thread visits in a round, and the vertices that are then done with.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Task {
-    /// Places in the colour order, ascending.
+pub(crate) struct Piece {
+    /// Places in the color order, ascending.
     pub edges: Vec<u32>,
     pub vertices: Vec<Range<u32>>,
-    /// Stripes of all vertices that it visits, and of all that look at those that it moves.
+    /// Tiles of all vertices that it visits, and of all that look at those that it moves.
     pub touches: Vec<u32>,
 }
 
-/// Adds a stripe to a short list, in order.
-fn insert(list: &mut Vec<u32>, stripe: u32) {
-    if let Err(place) = list.binary_search(&stripe) {
-        list.insert(place, stripe);
+/// Adds a tile to a short list, in order.
+fn insert(list: &mut Vec<u32>, tile: u32) {
+    if let Err(place) = list.binary_search(&tile) {
+        list.insert(place, tile);
     }
 }
 
-impl Stripes {
-    /// Cuts `links`, of which the first `swept` are in colour order, between `vertices` vertices.
-    pub(crate) fn new(links: &[Link], swept: usize, vertices: usize) -> Stripes {
-        Stripes::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(LEAST))
+impl Partition {
+    /// Cuts `links`, of which the first `swept` are in color order, between `vertices` vertices.
+    pub(crate) fn new(links: &[Link], swept: usize, vertices: usize) -> Partition {
+        Partition::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(LEAST))
     }
 
-    /// The same for the many colours of a coarse level, which would make one task of all borders: narrower stripes, more rounds.
-    pub(crate) fn coarse(links: &[Link], vertices: usize) -> Stripes {
-        let narrow = (0.5 * REACH * distance(links)) as usize;
-        Stripes::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
-    }
-
-    /// One stripe: all colours in turn, for one thread.
-    pub(crate) fn one(links: &[Link], vertices: usize) -> Stripes {
-        Stripes::cut(links, links.len(), vertices, vertices)
-    }
-
-    /// The same with stripes of about `length` vertices.
-    fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Stripes {
-        let count = (vertices / length).max(1);
-        let start = |stripe: usize| match stripe {
-            _ if stripe == count => vertices as u32,
-            _ => (stripe * vertices / count / TOGETHER * TOGETHER) as u32,
-        };
-        let ranges: Vec<Range<u32>> = (0..count).map(|stripe| start(stripe)..start(stripe + 1)).collect();
-        let mut stripe_of = vec![0_u32; vertices];
-        for (stripe, range) in ranges.iter().enumerate() {
-            stripe_of[range.start as usize..range.end as usize].fill(stripe as u32);
+    /// The same for the many colors of a coarse level, which would make one piece of all borders: narrower tiles, more rounds.
+    /// For one thread a single tile: all colors in turn.
+    pub(crate) fn coarse(links: &[Link], vertices: usize, threads: usize) -> Partition {
+        if threads == 1 {
+            return Partition::cut(links, links.len(), vertices, vertices);
         }
-        let crosses = |link: &Link| stripe_of[link.ends[0] as usize] != stripe_of[link.ends[1] as usize];
+        let narrow = (0.5 * REACH * distance(links)) as usize;
+        Partition::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
+    }
+
+    /// The same with tiles of about `length` vertices.
+    fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Partition {
+        let count = (vertices / length).max(1);
+        let start = |tile: usize| match tile {
+            _ if tile == count => vertices as u32,
+            _ => (tile * vertices / count / TOGETHER * TOGETHER) as u32,
+        };
+        let ranges: Vec<Range<u32>> = (0..count).map(|tile| start(tile)..start(tile + 1)).collect();
+        let mut tile_of = vec![0_u32; vertices];
+        for (tile, range) in ranges.iter().enumerate() {
+            tile_of[range.start as usize..range.end as usize].fill(tile as u32);
+        }
+        let crosses = |link: &Link| tile_of[link.ends[0] as usize] != tile_of[link.ends[1] as usize];
 
         let mut waits = vec![false; vertices];
         // Edges between two pins are not swept, but forces look along them, at places that the first round must not move.
@@ -95,20 +95,20 @@ impl Stripes {
             link.ends.iter().for_each(|&end| waits[end as usize] = true);
         }
         let places: Vec<u32> = (0..swept as u32).collect();
-        let (mut first, mut late) = round(links, &places, &stripe_of, count, &mut waits);
+        let (mut first, mut late) = round(links, &places, &tile_of, count, &mut waits);
         // Vertices are moved so many at a time: one that waits holds up those beside it, rather than that they are moved one by one.
         for beside in waits.chunks_mut(TOGETHER).filter(|beside| beside.contains(&true)) {
             beside.fill(true);
         }
-        for (stripe, (task, range)) in first.iter_mut().zip(&ranges).enumerate() {
-            task.vertices = runs(range.clone().filter(|&vertex| !waits[vertex as usize]));
-            task.touches = vec![stripe as u32];
+        for (tile, (piece, range)) in first.iter_mut().zip(&ranges).enumerate() {
+            piece.vertices = runs(range.clone().filter(|&vertex| !waits[vertex as usize]));
+            piece.touches = vec![tile as u32];
         }
-        let most = first.iter().map(|task| task.edges.len()).max().unwrap_or(0);
+        let most = first.iter().map(|piece| piece.edges.len()).max().unwrap_or(0);
         let mut rounds = vec![first];
         loop {
-            let last = borders(links, &late, &waits, &stripe_of);
-            if last.iter().all(|task| 2 * task.edges.len() <= 3 * most) {
+            let last = borders(links, &late, &waits, &tile_of);
+            if last.iter().all(|piece| 2 * piece.edges.len() <= 3 * most) {
                 rounds.push(last);
                 break;
             }
@@ -116,26 +116,26 @@ impl Stripes {
             let length = vertices.div_ceil(count);
             let shift = if rounds.len() % 2 == 1 { length / 2 } else { 0 };
             let again: Vec<u32> = (0..vertices).map(|vertex| ((vertex + shift) / length) as u32).collect();
-            let (tasks, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
+            let (pieces, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
             if rounds.len() == MOST || later.len() == late.len() {
-                // Edges longer than half a stripe: whatever waits is at hand as it is.
+                // Edges longer than half a tile: whatever waits is at hand as it is.
                 rounds.push(last);
                 break;
             }
-            let mut tasks: Vec<Task> = tasks.into_iter().filter(|task| !task.edges.is_empty()).collect();
-            for Task { edges, touches, .. } in &mut tasks {
+            let mut pieces: Vec<Piece> = pieces.into_iter().filter(|piece| !piece.edges.is_empty()).collect();
+            for Piece { edges, touches, .. } in &mut pieces {
                 let ends = edges.iter().flat_map(|&place| links[place as usize].ends);
-                ends.for_each(|end| insert(touches, stripe_of[end as usize]));
+                ends.for_each(|end| insert(touches, tile_of[end as usize]));
             }
-            rounds.push(tasks);
+            rounds.push(pieces);
             late = later;
         }
-        let mut around: Vec<Vec<u32>> = (0..count as u32).map(|stripe| vec![stripe]).collect();
-        for [a, b] in links.iter().map(|link| link.ends.map(|end| stripe_of[end as usize])).filter(|[a, b]| a != b) {
+        let mut around: Vec<Vec<u32>> = (0..count as u32).map(|tile| vec![tile]).collect();
+        for [a, b] in links.iter().map(|link| link.ends.map(|end| tile_of[end as usize])).filter(|[a, b]| a != b) {
             insert(&mut around[a as usize], b);
             insert(&mut around[b as usize], a);
         }
-        Stripes { ranges, around, rounds }
+        Partition { tiles: ranges, around, rounds }
     }
 }
 
@@ -144,25 +144,25 @@ fn distance(links: &[Link]) -> f64 {
     links.iter().map(|link| f64::from(link.ends[0].abs_diff(link.ends[1]))).sum::<f64>() / links.len().max(1) as f64
 }
 
-/// The edges at `places` that lie in one stripe and come before any that do not, stripe by stripe, and the others; marks the vertices
+/// The edges at `places` that lie in one tile and come before any that do not, tile by tile, and the others; marks the vertices
 /// that wait for those.
-fn round(links: &[Link], places: &[u32], stripe_of: &[u32], stripes: usize, waits: &mut [bool]) -> (Vec<Task>, Vec<u32>) {
-    let mut tasks = vec![Task::default(); stripes];
+fn round(links: &[Link], places: &[u32], tile_of: &[u32], tiles: usize, waits: &mut [bool]) -> (Vec<Piece>, Vec<u32>) {
+    let mut pieces = vec![Piece::default(); tiles];
     let mut late = Vec::new();
     for &place in places {
         let [a, b] = links[place as usize].ends.map(|end| end as usize);
-        if stripe_of[a] != stripe_of[b] || waits[a] || waits[b] {
+        if tile_of[a] != tile_of[b] || waits[a] || waits[b] {
             (waits[a], waits[b]) = (true, true);
             late.push(place);
         } else {
-            tasks[stripe_of[a] as usize].edges.push(place);
+            pieces[tile_of[a] as usize].edges.push(place);
         }
     }
-    (tasks, late)
+    (pieces, late)
 }
 
-/// The connected parts of the edges that wait, one task each, or several small ones together.
-fn borders(links: &[Link], late: &[u32], waits: &[bool], stripe_of: &[u32]) -> Vec<Task> {
+/// The connected parts of the edges that wait, one piece each, or several small ones together.
+fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec<Piece> {
     let mut parent: Vec<u32> = (0..waits.len() as u32).collect();
     let root = |parent: &mut [u32], mut vertex: u32| {
         while parent[vertex as usize] != vertex {
@@ -183,7 +183,7 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], stripe_of: &[u32]) -> V
             parent[a.max(b) as usize] = a.min(b);
         }
     }
-    let mut task_of = vec![NONE; waits.len()];
+    let mut piece_of = vec![NONE; waits.len()];
     let mut lists: Vec<Vec<u32>> = Vec::new();
     let mut sizes = vec![0_usize; waits.len()];
     let waiting: Vec<u32> = (0..waits.len() as u32).filter(|&vertex| waits[vertex as usize]).collect();
@@ -191,29 +191,29 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], stripe_of: &[u32]) -> V
     for &vertex in &waiting {
         // Leads come before the vertices that they lead.
         let lead = root(&mut parent, vertex) as usize;
-        if task_of[lead] == NONE {
+        if piece_of[lead] == NONE {
             if lists.last().is_none_or(|last| last.len() + sizes[lead] > CRUMBS) {
                 lists.push(Vec::new());
             }
-            task_of[lead] = lists.len() as u32 - 1;
+            piece_of[lead] = lists.len() as u32 - 1;
         }
-        task_of[vertex as usize] = task_of[lead];
-        lists[task_of[lead] as usize].push(vertex);
+        piece_of[vertex as usize] = piece_of[lead];
+        lists[piece_of[lead] as usize].push(vertex);
     }
-    let mut tasks: Vec<Task> =
-        lists.into_iter().map(|vertices| Task { vertices: runs(vertices.into_iter()), ..Task::default() }).collect();
-    // Of a vertex without an edge too: what waits with it is of its stripe.
+    let mut pieces: Vec<Piece> =
+        lists.into_iter().map(|vertices| Piece { vertices: runs(vertices.into_iter()), ..Piece::default() }).collect();
+    // Of a vertex without an edge too: what waits with it is of its tile.
     for link in links {
         for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]].map(|ends| ends.map(|end| end as usize)) {
-            if task_of[moved] != NONE {
-                [moved, by].iter().for_each(|&end| insert(&mut tasks[task_of[moved] as usize].touches, stripe_of[end]));
+            if piece_of[moved] != NONE {
+                [moved, by].iter().for_each(|&end| insert(&mut pieces[piece_of[moved] as usize].touches, tile_of[end]));
             }
         }
     }
     for &place in late {
-        tasks[task_of[links[place as usize].ends[0] as usize] as usize].edges.push(place);
+        pieces[piece_of[links[place as usize].ends[0] as usize] as usize].edges.push(place);
     }
-    tasks
+    pieces
 }
 
 /// Ascending numbers as ranges.
@@ -262,20 +262,20 @@ mod tests {
         ]
     }
 
-    /// Every edge and every vertex once; no task writes where another of its round writes or, outside, reads what it moves;
-    /// and at every vertex the edges come in the order of their colours.
+    /// Every edge and every vertex once; no piece writes where another of its round writes or, outside, reads what it moves;
+    /// and at every vertex the edges come in the order of their colors.
     #[test]
-    fn stripes_keep_the_colour_order() {
+    fn tiles_keep_the_color_order() {
         for (name, cloth) in cloths() {
             for length in [1, 7, 100, 330, 5000] {
                 let swept = cloth.swept();
-                let stripes = Stripes::cut(&cloth.links, swept.len(), cloth.rest.len(), length);
-                let last = stripes.rounds.len() - 1;
+                let partition = Partition::cut(&cloth.links, swept.len(), cloth.rest.len(), length);
+                let last = partition.rounds.len() - 1;
                 let mut owner = vec![(0, 0); cloth.rest.len()];
                 let mut moved = vec![0; cloth.rest.len()];
-                for (round, tasks) in stripes.rounds.iter().enumerate() {
-                    for (index, task) in tasks.iter().enumerate() {
-                        for vertex in task.vertices.iter().cloned().flatten() {
+                for (round, pieces) in partition.rounds.iter().enumerate() {
+                    for (index, piece) in pieces.iter().enumerate() {
+                        for vertex in piece.vertices.iter().cloned().flatten() {
                             moved[vertex as usize] += 1;
                             owner[vertex as usize] = (round, index);
                         }
@@ -283,19 +283,19 @@ mod tests {
                 }
                 let mut visited = vec![0; swept.len()];
                 let mut latest = vec![None; cloth.rest.len()];
-                for (round, tasks) in stripes.rounds.iter().enumerate() {
+                for (round, pieces) in partition.rounds.iter().enumerate() {
                     let mut visitor = vec![None; cloth.rest.len()];
-                    for (index, task) in tasks.iter().enumerate() {
-                        for &place in &task.edges {
+                    for (index, piece) in pieces.iter().enumerate() {
+                        for &place in &piece.edges {
                             visited[place as usize] += 1;
                             for end in swept[place as usize].ends.map(|end| end as usize) {
-                                assert!(visitor[end].is_none_or(|by| by == index), "{name} {length}: two tasks of a round meet");
+                                assert!(visitor[end].is_none_or(|by| by == index), "{name} {length}: two pieces of a round meet");
                                 visitor[end] = Some(index);
                                 assert!(latest[end] < Some(place), "{name} {length}: {end} sees {place} after {:?}", latest[end]);
                                 latest[end] = Some(place);
                                 match round {
                                     0 => {
-                                        assert!(stripes.ranges[index].contains(&(end as u32)), "{name} {length}: not its stripe");
+                                        assert!(partition.tiles[index].contains(&(end as u32)), "{name} {length}: not its tile");
                                     }
                                     _ => assert_eq!(owner[end].0, last, "{name} {length}: moved before its last edge"),
                                 }
@@ -305,13 +305,13 @@ mod tests {
                     }
                 }
                 assert!(visited.iter().all(|&count| count == 1) && moved.iter().all(|&count| count == 1), "{name} {length}");
-                let of = |vertex: u32| stripes.ranges.iter().position(|range| range.contains(&vertex));
-                // A task waits for all who meet it.
-                for (round, tasks) in stripes.rounds.iter().enumerate() {
-                    for (index, task) in tasks.iter().enumerate() {
-                        let touches = |vertex: u32| task.touches.binary_search(&(of(vertex).unwrap() as u32)).is_ok();
-                        let ends = task.edges.iter().flat_map(|&place| swept[place as usize].ends);
-                        assert!(ends.chain(task.vertices.iter().cloned().flatten()).all(touches), "{name} {length}");
+                let of = |vertex: u32| partition.tiles.iter().position(|range| range.contains(&vertex));
+                // A piece waits for all who meet it.
+                for (round, pieces) in partition.rounds.iter().enumerate() {
+                    for (index, piece) in pieces.iter().enumerate() {
+                        let touches = |vertex: u32| piece.touches.binary_search(&(of(vertex).unwrap() as u32)).is_ok();
+                        let ends = piece.edges.iter().flat_map(|&place| swept[place as usize].ends);
+                        assert!(ends.chain(piece.vertices.iter().cloned().flatten()).all(touches), "{name} {length}");
                         let moves = |end: u32| owner[end as usize] == (round, index);
                         let looks = cloth.links.iter().map(|link| link.ends).filter(|ends| ends.iter().any(|&end| moves(end)));
                         assert!(looks.flatten().all(touches), "{name} {length}: somebody looks at what {round}.{index} moves");
@@ -320,11 +320,11 @@ mod tests {
                 for [a, b] in cloth.links.iter().map(|link| link.ends) {
                     let [a, b] = [a, b].map(|end| of(end).unwrap());
                     assert!(
-                        stripes.around[a].contains(&(b as u32)) && stripes.around[b].contains(&(a as u32)),
+                        partition.around[a].contains(&(b as u32)) && partition.around[b].contains(&(a as u32)),
                         "{name} {length}"
                     );
                 }
-                // What lies across from a stripe's border is not moved in the first round: forces look there.
+                // What lies across from a tile's border is not moved in the first round: forces look there.
                 for link in &cloth.links {
                     let [a, b] = link.ends;
                     assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 == last), "{name} {length}");
@@ -336,25 +336,25 @@ mod tests {
     #[test]
     fn borders_of_a_grid_are_apart() {
         let cloth = Cloth::new(&Mesh::grid(64, 128, 1.0, 2.0), &Options::default()).unwrap();
-        let stripes = Stripes::new(&cloth.links, cloth.swept().len(), cloth.rest.len());
-        assert!(stripes.ranges.len() > 8, "{} stripes", stripes.ranges.len());
-        assert_eq!(stripes.rounds.len(), 2);
-        assert_eq!(stripes.rounds[1].len(), stripes.ranges.len() - 1);
-        let late: usize = stripes.rounds[1].iter().map(|task| task.edges.len()).sum();
+        let partition = Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len());
+        assert!(partition.tiles.len() > 8, "{} tiles", partition.tiles.len());
+        assert_eq!(partition.rounds.len(), 2);
+        assert_eq!(partition.rounds[1].len(), partition.tiles.len() - 1);
+        let late: usize = partition.rounds[1].iter().map(|piece| piece.edges.len()).sum();
         assert!(late < cloth.swept().len() / 2, "{late} of {} edges wait", cloth.swept().len());
     }
 
-    /// Where colours are many for the stripes' width, more rounds keep the tasks small.
+    /// Where colors are many for the tiles' width, more rounds keep the pieces small.
     #[test]
     fn coarse_levels_share_their_work() {
         let cloth = Cloth::new(&Mesh::grid(256, 256, 1.0, 1.0), &Options::default()).unwrap();
         let level = &Hierarchy::new(&cloth).levels[0];
-        let stripes = Stripes::coarse(&level.links, level.inverse_mass.len());
-        let edges = |task: &Task| task.edges.len();
-        let longest: usize = stripes.rounds.iter().filter_map(|tasks| tasks.iter().map(edges).max()).sum();
+        let partition = Partition::coarse(&level.links, level.inverse_mass.len());
+        let edges = |piece: &Piece| piece.edges.len();
+        let longest: usize = partition.rounds.iter().filter_map(|pieces| pieces.iter().map(edges).max()).sum();
         let most: Vec<(usize, usize)> =
-            stripes.rounds.iter().map(|tasks| (tasks.len(), tasks.iter().map(edges).max().unwrap_or(0))).collect();
-        println!("{} edges, {} colours: {most:?}", level.links.len(), level.colors.len());
+            partition.rounds.iter().map(|pieces| (pieces.len(), pieces.iter().map(edges).max().unwrap_or(0))).collect();
+        println!("{} edges, {} colors: {most:?}", level.links.len(), level.colors.len());
         assert!(5 * longest < level.links.len(), "one after another {longest} of {} edges: {most:?}", level.links.len());
     }
 }

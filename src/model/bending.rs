@@ -10,7 +10,7 @@
 
 use glam::Vec4;
 
-use crate::kernels::{BendEntry, BendRow};
+use crate::kernels::bending::{BendEntry, BendRow};
 use crate::model::csr::Csr;
 use crate::model::mesh::{self, Places};
 

@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::error::BuildError;
-use crate::kernels::{Panel, Spring};
+use crate::kernels::spring::Spring;
+use crate::kernels::wind::Panel;
 use crate::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::bending::Bending;
 use crate::model::coloring;

@@ -55,6 +55,8 @@ use crate::multigrid::coarse_edges::{Edges, Fibre, Points, Stiffness, two_rings}
 
 /// A level of fewer aggregates is not worth its overhead.
 const FEWEST: usize = 6;
+/// The most levels: the finest of the largest cloth has a million aggregates, and each next one a quarter as many.
+pub(crate) const MAX_LEVELS: usize = 12;
 
 /// Nested levels, the finest first.
 #[derive(Debug, Clone, Default)]
@@ -120,7 +122,7 @@ impl Hierarchy {
         let mut last = vertices(cloth);
         let mut before: Option<Vec<Patch>> = None;
         let mut item_of: Vec<u32> = (0..last.len() as u32).collect();
-        for index in 0.. {
+        for index in 0..MAX_LEVELS as u32 {
             let (aggregate_of, count) = halving.of_level(cloth, index);
             if count < FEWEST || 3 * count > 2 * last.len() {
                 break;

@@ -1,40 +1,42 @@
-//! Vertices in whole cache lines, so that no wide load is across two that need not be.
+//! Vectors in whole cache lines, so that no wide load is across two that need not be.
 
 use std::ops::{Deref, DerefMut};
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
-use crate::cpu::shared::Shared;
+use super::MAX_LANES;
 
-/// Cache lines of sixteen vectors.
-const WHOLE: usize = 4;
-
-/// As many vectors as were asked for, from the start of a cache line on, and room for whole sixteens of them.
+/// As many vectors as were asked for, from the start of a cache line on, and room for whole groups of [`MAX_LANES`] of them.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Lines {
+pub(crate) struct AlignedVec {
     lines: Vec<Line>,
     length: usize,
 }
 
+/// A cache line.
 #[repr(C, align(64))]
 #[derive(Debug, Clone, Copy, Zeroable, Pod)]
-struct Line([Vec4; 4]);
+struct Line([Vec4; IN_LINE]);
 
-impl Lines {
+const IN_LINE: usize = 4;
+/// Cache lines of a whole group.
+const WHOLE: usize = MAX_LANES / IN_LINE;
+
+impl AlignedVec {
     /// Zeros.
-    pub(crate) fn new(length: usize) -> Lines {
-        Lines { lines: vec![Line::zeroed(); WHOLE * length.div_ceil(4 * WHOLE)], length }
+    pub(crate) fn new(length: usize) -> AlignedVec {
+        AlignedVec { lines: vec![Line::zeroed(); WHOLE * length.div_ceil(MAX_LANES)], length }
     }
 
     /// Adds a number for each of so many lanes.
     pub(crate) fn push(&mut self, lanes: usize, number: impl Fn(usize) -> f32) {
         for four in 0..lanes / 4 {
-            if self.length == 4 * self.lines.len() {
+            if self.length == IN_LINE * self.lines.len() {
                 self.lines.extend([Line::zeroed(); WHOLE]);
             }
             let vector = Vec4::from_array([0, 1, 2, 3].map(|k| number(4 * four + k)));
-            self.lines[self.length / 4].0[self.length % 4] = vector;
+            self.lines[self.length / IN_LINE].0[self.length % IN_LINE] = vector;
             self.length += 1;
         }
     }
@@ -44,13 +46,13 @@ impl Lines {
         self.lines.shrink_to_fit();
     }
 
-    /// These for the tasks of a round, with the room.
-    pub(crate) fn share(&mut self) -> Shared<Vec4> {
-        Shared::with_room(bytemuck::cast_slice_mut(&mut self.lines), self.length)
+    /// All that there is room for.
+    pub(crate) fn room(&mut self) -> &mut [Vec4] {
+        bytemuck::cast_slice_mut(&mut self.lines)
     }
 }
 
-impl Deref for Lines {
+impl Deref for AlignedVec {
     type Target = [Vec4];
 
     fn deref(&self) -> &[Vec4] {
@@ -58,8 +60,9 @@ impl Deref for Lines {
     }
 }
 
-impl DerefMut for Lines {
+impl DerefMut for AlignedVec {
     fn deref_mut(&mut self) -> &mut [Vec4] {
-        &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.length]
+        let length = self.length;
+        &mut self.room()[..length]
     }
 }

@@ -1,6 +1,7 @@
 //! What depends on the length of the substep: computed once, kept while the length stays.
 
-use crate::kernels::{BendRow, Edge};
+use crate::kernels::bending::BendRow;
+use crate::kernels::distance::Edge;
 use crate::model::cloth::{Cloth, Link};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};

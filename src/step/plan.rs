@@ -3,7 +3,9 @@
 use glam::{Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider, Shape};
-use crate::kernels::{self, Body, Params, Pin, Substep};
+use crate::kernels::contact::{self, Body};
+use crate::kernels::integrate::Pin;
+use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
@@ -164,7 +166,7 @@ fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
             a_travel: (to.0 - from.0).to_array(),
             radius_travel: to_radius - from_radius,
             b_travel: (to.1 - from.1).to_array(),
-            kind: kernels::ROUND,
+            kind: contact::ROUND,
         }
     };
     match (shape, last) {
@@ -179,7 +181,7 @@ fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
                 b: normal.as_dvec3().normalize().as_vec3().to_array(),
                 friction: now.friction,
                 a_travel: (point - from).to_array(),
-                kind: kernels::PLANE,
+                kind: contact::PLANE,
                 ..Body::default()
             }
         }

@@ -1,0 +1,165 @@
+//! The state of a cloth in memory, and a step of it.
+
+use std::sync::atomic::AtomicUsize;
+
+use glam::Vec4;
+
+use crate::cpu::coarse::Coarse;
+use crate::cpu::edge_batches::EdgeBatches;
+use crate::cpu::forces::ForceArrays;
+use crate::cpu::integrate::Integrator;
+use crate::cpu::partition::{Partition, Piece};
+use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
+use crate::cpu::sweep::Rule;
+use crate::cpu::tasks::shared::SharedArray;
+use crate::model::cloth::Cloth;
+use crate::options::Method;
+use crate::simd::Width;
+use crate::simd::aligned::AlignedVec;
+use crate::step::plan::Plan;
+
+/// The state of the cloth in memory, one value per vertex in the cloth's order, and what is kept for its steps.
+#[derive(Debug)]
+pub(crate) struct Cpu {
+    /// Positions (m), w the inverse mass (1/kg).
+    pub x: AlignedVec,
+    /// Displacement over the last substep (m), and while a substep is made, over that. Its w means nothing.
+    pub p: AlignedVec,
+    /// Where `x` and `p` go back to if the step fails.
+    x_good: AlignedVec,
+    p_good: AlignedVec,
+    forces: ForceArrays,
+    coarse: Coarse,
+    partition: Option<Partition>,
+    /// The edges of each round of the partition.
+    edges: Vec<EdgeBatches>,
+    schedule: Schedule,
+    /// What they were packed for: the bits of the substep (s), levels, threads; and what the schedule is of.
+    packed_for: Option<(u32, usize, usize)>,
+    scheduled_for: Option<Terms>,
+    width: Width,
+}
+
+impl Cpu {
+    pub(crate) fn new(cloth: &Cloth) -> Cpu {
+        let zero = AlignedVec::new(cloth.rest.len());
+        let mut x = zero.clone();
+        x.copy_from_slice(&cloth.rest);
+        Cpu {
+            x,
+            p: zero.clone(),
+            x_good: zero.clone(),
+            p_good: zero,
+            forces: ForceArrays::default(),
+            coarse: Coarse::default(),
+            partition: None,
+            edges: Vec::new(),
+            schedule: Schedule::default(),
+            packed_for: None,
+            scheduled_for: None,
+            width: Width::detected(),
+        }
+    }
+
+    /// Forgets that the processor can do more at once than this.
+    #[cfg(any(test, feature = "bench"))]
+    pub(crate) fn narrow(&mut self, width: Width) {
+        (self.width, self.packed_for) = (width, None);
+        self.forces = ForceArrays::default();
+        self.coarse.forget();
+    }
+
+    /// Puts the state somewhere else.
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.x.copy_from_slice(x);
+        self.p.copy_from_slice(p);
+    }
+
+    /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Names a vertex that leaves the
+    /// bounds; the state is then as it was.
+    pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), usize> {
+        let lost = self.run(plan, elsewhere);
+        if lost == usize::MAX {
+            return Ok(());
+        }
+        self.revert();
+        Err(lost)
+    }
+
+    /// Back to where the last step began.
+    pub(crate) fn revert(&mut self) {
+        self.x.copy_from_slice(&self.x_good);
+        self.p.copy_from_slice(&self.p_good);
+    }
+
+    /// The substeps of a step; the first vertex that leaves the bounds, or `usize::MAX`.
+    fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> usize {
+        let threads = rayon::current_num_threads();
+        self.pack(plan, elsewhere.is_some(), threads);
+        let Cpu { x, p, x_good, p_good, forces, coarse, edges, schedule, partition, width, .. } = self;
+        let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
+        let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
+        let stepper = Stepper {
+            plan,
+            terms: self.scheduled_for.expect("packed"),
+            partition: partition.as_ref().expect("packed"),
+            edges,
+            forces: forces.share(plan, &x, &u, *width),
+            correction: coarse.share(&x, &u, *width),
+            integrator: Integrator { plan, x: &x, u: &u, good, lost: AtomicUsize::new(usize::MAX), width: *width },
+            elsewhere,
+            rule: rule(plan.method),
+            workers: threads,
+        };
+        let Schedule { passes, graph } = schedule;
+        let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
+        graph.run(turns, threads, &|task, turn, pass, index| stepper.work(task, &passes[pass], turn, index));
+        stepper.integrator.lost.into_inner()
+    }
+
+    /// Makes ready for substeps of the plan's length and its terms.
+    fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
+        let (coefficients, cloth) = (plan.coefficients, plan.cloth);
+        let levels = coefficients.levels.len();
+        let packed = Some((coefficients.h.to_bits(), levels, threads));
+        if self.packed_for != packed {
+            if self.packed_for.is_none_or(|(_, _, before)| before != threads) {
+                self.partition = None;
+                self.coarse.forget();
+                self.scheduled_for = None;
+            }
+            self.packed_for = packed;
+            // The old ones first, or memory would hold both.
+            self.edges = Vec::new();
+            let (inverse_mass, lanes) = (cloth.inverse_mass(), self.width.lanes());
+            let partition =
+                self.partition.get_or_insert_with(|| Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len()));
+            let pack = |pieces: &Vec<Piece>| EdgeBatches::new(pieces, &coefficients.edges, &cloth.colors, &inverse_mass, lanes);
+            self.edges = partition.rounds.iter().map(pack).collect();
+            self.coarse.pack(plan.levels, &coefficients.levels, self.width, threads);
+        }
+        let partition = self.partition.as_ref().expect("made above");
+        let terms = Terms {
+            exchanged,
+            bending: plan.bending && !exchanged,
+            wind: plan.wind && !exchanged,
+            springs: plan.method == Method::Springs && !exchanged,
+            pins: !plan.pins.is_empty(),
+            levels,
+        };
+        self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
+        if self.scheduled_for != Some(terms) {
+            self.schedule = Schedule::new(terms, partition, &self.coarse, self.forces.panel_tiles());
+            self.scheduled_for = Some(terms);
+        }
+    }
+}
+
+/// How a method's edges are corrected, if they are.
+fn rule(method: Method) -> Option<Rule> {
+    match method {
+        Method::SmallSteps => Some(Rule::Project),
+        Method::Relaxation { .. } => Some(Rule::Relax),
+        Method::Springs => None,
+    }
+}

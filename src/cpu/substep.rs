@@ -1,0 +1,361 @@
+//! A substep as a list of stages, and what each stage does to a tile of the cloth.
+
+use std::ops::Range;
+
+use crate::cpu::coarse::{Coarse, Correction};
+use crate::cpu::edge_batches::EdgeBatches;
+use crate::cpu::forces::Forces;
+use crate::cpu::integrate::{Integrator, Then};
+use crate::cpu::partition::{Partition, Piece};
+use crate::cpu::sweep::{Rule, sweep};
+use crate::cpu::tasks::scheduler::{Graph, PassTasks};
+use crate::cpu::tasks::shared::{Task, View};
+use crate::step::plan::Plan;
+
+/// What a substep does to every part of the cloth before it goes on to the next stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Stage {
+    /// The state is kept, to go back to.
+    Remember,
+    /// What is predicted elsewhere comes from there.
+    Exchange,
+    /// Bending rows take the moments of their rings.
+    BendMoments,
+    /// Triangles feel the air.
+    PanelForces,
+    /// Vertices are given the displacement that the last one and the forces predict.
+    Predict,
+    /// Pins are given theirs.
+    LeadPins,
+    /// Aggregates of a level are given the averages of what they are made of.
+    Restrict(usize),
+    /// Levels from this one on, too small to share, are restricted and swept together.
+    SmallLevels(usize),
+    /// Edges of a level, in one round of its partition, after it was handed what the coarser ones were corrected by.
+    SweepLevel(usize, usize),
+    /// Vertices are handed what the levels were corrected by.
+    Correct,
+    /// Edges, in one round of the partition.
+    Sweep(usize),
+    /// Vertices whose edges are all swept meet the colliders and move. Where no force acts they are predicted to fall on.
+    Move(usize),
+}
+
+/// What decides which stages a substep has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Terms {
+    /// Displacements are predicted elsewhere.
+    pub exchanged: bool,
+    pub bending: bool,
+    pub wind: bool,
+    pub springs: bool,
+    /// Pins are led.
+    pub pins: bool,
+    pub levels: usize,
+}
+
+impl Terms {
+    /// Whether vertices fall: no force acts on them but the ambient acceleration.
+    fn falls(self) -> bool {
+        !(self.exchanged || self.bending || self.wind || self.springs)
+    }
+}
+
+/// What comes before the first substep of a step.
+fn prologue(terms: Terms) -> Vec<Stage> {
+    if terms.falls() { vec![Stage::Remember, Stage::Predict] } else { vec![Stage::Remember] }
+}
+
+/// The stages of a substep, in order.
+fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
+    let mut stages = Vec::new();
+    // Predict each vertex's displacement, from the last one and the forces.
+    if terms.exchanged {
+        stages.extend([Stage::Exchange, Stage::Predict]);
+    } else {
+        stages.extend(terms.bending.then_some(Stage::BendMoments));
+        stages.extend(terms.wind.then_some(Stage::PanelForces));
+        stages.extend((!terms.falls()).then_some(Stage::Predict));
+    }
+    stages.extend(terms.pins.then_some(Stage::LeadPins));
+    // Correct it by levels, the coarsest first.
+    if terms.levels > 0 {
+        let shared = coarse.shared();
+        stages.extend((0..shared.max(1)).map(Stage::Restrict));
+        stages.extend((shared < terms.levels).then_some(Stage::SmallLevels(shared)));
+        for level in (0..shared).rev() {
+            stages.extend((0..coarse.partition(level).rounds.len()).map(|round| Stage::SweepLevel(level, round)));
+        }
+        stages.push(Stage::Correct);
+    }
+    // Sweep the edges; then contact, and the move.
+    for round in 0..partition.rounds.len() {
+        stages.extend([Stage::Sweep(round), Stage::Move(round)]);
+    }
+    stages
+}
+
+/// What the tasks of a stage are over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Over {
+    Everything,
+    Tiles,
+    Triangles,
+    Aggregates(usize),
+    PiecesOfLevel(usize, usize),
+    Borders(usize),
+}
+
+impl Stage {
+    fn over(self) -> Over {
+        match self {
+            Stage::Exchange | Stage::SmallLevels(_) => Over::Everything,
+            Stage::PanelForces => Over::Triangles,
+            Stage::Restrict(level) => Over::Aggregates(level),
+            Stage::SweepLevel(level, round) => Over::PiecesOfLevel(level, round),
+            Stage::Sweep(round) | Stage::Move(round) if round > 0 => Over::Borders(round),
+            _ => Over::Tiles,
+        }
+    }
+
+    /// Whether it looks at what the stage before did to neighbors.
+    fn looks_around(self) -> bool {
+        self == Stage::Predict
+    }
+}
+
+/// Stages that are done to a part of the cloth one after another, while it is in cache.
+pub(crate) type Pass = Vec<Stage>;
+
+/// Joins stages over the same parts that need nothing of one another's neighbors.
+fn fuse(stages: Vec<Stage>) -> Vec<Pass> {
+    let mut passes: Vec<Pass> = Vec::new();
+    for stage in stages {
+        match passes.last_mut() {
+            Some(pass) if pass[0].over() == stage.over() && !stage.looks_around() => pass.push(stage),
+            _ => passes.push(vec![stage]),
+        }
+    }
+    passes
+}
+
+/// The passes of a step, and the graph of their tasks.
+#[derive(Debug, Default)]
+pub(crate) struct Schedule {
+    pub passes: Vec<Pass>,
+    pub graph: Graph,
+}
+
+impl Schedule {
+    pub(crate) fn new(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Schedule {
+        let prologue = fuse(prologue(terms));
+        let once = prologue.len();
+        let mut passes = prologue;
+        passes.extend(fuse(stages(terms, partition, coarse)));
+        let places = Places { partition, coarse, panel_tiles };
+        let mut tasks: Vec<PassTasks> = Vec::new();
+        for (index, pass) in passes.iter().enumerate() {
+            let is_local = |over| matches!(over, Over::Tiles | Over::Triangles | Over::Borders(_));
+            let follows = index > once && is_local(pass[0].over()) && is_local(passes[index - 1][0].over());
+            tasks.push(PassTasks { touches: places.touched(pass), follows });
+        }
+        Schedule { graph: Graph::new(tasks, once, places.count()), passes }
+    }
+}
+
+/// The places of the cloth that tasks wait for one another at: its tiles, then those of each level that is shared, then one for all
+/// others.
+struct Places<'a> {
+    partition: &'a Partition,
+    coarse: &'a Coarse,
+    panel_tiles: &'a [Vec<u32>],
+}
+
+impl Places<'_> {
+    fn count(&self) -> usize {
+        self.first_of_level(self.coarse.shared()) + 1
+    }
+
+    fn first_of_level(&self, level: usize) -> usize {
+        self.partition.tiles.len() + (0..level).map(|level| self.coarse.partition(level).tiles.len()).sum::<usize>()
+    }
+
+    /// The places of some aggregates of a level.
+    fn of_level(&self, level: usize, aggregates: impl Iterator<Item = u32>) -> Vec<u32> {
+        if level >= self.coarse.shared() {
+            return vec![self.count() as u32 - 1];
+        }
+        let first = self.first_of_level(level) as u32;
+        sorted(aggregates.map(|aggregate| first + tile_of(&self.coarse.partition(level).tiles, aggregate)))
+    }
+
+    /// What each task of a pass touches.
+    fn touched(&self, pass: &Pass) -> Vec<Vec<u32>> {
+        let Places { partition, coarse, .. } = *self;
+        let everything = || (0..self.count() as u32).collect::<Vec<u32>>();
+        let tiles = 0..partition.tiles.len() as u32;
+        match pass[0].over() {
+            Over::Everything => vec![everything()],
+            Over::Tiles if pass[0] == Stage::BendMoments => partition.around.clone(),
+            Over::Tiles if pass.contains(&Stage::Correct) => {
+                let labels = |tile: u32| coarse.labels(0, partition.tiles[tile as usize].clone());
+                tiles.map(|tile| sorted([tile].into_iter().chain(self.of_level(0, labels(tile))))).collect()
+            }
+            Over::Tiles => tiles.map(|tile| vec![tile]).collect(),
+            Over::Triangles => self.panel_tiles.to_vec(),
+            Over::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
+            Over::Aggregates(level) => {
+                let chunks = 0..coarse.restrictions(level);
+                chunks.map(|chunk| self.restricted(level, coarse.restricted(level, chunk))).collect()
+            }
+            Over::PiecesOfLevel(level, round) => {
+                let pieces = coarse.partition(level).rounds[round].iter().enumerate();
+                pieces.map(|(index, piece)| self.swept(level, round, index, piece)).collect()
+            }
+        }
+    }
+
+    /// What the restriction to some aggregates touches: them, and what they are made of.
+    fn restricted(&self, level: usize, aggregates: Range<usize>) -> Vec<u32> {
+        let members = self.coarse.members(level, aggregates.clone());
+        let below = match level {
+            0 => sorted(members.map(|vertex| tile_of(&self.partition.tiles, vertex))),
+            _ => self.of_level(level - 1, members),
+        };
+        sorted(below.into_iter().chain(self.of_level(level, aggregates.map(|aggregate| aggregate as u32))))
+    }
+
+    /// What the sweep of a piece of a level touches; in the first round it also looks at the level above.
+    fn swept(&self, level: usize, round: usize, index: usize, piece: &Piece) -> Vec<u32> {
+        let first = self.first_of_level(level) as u32;
+        let own = piece.touches.iter().map(|tile| first + tile);
+        if round > 0 || level + 1 == self.coarse.len() {
+            return sorted(own);
+        }
+        let tile = self.coarse.partition(level).tiles[index].clone();
+        sorted(own.chain(self.of_level(level + 1, self.coarse.labels(level + 1, tile))))
+    }
+}
+
+fn sorted(places: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut places: Vec<u32> = places.collect();
+    places.sort_unstable();
+    places.dedup();
+    places
+}
+
+fn tile_of(tiles: &[Range<u32>], item: u32) -> u32 {
+    tiles.partition_point(|tile| tile.end <= item) as u32
+}
+
+/// The state as a task sees it: positions and displacements.
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only a GPU is elsewhere"))]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct State<'t> {
+    pub x: View<'t>,
+    pub u: View<'t>,
+}
+
+/// How displacements are predicted elsewhere; substeps are named by their number in the step.
+pub(crate) struct Elsewhere<'a> {
+    /// Before each substep, while no other task runs.
+    pub exchange: &'a (dyn Fn(&Task, usize) + Sync),
+    /// Predicts the displacements of some vertices.
+    pub predict: &'a (dyn Fn(&Task, State<'_>, Range<u32>, usize) + Sync),
+    /// Sees some vertices that were moved.
+    pub moved: &'a (dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync),
+}
+
+/// A step at work.
+pub(crate) struct Stepper<'a> {
+    pub plan: &'a Plan<'a>,
+    pub terms: Terms,
+    pub partition: &'a Partition,
+    pub edges: &'a [EdgeBatches],
+    pub forces: Forces<'a>,
+    pub correction: Correction<'a>,
+    pub integrator: Integrator<'a>,
+    pub elsewhere: Option<&'a Elsewhere<'a>>,
+    /// How edges are corrected, if they are not forces.
+    pub rule: Option<Rule>,
+    pub workers: usize,
+}
+
+impl Stepper<'_> {
+    /// One task: the stages of a pass on one part of the cloth. A turn is a sweep, of which a substep may have several.
+    pub(crate) fn work(&self, task: &Task, pass: &Pass, turn: u32, index: usize) {
+        let sweeps = self.plan.sweeps.max(1);
+        let substep = (turn / sweeps) as usize;
+        let (begins, ends) = (turn % sweeps == 0, turn % sweeps + 1 == sweeps);
+        for &stage in pass {
+            let is_due = match stage {
+                Stage::Sweep(_) => true,
+                Stage::Move(_) => ends,
+                _ => begins,
+            };
+            if is_due {
+                self.stage(task, stage, substep, index);
+            }
+        }
+    }
+
+    fn stage(&self, task: &Task, stage: Stage, index: usize, part: usize) {
+        let substep = &self.plan.substeps[index];
+        let tile = || self.partition.tiles[part].clone();
+        match stage {
+            Stage::Remember => self.integrator.remember(task, tile()),
+            Stage::Exchange => self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, index)),
+            Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
+            Stage::PanelForces => self.forces.panel_forces(task, part, substep),
+            Stage::Predict => self.predict(task, tile(), index),
+            Stage::LeadPins => self.forces.lead_pins(task, tile(), substep),
+            Stage::Restrict(level) => self.correction.restrict(task, level, part),
+            Stage::SmallLevels(first) => self.correction.small_levels(task, first),
+            Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
+            Stage::Correct => self.correction.correct(task, tile()),
+            Stage::Sweep(round) => self.sweep(task, round, part),
+            Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
+        }
+    }
+
+    fn state<'t>(&'t self, task: &'t Task) -> State<'t> {
+        State { x: self.integrator.x.within(task), u: self.integrator.u.within(task) }
+    }
+
+    fn predict(&self, task: &Task, tile: Range<u32>, index: usize) {
+        let substep = &self.plan.substeps[index];
+        if let Some(elsewhere) = self.elsewhere {
+            return (elsewhere.predict)(task, self.state(task), tile, index);
+        }
+        if self.terms.bending {
+            self.forces.bend(task, tile.clone(), substep);
+        } else {
+            self.integrator.fall(task, tile.clone(), substep);
+        }
+        if self.terms.wind || self.terms.springs {
+            self.forces.blow_and_pull(task, tile, substep);
+        }
+    }
+
+    fn sweep(&self, task: &Task, round: usize, part: usize) {
+        let Some(rule) = self.rule else { return };
+        let State { x, u } = self.state(task);
+        let Piece { vertices, touches, .. } = &self.partition.rounds[round][part];
+        let worker = |&tile: &u32| tile as usize * self.workers / self.partition.tiles.len();
+        // At a border between two workers' tiles half of them are in the other's cache.
+        if touches.first().map(worker) != touches.last().map(worker) {
+            vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
+        }
+        sweep(&self.edges[round], part, rule, x, u, self.integrator.width);
+    }
+
+    fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {
+        let then = match self.plan.substeps.get(index + 1) {
+            None => Then::Check,
+            Some(next) if self.terms.falls() => Then::Fall(next),
+            Some(_) => Then::Wait,
+        };
+        self.integrator.advance(task, vertices, &self.plan.substeps[index], then);
+        self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.moved)(task, self.state(task), vertices, index));
+    }
+}

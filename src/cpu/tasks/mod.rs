@@ -1,0 +1,6 @@
+//! Tasks on several threads, and the arrays that they share.
+
+#[cfg(debug_assertions)]
+mod race;
+pub(crate) mod scheduler;
+pub(crate) mod shared;

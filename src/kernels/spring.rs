@@ -1,0 +1,23 @@
+//! Explicit springs, a force: for [`Method::Springs`](crate::Method::Springs).
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3A;
+
+use super::distance::LEAST_LENGTH;
+
+/// A spring seen from one of its ends.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Spring {
+    pub other: u32,
+    /// Rest length (m).
+    pub rest: f32,
+    /// Stiffness (N/m).
+    pub stiffness: f32,
+}
+
+/// Force (N) of a spring on the end that `d` (m) points away from: `k (l - l0) d / l`.
+pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
+    let length = d.length().max(LEAST_LENGTH);
+    d * (spring.stiffness * (length - spring.rest) / length)
+}

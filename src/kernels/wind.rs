@@ -1,0 +1,56 @@
+//! Wind, a force on each triangle.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::params::{Params, Substep};
+use crate::simd::{Lanes, Vector};
+
+/// A triangle that the air acts on.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Panel {
+    pub corners: [u32; 3],
+    /// Mass (kg) that its force moves: its area times the least areal density of its corners.
+    pub mass: f32,
+}
+
+/// Force (N) of the air on a triangle (Keckeisen et al. 2004). With `v` its velocity relative to the air, `v_n` and `v_t` the
+/// parts along and across its normal, and `s = |v_n|/|v|`: drag `-rho/2 A C_D |v_n| v` along the stream, and lift
+/// `-rho/2 A C_L |v| (v_n - s² v)` across it, largest at 45 degrees.
+///
+/// Resolved into `-A (k_n v_n + k_t v_t)`, each `k` limited to `k / (1 + kick k A/m)`, `kick` (s) being the time the force acts:
+/// exact for a free panel in steady air, and never reverses the velocity relative to it, however strong the wind.
+#[inline(always)]
+pub(crate) fn wind_force<L: Lanes>(
+    x: [Vector<L>; 3],
+    velocity: Vector<L>,
+    mass: L,
+    substep: &Substep,
+    params: &Params,
+) -> Vector<L> {
+    let one = L::splat(1.0);
+    let cross = (x[1] - x[0]).cross(x[2] - x[0]);
+    let double_area = cross.dot(cross).sqrt();
+    let n = cross * (one / double_area);
+    let area = double_area * L::splat(0.5);
+    let relative = velocity - Vector::splat(params.wind);
+    let along = n.dot(relative);
+    let normal = n * along;
+    let tangential = relative - normal;
+    let speed = relative.dot(relative).sqrt().max(L::splat(1e-10));
+    let (along, half_density) = (along.abs(), L::splat(params.half_density));
+    let sine = along / speed;
+    let (drag, lift) = (L::splat(params.drag), L::splat(params.lift));
+    let kick = L::splat(substep.gain / params.h) * area / mass;
+    let k_n = half_density * drag.mul_add(along, lift * speed * sine.neg_mul_add(sine, one));
+    let k_t = half_density * along * lift.neg_mul_add(sine, drag);
+    let force = normal.mul_add(limited(k_n, area, kick), tangential * limited(k_t, area, kick));
+    let flat = double_area.lt(L::splat(1e-20));
+    Vector::select(flat, Vector::zero(), force * L::splat(-1.0))
+}
+
+/// `k A / (1 + kick k A/m)`, given `kick A/m`.
+#[inline(always)]
+fn limited<L: Lanes>(k: L, area: L, kick: L) -> L {
+    k * area / k.mul_add(kick, L::splat(1.0))
+}
