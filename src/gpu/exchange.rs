@@ -12,9 +12,11 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
-use super::device::{Bind, Entry, Gpu, Stage, shader};
-use super::forces::Forces;
 use crate::cpu::shared::Shared;
+use crate::device::{Entry, Gpu};
+use crate::gpu::forces::Forces;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Stage};
 use crate::step::plan::Plan;
 
 /// How long a callback may take once the device is done.
@@ -86,17 +88,17 @@ impl Exchange {
         let copies = [copy(0, "sent"), copy(1, "given")];
         let [sent, given] = [copies[0].as_ref().unwrap_or(&outbox), copies[1].as_ref().unwrap_or(&inbox)];
 
-        let module = gpu.module("exchange", shader!("exchange"));
         let state = &forces.states[0];
         let arrive = Parcel::ALL.map(|parcel| {
             let has = |held: bool| f64::from(u8::from(held));
             let constants = [("POSITIONS", has(parcel.has_positions())), ("DISPLACEMENTS", has(parcel.has_displacements()))];
-            let entry = Entry { module: &module, name: "arrive", constants: &constants };
-            let bound = vec![(0, Bind::Read(sent)), (1, Bind::Write(&state.x)), (2, Bind::Write(&state.p))];
-            Stage::new(gpu, &forces.frame, entry, &[bound])
+            let entry = Entry { shader: shaders::EXCHANGE, name: "arrive", constants: &constants };
+            let bound = vec![Bind::Read(sent), Bind::Write(&state.x), Bind::Write(&state.p)];
+            Stage::new(gpu, &forces.uniforms, entry, &[bound])
         });
-        let bound = vec![(3, Bind::Read(&forces.u)), (4, Bind::Write(given))];
-        let leave = Stage::new(gpu, &forces.frame, Entry::new(&module, "leave"), &[bound]);
+        let bound = vec![Bind::Unused, Bind::Unused, Bind::Unused, Bind::Read(&forces.u), Bind::Write(given)];
+        let entry = Entry { shader: shaders::EXCHANGE, name: "leave", constants: &[] };
+        let leave = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
         let arrive = arrive.into_iter().collect();
         let [sent, given] = copies;
         Exchange { arrive, leave, vertices, views: None, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
@@ -131,10 +133,10 @@ impl Exchange {
             encoder.copy_buffer_to_buffer(&self.outbox, start, sent, start, end - start);
         }
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        forces.set_frame(&mut pass, index);
-        self.arrive[parcel as usize].encode(&mut pass, 0, &[], vertices);
+        forces.bind_substep(&mut pass, index);
+        self.arrive[parcel as usize].dispatch(&mut pass, 0, &[], vertices);
         forces.encode(&mut pass, plan, 0);
-        self.leave.encode(&mut pass, 0, &[], 3 * vertices);
+        self.leave.dispatch(&mut pass, 0, &[], 3 * vertices);
         drop(pass);
         if let Some(given) = &self.given {
             encoder.copy_buffer_to_buffer(given, 0, &self.inbox, 0, THREE * self.vertices);
@@ -145,7 +147,7 @@ impl Exchange {
     /// Hands the buffers over, and asks for them back. What was in reach no longer is.
     pub(crate) fn post(&mut self, gpu: &Gpu, commands: wgpu::CommandBuffer) {
         self.close();
-        gpu.queue.submit([commands]);
+        gpu.queue().submit([commands]);
         self.ask();
     }
 

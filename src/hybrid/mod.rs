@@ -38,7 +38,8 @@ use glam::{Vec3A, Vec4};
 use crate::backend::Failure;
 use crate::cpu::shared::Shared;
 use crate::cpu::{Cpu, Elsewhere, State};
-use crate::gpu::{Desk, Exchange, Forces, Gpu, Parcel};
+use crate::device::Gpu;
+use crate::gpu::{Desk, Exchange, Forces, Parcel};
 use crate::kernels::{self, Params, Substep, xyz};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
@@ -79,15 +80,15 @@ impl Hybrid {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 0)?;
             // The inverse masses; the rest of it is sent.
-            gpu.write(&forces.states[0].x, &cloth.rest);
-            let in_place = gpu.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
+            gpu.write(&forces.states[0].x, 0, &cloth.rest);
+            let in_place = gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
             let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), [in_place; 2]);
             Ok(Hybrid { gpu, forces, exchange, sent: None, every: 1, told: Vec::new(), cpu: Cpu::new(cloth) })
         })
     }
 
     pub(crate) fn adapter(&self) -> &str {
-        &self.gpu.name
+        self.gpu.name()
     }
 
     /// Puts the state somewhere else.
@@ -119,10 +120,10 @@ impl Hybrid {
             forces.prepare(gpu, plan, false);
             let mut encoder = gpu.encoder();
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            forces.set_frame(&mut pass, 0);
+            forces.bind_substep(&mut pass, 0);
             (0..repeats).for_each(|_| forces.encode(&mut pass, plan, 0));
             drop(pass);
-            gpu.queue.submit([encoder.finish()]);
+            gpu.queue().submit([encoder.finish()]);
             gpu.wait()
         })
     }

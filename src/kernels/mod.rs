@@ -151,10 +151,10 @@ pub(crate) const STRETCH_GUARD: f32 = 0.1;
 /// No edge is shorter (m) where its length divides.
 pub(crate) const LEAST_LENGTH: f32 = 1e-12;
 /// Speed (m/s) at which a vertex that began a substep inside a body is moved out of it.
-const DEPENETRATION: f32 = 1.0;
+pub(crate) const DEPENETRATION: f32 = 1.0;
 /// A vertex that moves by more than this share of a body's radius in a substep is swept along its path.
-const SWEPT: f32 = 0.25;
-const SWEEP_STEPS: u32 = 24;
+pub(crate) const SWEPT: f32 = 0.25;
+pub(crate) const SWEEP_STEPS: u32 = 24;
 
 /// Displacement predicted from the last one and an acceleration: leapfrog, exact for linear drag.
 pub(crate) fn predict(p: Vec3A, acceleration: Vec3A, substep: &Substep) -> Vec3A {
