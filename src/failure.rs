@@ -1,6 +1,6 @@
 //! What an engine reports when a step or a read did not work out.
 
-/// See the module.
+/// Why a step or a read failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The state is not finite from this vertex on, in the cloth's order.

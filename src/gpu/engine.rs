@@ -2,19 +2,19 @@
 
 use glam::Vec4;
 
-use super::commit::{self, Commit, NONE};
-use super::forces::Forces;
-use super::multigrid::Multigrid;
-use super::readback::Readback;
-use super::stage::Sent;
-use super::state::{PING_PONG, ping_pong};
-use super::stats::GpuStats;
-use super::submission::Submission;
-use super::surface::{Normals, Surface};
-use super::sweep::{PerColor, SingleWorkgroup, Tiled};
-use super::tiles::{TileSize, Tiles};
 use crate::device::Gpu;
 use crate::failure::Failure;
+use crate::gpu::commit::{self, Commit, NONE};
+use crate::gpu::forces::Forces;
+use crate::gpu::multigrid::Multigrid;
+use crate::gpu::readback::Readback;
+use crate::gpu::stage::Sent;
+use crate::gpu::state::{PING_PONG, ping_pong};
+use crate::gpu::stats::GpuStats;
+use crate::gpu::submission::Submission;
+use crate::gpu::surface::{Normals, Surface};
+use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
+use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::Body;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;

@@ -3,7 +3,7 @@
 
 use crate::device::{Entry, Gpu, Shader};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, lay_out, offset_of};
+use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::State;
 use crate::kernels::{Params, Pin, Substep};
 use crate::model::cloth::Cloth;
@@ -22,7 +22,7 @@ pub(crate) struct Forces {
     params: Sent,
     substeps: Sent,
     /// The substeps as they are sent.
-    laid_out: Vec<u8>,
+    slots: Vec<u8>,
     /// The same substeps without gaps, for who takes them all.
     pub all_substeps: Sent,
     pub pins: Sent,
@@ -69,7 +69,7 @@ impl Forces {
             uniforms,
             params,
             substeps,
-            laid_out: Vec::new(),
+            slots: Vec::new(),
             all_substeps,
             pins,
             predict,
@@ -82,14 +82,14 @@ impl Forces {
     /// Uploads what this step has, and makes the kernels that it is the first to need. True if [`Forces::all_substeps`] is
     /// another buffer than before.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool) -> bool {
-        let Forces { states, u, uniforms, params, substeps, laid_out, all_substeps, pins, .. } = self;
+        let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, .. } = self;
         params.send(gpu, std::slice::from_ref(&plan.params));
         pins.send(gpu, plan.pins);
         if all {
             return all_substeps.send(gpu, plan.substeps);
         }
-        lay_out(laid_out, plan.substeps);
-        if substeps.send(gpu, laid_out) {
+        fill_slots(slots, plan.substeps);
+        if substeps.send(gpu, slots) {
             *uniforms = self::uniforms(gpu, params, substeps);
         }
         if plan.bending {
@@ -126,7 +126,7 @@ impl Forces {
 
     /// Binds the numbers of one substep for the stages encoded next.
     pub(crate) fn bind_substep(&self, pass: &mut wgpu::ComputePass<'_>, substep: usize) {
-        self.uniforms.set(pass, 0, &offset_of(substep));
+        self.uniforms.set(pass, 0, &slot(substep));
     }
 
     /// Dispatches of a substep.

@@ -7,11 +7,11 @@ use std::mem::offset_of;
 use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::commit::NONE;
-use super::multigrid::Member;
-use super::shaders;
-use super::stage::{Batch, WORKGROUP};
-use super::tiles::NO_EDGE;
+use crate::gpu::commit::NONE;
+use crate::gpu::multigrid::Member;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Batch, WORKGROUP};
+use crate::gpu::tiles::NO_EDGE;
 use crate::kernels::{self, BendEntry, BendRow, Body, Edge, Panel, Params, Pin, Spring, Substep};
 use crate::limits::MAX_POSITION;
 use crate::model::csr::Span;

@@ -26,8 +26,10 @@ shaders! {
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";
     CONTACT: "distance" "contact" "stages/move" "stages/contact";
-    TILE: "integrate" "distance" "contact" "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/move" "stages/tile";
-    SINGLE_WORKGROUP: "integrate" "distance" "contact" "limits" "stages/sweep" "stages/tiles" "stages/levels" "stages/move" "stages/single_workgroup";
+    TILE: "integrate" "distance" "contact"
+        "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/move" "stages/tile";
+    SINGLE_WORKGROUP: "integrate" "distance" "contact" "limits"
+        "stages/sweep" "stages/tiles" "stages/levels" "stages/move" "stages/single_workgroup";
     COMMIT: "limits" "stages/commit";
     RESTRICT: "integrate" "stages/motion" "stages/restrict";
     LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";

@@ -10,7 +10,7 @@ pub(crate) const WORKGROUP: usize = 64;
 const SUBGROUP: usize = 32;
 /// Most workgroups in a dimension of a dispatch.
 const MAX_GROUPS: usize = 65_535;
-/// Bytes from one item of a dynamic uniform to the next, such that a uniform of any size may start there.
+/// Bytes from one slot of a dynamic uniform to the next: a uniform of any size may start there.
 pub(crate) const SLOT: usize = 256;
 
 /// A run of items for one dispatch: `Batch` of `dispatch.wgsl`.
@@ -27,23 +27,23 @@ impl From<std::ops::Range<usize>> for Batch {
     }
 }
 
-/// Lays items out for [`Bind::Dynamic`], in `bytes`.
-pub(crate) fn lay_out<T: Pod>(bytes: &mut Vec<u8>, items: &[T]) {
+/// Lays items out for [`Bind::Dynamic`] in `bytes`, a slot each.
+pub(crate) fn fill_slots<T: Pod>(bytes: &mut Vec<u8>, items: &[T]) {
     bytes.resize(items.len().max(1) * SLOT, 0);
-    for (item, slot) in items.iter().zip(bytes.chunks_mut(SLOT)) {
-        slot[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(item));
+    for (item, bytes) in items.iter().zip(bytes.chunks_mut(SLOT)) {
+        bytes[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(item));
     }
 }
 
-/// The offset of item number `index` that [`lay_out`] gave it.
-pub(crate) fn offset_of(index: usize) -> [u32; 1] {
+/// The offset of slot number `index`.
+pub(crate) fn slot(index: usize) -> [u32; 1] {
     [(index * SLOT) as u32]
 }
 
 /// A buffer of items that never change, for [`Bind::Dynamic`].
 pub(crate) fn batches(gpu: &Gpu, items: &[Batch]) -> wgpu::Buffer {
     let mut bytes = Vec::new();
-    lay_out(&mut bytes, items);
+    fill_slots(&mut bytes, items);
     let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let buffer = gpu.make("batches", bytes.len() as u64, usage);
     gpu.write(&buffer, 0, &bytes);

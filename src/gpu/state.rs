@@ -1,6 +1,6 @@
 //! The cloth's state on the GPU, and how a step moves it between buffers.
 
-use super::stage::Bind;
+use crate::gpu::stage::Bind;
 
 /// Positions and displacements, one of each a vertex.
 #[derive(Debug)]

@@ -5,7 +5,7 @@ use crate::device::Gpu;
 /// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
 const LONGEST: usize = 16_384;
 
-/// See the module.
+/// A compute pass, submitted when it is full or the step is encoded.
 pub(crate) struct Submission<'a> {
     gpu: &'a Gpu,
     encoder: wgpu::CommandEncoder,

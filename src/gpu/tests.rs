@@ -2,12 +2,12 @@
 
 use glam::{Vec3, Vec4};
 
-use super::engine::{GpuEngine, IN_TILE, Path, Sweep};
-use super::tiles::{TileSize, Tiles};
 use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
 use crate::cpu::Cpu;
 use crate::device::Gpu;
+use crate::gpu::engine::{GpuEngine, IN_TILE, Path, Sweep};
+use crate::gpu::tiles::{TileSize, Tiles};
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;

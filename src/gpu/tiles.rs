@@ -10,8 +10,8 @@ use std::ops::Range;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::stage::lanes;
 use crate::device::Gpu;
+use crate::gpu::stage::lanes;
 use crate::kernels::Edge;
 use crate::model::cloth::Link;
 use crate::model::csr::Csr;

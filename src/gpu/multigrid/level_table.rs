@@ -82,7 +82,7 @@ impl LevelTable {
         LevelTable { table, levels: levels.len(), averaged, aggregates, of_finest, members, width, colors, edges, runs }
     }
 
-    /// Colours, or parts of them, and edges.
+    /// Colors, or parts of them, and edges.
     pub(crate) fn counts(&self) -> [usize; 2] {
         let parts = self.runs.iter().map(|(_, part)| part.len()).filter(|&edges| edges > 0);
         [parts.clone().count(), parts.sum()]
@@ -105,31 +105,13 @@ impl LevelTable {
         }
     }
 
-    /// What it is told if there are no levels.
-    pub(crate) const NO_CONSTANTS: [(&'static str, f64); 8] = [
-        ("LEVELS", 0.0),
-        ("FINEST", 0.0),
-        ("AGGREGATES", 0.0),
-        ("OF_FINEST", 0.0),
-        ("MEMBERS", 1.0),
-        ("COARSE_WIDTH", 1.0),
-        ("COARSE_COLORS", 0.0),
-        ("COARSE", 0.0),
-    ];
-
-    /// What `levels.wgsl` is told, if its table starts at word `start`.
-    pub(crate) fn constants(&self, start: usize) -> [(&'static str, f64); 8] {
-        [
-            ("LEVELS", self.levels),
-            ("FINEST", self.averaged),
-            ("AGGREGATES", self.aggregates),
-            ("OF_FINEST", self.of_finest),
-            ("MEMBERS", self.members),
-            ("COARSE_WIDTH", self.width),
-            ("COARSE_COLORS", self.colors),
-            ("COARSE", start),
-        ]
-        .map(|(name, value)| (name, value as f64))
+    /// What `levels.wgsl` is told of a table that starts at word `start`, or of none.
+    pub(crate) fn constants(levels: Option<&LevelTable>, start: usize) -> [(&'static str, f64); 8] {
+        let values = levels.map_or([0, 0, 0, 0, 1, 1, 0, 0], |of| {
+            [of.levels, of.averaged, of.aggregates, of.of_finest, of.members, of.width, of.colors, start]
+        });
+        let names = ["LEVELS", "FINEST", "AGGREGATES", "OF_FINEST", "MEMBERS", "COARSE_WIDTH", "COARSE_COLORS", "COARSE"];
+        std::array::from_fn(|k| (names[k], values[k] as f64))
     }
 }
 

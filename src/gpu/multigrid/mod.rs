@@ -13,7 +13,7 @@ use glam::Vec4;
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, Stage, batches, offset_of};
+use crate::gpu::stage::{Batch, Bind, Stage, batches, slot};
 use crate::gpu::state::{PING_PONG, groups};
 use crate::model::cloth::Cloth;
 use crate::model::csr::Span;
@@ -159,13 +159,13 @@ impl Multigrid {
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let predicted = plan.params.predicted as usize * PING_PONG.len();
-        self.restrict_vertices.dispatch(pass, group + predicted, &offset_of(0), EACH[0] * count(0));
+        self.restrict_vertices.dispatch(pass, group + predicted, &slot(0), EACH[0] * count(0));
         let averaged = match &self.sweep {
             Sweep::Tiled(tiled) => tiled.averaged(),
             Sweep::PerColor(_) => self.levels,
         };
         for level in 1..averaged {
-            self.restrict_aggregates.dispatch(pass, 0, &offset_of(level), EACH[1] * count(level));
+            self.restrict_aggregates.dispatch(pass, 0, &slot(level), EACH[1] * count(level));
         }
         match &self.sweep {
             Sweep::Tiled(tiled) => tiled.encode(pass),

@@ -3,12 +3,12 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, Stage, batches, offset_of};
+use crate::gpu::stage::{Batch, Bind, Stage, batches, slot};
 use crate::gpu::tiles::NO_EDGE;
 use crate::kernels::Edge;
 use crate::multigrid::hierarchy::Level;
 
-/// See the module.
+/// Sweeps over the levels with a dispatch a color.
 #[derive(Debug)]
 pub(crate) struct LevelsPerColor {
     /// The aggregates of each level, and the edges of each color, with their level.
@@ -85,16 +85,16 @@ impl LevelsPerColor {
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         let count = |level: usize| self.aggregates[level].count as usize;
         for level in (0..self.aggregates.len()).rev() {
-            self.hand_down.dispatch(pass, 0, &offset_of(level), count(level));
+            self.hand_down.dispatch(pass, 0, &slot(level), count(level));
             for (index, (_, color)) in self.colors.iter().enumerate().filter(|(_, (of, _))| *of == level) {
-                self.sweep.dispatch(pass, 0, &offset_of(self.aggregates.len() + index), color.count as usize);
+                self.sweep.dispatch(pass, 0, &slot(self.aggregates.len() + index), color.count as usize);
             }
         }
-        self.note.dispatch(pass, 0, &offset_of(0), count(0));
+        self.note.dispatch(pass, 0, &slot(0), count(0));
     }
 
     /// Encodes adding the finest level's correction to the vertices.
     pub(crate) fn encode_correct(&self, pass: &mut wgpu::ComputePass<'_>, vertices: usize) {
-        self.correct.dispatch(pass, 0, &offset_of(0), vertices);
+        self.correct.dispatch(pass, 0, &slot(0), vertices);
     }
 }

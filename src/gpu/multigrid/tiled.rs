@@ -49,7 +49,7 @@ impl TiledLevels {
             let levels = LevelTable::new(levels, first_together, None);
             let table = gpu.filled("levels", &levels.table);
             let own = [("LANES", lanes(gpu, levels.width) as f64), ("BASE", starts[first_together] as f64)];
-            let constants = [&levels.constants(0)[..], &own].concat();
+            let constants = [&LevelTable::constants(Some(&levels), 0)[..], &own].concat();
             let bound = vec![Bind::Read(&table), Bind::Read(centers), Bind::Write(predicted), Bind::Write(shift)];
             let entry = Entry { shader: shaders::LEVELS_IN_WORKGROUP, name: "sweep_of_levels", constants: &constants };
             let stage = Stage::new(gpu, uniforms, entry, &[bound]);

@@ -3,13 +3,13 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, Sent, Stage, batches, offset_of};
+use crate::gpu::stage::{Batch, Bind, Sent, Stage, batches, slot};
 use crate::gpu::state::groups;
 use crate::kernels::Edge;
 use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
 
-/// See the module.
+/// Sweeps with a dispatch a color.
 #[derive(Debug)]
 pub(crate) struct PerColor {
     colors: Vec<Batch>,
@@ -66,7 +66,7 @@ impl PerColor {
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         for _ in 0..plan.sweeps {
             for (color, batch) in self.colors.iter().enumerate() {
-                self.project.dispatch(pass, group, &offset_of(color), batch.count as usize);
+                self.project.dispatch(pass, group, &slot(color), batch.count as usize);
             }
         }
         self.contact.dispatch(pass, group, &[], plan.cloth.rest.len());

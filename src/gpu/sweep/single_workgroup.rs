@@ -1,7 +1,5 @@
 //! One dispatch a step: the cloth is one tile, in one workgroup.
 
-use glam::Vec4;
-
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::LevelTable;
@@ -16,7 +14,7 @@ use crate::step::plan::Plan;
 const OF_VERTEX: usize = 12;
 const OF_AGGREGATE: usize = 40;
 
-/// See the module.
+/// A step by one workgroup.
 #[derive(Debug)]
 pub(crate) struct SingleWorkgroup {
     tiles: Tiles,
@@ -47,37 +45,24 @@ impl SingleWorkgroup {
         }
         let size = TileSize { own: room, room };
         let tiles = Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size);
-        let tiles = tiles.filter(|tiles| tiles.count == 1)?;
-        Some(SingleWorkgroup::with_tiles(gpu, tiles, levels, &cloth.rest, forces, bodies, first_bad))
-    }
-
-    fn with_tiles(
-        gpu: &Gpu,
-        mut tiles: Tiles,
-        levels: &[Level],
-        rest: &[Vec4],
-        forces: &Forces,
-        bodies: &Sent,
-        first_bad: &wgpu::Buffer,
-    ) -> SingleWorkgroup {
+        let mut tiles = tiles.filter(|tiles| tiles.count == 1)?;
         if let Some(finest) = levels.first() {
             tiles.set_labels(|vertex| finest.label[vertex as usize], 0);
         }
         let level_table = (!levels.is_empty()).then(|| LevelTable::new(levels, 0, Some(0)));
-        let inverse_masses = levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits());
         let mut table = tiles.table.clone();
         level_table.iter().for_each(|levels| table.extend(&levels.table));
-        table.extend(inverse_masses);
+        table.extend(levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()));
         let table = gpu.filled("single workgroup", &table);
-        let state = gpu.buffer("state in work", 2 * size_of_val(rest) as u64);
-        let coarse = level_table.as_ref().map_or(LevelTable::NO_CONSTANTS, |levels| levels.constants(tiles.table.len()));
-        let aggregates = level_table.as_ref().map_or(0, |levels| levels.aggregates);
+        let state = gpu.buffer("state in work", 2 * size_of_val(cloth.rest.as_slice()) as u64);
+
+        let coarse = LevelTable::constants(level_table.as_ref(), tiles.table.len());
         let numbers = [("NUMBERS", (3 * tiles.largest).max(10 * aggregates) as f64)];
         let constants = [&tiles.constants(gpu)[..], &coarse, &numbers].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, first_bad);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        SingleWorkgroup { tiles, levels: level_table, table, state, h: None, stage }
+        Some(SingleWorkgroup { tiles, levels: level_table, table, state, h: None, stage })
     }
 
     fn bound<'a>(

@@ -8,7 +8,7 @@ use crate::gpu::state::{PING_PONG, State, groups};
 use crate::gpu::tiles::Tiles;
 use crate::step::plan::Plan;
 
-/// See the module.
+/// Sweeps of a substep in tiles.
 #[derive(Debug)]
 pub(crate) struct Tiled {
     pub tiles: Tiles,
