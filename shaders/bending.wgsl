@@ -1,5 +1,4 @@
-// Bending, a force: first each vertex's mean curvature normal times its rigidity, then what its neighbours' ones do to it.
-// The first also predicts: it saves a dispatch.
+// Bending of a vertex's ring. The reasons are in src/kernels/bending.rs.
 
 struct BendRow {
     stiffness: f32,
@@ -12,11 +11,6 @@ struct BendEntry {
     forward: f32,
     backward: f32,
 }
-
-@group(1) @binding(4) var<storage, read> rows: array<BendRow>;
-@group(1) @binding(5) var<storage, read> spans: array<Span>;
-@group(1) @binding(6) var<storage, read> entries: array<BendEntry>;
-@group(1) @binding(7) var<storage, read_write> moments: array<Moment>;
 
 // What a vertex's row does: the pull, and the couple that takes the torque out of its damping.
 struct Moment {
@@ -38,7 +32,8 @@ struct Spin {
     planar: bool,
 }
 
-fn add(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f32) {
+// Adds the neighbor at `d`, which changes at `rate`, with its coefficient in the row.
+fn add_neighbor(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f32) {
     (*ring).y += d * coefficient;
     (*ring).y_rate += rate * coefficient;
     (*ring).spin += cross(d, rate);
@@ -46,7 +41,7 @@ fn add(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f32) {
     (*ring).products -= vec3f(d.x * d.y, d.x * d.z, d.y * d.z);
 }
 
-// Stiffness times y + tau dy/dt, the rate measured against the ring's own rotation; see src/kernels.rs.
+// Stiffness times y + tau dy/dt, the rate measured against the ring's own rotation.
 fn bend_moment(ring: Ring, row: BendRow) -> Moment {
     if row.tau == 0.0 {
         return Moment(ring.y * row.stiffness, vec3f());
@@ -62,6 +57,7 @@ fn bend_moment(ring: Ring, row: BendRow) -> Moment {
     return Moment(ring.y * row.stiffness + resisted, couple);
 }
 
+// The couples that act between a vertex and a neighbor: of the rows whose ring has the other in it.
 fn couple_of(own: vec3f, other: vec3f, entry: BendEntry) -> vec3f {
     return own * select(1.0, 0.0, entry.forward == 0.0) + other * select(1.0, 0.0, entry.backward == 0.0);
 }
@@ -83,43 +79,4 @@ fn unspin(inertia: vec3f, products: vec3f, spin: vec3f) -> Spin {
         corners.y * spin.x + corners.z * spin.y + diagonal.z * spin.z,
     );
     return Spin(omega * (scale / determinant), true);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let v = item(id, groups);
-    predict_item(v);
-    if v >= params.vertices {
-        return;
-    }
-    var ring = Ring();
-    for (var k = spans[v].start; k < spans[v].end; k++) {
-        let entry = entries[k];
-        let d = x[entry.other].xyz - x[v].xyz;
-        if params.damped == 0u {
-            ring.y += d * entry.forward;
-        } else if entry.forward != 0.0 {
-            add(&ring, d, (p[entry.other].xyz - p[v].xyz) * substep.rate, entry.forward);
-        }
-    }
-    moments[v] = bend_moment(ring, rows[v]);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn bend_forces(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = item(id, groups);
-    if i >= params.vertices || x[i].w == 0.0 {
-        return;
-    }
-    let own = moments[i];
-    var force = -own.pull * rows[i].diagonal;
-    for (var k = spans[i].start; k < spans[i].end; k++) {
-        let entry = entries[k];
-        force -= moments[entry.other].pull * entry.backward;
-        if params.damped != 0u {
-            let d = x[entry.other].xyz - x[i].xyz;
-            force -= cross(couple_of(own.couple, moments[entry.other].couple, entry), d);
-        }
-    }
-    u[i] += vec4f(force * (x[i].w * substep.gain), 0.0);
 }

@@ -1,25 +1,101 @@
-// Stage 3: contact with the colliders, friction, and the move.
-// p.w keeps the substep that p was made in: a state that is gone back to brings its own.
+// Colliders, and what they do to a vertex about to move. The reasons are in src/kernels/contact.rs.
 
-@group(1) @binding(0) var<storage, read> x: array<vec4f>;
-@group(1) @binding(1) var<storage, read> u: array<vec4f>;
-@group(1) @binding(2) var<storage, read> bodies: array<Body>;
-@group(1) @binding(3) var<storage, read_write> x_out: array<vec4f>;
-@group(1) @binding(4) var<storage, read_write> p_out: array<vec4f>;
+struct Body {
+    a: vec3f,
+    radius: f32,
+    b: vec3f,
+    friction: f32,
+    a_travel: vec3f,
+    radius_travel: f32,
+    b_travel: vec3f,
+    kind: u32,
+}
 
-@compute @workgroup_size(WORKGROUP)
-fn contact(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = item(id, groups);
-    if i >= params.vertices {
-        return;
-    }
-    var path = Path(x[i].xyz, u[i].xyz);
-    let w = x[i].w;
-    if w > 0.0 {
-        for (var k = 0u; k < params.bodies; k++) {
-            path = contact_body(path.x, path.u, bodies[k], substep);
+const PLANE: u32 = 0u;
+const DEPENETRATION: f32 = 1.0;
+const SWEPT: f32 = 0.25;
+const SWEEP_STEPS: u32 = 24u;
+
+// Where a vertex is and how it will move.
+struct Path {
+    x: vec3f,
+    u: vec3f,
+}
+
+// First touch of a path: its normal, and the gap that the path's end leaves to the tangent plane.
+struct Touch {
+    hit: bool,
+    n: vec3f,
+    after: f32,
+}
+
+fn nearest(a: vec3f, b: vec3f, x: vec3f) -> f32 {
+    let axis = b - a;
+    return clamp(dot(x - a, axis) / max(dot(axis, axis), 1e-20), 0.0, 1.0);
+}
+
+fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius: f32, travel: f32) -> Touch {
+    var s = 0.0;
+    for (var k = 0u; k < SWEEP_STEPS; k++) {
+        let at = x + du * s;
+        let d = at - (a + (b - a) * nearest(a, b, at));
+        let distance = length(d);
+        if distance < radius * 1.001 {
+            let n = d / max(distance, 1e-20);
+            return Touch(true, n, distance - radius + dot(n, du) * (1.0 - s));
+        }
+        s += (distance - radius) / travel;
+        if s >= 1.0 {
+            break;
         }
     }
-    x_out[i] = vec4f(path.x + path.u, w);
-    p_out[i] = vec4f(path.u, params.h);
+    return Touch(false, vec3f(), 0.0);
+}
+
+fn respond(x: vec3f, u: vec3f, n: vec3f, before: f32, after: f32, step: vec3f, friction: f32) -> Path {
+    if after >= 0.0 {
+        return Path(x, u);
+    }
+    let depth = -after;
+    let old = min(depth, max(-before, 0.0));
+    let push = depth - old;
+    let pushed = u + n * push;
+    let relative = pushed - step;
+    let slip = relative - n * dot(n, relative);
+    let held = pushed - slip * min(friction * push / max(length(slip), 1e-30), 1.0);
+    return Path(x + n * min(old, DEPENETRATION * params.h), held);
+}
+
+fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
+    let a = body.a + body.a_travel * substep.start;
+    let a_step = body.a_travel * params.fraction;
+    if body.kind == PLANE {
+        let before = dot(body.b, x - a);
+        return respond(x, u, body.b, before, before + dot(body.b, u - a_step), a_step, body.friction);
+    }
+    let b = body.b + body.b_travel * substep.start;
+    let b_step = body.b_travel * params.fraction;
+    let radius = body.radius + body.radius_travel * substep.start;
+    let growth = body.radius_travel * params.fraction;
+    let t = nearest(a + a_step, b + b_step, x + u);
+    let step = a_step + (b_step - a_step) * t;
+    let d0 = x - (a + (b - a) * t);
+    let du = u - step;
+    let d = d0 + du;
+    let start = length(d0);
+    let end = length(d);
+    let before = start - radius;
+    let travel2 = dot(du, du);
+    if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
+        let touch = swept(x, du, a, b, radius, sqrt(travel2));
+        if touch.hit {
+            return respond(x, u, touch.n, before, touch.after - growth, step, body.friction);
+        }
+    }
+    let after = before + (2.0 * dot(d0, du) + travel2) / max(start + end, 1e-20) - growth;
+    var n = vec3f(0.0, 1.0, 0.0);
+    if end > LEAST_LENGTH {
+        n = d / end;
+    }
+    return respond(x, u, n, before, after, step, body.friction);
 }

@@ -363,9 +363,9 @@ impl Deformer {
     #[cfg(feature = "gpu")]
     #[doc(hidden)]
     #[must_use]
-    pub fn gpu_work(&self) -> Option<crate::gpu::GpuWork> {
+    pub fn gpu_stats(&self) -> Option<crate::gpu::GpuStats> {
         match &self.engine {
-            Engine::Gpu(gpu) => Some(gpu.counted()),
+            Engine::Gpu(gpu) => Some(gpu.stats()),
             _ => None,
         }
     }

@@ -4,8 +4,11 @@ mod attributes;
 mod backend;
 mod cpu;
 mod deformer;
+#[cfg(feature = "gpu")]
+mod device;
 mod error;
 mod fabric;
+mod failure;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]
@@ -17,16 +20,21 @@ mod measure;
 mod model;
 mod multigrid;
 mod options;
+#[cfg(test)]
+#[path = "../tests/common/oracle.rs"]
+mod oracle;
 mod simd;
 mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::Deformer;
+#[cfg(feature = "gpu")]
+pub use device::Gpu;
 pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(feature = "gpu")]
-pub use gpu::{Gpu, GpuWork, Surface};
+pub use gpu::{GpuStats, Surface};
 pub use io::obj::ObjError;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;

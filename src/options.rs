@@ -1,9 +1,9 @@
 //! What is fixed when a cloth is made, and what a step reports.
 
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::error::BuildError;
 use crate::fabric::Fabric;
-#[cfg(feature = "gpu")]
-use crate::gpu::Gpu;
 use crate::limits::MAX_SUBSTEPS;
 
 /// Where the work is done. All three give the same motion.

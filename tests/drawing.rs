@@ -20,13 +20,17 @@ fn modest() -> Gpu {
 /// What is in a buffer.
 fn read<T: bytemuck::Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<T> {
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-    let staging =
-        gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size: buffer.size(), usage, mapped_at_creation: false });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let staging = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: buffer.size(),
+        usage,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
-    gpu.queue.submit([encoder.finish()]);
+    gpu.queue().submit([encoder.finish()]);
     staging.map_async(wgpu::MapMode::Read, .., |mapped| mapped.unwrap());
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    gpu.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
     bytemuck::pod_collect_to_vec(&staging.get_mapped_range(..).unwrap())
 }
 
@@ -136,7 +140,7 @@ fn default_limits_are_enough() {
         for _ in 0..6 {
             cloth.step(FRAME, &attributes).unwrap();
         }
-        assert_eq!(cloth.adapter(), gpu.map(|gpu| gpu.name.as_str()));
+        assert_eq!(cloth.adapter(), gpu.map(Gpu::name));
         cloth.positions().unwrap().to_vec()
     };
     let cpu = run(Backend::Cpu, None);

@@ -51,10 +51,10 @@ impl Limits {
     /// Of the last step (ms): all of its dispatches one after another, in them the colours one after another or all edges at
     /// the device's pace, whichever is longer, and all bytes; and the parts.
     pub(crate) fn of(&self, cloth: &Deformer) -> Option<[f64; 4]> {
-        let work = cloth.gpu_work()?;
-        let dispatches = work.dispatches as f64 * self.dispatch;
-        let rounds = (work.rounds as f64 * self.round).max(work.edges as f64 * self.edge);
-        let bytes = work.bytes as f64 * self.byte;
+        let stats = cloth.gpu_stats()?;
+        let dispatches = stats.dispatches as f64 * self.dispatch;
+        let rounds = (stats.rounds as f64 * self.round).max(stats.edges as f64 * self.edge);
+        let bytes = stats.bytes as f64 * self.byte;
         Some([dispatches + rounds + bytes, dispatches, rounds, bytes].map(|seconds| 1e3 * seconds))
     }
 }
@@ -68,11 +68,11 @@ struct Bench<'a> {
 
 impl Bench<'_> {
     fn new(gpu: &Gpu) -> Bench<'_> {
-        let source = concat!(include_str!("../../shaders/edge.wgsl"), include_str!("limits.wgsl"));
+        let source = concat!(include_str!("../../shaders/distance.wgsl"), include_str!("limits.wgsl"));
         let source = wgpu::ShaderSource::Wgsl(source.into());
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         let [chain, colours, copy] = ["chain", "colours", "copy"].map(|entry| {
-            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            gpu.device().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: None,
                 layout: None,
                 module: &module,
@@ -87,7 +87,7 @@ impl Bench<'_> {
     fn storage(&self, size: u64) -> wgpu::Buffer {
         use wgpu::BufferUsages;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        self.gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+        self.gpu.device().create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
     }
 
     fn group(&self, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
@@ -95,7 +95,7 @@ impl Bench<'_> {
         let entries = buffers.map(|(binding, buffer)| (binding as u32, buffer.as_entire_binding()));
         let entries: Vec<_> = entries.map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
         let layout = &pipeline.get_bind_group_layout(0);
-        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+        self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
     }
 
     /// Seconds that `work` takes longer with the second of two numbers than with the first, for each that it is more:
@@ -105,12 +105,12 @@ impl Bench<'_> {
         let begin = Instant::now();
         for _ in (0..TRIES).take_while(|&tries| tries == 0 || begin.elapsed() < PATIENCE) {
             for (least, number) in least.iter_mut().zip(numbers) {
-                let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                 work(&mut encoder, number);
                 let commands = encoder.finish();
                 let begin = Instant::now();
-                self.gpu.queue.submit([commands]);
-                self.gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+                self.gpu.queue().submit([commands]);
+                self.gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
                 *least = least.min(begin.elapsed().as_secs_f64());
             }
         }
@@ -133,7 +133,7 @@ impl Bench<'_> {
     fn rounds(&self, workgroups: u32) -> Result<f64, Failure> {
         let group = |count: u32| {
             let (numbers, out) = (self.storage(16), self.storage(u64::from(workgroups) * 16));
-            self.gpu.queue.write_buffer(&numbers, 0, &count.to_le_bytes());
+            self.gpu.queue().write_buffer(&numbers, 0, &count.to_le_bytes());
             self.group(&self.colours, &[&numbers, &out])
         };
         let groups = CHAIN.map(group);
@@ -146,7 +146,7 @@ impl Bench<'_> {
     }
 
     fn byte(&self) -> Result<f64, Failure> {
-        let limits = self.gpu.device.limits();
+        let limits = self.gpu.device().limits();
         let size = COPIED.min(limits.max_storage_buffer_binding_size);
         let [from, to] = [size; 2].map(|size| self.storage(size));
         let turns = [[&from, &to], [&to, &from]].map(|buffers| self.group(&self.copy, &buffers));

@@ -91,7 +91,7 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
         Some(_) => vec![Backend::Cpu, Backend::Hybrid, Backend::Gpu],
         None => vec![Backend::Cpu],
     };
-    let adapter = gpu.as_ref().map_or("no GPU", |gpu| &gpu.name).to_owned();
+    let adapter = gpu.as_ref().map_or("no GPU", Gpu::name).to_owned();
     let threads = std::thread::available_parallelism().map_or(0, usize::from);
     println!("{}, commit {}, adapter {adapter}, {threads} CPU threads\n", arguments.date, arguments.commit);
     let good = arguments.unchecked || Checks::new(&backends, gpu.as_ref()).run(arguments.mesh.as_deref(), arguments.quick)?;

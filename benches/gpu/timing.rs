@@ -108,20 +108,21 @@ pub(crate) struct DeviceClock {
 impl DeviceClock {
     /// `None` if the device has no clock.
     pub(crate) fn new(gpu: &Gpu) -> Option<DeviceClock> {
-        if !gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+        if !gpu.device().features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
         }
         let marks = wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 };
-        let buffer =
-            |usage| gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size: 16, usage, mapped_at_creation: false });
+        let buffer = |usage| {
+            gpu.device().create_buffer(&wgpu::BufferDescriptor { label: None, size: 16, usage, mapped_at_creation: false })
+        };
         let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
         let staging = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-        Some(DeviceClock { marks: gpu.device.create_query_set(&marks), gpu: gpu.clone(), resolved, staging })
+        Some(DeviceClock { marks: gpu.device().create_query_set(&marks), gpu: gpu.clone(), resolved, staging })
     }
 
     /// Notes the time behind all that was submitted, with a pass that does nothing else.
     fn mark(&self, index: u32) {
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         drop(encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: None,
             timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
@@ -130,20 +131,20 @@ impl DeviceClock {
                 end_of_pass_write_index: Some(index),
             }),
         }));
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.queue().submit([encoder.finish()]);
     }
 
     /// From the first mark to the second; waits for it.
     fn elapsed(&self) -> Result<Duration, Failure> {
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.resolve_query_set(&self.marks, 0..2, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, 0, 16);
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.queue().submit([encoder.finish()]);
         self.staging.map_async(wgpu::MapMode::Read, .., |_| {});
-        self.gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+        self.gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
         let ticks: [u64; 2] = bytemuck::pod_read_unaligned(&self.staging.get_mapped_range(..)?);
         self.staging.unmap();
         let ticks = ticks[1].saturating_sub(ticks[0]);
-        Ok(Duration::from_secs_f64(ticks as f64 * f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9))
+        Ok(Duration::from_secs_f64(ticks as f64 * f64::from(self.gpu.queue().get_timestamp_period()) * 1e-9))
     }
 }

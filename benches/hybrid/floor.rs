@@ -40,7 +40,7 @@ impl Way {
 
 /// Median time (s) of an exchange of `bytes` each way.
 pub(crate) fn floor(gpu: &Gpu, way: Way, bytes: u64) -> f64 {
-    if way == Way::HalfCopied && !gpu.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS) {
+    if way == Way::HalfCopied && !gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS) {
         return f64::INFINITY;
     }
     let link = Link::new(gpu, way, bytes);
@@ -77,7 +77,7 @@ impl<'a> Link<'a> {
         use wgpu::BufferUsages as Usage;
         let make = |usage| {
             let descriptor = wgpu::BufferDescriptor { label: None, size: bytes, usage, mapped_at_creation: false };
-            gpu.device.create_buffer(&descriptor)
+            gpu.device().create_buffer(&descriptor)
         };
         let primary = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
         let down = [make(Usage::MAP_READ | Usage::COPY_DST), make(primary)];
@@ -88,9 +88,9 @@ impl<'a> Link<'a> {
             [make(Usage::MAP_WRITE | Usage::COPY_SRC), make(primary)]
         };
         let module = gpu
-            .device
+            .device()
             .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(NOTHING.into()) });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        let pipeline = gpu.device().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: None,
             layout: None,
             module: &module,
@@ -98,7 +98,7 @@ impl<'a> Link<'a> {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &pipeline.get_bind_group_layout(0),
             entries: &[
@@ -116,9 +116,9 @@ impl<'a> Link<'a> {
 
     fn exchange(&self, data: &[u8]) {
         let bytes = data.len() as u64;
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         if self.way == Way::Written {
-            self.gpu.queue.write_buffer(&self.up[1], 0, data);
+            self.gpu.queue().write_buffer(&self.up[1], 0, data);
         } else {
             self.fill(data);
             self.up[0].unmap();
@@ -132,7 +132,7 @@ impl<'a> Link<'a> {
         pass.dispatch_workgroups(1, 1, 1);
         drop(pass);
         encoder.copy_buffer_to_buffer(&self.down[1], 0, &self.down[0], 0, bytes);
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.queue().submit([encoder.finish()]);
         self.ask(true);
         self.wait();
         let seen = self.down[0].get_mapped_range(..).expect("it was mapped");
@@ -180,7 +180,7 @@ impl<'a> Link<'a> {
     fn wait(&self) {
         while self.ready.load(Ordering::Acquire) < 2 {
             let how = if self.way.polls() { wgpu::PollType::Poll } else { wgpu::PollType::wait_indefinitely() };
-            self.gpu.device.poll(how).expect("the device is there");
+            self.gpu.device().poll(how).expect("the device is there");
         }
     }
 }

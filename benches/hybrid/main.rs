@@ -56,7 +56,7 @@ fn main() -> Result<(), Failure> {
         return Ok(());
     };
     let threads = rayon::current_num_threads();
-    println!("{}, {threads} threads, S = {SUBSTEPS}; {} {}\n", gpu.name, arguments.date, arguments.commit);
+    println!("{}, {threads} threads, S = {SUBSTEPS}; {} {}\n", gpu.name(), arguments.date, arguments.commit);
     let mut bench = Bench { gpu, rows: Vec::new() };
     let (sizes, side): (&[u32], u32) = if arguments.quick { (&[32, 64], 33) } else { (&[64, 128, 256, 512, 1024], 65) };
     let sizes = if arguments.sizes.is_empty() { sizes } else { &arguments.sizes };
@@ -253,7 +253,7 @@ impl Bench {
             let floor = floor.map_or(",,".to_owned(), |floor| list(&floor));
             let cpu = cpu.map_or(String::new(), |cpu| list(&[cpu]));
             let error = error.map_or(",,,".to_owned(), |error| list(&error));
-            let adapter = self.gpu.name.replace(',', ";");
+            let adapter = self.gpu.name().replace(',', ";");
             let Arguments { date, commit, .. } = arguments;
             let line = format!(
                 "{},{n},{SUBSTEPS},{every},{floor},{hybrid:.4},{cpu},{error},{adapter},{date},{commit},cargo bench --bench hybrid\n",

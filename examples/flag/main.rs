@@ -53,7 +53,13 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let painter = Painter::new(&gpu, [arguments.height * 3 / 2, arguments.height]);
     let pixels = painter.paint(Some(&mut flag))?;
     std::fs::write(&arguments.out, painter.png(&pixels)?)?;
-    println!("{}: {} vertices, {} frames on {}", arguments.out.display(), flag.vertex_order().len(), arguments.frames, gpu.name);
+    println!(
+        "{}: {} vertices, {} frames on {}",
+        arguments.out.display(),
+        flag.vertex_order().len(),
+        arguments.frames,
+        gpu.name()
+    );
     Ok(())
 }
 

@@ -45,7 +45,7 @@ pub(crate) struct Painter {
 impl Painter {
     /// For pictures of `size` (pixels).
     pub(crate) fn new(gpu: &Gpu, size: [u32; 2]) -> Painter {
-        let device = &gpu.device;
+        let device = gpu.device();
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let view = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("view"),
@@ -101,11 +101,11 @@ impl Painter {
 
     /// Draws the scene, with a flag or without: RGBA, row by row.
     pub(crate) fn paint(&self, mut flag: Option<&mut Deformer>) -> Result<Vec<u8>, Failure> {
-        let device = &self.gpu.device;
+        let device = self.gpu.device();
         let origin = flag.as_ref().map_or(Vec3::ZERO, |flag| flag.origin());
         let matrix = scene::camera(self.size[0] as f32 / self.size[1] as f32);
         let view = View { matrix, eye: scene::EYE.extend(0.0), origin: origin.extend(0.0), sun: SUN.normalize().extend(0.0) };
-        self.gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&view));
+        self.gpu.queue().write_buffer(&self.view, 0, bytemuck::bytes_of(&view));
 
         let filled = |contents: &[u8], usage| device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage });
         let vertices = |values: &[u8]| filled(values, wgpu::BufferUsages::VERTEX);
@@ -175,13 +175,13 @@ impl Painter {
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let size = u64::from(row * height);
         let staging =
-            self.gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+            self.gpu.device().create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
         let into = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
         encoder.copy_texture_to_buffer(self.picture.as_image_copy(), into, extent(self.size));
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.queue().submit([encoder.finish()]);
         staging.map_async(wgpu::MapMode::Read, .., |_| {});
-        self.gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+        self.gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
         let rows = staging.get_mapped_range(..)?;
         Ok(rows.chunks_exact(row as usize).flat_map(|row| &row[..(width * PIXEL) as usize]).copied().collect())
     }

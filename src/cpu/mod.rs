@@ -15,3 +15,7 @@ mod sweep;
 mod tasks;
 
 pub(crate) use backend::Cpu;
+#[cfg(feature = "gpu")]
+pub(crate) use substep::{Elsewhere, State};
+#[cfg(feature = "gpu")]
+pub(crate) use tasks::shared::{MappedVectors, SharedArray, Task};

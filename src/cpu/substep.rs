@@ -259,7 +259,7 @@ pub(crate) struct State<'t> {
 /// How displacements are predicted elsewhere; substeps are named by their number in the step.
 pub(crate) struct Elsewhere<'a> {
     /// Before each substep, while no other task runs.
-    pub exchange: &'a (dyn Fn(&Task, usize) + Sync),
+    pub exchange: &'a (dyn Fn(&Task, State<'_>, usize) + Sync),
     /// Predicts the displacements of some vertices.
     pub predict: &'a (dyn Fn(&Task, State<'_>, Range<u32>, usize) + Sync),
     /// Sees some vertices that were moved.
@@ -304,7 +304,9 @@ impl Stepper<'_> {
         let tile = || self.partition.tiles[part].clone();
         match stage {
             Stage::Remember => self.integrator.remember(task, tile()),
-            Stage::Exchange => self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, index)),
+            Stage::Exchange => {
+                self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, self.state(task), index))
+            }
             Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
             Stage::PanelForces => self.forces.panel_forces(task, part, substep),
             Stage::Predict => self.predict(task, tile(), index),

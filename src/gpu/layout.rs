@@ -1,12 +1,25 @@
-//! Test: the shaders are valid, and their structs are laid out as the Rust structs that are copied into them.
+//! Test: the shaders are valid, their structs are laid out as the Rust structs that are copied into them, and their constants
+//! are Rust's.
 
 use std::collections::BTreeSet;
 use std::mem::offset_of;
 
+use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use crate::gpu::{Batch, Member, WORKGROUP, shader};
-use crate::kernels::{BendEntry, BendRow, Body, Edge, Panel, Params, Pin, Spring, Substep};
+use crate::gpu::commit::NONE;
+use crate::gpu::multigrid::Member;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Batch, WORKGROUP};
+use crate::gpu::tiles::NO_EDGE;
+use crate::kernels::bending::{BendEntry, BendRow};
+use crate::kernels::contact::Body;
+use crate::kernels::distance::Edge;
+use crate::kernels::integrate::Pin;
+use crate::kernels::params::{Params, Substep};
+use crate::kernels::spring::Spring;
+use crate::kernels::wind::Panel;
+use crate::limits::MAX_POSITION;
 use crate::model::csr::Span;
 
 /// A struct as Rust lays it out.
@@ -40,44 +53,42 @@ fn structs() -> Vec<Layout> {
     ]
 }
 
-/// Every shader as the crate assembles it.
-fn modules() -> Vec<(&'static str, naga::Module)> {
-    let sources = [
-        ("forces", shader!("predict", "forces")),
-        ("bending", shader!("predict", "forces", "bending")),
-        ("wind", shader!("wind")),
-        ("springs", shader!("springs")),
-        ("project", shader!("edge", "project")),
-        ("contact", shader!("body", "contact")),
-        ("commit", shader!("bounds", "commit")),
-        ("restrict", shader!("predict", "restrict")),
-        ("level", shader!("edge", "runs", "table", "level")),
-        ("top", shader!("edge", "runs", "levels", "top")),
-        ("coarse", shader!("edge", "coarse")),
-        ("patch", shader!("predict", "edge", "body", "runs", "table", "patch")),
-        ("whole", shader!("predict", "edge", "body", "bounds", "runs", "table", "levels", "whole")),
-        ("normals", shader!("normals")),
-        ("exchange", shader!("exchange")),
-    ];
-    sources
-        .into_iter()
-        .map(|(name, source)| match naga::front::wgsl::parse_str(source) {
-            Ok(module) => (name, module),
-            Err(error) => panic!("{name}.wgsl: {}", error.emit_to_string(source)),
-        })
-        .collect()
+/// Every shader as naga reads it.
+fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
+    shaders::ALL.iter().map(|shader| match naga::front::wgsl::parse_str(shader.source) {
+        Ok(module) => (shader.name, module),
+        Err(error) => panic!("{}: {}", shader.name, error.emit_to_string(shader.source)),
+    })
+}
+
+/// The constants that shaders and Rust have in common, under the shaders' names.
+fn constants() -> Vec<(&'static str, Literal)> {
+    vec![
+        ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
+        ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
+        ("LEAST_LENGTH", Literal::F32(crate::kernels::distance::LEAST_LENGTH)),
+        ("DEPENETRATION", Literal::F32(crate::kernels::contact::DEPENETRATION)),
+        ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),
+        ("SWEEP_STEPS", Literal::U32(crate::kernels::contact::SWEEP_STEPS)),
+        ("PLANE", Literal::U32(crate::kernels::contact::PLANE)),
+        ("MAX_POSITION", Literal::F32(MAX_POSITION)),
+        ("WORKGROUP", Literal::U32(WORKGROUP as u32)),
+        ("NO_EDGE", Literal::U32(NO_EDGE)),
+        ("NO_LABEL", Literal::U32(NO_EDGE)),
+        ("NONE", Literal::U32(NONE)),
+    ]
 }
 
 #[test]
 fn shaders_are_valid_and_share_a_workgroup_size() {
     for (name, module) in modules() {
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::default());
-        validator.validate(&module).unwrap_or_else(|error| panic!("{name}.wgsl: {error:?}"));
+        validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
         assert!(!module.entry_points.is_empty());
         for entry in &module.entry_points {
             // Or one that the pipeline is told.
             let told = entry.workgroup_size_overrides.is_some();
-            assert!(told || entry.workgroup_size == [WORKGROUP as u32, 1, 1], "{name}.wgsl: {}", entry.name);
+            assert!(told || entry.workgroup_size == [WORKGROUP as u32, 1, 1], "{name}: {}", entry.name);
         }
     }
 }
@@ -86,21 +97,42 @@ fn shaders_are_valid_and_share_a_workgroup_size() {
 fn shared_structs_agree_member_for_member() {
     let ours = structs();
     let mut compared = BTreeSet::new();
-    for (file, module) in modules() {
+    for (shader, module) in modules() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // Structs of the shader alone never cross over.
-            if ["Path", "Touch", "Moment", "Ring", "Spin", "Stored", "Runs", "Four", "Item"].contains(&name.as_str()) {
+            if ["Path", "Touch", "Moment", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
+                .contains(&name.as_str())
+            {
                 continue;
             }
             let twin = ours.iter().find(|layout| layout.name == name);
-            let twin = twin.unwrap_or_else(|| panic!("{file}.wgsl: {name} has no twin in Rust"));
+            let twin = twin.unwrap_or_else(|| panic!("{shader}: {name} has no twin in Rust"));
             let theirs: Vec<(&str, usize)> =
                 members.iter().map(|member| (member.name.as_deref().unwrap_or(""), member.offset as usize)).collect();
-            assert_eq!(theirs, twin.members, "{file}.wgsl: members of {name}");
-            assert_eq!(*span as usize, twin.size, "{file}.wgsl: size of {name}");
+            assert_eq!(theirs, twin.members, "{shader}: members of {name}");
+            assert_eq!(*span as usize, twin.size, "{shader}: size of {name}");
             compared.insert(twin.name);
         }
     }
     assert_eq!(compared, ours.iter().map(|layout| layout.name).collect(), "every shared struct was met in a shader");
+}
+
+#[test]
+fn shared_constants_agree() {
+    let ours = constants();
+    let mut compared = BTreeSet::new();
+    for (shader, module) in modules() {
+        for (_, constant) in module.constants.iter() {
+            let name = constant.name.as_deref().unwrap_or("");
+            let twin = ours.iter().find(|(ours, _)| *ours == name);
+            let (name, value) = twin.unwrap_or_else(|| panic!("{shader}: {name} has no twin in Rust"));
+            let naga::Expression::Literal(theirs) = module.global_expressions[constant.init] else {
+                panic!("{shader}: {name} is no plain number");
+            };
+            assert_eq!(theirs, *value, "{shader}: {name}");
+            compared.insert(*name);
+        }
+    }
+    assert_eq!(compared, ours.iter().map(|(name, _)| *name).collect(), "every shared constant was met in a shader");
 }

@@ -7,7 +7,7 @@
 //! differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
 //!
 //! # Practice
-//! An exchange is a round of the CPU's own ([`Elsewhere`]), taken by one thread while the others look on. Tasks write what is
+//! An exchange is a stage of the CPU's own substep ([`Elsewhere`]), taken by one thread while the others look on. Tasks write what is
 //! sent into mapped memory as they move their vertices, and read what comes back where it lies: see
 //! [`Exchange`]. While the GPU works its next commands are encoded. Sent is what the terms need: positions for bending and
 //! springs, displacements for air and damped bending, from which the GPU keeps the positions itself; both where contact moves a
@@ -30,16 +30,20 @@
 //! the other backends have it; so it is not. The figures, and how near an exchange is to the bare transfer, are in
 //! `benches/results/hybrid_h200.csv`.
 
+mod exchange;
+
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use glam::{Vec3A, Vec4};
 
-use crate::backend::Failure;
-use crate::cpu::shared::Shared;
-use crate::cpu::{Cpu, Elsewhere, State};
-use crate::gpu::{Desk, Exchange, Forces, Gpu, Parcel};
-use crate::kernels::{self, Params, Substep, xyz};
+use crate::cpu::{Cpu, Elsewhere, SharedArray, State, Task};
+use crate::device::Gpu;
+use crate::failure::Failure;
+use crate::gpu::Forces;
+use crate::hybrid::exchange::{Exchange, Mapped, Payload};
+use crate::kernels::integrate::{predict_displacement, xyz};
+use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::step::plan::Plan;
@@ -50,8 +54,9 @@ pub(crate) struct Hybrid {
     gpu: Gpu,
     forces: Forces,
     exchange: Exchange,
-    /// What was sent ahead of the next step.
-    sent: Option<Parcel>,
+    /// What is mapped between steps, and what of the next one's start was written there ahead.
+    mapped: Option<Mapped>,
+    sent: Option<Payload>,
     /// Substeps that each exchange is good for.
     pub every: usize,
     /// What the GPU is told of the substeps, one an exchange.
@@ -59,8 +64,8 @@ pub(crate) struct Hybrid {
     pub cpu: Cpu,
 }
 
-/// An exchange at work: by one thread at a time.
-struct Post<'a> {
+/// Exchanges at work: by one thread at a time.
+struct Exchanges<'a> {
     gpu: &'a Gpu,
     forces: &'a Forces,
     exchange: &'a mut Exchange,
@@ -70,7 +75,7 @@ struct Post<'a> {
 }
 
 /// Whether a step has forces that differ from vertex to vertex.
-fn gathers(plan: &Plan<'_>) -> bool {
+fn has_forces(plan: &Plan<'_>) -> bool {
     plan.bending || plan.wind || plan.method == Method::Springs
 }
 
@@ -79,15 +84,15 @@ impl Hybrid {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 0)?;
             // The inverse masses; the rest of it is sent.
-            gpu.write(&forces.states[0].x, &cloth.rest);
-            let in_place = gpu.device.features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
+            gpu.write(&forces.states[0].x, 0, &cloth.rest);
+            let in_place = gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
             let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), [in_place; 2]);
-            Ok(Hybrid { gpu, forces, exchange, sent: None, every: 1, told: Vec::new(), cpu: Cpu::new(cloth) })
+            Ok(Hybrid { gpu, forces, exchange, mapped: None, sent: None, every: 1, told: Vec::new(), cpu: Cpu::new(cloth) })
         })
     }
 
     pub(crate) fn adapter(&self) -> &str {
-        &self.gpu.name
+        self.gpu.name()
     }
 
     /// Puts the state somewhere else.
@@ -99,38 +104,40 @@ impl Hybrid {
     /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let sent = self.sent.take();
-        if !gathers(plan) {
-            return self.cpu.step(plan);
+        if !has_forces(plan) {
+            return self.cpu.step(plan, None).map_err(Failure::Unstable);
         }
         self.sent = Some(self.exchanged(plan, sent)?);
         Ok(())
     }
 
     /// Whether the device uses the mapped outbox and inbox themselves.
+    #[cfg(any(test, feature = "bench"))]
     pub(crate) fn exchange_in_place(&mut self, vertices: usize, in_place: [bool; 2]) {
+        self.mapped = None;
         self.exchange = Exchange::new(&self.gpu, &self.forces, vertices, in_place);
         self.sent = None;
     }
 
     /// Runs the kernels of a substep's forces this often, and waits.
+    #[cfg(feature = "bench")]
     pub(crate) fn run_forces(&mut self, plan: &Plan<'_>, repeats: u32) -> Result<(), String> {
         let Hybrid { gpu, forces, .. } = self;
         gpu.checked(|| {
             forces.prepare(gpu, plan, false);
             let mut encoder = gpu.encoder();
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            forces.set_frame(&mut pass, 0);
+            forces.bind_substep(&mut pass, 0);
             (0..repeats).for_each(|_| forces.encode(&mut pass, plan, 0));
             drop(pass);
-            gpu.queue.submit([encoder.finish()]);
+            gpu.queue().submit([encoder.finish()]);
             gpu.wait()
         })
     }
 
     /// A step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
-    #[expect(unsafe_code, reason = "tasks touch their own vertices alone (see Moves), the desk is on loan between exchanges")]
-    fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Parcel>) -> Result<Parcel, Failure> {
-        let Hybrid { gpu, forces, exchange, every, told, cpu, .. } = self;
+    fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Payload>) -> Result<Payload, Failure> {
+        let Hybrid { gpu, forces, exchange, mapped, every, told, cpu, .. } = self;
         let (every, count) = ((*every).clamp(1, plan.substeps.len()), plan.substeps.len());
         // Forces alone: what carries over is the CPU's, and so are the pins.
         told.clear();
@@ -141,62 +148,73 @@ impl Hybrid {
         let alone = Plan { params: Params { pins: 0, ..plan.params }, substeps: told, pins: &[], ..*plan };
 
         let moving = plan.wind || plan.bending && plan.damped();
-        let parcel = |whole: bool| match (moving, whole || every > 1 || !plan.bodies.is_empty()) {
-            (false, _) => Parcel::Positions,
-            (true, true) => Parcel::Both,
-            (true, false) => Parcel::Displacements,
+        let payload = |whole: bool| match (moving, whole || every > 1 || !plan.bodies.is_empty()) {
+            (false, _) => Payload::Positions,
+            (true, true) => Payload::Both,
+            (true, false) => Payload::Displacements,
         };
-        let whole = parcel(true);
-        let first = gpu.checked(|| {
+        let whole = payload(true);
+        let opened = gpu.checked(|| {
             forces.prepare(gpu, &alone, false);
-            let desk = exchange.open(gpu)?;
-            Ok((desk, exchange.encode(gpu, forces, &alone, 0, whole)))
+            let mapped = match mapped.take() {
+                Some(mapped) => mapped,
+                None => exchange.open(gpu)?,
+            };
+            Ok((mapped, exchange.encode(gpu, forces, &alone, 0, whole)))
         });
-        let (mut desk, next) = first.map(|(desk, next)| ([Some(desk)], Some(next))).map_err(Failure::Gpu)?;
-        if sent != Some(whole) {
-            desk.iter().flatten().for_each(|desk| put_all(desk, cpu));
-        }
-        let desk = Shared::new(&mut desk);
-        let post = Mutex::new(Post { gpu, forces, exchange, next, failed: None });
-        let fetch = |substep: usize| {
+        let (first, next) = opened.map_err(Failure::Gpu)?;
+        // Empty while the buffers are away; only the exchange, beside which no task runs, puts something else there.
+        let mut slot = [Some(first)];
+        let slot = SharedArray::new(&mut slot);
+        let exchanges = Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None });
+        // What the GPU is to see of the state first: written before the first exchange unless it was at the end of the last step.
+        let is_there = sent == Some(whole);
+        let fetch = |task: &Task, state: State<'_>, substep: usize| {
+            let slot = slot.within(task);
+            if substep == 0
+                && !is_there
+                && let Some(mapped) = slot.item(0)
+            {
+                let vertices = plan.cloth.rest.len();
+                (0..vertices).for_each(|i| mapped.send(task, Payload::Both, i, state.x.get(i), state.u.get(i)));
+            }
             if substep.is_multiple_of(every) {
-                let post = &mut *post.lock().unwrap_or_else(PoisonError::into_inner);
                 let next = substep / every + 1;
-                let next = (next < alone.substeps.len()).then_some((next, parcel(false)));
-                // SAFETY: this is its round's only task.
-                unsafe { desk.set(0, post.exchange(&alone, next)) };
+                let next = (next < alone.substeps.len()).then_some((next, payload(false)));
+                slot.replace(0, None);
+                let exchanged = exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(&alone, next);
+                slot.replace(0, exchanged);
             }
         };
-        let predict = |vertices: &[Range<u32>], substep: usize, state: State| {
-            // SAFETY: only `fetch` writes there, in another round; an index is a vertex of the cloth.
-            unsafe {
-                let Some(desk) = desk.get(0) else { return };
-                let (gain, whole) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
-                let scale = if gain == whole { 1.0 } else { gain / whole };
-                for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
-                    let free = state.x.get(i).w > 0.0;
-                    let carried = kernels::predict(xyz(state.u.get(i)), Vec3A::ZERO, &plan.substeps[substep]);
-                    let by = carried + Vec3A::from(desk.u.get(i)) * scale;
-                    state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
-                }
+        let predict = |task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize| {
+            let Some(mapped) = slot.within(task).item(0) else { return };
+            let received = mapped.received();
+            let (gain, whole) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
+            let scale = if gain == whole { 1.0 } else { gain / whole };
+            let carry = Vec3A::splat(plan.substeps[substep].carry);
+            for i in vertices.start as usize..vertices.end as usize {
+                let free = state.x.get(i).w > 0.0;
+                let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
+                let by = carried + Vec3A::from(received[i]) * scale;
+                state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
             }
         };
-        let moved = |vertices: &[Range<u32>], substep: usize, state: State| {
+        let moved = |task: &Task, state: State<'_>, vertices: &[Range<u32>], substep: usize| {
             let last = substep + 1 == count;
             if !last && !(substep + 1).is_multiple_of(every) {
                 return;
             }
-            // SAFETY: as above.
-            unsafe {
-                let Some(desk) = desk.get(0) else { return };
-                for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
-                    put(&desk, parcel(last), i, state.x.get(i), state.u.get(i));
-                }
+            let Some(mapped) = slot.within(task).item(0) else { return };
+            for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
+                mapped.send(task, payload(last), i, state.x.get(i), state.u.get(i));
             }
         };
-        let stepped = cpu.step_with(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
-        match post.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
-            None => stepped.map(|()| whole),
+        let stepped = cpu.step(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
+        match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
+            None => {
+                *mapped = slot.into_inner()[0].take();
+                stepped.map(|()| whole).map_err(Failure::Unstable)
+            }
             Some(reason) => {
                 cpu.revert();
                 Err(Failure::Gpu(reason))
@@ -205,43 +223,17 @@ impl Hybrid {
     }
 }
 
-impl Post<'_> {
-    /// One exchange; meanwhile the next is encoded. No desk if it failed.
-    fn exchange(&mut self, plan: &Plan<'_>, next: Option<(usize, Parcel)>) -> Option<Desk> {
-        let Post { gpu, forces, exchange, .. } = self;
+impl Exchanges<'_> {
+    /// One exchange; meanwhile the next is encoded. Nothing is mapped if it failed.
+    fn exchange(&mut self, plan: &Plan<'_>, next: Option<(usize, Payload)>) -> Option<Mapped> {
+        let Exchanges { gpu, forces, exchange, .. } = self;
         let commands = self.next.take()?;
         let done = gpu.checked(|| {
-            exchange.post(gpu, commands);
-            self.next = next.map(|(index, parcel)| exchange.encode(gpu, forces, plan, index, parcel));
+            exchange.submit(gpu, commands);
+            self.next = next.map(|(index, payload)| exchange.encode(gpu, forces, plan, index, payload));
             exchange.receive(gpu)
         });
         done.map_err(|reason| (self.next, self.failed) = (None, Some(reason))).ok()
-    }
-}
-
-/// Sends the whole state.
-#[expect(unsafe_code, reason = "one thread, and both lists are as long as the desk's")]
-fn put_all(desk: &Desk, cpu: &Cpu) {
-    for (i, (&x, &p)) in cpu.x.iter().zip(cpu.p.iter()).enumerate() {
-        // SAFETY: nobody else is here.
-        unsafe { put(desk, Parcel::Both, i, x, p) };
-    }
-}
-
-/// Sends a vertex.
-///
-/// # Safety
-/// That of [`Shared::set`], for the desk.
-#[expect(unsafe_code, reason = "see the safety section")]
-unsafe fn put(desk: &Desk, parcel: Parcel, i: usize, x: Vec4, p: Vec4) {
-    // SAFETY: the caller's promise.
-    unsafe {
-        if parcel.has_positions() {
-            desk.x.set(i, x.truncate());
-        }
-        if parcel.has_displacements() {
-            desk.p.set(i, p.truncate());
-        }
     }
 }
 

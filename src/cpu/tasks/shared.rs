@@ -58,10 +58,10 @@ pub(crate) struct SharedArray<'a, T = Vec4> {
     visitors: Visitors,
 }
 
-// SAFETY: Apart, and items that may be sent.
-unsafe impl<T: Send> Send for SharedArray<'_, T> {}
-// SAFETY: Apart, and items that may be sent.
-unsafe impl<T: Send> Sync for SharedArray<'_, T> {}
+// SAFETY: Apart, and items that may be sent and seen from other threads.
+unsafe impl<T: Send + Sync> Send for SharedArray<'_, T> {}
+// SAFETY: Apart, and items that may be sent and seen from other threads.
+unsafe impl<T: Send + Sync> Sync for SharedArray<'_, T> {}
 
 impl<'a, T> SharedArray<'a, T> {
     pub(crate) fn new(items: &'a mut [T]) -> SharedArray<'a, T> {
@@ -72,6 +72,13 @@ impl<'a, T> SharedArray<'a, T> {
             #[cfg(debug_assertions)]
             visitors: Visitors::new(items.len()),
         }
+    }
+
+    /// The items, once no task can see them any more.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn into_inner(self) -> &'a mut [T] {
+        // SAFETY: Alive; whoever saw the array borrowed it, and it is given away here.
+        unsafe { std::slice::from_raw_parts_mut(self.start, self.length) }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -134,7 +141,8 @@ impl<'t, T> View<'t, T> {
         (first..first + count).for_each(|item| self.visitors.0.write(item, self.visitors.1.ticket.number()));
     }
 
-    /// An item that this task, or one before it, wrote.
+    /// An item.
+    #[cfg(feature = "gpu")]
     pub(crate) fn item(self, item: usize) -> &'t T {
         self.reads(item, 1);
         // SAFETY: Alive, Inside (`at`), Apart.
@@ -142,6 +150,7 @@ impl<'t, T> View<'t, T> {
     }
 
     /// Puts another item in a place.
+    #[cfg(feature = "gpu")]
     pub(crate) fn replace(self, item: usize, value: T) {
         self.writes(item, 1);
         // SAFETY: Alive, Inside (`at`), Apart.
@@ -427,4 +436,36 @@ pub(crate) struct Near<'p> {
     /// All are below this.
     bound: usize,
     in_a_row: bool,
+}
+
+/// Memory of a GPU's that is mapped to be written, as vectors of three one after another.
+///
+/// The pointer is good as long as this lives, for it keeps the view: wgpu does not unmap a buffer that has one.
+#[cfg(feature = "gpu")]
+#[derive(Debug)]
+pub(crate) struct MappedVectors {
+    array: SharedArray<'static, glam::Vec3>,
+    /// Dropped after the array.
+    _view: wgpu::BufferViewMut,
+}
+
+#[cfg(feature = "gpu")]
+impl MappedVectors {
+    /// None if the memory is at an odd address.
+    pub(crate) fn new(mut view: wgpu::BufferViewMut) -> Option<MappedVectors> {
+        let length = view.len() / size_of::<glam::Vec3>();
+        let start = view.slice(..).as_raw_element_ptr().as_ptr().cast::<glam::Vec3>();
+        let array = SharedArray {
+            start,
+            length,
+            borrowed: PhantomData,
+            #[cfg(debug_assertions)]
+            visitors: Visitors::new(length),
+        };
+        start.is_aligned().then_some(MappedVectors { array, _view: view })
+    }
+
+    pub(crate) fn array(&self) -> &SharedArray<'_, glam::Vec3> {
+        &self.array
+    }
 }

@@ -1,0 +1,32 @@
+// The numbers of a step and of a substep, which every stage shares. The structs mirror src/kernels/params.rs member for member;
+// src/gpu/layout.rs compares them.
+
+struct Params {
+    acceleration: vec3f,
+    h: f32,
+    wind: vec3f,
+    half_density: f32,
+    drag: f32,
+    lift: f32,
+    fraction: f32,
+    vertices: u32,
+    bodies: u32,
+    pins: u32,
+    damped: u32,
+    predicted: u32,
+    substeps: u32,
+    sweeps: u32,
+    relaxed: u32,
+    levels: u32,
+}
+
+struct Substep {
+    carry: f32,
+    gain: f32,
+    rate: f32,
+    start: f32,
+    end: f32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> substep: Substep;

@@ -1,0 +1,40 @@
+// A sweep over a tile of aggregates, as tile.wgsl does one of vertices: for coarse levels too large for one workgroup.
+
+@group(1) @binding(1) var<storage, read> centers: array<vec4f>;
+@group(1) @binding(2) var<storage, read> predicted: array<vec4f>;
+// What each aggregate is corrected by.
+@group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
+
+fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    return project_coarse(d0, du, edge);
+}
+
+@compute @workgroup_size(LANES)
+fn sweep_of_level_tile(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let tile = group.x + group.y * groups.x;
+    if tile >= TILES {
+        return;
+    }
+    let edges = edges_of(tile);
+    let first = fetch_four(edges, 0u, lane);
+    let own = own_vertices(tile);
+    for (var k = lane; k < ROOM; k += LANES) {
+        let v = vertex_at(tile, k);
+        let above = label_at(tile, k);
+        tile_x[k] = centers[v];
+        tile_u[k] = predicted[v];
+        if above != NO_LABEL {
+            tile_u[k] += shift[above];
+        }
+    }
+    meet();
+    sweep(edges, first, lane);
+    for (var k = lane; k < own; k += LANES) {
+        let v = vertex_at(tile, k);
+        shift[v] = tile_u[k] - predicted[v];
+    }
+}

@@ -1,0 +1,68 @@
+// The coarse levels that fit into one workgroup together, in workgroup memory. The finest of them has been averaged: from the
+// memory that all share that is faster done by many.
+
+override LANES: u32 = 64u;
+// The number of the first aggregate here.
+override BASE: u32 = 0u;
+
+@group(1) @binding(0) var<storage, read> table: array<u32>;
+@group(1) @binding(1) var<storage, read> centers: array<vec4f>;
+@group(1) @binding(2) var<storage, read_write> predicted: array<vec4f>;
+// What each aggregate is corrected by.
+@group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
+
+var<workgroup> level_x: array<vec4f, AGGREGATES>;
+var<workgroup> level_u: array<vec4f, AGGREGATES>;
+
+fn center_of(k: u32) -> vec4f {
+    return level_x[k];
+}
+
+fn set_center(k: u32, x: vec3f) {
+    level_x[k] = vec4f(x, level_x[k].w);
+}
+
+fn corrected_of(k: u32) -> vec3f {
+    return level_u[k].xyz;
+}
+
+fn set_corrected(k: u32, u: vec3f) {
+    level_u[k] = vec4f(u, 0.0);
+}
+
+// Not asked for: the finest level has been averaged.
+fn below(k: u32) -> Item {
+    return Item();
+}
+
+// Read by the lane that wrote it.
+fn predicted_of(k: u32) -> vec3f {
+    return predicted[BASE + k].xyz;
+}
+
+fn set_predicted(k: u32, u: vec3f) {
+    predicted[BASE + k] = vec4f(u, 0.0);
+}
+
+fn correct(edge: Edge) {
+    correct_coarse(edge);
+}
+
+fn before(color: u32, lane: u32) {
+    descend(color, lane);
+}
+
+@compute @workgroup_size(LANES)
+fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
+    let first = fetch_four(coarse_edges(), 0u, lane);
+    for (var k = lane; k < AGGREGATES; k += LANES) {
+        level_x[k] = centers[BASE + k];
+        level_u[k] = predicted[BASE + k];
+    }
+    meet();
+    restrict_levels(lane);
+    sweep_levels(first, lane);
+    for (var k = lane; k < FINEST; k += LANES) {
+        shift[BASE + k] = vec4f(corrected_of(k) - predicted_of(k), 0.0);
+    }
+}

@@ -1,0 +1,56 @@
+// Coarse levels the plain way, for any mesh: what the level above was corrected by is handed down, and each color is a dispatch.
+
+@group(1) @binding(0) var<uniform> batch: Batch;
+@group(1) @binding(1) var<storage, read> edges: array<Edge>;
+@group(1) @binding(2) var<storage, read> centers: array<vec4f>;
+@group(1) @binding(3) var<storage, read> predicted: array<vec4f>;
+@group(1) @binding(4) var<storage, read> labels: array<u32>;
+// Displacements of aggregates as corrected, and what the finest level is corrected by.
+@group(1) @binding(5) var<storage, read_write> corrected: array<vec4f>;
+@group(1) @binding(6) var<storage, read_write> shift: array<vec4f>;
+@group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
+
+@compute @workgroup_size(WORKGROUP)
+fn hand_down(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let k = item(id, groups);
+    if k >= batch.count {
+        return;
+    }
+    let aggregate = batch.first + k;
+    let above = labels[aggregate];
+    if above == NO_LABEL {
+        corrected[aggregate] = predicted[aggregate];
+    } else {
+        corrected[aggregate] = predicted[aggregate] + (corrected[above] - predicted[above]);
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn sweep_coarse(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let k = item(id, groups);
+    if k >= batch.count {
+        return;
+    }
+    let edge = edges[batch.first + k];
+    let x_a = centers[edge.a];
+    let x_b = centers[edge.b];
+    let impulse = project_coarse(x_a.xyz - x_b.xyz, corrected[edge.a].xyz - corrected[edge.b].xyz, edge);
+    corrected[edge.a] += vec4f(impulse * x_a.w, 0.0);
+    corrected[edge.b] -= vec4f(impulse * x_b.w, 0.0);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn note_shift(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let k = item(id, groups);
+    if k < batch.count {
+        shift[k] = corrected[k] - predicted[k];
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn correct_vertices(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = item(id, groups);
+    if i < params.vertices {
+        u[i] += shift[labels[i]];
+    }
+}

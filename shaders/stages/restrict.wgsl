@@ -1,0 +1,71 @@
+// Coarse levels, first: each aggregate takes the mass-weighted average of what it is made of. See
+// src/multigrid/hierarchy.rs.
+
+struct Member {
+    item: u32,
+    share: f32,
+}
+
+// If it is made of vertices, whose displacements are yet to be predicted, not of aggregates of the level below.
+override OF_VERTICES: bool = true;
+// Lanes that share an aggregate's members.
+override EACH: u32 = 16u;
+
+@group(1) @binding(0) var<uniform> batch: Batch;
+@group(1) @binding(1) var<storage, read> x: array<vec4f>;
+@group(1) @binding(2) var<storage, read> motion: array<vec4f>;
+@group(1) @binding(3) var<storage, read> spans: array<Span>;
+@group(1) @binding(4) var<storage, read> members: array<Member>;
+// Of all levels, the finest first: centers and inverse masses, and displacements as predicted.
+@group(1) @binding(5) var<storage, read_write> centers: array<vec4f>;
+@group(1) @binding(6) var<storage, read_write> predicted: array<vec4f>;
+
+// What each lane's members come to.
+var<workgroup> dx_of: array<vec3f, WORKGROUP>;
+var<workgroup> u_of: array<vec3f, WORKGROUP>;
+
+fn position_of(k: u32) -> vec4f {
+    if OF_VERTICES {
+        return x[k];
+    }
+    return centers[k];
+}
+
+fn displacement_of(k: u32, w: f32) -> vec3f {
+    if OF_VERTICES {
+        return motion_displacement(motion[k].xyz, w, substep);
+    }
+    return predicted[k].xyz;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn restrict_level(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let k = item(id, groups);
+    let aggregate = batch.first + min(k / EACH, batch.count - 1u);
+    let span = spans[aggregate];
+    let first = position_of(members[span.start].item).xyz;
+    var dx = vec3f();
+    var u = vec3f();
+    for (var m = span.start + k % EACH; m < span.end; m += EACH) {
+        let member = members[m];
+        let at = position_of(member.item);
+        dx += (at.xyz - first) * member.share;
+        u += displacement_of(member.item, at.w) * member.share;
+    }
+    dx_of[lane] = dx;
+    u_of[lane] = u;
+    workgroupBarrier();
+    if k % EACH != 0u || k / EACH >= batch.count {
+        return;
+    }
+    for (var m = 1u; m < EACH; m++) {
+        dx += dx_of[lane + m];
+        u += u_of[lane + m];
+    }
+    centers[aggregate] = vec4f(first + dx, centers[aggregate].w);
+    predicted[aggregate] = vec4f(u, 0.0);
+}

@@ -1,0 +1,183 @@
+// A step of a cloth that is one tile, in one workgroup: every substep, and at the end the commit.
+// Displacements stay in workgroup memory throughout, those of a substep being the last ones of the next.
+
+// Numbers in workgroup memory: three for each vertex, ten for each aggregate.
+override NUMBERS: u32 = 192u;
+
+@group(1) @binding(1) var<storage, read> substeps: array<Substep>;
+@group(1) @binding(2) var<storage, read> pins: array<Pin>;
+@group(1) @binding(3) var<storage, read> bodies: array<Body>;
+@group(1) @binding(4) var<storage, read_write> x: array<vec4f>;
+@group(1) @binding(5) var<storage, read_write> p: array<vec4f>;
+// Of vertices: positions and inverse masses, then, while the levels are swept, displacements.
+@group(1) @binding(6) var<storage, read_write> state: array<vec4f>;
+@group(1) @binding(7) var<storage, read_write> first_bad: atomic<u32>;
+
+// Displacements of the vertices, and nothing beside: room for 4096 of them in 48 KiB. While the levels are swept it is
+// theirs: centers, inverse masses, displacements as corrected and as predicted.
+var<workgroup> numbers: array<f32, NUMBERS>;
+
+fn vector_at(k: u32) -> vec3f {
+    return vec3f(numbers[k], numbers[k + 1u], numbers[k + 2u]);
+}
+
+fn set_vector(k: u32, value: vec3f) {
+    numbers[k] = value.x;
+    numbers[k + 1u] = value.y;
+    numbers[k + 2u] = value.z;
+}
+
+fn displacement(v: u32) -> vec3f {
+    return vector_at(3u * v);
+}
+
+fn set_displacement(v: u32, u: vec3f) {
+    set_vector(3u * v, u);
+}
+
+fn center_of(k: u32) -> vec4f {
+    return vec4f(vector_at(3u * k), numbers[3u * AGGREGATES + k]);
+}
+
+fn set_center(k: u32, x: vec3f) {
+    set_vector(3u * k, x);
+}
+
+fn corrected_of(k: u32) -> vec3f {
+    return vector_at(4u * AGGREGATES + 3u * k);
+}
+
+fn set_corrected(k: u32, u: vec3f) {
+    set_vector(4u * AGGREGATES + 3u * k, u);
+}
+
+fn predicted_of(k: u32) -> vec3f {
+    return vector_at(7u * AGGREGATES + 3u * k);
+}
+
+fn set_predicted(k: u32, u: vec3f) {
+    set_vector(7u * AGGREGATES + 3u * k, u);
+}
+
+fn below(v: u32) -> Item {
+    return Item(state[v].xyz, state[params.vertices + v].xyz);
+}
+
+// Behind the levels: the aggregates' inverse masses.
+fn inverse_mass(k: u32) -> u32 {
+    return table[coarse_edges().start + 3u * COARSE_WIDTH * COARSE_COLORS + k];
+}
+
+var<private> on_levels: bool;
+
+fn correct(edge: Edge) {
+    if on_levels {
+        correct_coarse(edge);
+        return;
+    }
+    let x_a = state[edge.a];
+    let x_b = state[edge.b];
+    let u_a = displacement(edge.a);
+    let u_b = displacement(edge.b);
+    var impulse: vec3f;
+    if params.relaxed != 0u {
+        impulse = relax_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
+    } else {
+        impulse = project_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
+    }
+    set_displacement(edge.a, u_a + impulse * x_a.w);
+    set_displacement(edge.b, u_b - impulse * x_b.w);
+}
+
+fn before(color: u32, lane: u32) {
+    if on_levels {
+        descend(color, lane);
+    }
+}
+
+// What lanes wrote to `state` is there for all.
+fn meet_at_state() {
+    storageBarrier();
+    workgroupBarrier();
+}
+
+// Corrects what was predicted on the coarse levels.
+fn correct_on_levels(lane: u32) {
+    let all = params.vertices;
+    let first = fetch_four(coarse_edges(), 0u, lane);
+    for (var v = lane; v < all; v += LANES) {
+        state[all + v] = vec4f(displacement(v), 0.0);
+    }
+    meet_at_state();
+    for (var k = lane; k < AGGREGATES; k += LANES) {
+        numbers[3u * AGGREGATES + k] = bitcast<f32>(inverse_mass(k));
+    }
+    meet();
+    on_levels = true;
+    restrict_levels(lane);
+    sweep_levels(first, lane);
+    on_levels = false;
+    for (var k = lane; k < FINEST; k += LANES) {
+        set_corrected(k, corrected_of(k) - predicted_of(k));
+    }
+    meet();
+    for (var v = lane; v < all; v += LANES) {
+        state[all + v] += vec4f(corrected_of(label_at(0u, v)), 0.0);
+    }
+    meet();
+    for (var v = lane; v < all; v += LANES) {
+        set_displacement(v, state[all + v].xyz);
+    }
+    meet();
+}
+
+@compute @workgroup_size(LANES)
+fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
+    let all = params.vertices;
+    for (var v = lane; v < all; v += LANES) {
+        state[v] = x[v];
+        set_displacement(v, p[v].xyz);
+    }
+    meet_at_state();
+    for (var index = 0u; index < params.substeps; index++) {
+        let now = substeps[index];
+        for (var v = lane; v < all; v += LANES) {
+            if state[v].w != 0.0 {
+                set_displacement(v, predict_displacement(displacement(v), now));
+            } else if params.pins == 0u {
+                set_displacement(v, vec3f());
+            }
+        }
+        for (var k = lane; k < params.pins; k += LANES) {
+            let pin = pins[k];
+            set_displacement(pin.vertex, pin_displacement(pin, state[pin.vertex].xyz, now));
+        }
+        meet();
+        if LEVELS > 0u {
+            correct_on_levels(lane);
+        }
+        for (var time = 0u; time < params.sweeps; time++) {
+            sweep(edges_of(0u), fetch_four(edges_of(0u), 0u, lane), lane);
+        }
+        for (var v = lane; v < all; v += LANES) {
+            let x_v = state[v];
+            let path = after_contact(x_v, displacement(v), now);
+            state[v] = vec4f(path.x + path.u, x_v.w);
+            set_displacement(v, path.u);
+        }
+        meet_at_state();
+    }
+    for (var v = lane; v < all; v += LANES) {
+        if !(is_bounded(state[v].xyz) && is_bounded(displacement(v))) {
+            atomicMin(&first_bad, v);
+        }
+    }
+    meet_at_state();
+    if atomicLoad(&first_bad) != NONE {
+        return;
+    }
+    for (var v = lane; v < all; v += LANES) {
+        x[v] = state[v];
+        p[v] = vec4f(displacement(v), params.h);
+    }
+}

@@ -1,0 +1,90 @@
+// A sweep over the edges of a table, color after color. A shader says what becomes of an edge (`correct`) and what is to be
+// done before some colors (`before`).
+
+// Edges of so many colors from a word of the table on, each color with room for `width` of them: all ends, then all of
+// either number.
+struct ColoredEdges {
+    start: u32,
+    width: u32,
+    colors: u32,
+}
+
+// An edge as it is stored: both ends, as places in the tile's list of vertices, in one word; then its two numbers.
+// Not looked into when it is fetched, for that would be to wait for it.
+struct StoredEdge {
+    ends: u32,
+    inverse_rest: u32,
+    inverse_weight: u32,
+}
+
+// A lane's first edges of four colors.
+struct FourColors {
+    a: StoredEdge,
+    b: StoredEdge,
+    c: StoredEdge,
+    d: StoredEdge,
+}
+
+const NO_EDGE: u32 = 0xffffffffu;
+
+// Waits until all lanes are here, and what they wrote to workgroup memory is there for all.
+fn meet() {
+    workgroupBarrier();
+}
+
+// The edge number k of a color; what is past the last color must not be used.
+fn fetch(edges: ColoredEdges, color: u32, k: u32) -> StoredEdge {
+    if k >= edges.width {
+        return StoredEdge(NO_EDGE, 0u, 0u);
+    }
+    let at = edges.start + 3u * edges.width * color + k;
+    return StoredEdge(table[at], table[at + edges.width], table[at + 2u * edges.width]);
+}
+
+fn fetch_four(edges: ColoredEdges, color: u32, lane: u32) -> FourColors {
+    return FourColors(
+        fetch(edges, color, lane),
+        fetch(edges, color + 1u, lane),
+        fetch(edges, color + 2u, lane),
+        fetch(edges, color + 3u, lane),
+    );
+}
+
+fn correct_stored(stored: StoredEdge) {
+    if stored.ends != NO_EDGE {
+        let a = stored.ends & 0xffffu;
+        correct(Edge(a, stored.ends >> 16u, bitcast<f32>(stored.inverse_rest), bitcast<f32>(stored.inverse_weight)));
+    }
+}
+
+// A color's edges: the lane's first, and those that it has beside.
+fn sweep_color(edges: ColoredEdges, color: u32, first: StoredEdge, lane: u32) {
+    if color >= edges.colors {
+        return;
+    }
+    correct_stored(first);
+    for (var k = lane + LANES; k < edges.width; k += LANES) {
+        correct_stored(fetch(edges, color, k));
+    }
+    meet();
+}
+
+fn sweep_four(edges: ColoredEdges, color: u32, four: FourColors, lane: u32) {
+    before(color, lane);
+    sweep_color(edges, color, four.a, lane);
+    sweep_color(edges, color + 1u, four.b, lane);
+    sweep_color(edges, color + 2u, four.c, lane);
+    sweep_color(edges, color + 3u, four.d, lane);
+}
+
+// All colors, the first four of which are there. Memory takes longer to answer than a color to sweep: so four are asked
+// for together, while four are swept that were asked for before.
+fn sweep(edges: ColoredEdges, first: FourColors, lane: u32) {
+    var four = first;
+    for (var color = 0u; color < edges.colors; color += 8u) {
+        let next = fetch_four(edges, color + 4u, lane);
+        sweep_four(edges, color, four, lane);
+        four = fetch_four(edges, color + 8u, lane);
+        sweep_four(edges, color + 4u, next, lane);
+    }
+}

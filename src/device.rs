@@ -1,0 +1,265 @@
+//! A device to compute on, and what is made and done on it: buffers, pipelines, reads, waits.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytemuck::Pod;
+
+/// A wgpu device and queue to compute on. Cheap to clone.
+///
+/// The pipelines compiled for a device are kept with it, so what belongs together cannot be taken apart: another device is
+/// another [`Gpu::new`].
+#[derive(Debug, Clone)]
+pub struct Gpu(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    name: String,
+    /// Compiling takes longer than all else that a small cloth needs.
+    pipelines: Mutex<HashMap<Key, wgpu::ComputePipeline>>,
+}
+
+/// Shader, entry point, and its constants, by their bits.
+type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
+
+/// A shader, by a name that no other has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shader {
+    pub name: &'static str,
+    pub source: &'static str,
+}
+
+/// A shader's entry point, and what its overridable constants are.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Entry<'a> {
+    pub shader: Shader,
+    pub name: &'static str,
+    pub constants: &'a [(&'static str, f64)],
+}
+
+/// The device that Deformers share.
+struct Found {
+    gpu: Gpu,
+    software: bool,
+    lost: Arc<AtomicBool>,
+}
+
+/// How long a thread that waits for the device stays awake: one that sleeps is woken .05 to .3 ms late.
+const AWAKE: Duration = Duration::from_millis(4);
+
+impl Found {
+    fn request() -> Result<Found, String> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        let adapter = adapters.into_iter().min_by_key(rank).ok_or("no adapter was found")?;
+        let descriptor = wgpu::DeviceDescriptor {
+            // Cloth of a million vertices needs more than the default 128 MiB a binding.
+            required_limits: adapter.limits(),
+            // So that the hybrid need not copy what it maps.
+            required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
+        let lost = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&lost);
+        device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
+        let gpu = Gpu::new(device, queue, adapter.get_info().name);
+        Ok(Found { gpu, software: rank(&adapter) == 4, lost })
+    }
+}
+
+impl Gpu {
+    /// A device and its queue, by a name for reports. Clones share the kernels compiled for them: give one to each cloth, and
+    /// to [`Deformer::step_all`](crate::Deformer::step_all) cloths of one.
+    #[must_use]
+    pub fn new(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Gpu {
+        Gpu(Arc::new(Inner { device, queue, name, pipelines: Mutex::default() }))
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn device(&self) -> &wgpu::Device {
+        &self.0.device
+    }
+
+    /// Its queue.
+    #[must_use]
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.0.queue
+    }
+
+    /// The adapter's name, for reports.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Which device it is: wgpu's own comparison takes the first devices of two instances for one.
+    pub(crate) fn id(&self) -> *const () {
+        Arc::as_ptr(&self.0).cast()
+    }
+
+    /// The best adapter of this machine: a real GPU, or, if `software` may stand in, the software driver.
+    ///
+    /// Asked for once in a program and shared: a driver hands out only so many devices. Asked for again if it was lost.
+    pub(crate) fn shared(software: bool) -> Result<Gpu, String> {
+        static FOUND: Mutex<Option<Found>> = Mutex::new(None);
+        let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
+        if found.as_ref().is_none_or(|found| found.lost.load(Ordering::Relaxed)) {
+            *found = Some(Found::request()?);
+        }
+        match found.as_ref() {
+            Some(found) if software || !found.software => Ok(found.gpu.clone()),
+            _ => Err("the only adapter is a software driver".to_owned()),
+        }
+    }
+
+    /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
+    pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+        let [validation, memory, internal] = filters.map(|filter| self.device().push_error_scope(filter));
+        let result = work();
+        let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+        match errors.into_iter().flatten().next() {
+            Some(error) => Err(error.to_string().replace('\n', " ")),
+            None => result,
+        }
+    }
+
+    /// Bytes of memory that a workgroup has.
+    pub(crate) fn workgroup_memory(&self) -> usize {
+        self.device().limits().max_compute_workgroup_storage_size as usize
+    }
+
+    /// A storage buffer of `size` bytes, zero.
+    pub(crate) fn buffer(&self, label: &str, size: u64) -> wgpu::Buffer {
+        self.buffer_for(label, size, wgpu::BufferUsages::empty())
+    }
+
+    /// A storage buffer of `size` bytes, zero, that a renderer may use as well.
+    pub(crate) fn buffer_for(&self, label: &str, size: u64, renderer: wgpu::BufferUsages) -> wgpu::Buffer {
+        use wgpu::BufferUsages;
+        self.make(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | renderer)
+    }
+
+    /// A storage buffer with these values; an item of zeros if there are none.
+    pub(crate) fn filled<T: Pod>(&self, label: &str, values: &[T]) -> wgpu::Buffer {
+        let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);
+        self.write(&buffer, 0, values);
+        buffer
+    }
+
+    /// A buffer to map and read.
+    pub(crate) fn staging(&self, label: &str, size: u64) -> wgpu::Buffer {
+        self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
+    }
+
+    /// A buffer of any kind.
+    pub(crate) fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+        self.device().create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+    }
+
+    /// Writes values from byte `start` of a buffer on, before what is submitted next.
+    pub(crate) fn write<T: Pod>(&self, buffer: &wgpu::Buffer, start: usize, values: &[T]) {
+        self.queue().write_buffer(buffer, start as u64, bytemuck::cast_slice(values));
+    }
+
+    /// The pipeline of an entry point, compiled when it is first asked for.
+    pub(crate) fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
+        let device = self.device();
+        let constants = entry.constants.iter().map(|(name, value)| (*name, value.to_bits())).collect();
+        let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let pipeline = pipelines.entry((entry.shader.name, entry.name, constants)).or_insert_with(|| {
+            let source = wgpu::ShaderSource::Wgsl(entry.shader.source.into());
+            let module = wgpu::ShaderModuleDescriptor { label: Some(entry.shader.name), source };
+            let module = device.create_shader_module(module);
+            let bind_group_layouts = &layouts.map(Some);
+            let layout = wgpu::PipelineLayoutDescriptor { label: Some(entry.name), bind_group_layouts, immediate_size: 0 };
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry.name),
+                layout: Some(&device.create_pipeline_layout(&layout)),
+                module: &module,
+                entry_point: Some(entry.name),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: entry.constants,
+                    // No kernel reads what it has not written there.
+                    zero_initialize_workgroup_memory: false,
+                },
+                cache: None,
+            })
+        });
+        pipeline.clone()
+    }
+
+    /// An encoder of commands.
+    pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    /// Copies buffers into `staging`, one behind the other.
+    pub(crate) fn copy_to(&self, staging: &wgpu::Buffer, buffers: &[&wgpu::Buffer]) {
+        let mut encoder = self.encoder();
+        let mut offset = 0;
+        for buffer in buffers {
+            encoder.copy_buffer_to_buffer(buffer, 0, staging, offset, buffer.size());
+            offset += buffer.size();
+        }
+        self.queue().submit([encoder.finish()]);
+    }
+
+    /// Copies buffers into `staging`, one behind the other, waits, and shows the bytes to `look`.
+    pub(crate) fn read<T>(
+        &self,
+        staging: &wgpu::Buffer,
+        buffers: &[&wgpu::Buffer],
+        look: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, String> {
+        self.checked(|| {
+            self.copy_to(staging, buffers);
+            let (send, receive) = std::sync::mpsc::channel();
+            staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
+                // The receiver waits below; if it gave up there is nobody to tell.
+                let _ = send.send(mapped);
+            });
+            self.wait()?;
+            receive.recv().map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
+            let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| error.to_string());
+            staging.unmap();
+            seen
+        })
+    }
+
+    /// Waits for what was submitted.
+    pub(crate) fn wait(&self) -> Result<(), String> {
+        let begin = Instant::now();
+        while begin.elapsed() < AWAKE {
+            if self.poll(wgpu::PollType::Poll)?.is_queue_empty() {
+                return Ok(());
+            }
+            std::thread::yield_now();
+        }
+        self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
+    }
+
+    /// Sees what is done, and calls back whoever asked.
+    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<wgpu::PollStatus, String> {
+        // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
+        let poll = || self.device().poll(how);
+        match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
+            Ok(polled) => polled.map_err(|error| error.to_string()),
+            Err(_) => Err("the device was lost".to_owned()),
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! A cloth on the GPU: which way a step is done, what is sent for it, and the commands of its substeps.
+
+use glam::Vec4;
+
+use crate::device::Gpu;
+use crate::failure::Failure;
+use crate::gpu::commit::{self, Commit, NONE};
+use crate::gpu::forces::Forces;
+use crate::gpu::multigrid::Multigrid;
+use crate::gpu::readback::Readback;
+use crate::gpu::stage::Sent;
+use crate::gpu::state::{PING_PONG, ping_pong};
+use crate::gpu::stats::GpuStats;
+use crate::gpu::submission::Submission;
+use crate::gpu::surface::{Normals, Surface};
+use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
+use crate::gpu::tiles::{TileSize, Tiles};
+use crate::kernels::contact::Body;
+use crate::model::cloth::Cloth;
+use crate::multigrid::hierarchy::Level;
+use crate::options::Method;
+use crate::step::plan::Plan;
+
+/// Sweeps in one dispatch: a driver takes the device away from work that holds it for seconds.
+const LONGEST_DISPATCH: u32 = 2048;
+/// Vertices up to which one workgroup is faster than many, and how many cloths make a crowd, in which that holds for any size.
+const SMALL: usize = 1024;
+const CROWD: usize = 4;
+/// Workgroups that, with a tile each, keep a large GPU busy, and the own vertices that a tile has at least and at most.
+const TILES: usize = 256;
+const OWN: [usize; 2] = [48, 256];
+/// Bytes of workgroup memory that a vertex takes in a tile.
+pub(crate) const IN_TILE: usize = 32;
+
+/// A cloth on the GPU.
+#[derive(Debug)]
+pub(crate) struct GpuEngine {
+    gpu: Gpu,
+    forces: Forces,
+    bodies: Sent,
+    pub(crate) sweep: Sweep,
+    /// If levels are in use.
+    pub(crate) multigrid: Option<Multigrid>,
+    /// Vertices or aggregates that a tile has room for.
+    pub(crate) room: usize,
+    /// If the cloth is small.
+    pub(crate) single_workgroup: Option<SingleWorkgroup>,
+    commit: Commit,
+    readback: Readback,
+    /// Made when the cloth is first drawn.
+    normals: Option<Normals>,
+    /// What the last step came to.
+    stats: GpuStats,
+}
+
+/// How a substep's edges are swept, unless a step is done by a single workgroup.
+#[derive(Debug)]
+pub(crate) enum Sweep {
+    PerColor(PerColor),
+    Tiled(Tiled),
+}
+
+/// How a step is done; tests force one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Path {
+    PerColor,
+    Tiled,
+    SingleWorkgroup,
+}
+
+impl GpuEngine {
+    pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, String> {
+        let vertices = cloth.rest.len();
+        let path = match method {
+            _ if vertices <= SMALL => Path::SingleWorkgroup,
+            Method::SmallSteps => Path::Tiled,
+            _ => Path::PerColor,
+        };
+        let room = gpu.workgroup_memory() / IN_TILE;
+        GpuEngine::with_path(gpu, cloth, method, path, TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room })
+    }
+
+    /// With the best path up to `path`.
+    pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, String> {
+        gpu.clone().checked(|| {
+            let forces = Forces::new(&gpu, cloth, 2)?;
+            let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
+            let tiled = path != Path::PerColor && method == Method::SmallSteps;
+            let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
+            let sweep = match tiles.flatten() {
+                Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, tiles, &forces, &bodies)),
+                None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
+            };
+            let commit = Commit::new(&gpu, &forces);
+            let readback = Readback::new(&gpu, &forces.states[0], &commit.first_bad);
+            let mut engine = GpuEngine {
+                gpu,
+                forces,
+                bodies,
+                sweep,
+                multigrid: None,
+                room: size.room,
+                single_workgroup: None,
+                commit,
+                readback,
+                normals: None,
+                stats: GpuStats::default(),
+            };
+            if path == Path::SingleWorkgroup {
+                engine.make_single_workgroup(cloth, method, &[]);
+            }
+            engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
+            Ok(engine)
+        })
+    }
+
+    pub(crate) fn adapter(&self) -> &str {
+        self.gpu.name()
+    }
+
+    pub(crate) fn position_buffer(&self) -> &wgpu::Buffer {
+        &self.forces.states[0].x
+    }
+
+    /// Prepares for steps in one workgroup, if the cloth fits into one.
+    fn make_single_workgroup(&mut self, cloth: &Cloth, method: Method, levels: &[Level]) {
+        let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
+        let there = single_workgroup.as_ref().is_some_and(|single| single.levels() == levels.len());
+        if !there && method != Method::Springs {
+            let made = SingleWorkgroup::new(gpu, cloth, levels, forces, bodies, &commit.first_bad);
+            *single_workgroup = made.or(single_workgroup.take());
+        }
+    }
+
+    /// Submits one step; returns before it is done.
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        let gpu = self.gpu.clone();
+        gpu.checked(|| {
+            let path = self.prepare(plan, false);
+            let mut submission = Submission::new(&gpu);
+            self.encode(&mut submission, plan, path);
+            submission.submit();
+            Ok(())
+        })
+        .map_err(Failure::Gpu)
+    }
+
+    /// Submits a step of each, those on one device together; returns before they are done. The failures, by the number
+    /// that each was given.
+    ///
+    /// Dispatches that share no buffer run side by side, so each of many small cloths is one workgroup's work.
+    pub(crate) fn step_all(jobs: &mut [(usize, &mut GpuEngine, Plan<'_>)]) -> Vec<(usize, Failure)> {
+        let mut failures = Vec::new();
+        let crowd = jobs.len() >= CROWD;
+        jobs.sort_by_key(|(_, engine, _)| engine.gpu.id());
+        for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.id() == b.gpu.id()) {
+            let gpu = together[0].1.gpu.clone();
+            let submitted = gpu.checked(|| {
+                let mut submission = Submission::new(&gpu);
+                let paths: Vec<Path> = together.iter_mut().map(|(_, engine, plan)| engine.prepare(plan, crowd)).collect();
+                together.iter().zip(paths).for_each(|((_, engine, plan), path)| engine.encode(&mut submission, plan, path));
+                submission.submit();
+                Ok(())
+            });
+            if let Err(reason) = submitted {
+                failures.extend(together.iter().map(|(index, _, _)| (*index, Failure::Gpu(reason.clone()))));
+            }
+        }
+        failures
+    }
+
+    /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
+    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
+        let levels = plan.coefficients.levels.len();
+        if crowd || self.single_workgroup.is_some() {
+            self.make_single_workgroup(plan.cloth, plan.method, plan.levels);
+        }
+        let path = self.path(plan, crowd);
+        let GpuEngine { gpu, forces, bodies, sweep, multigrid, room, single_workgroup, commit, .. } = self;
+        let mut moved = forces.prepare(gpu, plan, path == Path::SingleWorkgroup);
+        if levels > 0 && path != Path::SingleWorkgroup {
+            if multigrid.as_ref().is_none_or(|multigrid| multigrid.levels != levels) {
+                moved = true;
+                let room = matches!(sweep, Sweep::Tiled(_)).then_some(*room);
+                *multigrid = Some(Multigrid::new(gpu, plan.cloth, plan.levels, forces, room));
+                if let Sweep::Tiled(tiled) = sweep {
+                    tiled.set_labels(gpu, &plan.levels[0].label);
+                }
+            }
+            multigrid.as_mut().into_iter().for_each(|multigrid| multigrid.prepare(gpu, plan));
+        }
+        if bodies.send(gpu, plan.bodies) | moved {
+            let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
+            match sweep {
+                Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
+                Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, shift),
+            }
+            if let Some(single) = single_workgroup {
+                single.rebind(gpu, forces, bodies, &commit.first_bad);
+            }
+        }
+        match (path, sweep, single_workgroup) {
+            (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
+            (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
+            (_, Sweep::Tiled(tiled), _) => tiled.prepare(gpu, plan),
+        }
+        self.stats = self.count(plan, path);
+        path
+    }
+
+    fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
+        let gathers = plan.bending || plan.wind || plan.method == Method::Springs;
+        // Levels have some more colors than the cloth, together.
+        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
+        let pays = crowd || plan.cloth.rest.len() <= SMALL;
+        let levels = plan.coefficients.levels.len();
+        match (&self.sweep, &self.single_workgroup) {
+            (_, Some(single)) if pays && !gathers && sweeps <= LONGEST_DISPATCH && single.levels() == levels => {
+                Path::SingleWorkgroup
+            }
+            (Sweep::Tiled(_), _) => Path::Tiled,
+            (Sweep::PerColor(_), _) => Path::PerColor,
+        }
+    }
+
+    /// The levels, if the step has any.
+    fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
+        self.multigrid.as_ref().filter(|_| plan.params.levels > 0)
+    }
+
+    /// Encodes a step.
+    fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) {
+        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
+            let pass = submission.room_for(1);
+            self.forces.bind_substep(pass, 0);
+            single.encode(pass);
+            return;
+        }
+        let last = plan.substeps.len() - 1;
+        for substep in 0..=last {
+            let group = ping_pong(substep);
+            let pass = submission.room_for(self.dispatches(plan));
+            self.forces.bind_substep(pass, substep);
+            if plan.params.predicted != 0 || matches!(self.sweep, Sweep::PerColor(_)) {
+                self.forces.encode(pass, plan, PING_PONG[group][0]);
+            }
+            let multigrid = self.multigrid(plan);
+            multigrid.into_iter().for_each(|multigrid| multigrid.encode(pass, plan, group));
+            match &self.sweep {
+                Sweep::Tiled(tiled) => tiled.encode(pass, plan, group),
+                Sweep::PerColor(per_color) => {
+                    multigrid.into_iter().for_each(|multigrid| multigrid.encode_correct(pass, plan));
+                    per_color.encode(pass, plan, group);
+                }
+            }
+        }
+        let pass = submission.room_for(commit::DISPATCHES);
+        self.forces.bind_substep(pass, last);
+        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth.rest.len());
+    }
+
+    /// Dispatches of a substep.
+    fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        let levels = self.multigrid(plan).map_or(0, Multigrid::dispatches);
+        match &self.sweep {
+            Sweep::Tiled(_) => Forces::dispatches(plan) * plan.params.predicted as usize + levels + 1,
+            Sweep::PerColor(per_color) => Forces::dispatches(plan) + levels + per_color.dispatches(plan),
+        }
+    }
+
+    /// What the last step came to.
+    pub(crate) fn stats(&self) -> GpuStats {
+        self.stats
+    }
+
+    fn count(&self, plan: &Plan<'_>, path: Path) -> GpuStats {
+        let state = 2 * size_of::<Vec4>() * plan.cloth.rest.len();
+        let substeps = plan.substeps.len();
+        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
+            let [rounds, edges] = single.counts(plan).map(|count| substeps * count);
+            return GpuStats { dispatches: 1, bytes: single.bytes() + 2 * state, rounds, edges };
+        }
+        let forces = Forces::bytes(plan);
+        let (substep, rounds, edges) = match &self.sweep {
+            // A halo's vertices are read more than once; each is written once.
+            Sweep::Tiled(Tiled { tiles, .. }) => {
+                (forces * plan.params.predicted as usize + tiles.bytes() + state, tiles.colors, tiles.swept)
+            }
+            Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
+        };
+        let multigrid = self.multigrid(plan);
+        let [more_rounds, more_edges] = multigrid.map_or([0, 0], Multigrid::counts);
+        GpuStats {
+            dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES,
+            bytes: substeps * (substep + multigrid.map_or(0, Multigrid::bytes)) + 3 * state,
+            rounds: substeps * (rounds + more_rounds),
+            edges: substeps * (edges + more_edges),
+        }
+    }
+
+    /// Puts the state somewhere else.
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        let state = &self.forces.states[0];
+        self.gpu.write(&state.x, 0, x);
+        self.gpu.write(&state.p, 0, p);
+        self.commit.clear(&self.gpu);
+    }
+
+    /// Waits for what was submitted.
+    pub(crate) fn wait(&self) -> Result<(), Failure> {
+        self.gpu.wait().map_err(Failure::Gpu)
+    }
+
+    /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
+    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
+        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.first_bad, look);
+        let first_bad = seen.map_err(Failure::Gpu)?;
+        if first_bad != NONE {
+            self.commit.clear(&self.gpu);
+        }
+        good(first_bad)
+    }
+
+    /// Asks for the positions, in place of what was asked for before.
+    pub(crate) fn request(&mut self) -> Result<(), Failure> {
+        let x = &self.forces.states[0].x;
+        self.readback.request(&self.gpu, x, &self.commit.first_bad).map_err(Failure::Gpu)
+    }
+
+    /// Shows what was asked for to `look`, once, if it is there: whether it was.
+    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+        match self.readback.arrived(&self.gpu, look).map_err(Failure::Gpu)? {
+            Some(first_bad) => good(first_bad).map(|()| true),
+            None => Ok(false),
+        }
+    }
+
+    /// Submits the normals of the state that the steps so far lead to.
+    pub(crate) fn surface(&mut self, cloth: &Cloth) -> Result<Surface, Failure> {
+        let GpuEngine { gpu, forces, normals, .. } = self;
+        gpu.checked(|| {
+            let normals = normals.get_or_insert_with(|| Normals::new(gpu, cloth, &forces.states[0].x));
+            normals.submit(gpu);
+            Ok(normals.surface.clone())
+        })
+        .map_err(Failure::Gpu)
+    }
+}
+
+/// Fails if a vertex was out of bounds.
+fn good(first_bad: u32) -> Result<(), Failure> {
+    if first_bad == NONE { Ok(()) } else { Err(Failure::Unstable(first_bad as usize)) }
+}

@@ -1,0 +1,103 @@
+//! Levels swept in workgroup memory: the fine ones in tiles, a dispatch each, and the rest of them together in one workgroup.
+
+use glam::Vec4;
+
+use crate::device::{Entry, Gpu};
+use crate::gpu::multigrid::level_table::LevelTable;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Group, Stage, lanes};
+use crate::gpu::tiles::{NO_EDGE, TileSize, Tiles};
+use crate::kernels::distance::Edge;
+use crate::multigrid::hierarchy::Level;
+
+/// Aggregates that a tile has of its own, at most.
+const OWN: usize = 256;
+
+/// Tables with the buffers that they are sent to and the stages that read them, the finest level first.
+#[derive(Debug)]
+pub(crate) struct TiledLevels {
+    in_tiles: Vec<(Tiles, wgpu::Buffer, Stage)>,
+    in_workgroup: Option<(LevelTable, wgpu::Buffer, Stage)>,
+}
+
+impl TiledLevels {
+    /// `rest` are the centers of each level, whose aggregates are numbered from `starts` on. `None` if a level cannot be cut.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        levels: &[Level],
+        rest: &[Vec<Vec4>],
+        starts: &[usize],
+        uniforms: &Group,
+        room: usize,
+        [centers, predicted, shift]: [&wgpu::Buffer; 3],
+    ) -> Option<TiledLevels> {
+        let end = starts[levels.len()];
+        let first_together = (0..levels.len()).find(|&level| end - starts[level] <= room).unwrap_or(levels.len());
+        let mut in_tiles = Vec::new();
+        for (index, level) in levels[..first_together].iter().enumerate() {
+            let mut tiles = Tiles::new(&rest[index], &level.links, &level.colors, TileSize { own: OWN, room })?;
+            let above = levels.get(index + 1);
+            let label = |item: u32| above.map_or(NO_EDGE, |above| starts[index + 1] as u32 + above.label[item as usize]);
+            tiles.set_labels(label, starts[index] as u32);
+            let table = gpu.filled("tiles of a level", &tiles.table);
+            let bound = vec![Bind::Read(&table), Bind::Read(centers), Bind::Read(predicted), Bind::Write(shift)];
+            let entry = Entry { shader: shaders::LEVEL_TILE, name: "sweep_of_level_tile", constants: &tiles.constants(gpu) };
+            let stage = Stage::new(gpu, uniforms, entry, &[bound]);
+            in_tiles.push((tiles, table, stage));
+        }
+        let in_workgroup = (first_together < levels.len()).then(|| {
+            let levels = LevelTable::new(levels, first_together, None);
+            let table = gpu.filled("levels", &levels.table);
+            let own = [("LANES", lanes(gpu, levels.width) as f64), ("BASE", starts[first_together] as f64)];
+            let constants = [&LevelTable::constants(Some(&levels), 0)[..], &own].concat();
+            let bound = vec![Bind::Read(&table), Bind::Read(centers), Bind::Write(predicted), Bind::Write(shift)];
+            let entry = Entry { shader: shaders::LEVELS_IN_WORKGROUP, name: "sweep_of_levels", constants: &constants };
+            let stage = Stage::new(gpu, uniforms, entry, &[bound]);
+            (levels, table, stage)
+        });
+        Some(TiledLevels { in_tiles, in_workgroup })
+    }
+
+    /// How many levels are in tiles.
+    #[cfg(test)]
+    pub(crate) fn in_tiles(&self) -> usize {
+        self.in_tiles.len()
+    }
+
+    /// How many of the finest levels have to be averaged: the workgroup averages all but the finest of its own.
+    pub(crate) fn averaged(&self) -> usize {
+        self.dispatches()
+    }
+
+    pub(crate) fn dispatches(&self) -> usize {
+        self.in_tiles.len() + usize::from(self.in_workgroup.is_some())
+    }
+
+    pub(crate) fn send_edges(&mut self, gpu: &Gpu, levels: &[Vec<Edge>]) {
+        for ((tiles, table, _), edges) in self.in_tiles.iter_mut().zip(levels) {
+            tiles.send_edges(gpu, table, edges);
+        }
+        if let Some((together, table, _)) = &mut self.in_workgroup {
+            together.send_edges(gpu, table, 0, levels);
+        }
+    }
+
+    pub(crate) fn bytes(&self) -> usize {
+        let in_tiles: usize = self.in_tiles.iter().map(|(tiles, ..)| tiles.bytes()).sum();
+        in_tiles + self.in_workgroup.as_ref().map_or(0, |(levels, ..)| size_of_val(levels.table.as_slice()))
+    }
+
+    /// Colors one after another, and edges.
+    pub(crate) fn counts(&self) -> [usize; 2] {
+        let [rounds, edges] = self.in_workgroup.as_ref().map_or([0, 0], |(levels, ..)| levels.counts());
+        self.in_tiles.iter().fold([rounds, edges], |[rounds, edges], (tiles, ..)| [rounds + tiles.colors, edges + tiles.swept])
+    }
+
+    /// Encodes the sweeps, the coarsest level first.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        if let Some((_, _, stage)) = &self.in_workgroup {
+            stage.dispatch_workgroups(pass, 0, &[], 1);
+        }
+        self.in_tiles.iter().rev().for_each(|(tiles, _, stage)| stage.dispatch_workgroups(pass, 0, &[], tiles.count));
+    }
+}

@@ -1,0 +1,40 @@
+//! Every shader as it is put together: the mathematics it uses, from `shaders/`, then how it is run, from `shaders/stages/`.
+
+use crate::device::Shader;
+
+macro_rules! shaders {
+    ($($name:ident: $($file:literal)+;)+) => {
+        $(pub(crate) const $name: Shader = Shader {
+            name: stringify!($name),
+            source: concat!(
+                include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/params.wgsl")),
+                include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/stages/dispatch.wgsl")),
+                $(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $file, ".wgsl"))),+
+            ),
+        };)+
+
+        /// All of them.
+        #[cfg(test)]
+        pub(crate) const ALL: &[Shader] = &[$($name),+];
+    };
+}
+
+shaders! {
+    PREDICT: "integrate" "stages/predict";
+    BEND: "integrate" "bending" "stages/predict" "stages/bend";
+    WIND: "wind" "stages/wind";
+    SPRINGS: "distance" "spring" "stages/springs";
+    PROJECT: "distance" "stages/project";
+    CONTACT: "distance" "contact" "stages/move" "stages/contact";
+    TILE: "integrate" "distance" "contact"
+        "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/move" "stages/tile";
+    SINGLE_WORKGROUP: "integrate" "distance" "contact" "limits"
+        "stages/sweep" "stages/tiles" "stages/levels" "stages/move" "stages/single_workgroup";
+    COMMIT: "limits" "stages/commit";
+    RESTRICT: "integrate" "stages/motion" "stages/restrict";
+    LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
+    LEVELS_IN_WORKGROUP: "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
+    LEVELS_PER_COLOR: "distance" "stages/levels_per_color";
+    NORMALS: "stages/normals";
+    EXCHANGE: "stages/exchange";
+}

@@ -1,0 +1,36 @@
+//! Dispatches on their way to the device: one pass and one submit, or as few as it bears.
+
+use crate::device::Gpu;
+
+/// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
+const LONGEST: usize = 16_384;
+
+/// A compute pass, submitted when it is full or the step is encoded.
+pub(crate) struct Submission<'a> {
+    gpu: &'a Gpu,
+    encoder: wgpu::CommandEncoder,
+    pass: wgpu::ComputePass<'static>,
+    dispatches: usize,
+}
+
+impl<'a> Submission<'a> {
+    pub(crate) fn new(gpu: &'a Gpu) -> Submission<'a> {
+        let mut encoder = gpu.encoder();
+        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
+        Submission { gpu, encoder, pass, dispatches: 0 }
+    }
+
+    /// The pass, with room for some dispatches that belong together. What was bound may have to be bound again.
+    pub(crate) fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
+        if self.dispatches > 0 && self.dispatches + dispatches > LONGEST {
+            std::mem::replace(self, Submission::new(self.gpu)).submit();
+        }
+        self.dispatches += dispatches;
+        &mut self.pass
+    }
+
+    pub(crate) fn submit(self) {
+        drop(self.pass);
+        self.gpu.queue().submit([self.encoder.finish()]);
+    }
+}

@@ -1,0 +1,9 @@
+//! The edges, visited color after color, then contact and the move: in three ways with one result.
+
+mod per_color;
+mod single_workgroup;
+mod tiled;
+
+pub(crate) use per_color::PerColor;
+pub(crate) use single_workgroup::SingleWorkgroup;
+pub(crate) use tiled::Tiled;

@@ -1,0 +1,74 @@
+//! A dispatch a color, and one for contact: for any mesh and any number of sweeps, and what the others are compared with.
+
+use crate::device::{Entry, Gpu};
+use crate::gpu::forces::Forces;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Batch, Bind, Sent, Stage, batches, slot};
+use crate::gpu::state::groups;
+use crate::kernels::distance::Edge;
+use crate::model::cloth::Cloth;
+use crate::step::plan::Plan;
+
+/// Sweeps with a dispatch a color.
+#[derive(Debug)]
+pub(crate) struct PerColor {
+    colors: Vec<Batch>,
+    edges: wgpu::Buffer,
+    /// The substep that `edges` are for.
+    h: Option<f32>,
+    project: Stage,
+    contact: Stage,
+}
+
+impl PerColor {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, forces: &Forces, bodies: &Sent) -> PerColor {
+        let colors: Vec<Batch> = cloth.colors.iter().cloned().map(Batch::from).collect();
+        let edges = gpu.buffer("edges", (cloth.swept().len().max(1) * size_of::<Edge>()) as u64);
+        let slots = batches(gpu, &colors);
+        let bound = groups(&forces.states, |from, _| {
+            vec![Bind::Dynamic(&slots, size_of::<Batch>()), Bind::Read(&edges), Bind::Read(&from.x), Bind::Write(&forces.u)]
+        });
+        let entry = Entry { shader: shaders::PROJECT, name: "project", constants: &[] };
+        let project = Stage::new(gpu, &forces.uniforms, entry, &bound);
+        let entry = Entry { shader: shaders::CONTACT, name: "contact", constants: &[] };
+        let contact = Stage::new(gpu, &forces.uniforms, entry, &PerColor::bound_by_contact(forces, bodies));
+        PerColor { colors, edges, h: None, project, contact }
+    }
+
+    fn bound_by_contact<'a>(forces: &'a Forces, bodies: &'a Sent) -> Vec<Vec<Bind<'a>>> {
+        groups(&forces.states, |from, to| {
+            vec![Bind::Read(&from.x), Bind::Read(&forces.u), Bind::Read(&bodies.buffer), Bind::Write(&to.x), Bind::Write(&to.p)]
+        })
+    }
+
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent) {
+        self.contact.rebind(gpu, &PerColor::bound_by_contact(forces, bodies));
+    }
+
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+        if self.h != Some(plan.coefficients.h) && plan.sweeps > 0 {
+            gpu.write(&self.edges, 0, &plan.coefficients.edges);
+            self.h = Some(plan.coefficients.h);
+        }
+    }
+
+    /// Dispatches of a substep.
+    pub(crate) fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        plan.sweeps as usize * self.colors.len() + 1
+    }
+
+    /// Bytes of a substep.
+    pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
+        plan.sweeps as usize * 112 * plan.cloth.swept().len()
+    }
+
+    /// Encodes the sweeps and contact of a substep, number `group` of [`crate::gpu::state::PING_PONG`].
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+        for _ in 0..plan.sweeps {
+            for (color, batch) in self.colors.iter().enumerate() {
+                self.project.dispatch(pass, group, &slot(color), batch.count as usize);
+            }
+        }
+        self.contact.dispatch(pass, group, &[], plan.cloth.rest.len());
+    }
+}

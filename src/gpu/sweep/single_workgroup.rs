@@ -1,0 +1,125 @@
+//! One dispatch a step: the cloth is one tile, in one workgroup.
+
+use crate::device::{Entry, Gpu};
+use crate::gpu::forces::Forces;
+use crate::gpu::multigrid::LevelTable;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Sent, Stage};
+use crate::gpu::tiles::{TileSize, Tiles};
+use crate::model::cloth::Cloth;
+use crate::multigrid::hierarchy::Level;
+use crate::step::plan::Plan;
+
+/// Bytes of workgroup memory that a vertex takes, and an aggregate.
+const OF_VERTEX: usize = 12;
+const OF_AGGREGATE: usize = 40;
+
+/// A step by one workgroup.
+#[derive(Debug)]
+pub(crate) struct SingleWorkgroup {
+    tiles: Tiles,
+    /// The levels in use, if any.
+    levels: Option<LevelTable>,
+    /// The tile, then the levels, then their aggregates' inverse masses.
+    table: wgpu::Buffer,
+    state: wgpu::Buffer,
+    /// The substep that the table's edges are for.
+    h: Option<f32>,
+    stage: Stage,
+}
+
+impl SingleWorkgroup {
+    /// `None` if the cloth or its levels do not fit into a workgroup's memory.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        cloth: &Cloth,
+        levels: &[Level],
+        forces: &Forces,
+        bodies: &Sent,
+        first_bad: &wgpu::Buffer,
+    ) -> Option<SingleWorkgroup> {
+        let room = gpu.workgroup_memory() / OF_VERTEX;
+        let aggregates: usize = levels.iter().map(|level| level.inverse_mass.len()).sum();
+        if cloth.rest.len() > room || OF_AGGREGATE * aggregates > gpu.workgroup_memory() {
+            return None;
+        }
+        let size = TileSize { own: room, room };
+        let tiles = Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size);
+        let mut tiles = tiles.filter(|tiles| tiles.count == 1)?;
+        if let Some(finest) = levels.first() {
+            tiles.set_labels(|vertex| finest.label[vertex as usize], 0);
+        }
+        let level_table = (!levels.is_empty()).then(|| LevelTable::new(levels, 0, Some(0)));
+        let mut table = tiles.table.clone();
+        level_table.iter().for_each(|levels| table.extend(&levels.table));
+        table.extend(levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()));
+        let table = gpu.filled("single workgroup", &table);
+        let state = gpu.buffer("state in work", 2 * size_of_val(cloth.rest.as_slice()) as u64);
+
+        let coarse = LevelTable::constants(level_table.as_ref(), tiles.table.len());
+        let numbers = [("NUMBERS", (3 * tiles.largest).max(10 * aggregates) as f64)];
+        let constants = [&tiles.constants(gpu)[..], &coarse, &numbers].concat();
+        let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
+        let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, first_bad);
+        let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        Some(SingleWorkgroup { tiles, levels: level_table, table, state, h: None, stage })
+    }
+
+    fn bound<'a>(
+        table: &'a wgpu::Buffer,
+        state: &'a wgpu::Buffer,
+        forces: &'a Forces,
+        bodies: &'a Sent,
+        first_bad: &'a wgpu::Buffer,
+    ) -> Vec<Bind<'a>> {
+        vec![
+            Bind::Read(table),
+            Bind::Read(&forces.all_substeps.buffer),
+            Bind::Read(&forces.pins.buffer),
+            Bind::Read(&bodies.buffer),
+            Bind::Write(&forces.states[0].x),
+            Bind::Write(&forces.states[0].p),
+            Bind::Write(state),
+            Bind::Write(first_bad),
+        ]
+    }
+
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, first_bad: &wgpu::Buffer) {
+        let bound = SingleWorkgroup::bound(&self.table, &self.state, forces, bodies, first_bad);
+        self.stage.rebind(gpu, &[bound]);
+    }
+
+    /// How many levels it sweeps.
+    pub(crate) fn levels(&self) -> usize {
+        self.levels.as_ref().map_or(0, |levels| levels.levels)
+    }
+
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+        let SingleWorkgroup { tiles, levels, table, h, .. } = self;
+        if *h == Some(plan.coefficients.h) {
+            return;
+        }
+        *h = Some(plan.coefficients.h);
+        tiles.send_edges(gpu, table, &plan.coefficients.edges);
+        if let Some(levels) = levels {
+            levels.send_edges(gpu, table, size_of_val(tiles.table.as_slice()), &plan.coefficients.levels);
+        }
+    }
+
+    /// Colors one after another, and edges, of a substep.
+    pub(crate) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
+        let [rounds, edges] = self.levels.as_ref().map_or([0, 0], LevelTable::counts);
+        let sweeps = plan.sweeps as usize;
+        [rounds + sweeps * self.tiles.colors, edges + sweeps * self.tiles.swept]
+    }
+
+    /// Bytes of a step, those that stay on the chip counted once.
+    pub(crate) fn bytes(&self) -> usize {
+        self.table.size() as usize + 2 * self.state.size() as usize
+    }
+
+    /// Encodes a step.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.stage.dispatch_workgroups(pass, 0, &[], 1);
+    }
+}

@@ -1,0 +1,76 @@
+//! One dispatch a substep, each workgroup with a tile of the cloth and its halo.
+
+use crate::device::{Entry, Gpu};
+use crate::gpu::forces::Forces;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Sent, Stage};
+use crate::gpu::state::{PING_PONG, State, groups};
+use crate::gpu::tiles::Tiles;
+use crate::step::plan::Plan;
+
+/// Sweeps of a substep in tiles.
+#[derive(Debug)]
+pub(crate) struct Tiled {
+    pub tiles: Tiles,
+    table: wgpu::Buffer,
+    /// The substep that the table's edges are for.
+    h: Option<f32>,
+    /// The groups of [`PING_PONG`] that predict, then those that take what forces predicted.
+    stage: Stage,
+}
+
+impl Tiled {
+    pub(crate) fn new(gpu: &Gpu, tiles: Tiles, forces: &Forces, bodies: &Sent) -> Tiled {
+        let table = gpu.filled("tiles", &tiles.table);
+        let entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &tiles.constants(gpu) };
+        let stage = Stage::new(gpu, &forces.uniforms, entry, &Tiled::bound(&table, forces, bodies, None));
+        Tiled { tiles, table, h: None, stage }
+    }
+
+    fn bound<'a>(
+        table: &'a wgpu::Buffer,
+        forces: &'a Forces,
+        bodies: &'a Sent,
+        shift: Option<&'a wgpu::Buffer>,
+    ) -> Vec<Vec<Bind<'a>>> {
+        // Without levels it is bound, not read.
+        let shift = shift.unwrap_or(&forces.u);
+        let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
+            vec![
+                Bind::Read(table),
+                Bind::Read(&from.x),
+                Bind::Read(motion),
+                Bind::Read(&bodies.buffer),
+                Bind::Write(&to.x),
+                Bind::Write(&to.p),
+                Bind::Read(shift),
+            ]
+        };
+        let mut bound_by_all = groups(&forces.states, |from, to| bound(from, to, &from.p));
+        bound_by_all.extend(groups(&forces.states, |from, to| bound(from, to, &forces.u)));
+        bound_by_all
+    }
+
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, shift: Option<&wgpu::Buffer>) {
+        self.stage.rebind(gpu, &Tiled::bound(&self.table, forces, bodies, shift));
+    }
+
+    /// Notes which aggregate each vertex is in.
+    pub(crate) fn set_labels(&mut self, gpu: &Gpu, labels: &[u32]) {
+        self.tiles.set_labels(|vertex| labels[vertex as usize], 0);
+        gpu.write(&self.table, 0, &self.tiles.table);
+    }
+
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+        if self.h != Some(plan.coefficients.h) && plan.sweeps > 0 {
+            self.tiles.send_edges(gpu, &self.table, &plan.coefficients.edges);
+            self.h = Some(plan.coefficients.h);
+        }
+    }
+
+    /// Encodes a substep, number `group` of [`PING_PONG`].
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+        let predicted = plan.params.predicted as usize * PING_PONG.len();
+        self.stage.dispatch_workgroups(pass, group + predicted, &[], self.tiles.count);
+    }
+}

@@ -1,0 +1,222 @@
+//! Tiles: the cloth cut into pieces that a workgroup's memory holds, each with all that its own vertices depend on.
+//!
+//! A sweep visits the edges color after color. Walked backwards from a tile's own vertices, a vertex that is needed
+//! after a color needs, before it, the other end of its edge of that color. What is gathered so, its halo, is a few rings
+//! wide, and computing it in every tile that needs it is cheaper than a dispatch a color: on a device whose dispatches
+//! cost 2 us each, five to eight times.
+
+use std::ops::Range;
+
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::device::Gpu;
+use crate::gpu::stage::lanes;
+use crate::kernels::distance::Edge;
+use crate::model::cloth::Link;
+use crate::model::csr::Csr;
+
+/// What `sweep.wgsl` calls none, of edges and of labels.
+pub(crate) const NO_EDGE: u32 = u32::MAX;
+
+/// Tiles as `tiles.wgsl` reads them.
+#[derive(Debug, Clone)]
+pub(crate) struct Tiles {
+    /// For each tile how many vertices are its own; then for each its vertices, its own first, in [`Tiles::largest`]
+    /// words, filled up with its first; then for each the aggregates of those; then for each and each color its edges, in
+    /// [`Tiles::widest`] words each all ends as a pair of places among the tile's vertices, all inverse lengths, all inverse
+    /// weights.
+    pub table: Vec<u32>,
+    pub count: usize,
+    pub colors: usize,
+    /// Most vertices that a tile holds, and most edges of a color.
+    pub largest: usize,
+    pub widest: usize,
+    /// Edges of all tiles, those of halos in each that has them.
+    pub swept: usize,
+    /// Where in the table the edges start; the cloth's edge that each word stands for.
+    edges: usize,
+    sources: Vec<u32>,
+}
+
+/// How large tiles may be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TileSize {
+    /// Vertices of its own that a tile has at most, and that it may hold.
+    pub own: usize,
+    pub room: usize,
+}
+
+/// A tile as it is found: its vertices, its own first, and its edges of each color.
+#[derive(Debug)]
+struct Tile {
+    own: usize,
+    vertices: Vec<u32>,
+    edges: Vec<Vec<u32>>,
+}
+
+/// What tiles are cut from.
+struct Source<'a> {
+    rest: &'a [Vec4],
+    links: &'a [Link],
+    colors: &'a [Range<usize>],
+    /// The edges at each vertex.
+    around: Csr<u32>,
+    /// Vertices that a tile may hold.
+    room: usize,
+}
+
+impl Tiles {
+    /// Cuts the cloth into tiles. `None` if that cannot be done, as for a fan of many edges, or not be done well.
+    pub(crate) fn new(rest: &[Vec4], links: &[Link], colors: &[Range<usize>], most: TileSize) -> Option<Tiles> {
+        let pairs = links.iter().enumerate().flat_map(|(edge, link)| link.ends.map(|end| (end, edge as u32)));
+        let around = Csr::new(rest.len(), pairs);
+        let room = most.room.min(1 << 16);
+        let source = Source { rest, links, colors, around, room };
+        let mut pieces = Vec::new();
+        halve((0..rest.len() as u32).collect(), rest, most.own.min(room).max(1), &mut pieces);
+        let seen = || vec![false; rest.len()];
+        let tiles: Option<Vec<Vec<Tile>>> = pieces.into_par_iter().map_init(seen, |seen, own| source.fit(own, seen)).collect();
+        let tiles: Vec<Tile> = tiles?.into_iter().flatten().collect();
+        let held: usize = tiles.iter().map(|tile| tile.vertices.len()).sum();
+        // So much recomputed is no gain any more.
+        (held <= 16 * rest.len().max(256)).then(|| Tiles::lay_out(&tiles, rest.len(), links, colors.len()))
+    }
+
+    fn lay_out(tiles: &[Tile], vertices: usize, links: &[Link], colors: usize) -> Tiles {
+        let count = tiles.len();
+        let largest = tiles.iter().map(|tile| tile.vertices.len()).max().unwrap_or(0);
+        let widest = tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).max().unwrap_or(0);
+        let edges = count * (1 + 2 * largest);
+        let words = count * colors * 3 * widest;
+        let mut table = vec![NO_EDGE; edges + words];
+        let mut sources = vec![NO_EDGE; words];
+        let mut place = vec![0; vertices];
+        for (index, tile) in tiles.iter().enumerate() {
+            table[index] = tile.own as u32;
+            let list = &mut table[count + index * largest..][..largest];
+            list.fill(tile.vertices[0]);
+            list[..tile.vertices.len()].copy_from_slice(&tile.vertices);
+            tile.vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
+            for (color, list) in tile.edges.iter().enumerate() {
+                let start = 3 * widest * (index * colors + color);
+                for (k, &edge) in list.iter().enumerate() {
+                    let [a, b] = links[edge as usize].ends.map(|vertex| place[vertex as usize]);
+                    table[edges + start + k] = a | b << 16;
+                    sources[start + widest + k] = edge;
+                    sources[start + 2 * widest + k] = edge;
+                }
+            }
+        }
+        let swept = tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).sum();
+        Tiles { table, count, colors, largest, widest, swept, edges, sources }
+    }
+
+    /// Bytes that a sweep reads: the table, and two vectors for each vertex held.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.table.as_slice()) + 32 * self.count * self.largest
+    }
+
+    /// Fills in the aggregates that the vertices are in, and names the vertices anew, as numbers from `base` on.
+    pub(crate) fn set_labels(&mut self, labels: impl Fn(u32) -> u32, base: u32) {
+        let (_, lists) = self.table[..self.edges].split_at_mut(self.count);
+        let (vertices, named) = lists.split_at_mut(self.count * self.largest);
+        for (vertex, label) in vertices.iter_mut().zip(named) {
+            *label = labels(*vertex);
+            *vertex += base;
+        }
+    }
+
+    /// Fills in the edges' numbers, here and in `buffer`, which starts with the table.
+    pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, edges: &[Edge]) {
+        let width = self.widest.max(1);
+        let lists = self.table[self.edges..].chunks_mut(width).zip(self.sources.chunks(width)).enumerate();
+        for (list, (words, sources)) in lists.filter(|(list, _)| list % 3 > 0) {
+            for (word, &source) in words.iter_mut().zip(sources) {
+                let Some(edge) = edges.get(source as usize) else { continue };
+                *word = if list % 3 == 1 { edge.inverse_rest } else { edge.inverse_weight }.to_bits();
+            }
+        }
+        gpu.write(buffer, size_of::<u32>() * self.edges, &self.table[self.edges..]);
+    }
+
+    /// What `tiles.wgsl` is told.
+    pub(crate) fn constants(&self, gpu: &Gpu) -> [(&'static str, f64); 5] {
+        [
+            ("LANES", lanes(gpu, self.widest)),
+            ("ROOM", self.largest),
+            ("WIDTH", self.widest),
+            ("COLORS", self.colors),
+            ("TILES", self.count),
+        ]
+        .map(|(name, value)| (name, value as f64))
+    }
+}
+
+/// Cuts a set of vertices across its longest extent until each piece has at most `most`.
+fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32>>) {
+    if set.len() <= most {
+        set.sort_unstable();
+        pieces.push(set);
+        return;
+    }
+    let [low, high] = cut(set, rest);
+    halve(low, rest, most, pieces);
+    halve(high, rest, most, pieces);
+}
+
+/// The two halves of a set of vertices, across its longest extent.
+fn cut(mut set: Vec<u32>, rest: &[Vec4]) -> [Vec<u32>; 2] {
+    let at = |vertex: u32| rest[vertex as usize].truncate();
+    let (low, high) = set.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &v| (low.min(at(v)), high.max(at(v))));
+    let axis = (high - low).max_position();
+    let middle = set.len() / 2;
+    set.select_nth_unstable_by(middle, |&a, &b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(&b)));
+    let half = set.split_off(middle);
+    [set, half]
+}
+
+impl Source<'_> {
+    /// The tile of these vertices, or tiles of their halves where it would not fit.
+    fn fit(&self, own: Vec<u32>, seen: &mut [bool]) -> Option<Vec<Tile>> {
+        if let Some(tile) = self.tile(&own, seen) {
+            return Some(vec![tile]);
+        }
+        if own.len() < 2 {
+            return None;
+        }
+        let mut found = Vec::new();
+        for mut half in cut(own, self.rest) {
+            half.sort_unstable();
+            found.extend(self.fit(half, seen)?);
+        }
+        Some(found)
+    }
+
+    /// A tile with all that its own vertices depend on, if there is room. `seen` is all false before and after.
+    fn tile(&self, own: &[u32], seen: &mut [bool]) -> Option<Tile> {
+        let mut vertices = own.to_vec();
+        vertices.iter().for_each(|&v| seen[v as usize] = true);
+        let mut edges = vec![Vec::new(); self.colors.len()];
+        for (color, list) in self.colors.iter().zip(&mut edges).rev() {
+            for k in 0..vertices.len() {
+                let mut around = self.around.of(vertices[k]).iter();
+                let Some(&edge) = around.find(|&&edge| color.contains(&(edge as usize))) else { continue };
+                list.push(edge);
+                for end in self.links[edge as usize].ends {
+                    if !std::mem::replace(&mut seen[end as usize], true) {
+                        vertices.push(end);
+                    }
+                }
+            }
+            list.sort_unstable();
+            list.dedup();
+            if vertices.len() > self.room {
+                break;
+            }
+        }
+        vertices.iter().for_each(|&v| seen[v as usize] = false);
+        vertices[own.len()..].sort_unstable();
+        (vertices.len() <= self.room).then_some(Tile { own: own.len(), vertices, edges })
+    }
+}

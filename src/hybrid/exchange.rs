@@ -1,0 +1,195 @@
+//! Forces for a processor: its state in, their displacements out, three floats a vertex each, through two buffers that stay.
+//!
+//! Both are mapped while the processor works and written and read in place ([`Mapped`]); [`Exchange::submit`] hands them to the GPU
+//! and [`Exchange::receive`] waits until they are back. Where the device can use mapped memory as it is, nothing is copied.
+//!
+//! Waiting: a driver that sleeps until a fence is signalled wakes 20 us late, as long as half a small exchange takes;
+//! [`Gpu::wait`] stays awake for a while.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use glam::{Vec3, Vec4};
+
+use crate::cpu::{MappedVectors, Task};
+use crate::device::{Entry, Gpu};
+use crate::gpu::{Bind, Forces, Stage, shaders};
+use crate::step::plan::Plan;
+
+/// How long a callback may take once the device is done.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Bytes of three floats.
+const THREE: u64 = size_of::<Vec3>() as u64;
+/// What `ready` holds when both buffers are back, and what one that was refused adds.
+const BOTH: u32 = 2;
+const REFUSED: u32 = 1 << 16;
+
+/// What of the state is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Payload {
+    Positions,
+    /// Positions follow from them.
+    Displacements,
+    Both,
+}
+
+impl Payload {
+    const ALL: [Payload; 3] = [Payload::Positions, Payload::Displacements, Payload::Both];
+
+    pub(crate) fn has_positions(self) -> bool {
+        self != Payload::Displacements
+    }
+
+    pub(crate) fn has_displacements(self) -> bool {
+        self != Payload::Positions
+    }
+}
+
+/// What the processor can reach between two exchanges.
+#[derive(Debug)]
+pub(crate) struct Mapped {
+    /// To be written: the positions (m) of all vertices, then their displacements (m).
+    outbox: MappedVectors,
+    inbox: wgpu::BufferView,
+    vertices: usize,
+}
+
+impl Mapped {
+    /// Displacements (m) by the forces, one a vertex.
+    pub(crate) fn received(&self) -> &[Vec3] {
+        bytemuck::cast_slice(&self.inbox)
+    }
+
+    /// Sends a vertex, at `x` (m) after it moved by `p` (m).
+    pub(crate) fn send(&self, task: &Task, what: Payload, vertex: usize, x: Vec4, p: Vec4) {
+        let outbox = self.outbox.array().within(task);
+        if what.has_positions() {
+            outbox.set(vertex, x.truncate());
+        }
+        if what.has_displacements() {
+            outbox.set(self.vertices + vertex, p.truncate());
+        }
+    }
+}
+
+/// The buffers, and what moves between them and the state.
+#[derive(Debug)]
+pub(crate) struct Exchange {
+    outbox: wgpu::Buffer,
+    inbox: wgpu::Buffer,
+    /// The same on the device, where that cannot use a mapped buffer as it is.
+    sent: Option<wgpu::Buffer>,
+    given: Option<wgpu::Buffer>,
+    arrive: Vec<Stage>,
+    leave: Stage,
+    vertices: u64,
+    /// Whether they are mapped, or about to be.
+    asked: bool,
+    ready: Arc<AtomicU32>,
+}
+
+impl Exchange {
+    /// For the first state of `forces`; `in_place` says whether the device is to use the mapped outbox and inbox themselves.
+    pub(crate) fn new(gpu: &Gpu, forces: &Forces, vertices: usize, in_place: [bool; 2]) -> Exchange {
+        use wgpu::BufferUsages as Usage;
+        let vertices = vertices as u64;
+        let sizes = [2 * THREE * vertices, THREE * vertices];
+        let used = |index: usize, copied| if in_place[index] { Usage::STORAGE } else { copied };
+        let outbox = gpu.make("outbox", sizes[0], Usage::MAP_WRITE | used(0, Usage::COPY_SRC));
+        let inbox = gpu.make("inbox", sizes[1], Usage::MAP_READ | used(1, Usage::COPY_DST));
+        let copy = |index: usize, name| (!in_place[index]).then(|| gpu.buffer(name, sizes[index]));
+        let copies = [copy(0, "sent"), copy(1, "given")];
+        let [sent, given] = [copies[0].as_ref().unwrap_or(&outbox), copies[1].as_ref().unwrap_or(&inbox)];
+
+        let state = &forces.states[0];
+        let arrive = Payload::ALL.map(|what| {
+            let has = |held: bool| f64::from(u8::from(held));
+            let constants = [("POSITIONS", has(what.has_positions())), ("DISPLACEMENTS", has(what.has_displacements()))];
+            let entry = Entry { shader: shaders::EXCHANGE, name: "arrive", constants: &constants };
+            let bound = vec![Bind::Read(sent), Bind::Write(&state.x), Bind::Write(&state.p)];
+            Stage::new(gpu, &forces.uniforms, entry, &[bound])
+        });
+        let bound = vec![Bind::Unused, Bind::Unused, Bind::Unused, Bind::Read(&forces.u), Bind::Write(given)];
+        let entry = Entry { shader: shaders::EXCHANGE, name: "leave", constants: &[] };
+        let leave = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        let arrive = arrive.into_iter().collect();
+        let [sent, given] = copies;
+        Exchange { arrive, leave, vertices, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
+    }
+
+    /// Maps the buffers.
+    pub(crate) fn open(&mut self, gpu: &Gpu) -> Result<Mapped, String> {
+        self.close();
+        self.ask();
+        self.receive(gpu)
+    }
+
+    /// The commands of an exchange: `what` in, the forces of substep number `index` of `plan`, their displacements out.
+    pub(crate) fn encode(&self, gpu: &Gpu, forces: &Forces, plan: &Plan<'_>, index: usize, what: Payload) -> wgpu::CommandBuffer {
+        let mut encoder = gpu.encoder();
+        let vertices = self.vertices as usize;
+        if let Some(sent) = &self.sent {
+            let half = THREE * self.vertices;
+            let start = if what.has_positions() { 0 } else { half };
+            let end = if what.has_displacements() { 2 * half } else { half };
+            encoder.copy_buffer_to_buffer(&self.outbox, start, sent, start, end - start);
+        }
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        forces.bind_substep(&mut pass, index);
+        self.arrive[what as usize].dispatch(&mut pass, 0, &[], vertices);
+        forces.encode(&mut pass, plan, 0);
+        self.leave.dispatch(&mut pass, 0, &[], 3 * vertices);
+        drop(pass);
+        if let Some(given) = &self.given {
+            encoder.copy_buffer_to_buffer(given, 0, &self.inbox, 0, THREE * self.vertices);
+        }
+        encoder.finish()
+    }
+
+    /// Hands the buffers over, and asks for them back. What was mapped must be dropped before.
+    pub(crate) fn submit(&mut self, gpu: &Gpu, commands: wgpu::CommandBuffer) {
+        self.close();
+        gpu.queue().submit([commands]);
+        self.ask();
+    }
+
+    /// Waits until the buffers are back.
+    pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Mapped, String> {
+        gpu.wait()?;
+        // Another thread that waits for the device may be about to call back for this one.
+        let start = Instant::now();
+        while self.ready.load(Ordering::Acquire) < BOTH && start.elapsed() < PATIENCE {
+            std::thread::yield_now();
+            gpu.poll(wgpu::PollType::Poll)?;
+        }
+        if self.ready.load(Ordering::Acquire) != BOTH {
+            return Err("the device could not map its buffers".to_owned());
+        }
+        let outbox = self.outbox.get_mapped_range_mut(..).map_err(|error| error.to_string())?;
+        let inbox = self.inbox.get_mapped_range(..).map_err(|error| error.to_string())?;
+        let is_aligned = bytemuck::try_cast_slice::<u8, Vec3>(&inbox).is_ok();
+        let outbox = MappedVectors::new(outbox).filter(|_| is_aligned).ok_or("the device maps buffers at odd addresses")?;
+        Ok(Mapped { outbox, inbox, vertices: self.vertices as usize })
+    }
+
+    fn close(&mut self) {
+        if std::mem::take(&mut self.asked) {
+            self.outbox.unmap();
+            self.inbox.unmap();
+        }
+    }
+
+    fn ask(&mut self) {
+        self.asked = true;
+        self.ready.store(0, Ordering::Release);
+        let note = || {
+            let ready = Arc::clone(&self.ready);
+            move |mapped: Result<(), wgpu::BufferAsyncError>| {
+                ready.fetch_add(if mapped.is_ok() { 1 } else { REFUSED }, Ordering::Release);
+            }
+        };
+        self.inbox.map_async(wgpu::MapMode::Read, .., note());
+        self.outbox.map_async(wgpu::MapMode::Write, .., note());
+    }
+}

@@ -1,0 +1,68 @@
+//! The kernels once more, as plainly as they can be said: one number after another, no lanes, no series where a root will do.
+//! What runs is in `src/kernels/`.
+
+#![allow(dead_code, reason = "each test takes what it needs")]
+
+use glam::{Mat3A, Vec3A};
+
+/// An edge's impulse: add `w_a` times it to `u_a`, subtract `w_b` times it from `u_b`.
+pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
+    let d = d0 + du;
+    let (square, square0) = (d.length_squared() * inverse_rest * inverse_rest, d0.length_squared() * inverse_rest * inverse_rest);
+    let turn = d0.dot(d) * inverse_rest * inverse_rest;
+    if turn > 0.9 && (square - 1.0).abs() < 0.1 && (square0 - 1.0).abs() < 0.1 {
+        // The series of sqrt(square) - 1 and of 1/sqrt(square0).
+        let (r, r0) = (square - 1.0, square0 - 1.0);
+        let excess = r / 2.0 - r * r / 8.0 + r * r * r / 16.0;
+        -inverse_weight * excess * (1.0 - r0 / 2.0 + 3.0 * r0 * r0 / 8.0) * d0
+    } else {
+        relax_edge(d0, du, inverse_rest, inverse_weight)
+    }
+}
+
+pub fn project_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
+    if (d0 + du).length() * inverse_rest <= 1.0 { Vec3A::ZERO } else { project_edge(d0, du, inverse_rest, inverse_weight) }
+}
+
+pub fn relax_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
+    let d = d0 + du;
+    let length = d.length().max(1e-12);
+    inverse_weight * (1.0 / inverse_rest - length) / length * d
+}
+
+/// What a vertex's bending row pulls by, and the couple of its damping, given its neighbors: where they are from it, how fast that
+/// changes, and their coefficients.
+pub fn bend_moment(ring: &[(Vec3A, Vec3A, f32)], stiffness: f32, tau: f32) -> [Vec3A; 2] {
+    let ring = || ring.iter().filter(|neighbor| neighbor.2 != 0.0);
+    let y: Vec3A = ring().map(|&(d, _, c)| c * d).sum();
+    if tau == 0.0 {
+        return [stiffness * y, Vec3A::ZERO];
+    }
+    let rate: Vec3A = ring().map(|&(_, rate, c)| c * rate).sum();
+    let inertia = ring().fold(Mat3A::ZERO, |inertia, &(d, _, _)| {
+        inertia + Mat3A::from_diagonal(glam::Vec3::splat(d.length_squared())) - Mat3A::from_cols(d * d.x, d * d.y, d * d.z)
+    });
+    let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
+    if (inertia * (1.0 / trace.max(1e-30))).determinant() < 1e-4 {
+        let growth = y.dot(rate) / y.length_squared().max(1e-30);
+        return [stiffness * (1.0 + tau * growth) * y, Vec3A::ZERO];
+    }
+    let omega = inertia.inverse() * ring().map(|&(d, rate, _)| d.cross(rate)).sum::<Vec3A>();
+    let resisted = stiffness * tau * (rate - omega.cross(y));
+    [stiffness * y + resisted, inertia.inverse() * y.cross(resisted)]
+}
+
+/// Force of the air on a triangle: `half_density`, drag and lift as in `Params`; `kick` is how long (s) the force acts.
+pub fn wind_force(x: [Vec3A; 3], v: Vec3A, mass: f32, kick: f32, half_density: f32, drag: f32, lift: f32) -> Vec3A {
+    let cross = (x[1] - x[0]).cross(x[2] - x[0]);
+    if cross.length() < 1e-20 {
+        return Vec3A::ZERO;
+    }
+    let (area, n) = (0.5 * cross.length(), cross.normalize());
+    let (normal, speed) = (v.dot(n) * n, v.length().max(1e-10));
+    let sine = normal.length() / speed;
+    let limited = |k: f32| k * area / (1.0 + kick * k * area / mass);
+    let k_n = limited(half_density * (drag * normal.length() + lift * speed * (1.0 - sine * sine)));
+    let k_t = limited(half_density * normal.length() * (drag - lift * sine));
+    -(k_n * normal + k_t * (v - normal))
+}
