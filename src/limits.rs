@@ -2,7 +2,7 @@
 
 /// Most vertices: as many as buffers of 16 bytes each can be bound for on common GPUs.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
-/// Farther out (m), squares soon overflow. Displacements and given velocities have the same bound, and so has `bounds.wgsl`.
+/// Farther out (m), squares soon overflow. Displacements and given velocities have the same bound, and so has `limits.wgsl`.
 pub(crate) const MAX_POSITION: f32 = 1e15;
 /// Shortest step (s): below it a displacement no longer gives a velocity in single precision.
 pub(crate) const MIN_TIME_STEP: f32 = 1e-9;

@@ -1,5 +1,5 @@
-// The start of a substep: the displacement that the last one and a uniform acceleration predict; pinned vertices go where they are led.
-// x.w is the inverse mass, 0 where pinned. Forces that differ from vertex to vertex are added by their own stages.
+// The start of a substep: the displacement that the last one and a uniform acceleration predict; pinned vertices go where
+// they are led. x.w is the inverse mass, 0 where pinned. Forces that differ from vertex to vertex are added by their own stages.
 
 @group(1) @binding(0) var<storage, read> x: array<vec4f>;
 @group(1) @binding(1) var<storage, read> p: array<vec4f>;

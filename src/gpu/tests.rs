@@ -40,8 +40,8 @@ fn mesh(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// One in which the pins are led, one in which they are held. In two more a fold goes one way or the other by the last bit, and what
-/// parts two right paths is more than what is wrong with a third.
+/// In one frame the pins are led, in the other they are held. In two more a fold goes one way or the other by the last bit,
+/// and what parts two right paths is more than what is wrong with a third.
 const FRAMES: u8 = 2;
 
 /// The state after a few steps of colliders, led pins and, if asked for, bending and wind.
