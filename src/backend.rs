@@ -6,7 +6,7 @@ use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
 use crate::error::{BuildError, StepError};
-pub(crate) use crate::failure::Failure;
+use crate::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuEngine;
 #[cfg(feature = "gpu")]

@@ -1,10 +1,14 @@
 //! The deformer: a cloth, its state, and the substep loop from top to bottom.
 
+#[cfg(feature = "bench")]
+mod bench;
+
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider};
-use crate::backend::{Engine, Failure};
+use crate::backend::Engine;
 use crate::error::{BuildError, StepError};
+use crate::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::Surface;
 use crate::limits::{MAX_POSITION, MIN_TIME_STEP};
@@ -18,7 +22,6 @@ use crate::step::plan::{Lists, Motion, Plan};
 use crate::step::substeps::Rates;
 
 /// A cloth in motion.
-#[derive(Debug)]
 pub struct Deformer {
     cloth: Cloth,
     options: Options,
@@ -45,6 +48,13 @@ pub struct Deformer {
     gravity: Vec3,
     /// Whether it still is the state.
     shown: bool,
+}
+
+impl std::fmt::Debug for Deformer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (vertices, edges) = (self.cloth.rest.len(), self.cloth.links.len());
+        write!(f, "Deformer({vertices} vertices, {edges} edges, {:?}, {:?})", self.options.method, self.backend())
+    }
 }
 
 impl Deformer {
@@ -357,64 +367,6 @@ impl Deformer {
             }
             _ => Ok(None),
         }
-    }
-
-    /// What the last step asked of the GPU.
-    #[cfg(feature = "gpu")]
-    #[doc(hidden)]
-    #[must_use]
-    pub fn gpu_stats(&self) -> Option<crate::gpu::GpuStats> {
-        match &self.engine {
-            Engine::Gpu(gpu) => Some(gpu.stats()),
-            _ => None,
-        }
-    }
-
-    /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can, and says how many it is: a benchmark
-    /// asks what that costs.
-    #[doc(hidden)]
-    pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
-        let breadth = crate::simd::Width::at_most(lanes);
-        match &mut self.engine {
-            Engine::Cpu(cpu) => cpu.narrow(breadth),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.cpu.narrow(breadth),
-            #[cfg(feature = "gpu")]
-            Engine::Gpu(_) => {}
-        }
-        breadth.lanes()
-    }
-
-    /// How many substeps an exchange with the GPU is to be good for, in the hybrid: a benchmark asks what more than one costs.
-    #[cfg(feature = "gpu")]
-    #[doc(hidden)]
-    pub fn exchange_every(&mut self, substeps: u32) {
-        if let Engine::Hybrid(hybrid) = &mut self.engine {
-            hybrid.every = substeps.max(1) as usize;
-        }
-    }
-
-    /// Whether the device is to use the hybrid's mapped outbox and inbox themselves.
-    #[cfg(feature = "gpu")]
-    #[doc(hidden)]
-    pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
-        if let Engine::Hybrid(hybrid) = &mut self.engine {
-            hybrid.exchange_in_place(self.cloth.rest.len(), in_place);
-        }
-    }
-
-    /// Runs the hybrid's force kernels for a substep this often, and waits. The state stays as it is.
-    ///
-    /// # Errors
-    /// As [`Deformer::step`].
-    #[cfg(feature = "gpu")]
-    #[doc(hidden)]
-    pub fn run_forces(&mut self, dt: f32, attributes: &Attributes, repeats: u32) -> Result<(), StepError> {
-        let substeps = self.ready(dt, attributes)?;
-        let (engine, plan) = self.job(substeps, attributes);
-        let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
-        let run = hybrid.run_forces(&plan, repeats);
-        run.map_err(|reason| StepError::Gpu { reason })
     }
 
     /// The mesh's index of each vertex of [`Deformer::position_buffer`].

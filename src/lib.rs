@@ -21,6 +21,7 @@ mod model;
 mod multigrid;
 mod options;
 #[cfg(test)]
+#[allow(unreachable_pub, reason = "the tests of the crate take it too")]
 #[path = "../tests/common/oracle.rs"]
 mod oracle;
 mod simd;
@@ -33,8 +34,10 @@ pub use device::Gpu;
 pub use error::{BuildError, StepError};
 pub use fabric::Fabric;
 pub use glam;
+#[cfg(all(feature = "gpu", feature = "bench"))]
+pub use gpu::GpuStats;
 #[cfg(feature = "gpu")]
-pub use gpu::{GpuStats, Surface};
+pub use gpu::Surface;
 pub use io::obj::ObjError;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;

@@ -11,7 +11,7 @@ use crate::cpu::integrate::Integrator;
 use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
 use crate::cpu::sweep::Rule;
-use crate::cpu::tasks::shared::SharedArray;
+use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::simd::Width;
@@ -38,6 +38,11 @@ pub(crate) struct Cpu {
     packed_for: Option<(u32, usize, usize)>,
     scheduled_for: Option<Terms>,
     width: Width,
+    /// How many threads to step on, if not as many as pay.
+    threads: Option<usize>,
+    /// Passes are parallel loops one after another.
+    #[cfg(feature = "bench")]
+    pub loop_by_loop: bool,
 }
 
 impl Cpu {
@@ -58,6 +63,9 @@ impl Cpu {
             packed_for: None,
             scheduled_for: None,
             width: Width::detected(),
+            threads: None,
+            #[cfg(feature = "bench")]
+            loop_by_loop: false,
         }
     }
 
@@ -67,6 +75,12 @@ impl Cpu {
         (self.width, self.packed_for) = (width, None);
         self.forces = ForceArrays::default();
         self.coarse.forget();
+    }
+
+    /// Steps on this many threads, if the pool has so many, instead of on as many as pay.
+    #[cfg(feature = "bench")]
+    pub(crate) fn on_threads(&mut self, threads: usize) {
+        self.threads = Some(threads.max(1));
     }
 
     /// Puts the state somewhere else.
@@ -94,7 +108,8 @@ impl Cpu {
 
     /// The substeps of a step; the first vertex that leaves the bounds, or `usize::MAX`.
     fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> usize {
-        let threads = rayon::current_num_threads();
+        let pool = rayon::current_num_threads();
+        let threads = self.threads.map_or(pool, |threads| threads.min(pool));
         self.pack(plan, elsewhere.is_some(), threads);
         let Cpu { x, p, x_good, p_good, forces, coarse, edges, schedule, partition, width, .. } = self;
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
@@ -113,7 +128,13 @@ impl Cpu {
         };
         let Schedule { passes, graph } = schedule;
         let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
-        graph.run(turns, threads, &|task, turn, pass, index| stepper.work(task, &passes[pass], turn, index));
+        let work = |task: &Task, turn: u32, pass: usize, index: usize| stepper.work(task, &passes[pass], turn, index);
+        #[cfg(feature = "bench")]
+        if self.loop_by_loop {
+            graph.run_pass_by_pass(turns, &work);
+            return stepper.integrator.lost.into_inner();
+        }
+        graph.run(turns, threads, &work);
         stepper.integrator.lost.into_inner()
     }
 

@@ -218,7 +218,7 @@ impl Advance<'_> {
 mod tests {
     use super::*;
     use crate::model::cloth::Cloth;
-    use crate::simd::aligned::Lines;
+    use crate::simd::aligned::AlignedVec;
     use crate::step::coefficients::Coefficients;
     use crate::step::plan::{Lists, Motion};
     use crate::{Attributes, Collider, Mesh, Options};

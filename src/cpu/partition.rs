@@ -349,7 +349,7 @@ mod tests {
     fn coarse_levels_share_their_work() {
         let cloth = Cloth::new(&Mesh::grid(256, 256, 1.0, 1.0), &Options::default()).unwrap();
         let level = &Hierarchy::new(&cloth).levels[0];
-        let partition = Partition::coarse(&level.links, level.inverse_mass.len());
+        let partition = Partition::coarse(&level.links, level.inverse_mass.len(), 16);
         let edges = |piece: &Piece| piece.edges.len();
         let longest: usize = partition.rounds.iter().filter_map(|pieces| pieces.iter().map(edges).max()).sum();
         let most: Vec<(usize, usize)> =

@@ -249,7 +249,6 @@ fn tile_of(tiles: &[Range<u32>], item: u32) -> u32 {
 }
 
 /// The state as a task sees it: positions and displacements.
-#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only a GPU is elsewhere"))]
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct State<'t> {
     pub x: View<'t>,

@@ -1,0 +1,76 @@
+//! What the benches and tests of this repository ask of a deformer; not part of the crate's interface.
+
+use super::Deformer;
+use crate::backend::Engine;
+use crate::cpu::Cpu;
+use crate::simd::Width;
+#[cfg(feature = "gpu")]
+use crate::{Attributes, StepError, gpu::GpuStats};
+
+impl Deformer {
+    /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can, and says how many it is.
+    pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
+        let width = Width::at_most(lanes);
+        self.cpu().into_iter().for_each(|cpu| cpu.narrow(width));
+        width.lanes()
+    }
+
+    /// Whether passes are parallel loops one after another, not a graph of tasks.
+    pub fn loop_by_loop(&mut self, loops: bool) {
+        self.cpu().into_iter().for_each(|cpu| cpu.loop_by_loop = loops);
+    }
+
+    /// Steps on this many threads, if the pool has so many, instead of on as many as pay.
+    pub fn on_threads(&mut self, threads: usize) {
+        self.cpu().into_iter().for_each(|cpu| cpu.on_threads(threads));
+    }
+
+    fn cpu(&mut self) -> Option<&mut Cpu> {
+        match &mut self.engine {
+            Engine::Cpu(cpu) => Some(cpu),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => Some(&mut hybrid.cpu),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(_) => None,
+        }
+    }
+
+    /// What the last step asked of the GPU.
+    #[cfg(feature = "gpu")]
+    #[must_use]
+    pub fn gpu_stats(&self) -> Option<GpuStats> {
+        match &self.engine {
+            Engine::Gpu(gpu) => Some(gpu.stats()),
+            _ => None,
+        }
+    }
+
+    /// How many substeps an exchange with the GPU is to be good for, in the hybrid.
+    #[cfg(feature = "gpu")]
+    pub fn exchange_every(&mut self, substeps: u32) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.every = substeps.max(1) as usize;
+        }
+    }
+
+    /// Whether the device is to use the hybrid's mapped outbox and inbox themselves.
+    #[cfg(feature = "gpu")]
+    pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
+        if let Engine::Hybrid(hybrid) = &mut self.engine {
+            hybrid.exchange_in_place(self.cloth.rest.len(), in_place);
+        }
+    }
+
+    /// Runs the hybrid's force kernels for a substep this often, and waits. The state stays as it is.
+    ///
+    /// # Errors
+    /// As [`Deformer::step`].
+    #[cfg(feature = "gpu")]
+    pub fn run_forces(&mut self, dt: f32, attributes: &Attributes, repeats: u32) -> Result<(), StepError> {
+        let substeps = self.ready(dt, attributes)?;
+        let (engine, plan) = self.job(substeps, attributes);
+        let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
+        let run = hybrid.run_forces(&plan, repeats);
+        run.map_err(|reason| StepError::Gpu { reason })
+    }
+}
