@@ -66,7 +66,7 @@ pub struct Collider {
 pub enum Shape {
     /// A ball.
     Sphere {
-        /// Centre (m).
+        /// Center (m).
         center: Vec3,
         /// Radius (m), above 0.
         radius: f32,
@@ -93,7 +93,7 @@ impl Collider {
     /// Friction of a collider made without a word about it.
     const FRICTION: f32 = 0.3;
 
-    /// A sphere: centre (m), radius (m); friction 0.3.
+    /// A sphere: center (m), radius (m); friction 0.3.
     #[must_use]
     pub fn sphere(center: Vec3, radius: f32) -> Collider {
         Collider { shape: Shape::Sphere { center, radius }, friction: Collider::FRICTION }

@@ -325,9 +325,9 @@ impl Deformer {
         }
     }
 
-    /// Number of colours of the edges: batches that are visited one after another in a sweep.
+    /// Number of colors of the edges: batches that are visited one after another in a sweep.
     #[must_use]
-    pub fn colours(&self) -> usize {
+    pub fn colors(&self) -> usize {
         self.cloth.colors.len()
     }
 

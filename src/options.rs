@@ -12,7 +12,7 @@ pub enum Backend {
     /// A real GPU if there is one and the mesh is large enough to gain from it, else the CPU.
     #[default]
     Auto,
-    /// Rayon's threads: the colours' order in stripes, the same bits on any number of them.
+    /// Rayon's threads: the colors' order in stripes, the same bits on any number of them.
     Cpu,
     /// Forces that differ from vertex to vertex on the GPU, edges and contact on the CPU, every substep: the shape of the 2013 plug-in.
     Hybrid,

@@ -69,7 +69,7 @@ fn a_falling_panel_reaches_terminal_velocity(backend: Backend) {
     check(&mut cloth, 2.0);
 }
 
-/// The force on one panel from rest: drag `rho C_d A w² cos/2` downstream, lift `rho C_l A w² cos² sin/2` across it, towards
+/// The force on one panel from rest: drag `rho C_d A w² cos/2` downstream, lift `rho C_l A w² cos² sin/2` across it, toward
 /// the side that the panel's back faces, the angle that of stream and normal.
 fn a_tilted_panel_is_dragged_and_lifted(backend: Backend) {
     let (drag, lift, speed) = (1.28, 0.7, 4.0_f64);
@@ -241,15 +241,15 @@ fn a_flag_streams_downwind() {
         // The damping lets the calm flag hang still.
         let attributes = Attributes { wind, air_density: AIR, damping: 0.5, ..Attributes::default() };
         play(&mut cloth, 180, &attributes);
-        let mut centre = DVec3::ZERO;
+        let mut center = DVec3::ZERO;
         for _ in 0..60 {
             play(&mut cloth, 1, &attributes);
-            centre += mean(cloth.positions().unwrap()) / 60.0;
+            center += mean(cloth.positions().unwrap()) / 60.0;
         }
-        centre
+        center
     };
     let (calm, strong) = (run(Vec3::ZERO), run(Vec3::Z * 20.0));
-    println!("centre without wind {calm:.3}, at 20 m/s {strong:.3}");
+    println!("center without wind {calm:.3}, at 20 m/s {strong:.3}");
     // Flat and level it would be at 0.5 m downstream.
     assert!(strong.z > 0.4, "not downstream: {strong}");
     assert!(strong.y.abs() < 0.1, "not level: {strong}");

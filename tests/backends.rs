@@ -90,7 +90,7 @@ fn scenes() -> Vec<Scene> {
     .collect()
 }
 
-/// Colliders on the move: centre, radius, axis and plane all change from frame to frame.
+/// Colliders on the move: center, radius, axis and plane all change from frame to frame.
 fn moved(attributes: &Attributes, frame: u32) -> Attributes {
     let t = frame as f32;
     let by = Vec3::new(0.01, 0.004, -0.006) * t;

@@ -13,7 +13,7 @@ fn bending_only(bending: f64) -> Fabric {
     Fabric { density: DENSITY as f32, stretch: f32::INFINITY, bending: bending as f32, damping: 0.0 }
 }
 
-/// The mesh rolled onto a cylinder of curvature `kappa` (1/m), curved along the direction `degrees` from x towards z.
+/// The mesh rolled onto a cylinder of curvature `kappa` (1/m), curved along the direction `degrees` from x toward z.
 fn rolled(mesh: &Mesh, kappa: f64, degrees: f64) -> Vec<Vec3> {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (along, across) = (DVec3::new(cos, 0.0, sin), DVec3::new(-sin, 0.0, cos));

@@ -213,8 +213,8 @@ fn the_preview_is_a_picture_of_twelve_cells() {
     let (width, height, pixels) = read_png(&directory.path().join("p.png"));
     // 4 x 3 cells of 320 x 240 with lines of 2 pixels between.
     assert_eq!((width, height), (4 * 322 - 2, 3 * 242 - 2));
-    let colours: BTreeSet<&[u8]> = pixels.chunks_exact(3).collect();
-    assert!(colours.len() > 1000, "{} colours", colours.len());
+    let colors: BTreeSet<&[u8]> = pixels.chunks_exact(3).collect();
+    assert!(colors.len() > 1000, "{} colors", colors.len());
     // The cloth is red above: it is in the first cell and in the last.
     let is_red = |pixel: &&[u8]| i32::from(pixel[0]) > i32::from(pixel[1]) + 60;
     let red = |column: usize, row: usize| {

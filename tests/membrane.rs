@@ -111,8 +111,8 @@ fn hung_strip(method: Method, substeps: u32, backend: Backend) -> Vec<f64> {
     deformer.positions().unwrap().chunks(3).map(|row| f64::from(row[1].z) + 0.5).collect()
 }
 
-/// One sweep leaves the edges of the two colours a little longer and shorter in turn, so an edge counts with half of its
-/// neighbours. The edge at the wall has one neighbour and so only half of the other colour's share: it is left out.
+/// One sweep leaves the edges of the two colors a little longer and shorter in turn, so an edge counts with half of its
+/// neighbors. The edge at the wall has one neighbor and so only half of the other color's share: it is left out.
 fn hanging_strip(backend: Backend) {
     let links = f64::from(STRIP - 1);
     let strain = |below: f64| f64::from(RHO * G / K) * (1.0 - below);

@@ -50,7 +50,7 @@ fn starting(text: &str, keyword: &str) -> usize {
     text.lines().filter(|line| line.split_whitespace().next() == Some(keyword)).count()
 }
 
-/// A cloth as modelling tools write it: quads, groups that share borders, a texture seam at every face, odd numbers.
+/// A cloth as modeling tools write it: quads, groups that share borders, a texture seam at every face, odd numbers.
 fn exported(side: u32) -> String {
     let mut text = String::from("# exported\nmtllib gone.mtl\no towel\n");
     let mut rng = fastrand::Rng::with_seed(u64::from(side));

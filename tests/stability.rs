@@ -64,7 +64,7 @@ fn plain_xpbd_loses_angular_momentum() {
 // one sweep leaves is not backed by the fabric's stiffness.
 
 #[test]
-fn colours_in_a_fixed_order_gain_no_energy() {
+fn colors_in_a_fixed_order_gain_no_energy() {
     let n = 64;
     let runs = [
         (Mesh::grid(n, n, 1.0, 1.0), 20, 180),

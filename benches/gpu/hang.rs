@@ -13,7 +13,7 @@ pub(crate) const FRAME: f32 = 1.0 / 60.0;
 /// Frames of a run, and of those the ones that are looked at.
 const FRAMES: u32 = 120;
 const SAMPLE: u32 = 20;
-/// How far the centre of mass has dropped after [`SAMPLE`] frames when all is resolved (m), and how near is right.
+/// How far the center of mass has dropped after [`SAMPLE`] frames when all is resolved (m), and how near is right.
 const DROP: f64 = 0.372;
 const DROP_TOLERANCE: f64 = 0.02;
 /// Strain that is asked for: the mean over edges, and over the frames looked at.
@@ -27,7 +27,7 @@ pub(crate) struct Run {
     /// Mean of the samples' mean strains, and the largest strain of any.
     pub(crate) mean_strain: f64,
     pub(crate) max_strain: f64,
-    /// Drop of the centre of mass after 20 frames (m).
+    /// Drop of the center of mass after 20 frames (m).
     pub(crate) drop: f64,
     /// Highest energy of any sample, above the start's (J): motion and height. What a sweep leaves of stretch is no energy
     /// that it can give back, and is judged as strain.

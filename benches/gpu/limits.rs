@@ -6,7 +6,7 @@ use cloth_deformer::{Deformer, Gpu, wgpu};
 
 use crate::Failure;
 
-/// Dispatches, and colours inside of a dispatch, that are timed behind one another.
+/// Dispatches, and colors inside of a dispatch, that are timed behind one another.
 const CHAIN: [u32; 2] = [256, 1024];
 /// Workgroups that fill a large device, and those of `limits.wgsl`: [`EDGES`] lanes, an edge each.
 const FULL: u32 = 2112;
@@ -24,7 +24,7 @@ const COPIED: u64 = 256 << 20;
 pub(crate) struct Limits {
     /// A dispatch that waits for the one before, reads where to look, looks there and writes (s): none of a step does less.
     dispatch: f64,
-    /// A colour that waits for the one before, in workgroup memory: read two vertices, correct them, write, wait (s).
+    /// A color that waits for the one before, in workgroup memory: read two vertices, correct them, write, wait (s).
     round: f64,
     /// An edge among as many as the device takes at once, likewise (s).
     edge: f64,
@@ -42,13 +42,13 @@ impl Limits {
         let limits = Limits { dispatch, round, edge, byte: bench.byte()? };
         println!("\n| limit | measured |\n|---|---|");
         println!("| a dispatch that gathers what the one before wrote | {:.2} us |", dispatch * 1e6);
-        println!("| a colour in workgroup memory, of {EDGES} edges | {:.3} us |", round * 1e6);
+        println!("| a color in workgroup memory, of {EDGES} edges | {:.3} us |", round * 1e6);
         println!("| edges in workgroup memory, {full} workgroups at once | {:.1} G/s |", 1e-9 / edge);
         println!("| copy of {} MiB, read and write | {:.0} GB/s |", COPIED >> 20, 1e-9 / limits.byte);
         Ok(limits)
     }
 
-    /// Of the last step (ms): all of its dispatches one after another, in them the colours one after another or all edges at
+    /// Of the last step (ms): all of its dispatches one after another, in them the colors one after another or all edges at
     /// the device's pace, whichever is longer, and all bytes; and the parts.
     pub(crate) fn of(&self, cloth: &Deformer) -> Option<[f64; 4]> {
         let stats = cloth.gpu_stats()?;
@@ -62,7 +62,7 @@ impl Limits {
 struct Bench<'a> {
     gpu: &'a Gpu,
     chain: wgpu::ComputePipeline,
-    colours: wgpu::ComputePipeline,
+    colors: wgpu::ComputePipeline,
     copy: wgpu::ComputePipeline,
 }
 
@@ -71,7 +71,7 @@ impl Bench<'_> {
         let source = concat!(include_str!("../../shaders/distance.wgsl"), include_str!("limits.wgsl"));
         let source = wgpu::ShaderSource::Wgsl(source.into());
         let module = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-        let [chain, colours, copy] = ["chain", "colours", "copy"].map(|entry| {
+        let [chain, colors, copy] = ["chain", "colors", "copy"].map(|entry| {
             gpu.device().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: None,
                 layout: None,
@@ -81,7 +81,7 @@ impl Bench<'_> {
                 cache: None,
             })
         });
-        Bench { gpu, chain, colours, copy }
+        Bench { gpu, chain, colors, copy }
     }
 
     fn storage(&self, size: u64) -> wgpu::Buffer {
@@ -134,12 +134,12 @@ impl Bench<'_> {
         let group = |count: u32| {
             let (numbers, out) = (self.storage(16), self.storage(u64::from(workgroups) * 16));
             self.gpu.queue().write_buffer(&numbers, 0, &count.to_le_bytes());
-            self.group(&self.colours, &[&numbers, &out])
+            self.group(&self.colors, &[&numbers, &out])
         };
         let groups = CHAIN.map(group);
         self.slope(CHAIN, |encoder, count| {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.colours);
+            pass.set_pipeline(&self.colors);
             pass.set_bind_group(0, &groups[usize::from(count == CHAIN[1])], &[]);
             pass.dispatch_workgroups(workgroups, 1, 1);
         })

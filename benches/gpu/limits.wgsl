@@ -23,12 +23,12 @@ fn copy(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     copied[id.x + 3u * lanes] = source[id.x + 3u * lanes];
 }
 
-// Colours of a patch, an edge a lane, between vertices that the last colour moved.
+// Colors of a patch, an edge a lane, between vertices that the last color moved.
 var<workgroup> at: array<vec4f, 512>;
 var<workgroup> by: array<vec4f, 512>;
 
 @compute @workgroup_size(256)
-fn colours(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3u) {
+fn colors(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) group: vec3u) {
     for (var k = lane; k < 512u; k += 256u) {
         at[k] = vec4f(f32(k), 0.0, 0.0, 1.0);
         by[k] = vec4f(0.0, 1e-3 * f32(k % 7u), 0.0, 0.0);

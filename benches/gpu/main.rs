@@ -173,16 +173,16 @@ impl Bench<'_> {
             "\nHANG, ms a frame (medians, nothing read back): at 20 substeps, and at the least whose motion is right: mean strain"
         );
         println!(
-            "of the samples every 20 frames over 2 s at most 1 %, centre of mass down by .372 m within 2 % at frame 20, no energy"
+            "of the samples every 20 frames over 2 s at most 1 %, center of mass down by .372 m within 2 % at frame 20, no energy"
         );
         println!(
             "gained. Queued: frames submitted behind one another; device: the same by the GPU's clock. Limit: what the device"
         );
         println!(
-            "could do the step's dispatches, colours or edges, and bytes in, by the limits above; over: device's time over it.\n"
+            "could do the step's dispatches, colors or edges, and bytes in, by the limits above; over: device's time over it.\n"
         );
         println!(
-            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | limit: dispatches + colours + bytes | over | Newton 1.8 (H200, measured elsewhere) |"
+            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | limit: dispatches + colors + bytes | over | Newton 1.8 (H200, measured elsewhere) |"
         );
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
         let judge = *self.backends.last().ok_or("no backend")?;

@@ -46,7 +46,7 @@ fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread").install(work)
 }
 
-/// A frame of HANG on one thread against the same frame by the plainest code: in the order of colours, after half a second; and
+/// A frame of HANG on one thread against the same frame by the plainest code: in the order of colors, after half a second; and
 /// in the mesh's own order, unbatched, the first frame from rest over and over, for that order does not stay a cloth. By how many
 /// numbers are computed at once: what the processor can, and less.
 fn ratio() {

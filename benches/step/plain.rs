@@ -1,7 +1,7 @@
 //! The yardstick: the default method as plainly as it can be written, one edge after another, on one thread.
 //!
-//! In the order of colours it is as stable as the crate; in the mesh's own order, that of code that knows no batches, it gains
-//! energy after a while (`tests/stability.rs`), and waits for each edge's neighbour to be done.
+//! In the order of colors it is as stable as the crate; in the mesh's own order, that of code that knows no batches, it gains
+//! energy after a while (`tests/stability.rs`), and waits for each edge's neighbor to be done.
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Vec3A, Vec4};
@@ -27,7 +27,7 @@ struct Edge {
 }
 
 impl Plain {
-    /// Density 0.2 kg/m², K = 5000 N/m. `colors`: edges in the order of colours, else of their vertices.
+    /// Density 0.2 kg/m², K = 5000 N/m. `colors`: edges in the order of colors, else of their vertices.
     pub(crate) fn hang(n: u32, substeps: u32, colors: bool) -> Plain {
         let mesh = Mesh::grid(n, n, 1.0, 1.0);
         let h = 1.0 / (60.0 * substeps as f32);
@@ -40,7 +40,7 @@ impl Plain {
             mesh.positions.iter().enumerate().map(|(v, x)| x.extend(if v < n as usize { 0.0 } else { 5.0 / area[v] })).collect();
         let mut taken = vec![0_u32; x.len()];
         let mut edges: Vec<(u32, Edge)> = Vec::new();
-        // Along each direction in turn, the first colour that is free: the order that the crate's own colouring finds.
+        // Along each direction in turn, the first color that is free: the order that the crate's own coloring finds.
         let mut links = mesh.edges();
         links.sort_by_key(|[a, b]| (b - a == n - 1, b - a == n, *a));
         for [a, b] in links {
@@ -55,7 +55,7 @@ impl Plain {
             } else {
                 4
             };
-            let color = (first..32).find(|color| (taken[a] | taken[b]) & (1 << color) == 0).expect("a free colour");
+            let color = (first..32).find(|color| (taken[a] | taken[b]) & (1 << color) == 0).expect("a free color");
             taken[a] |= 1 << color;
             taken[b] |= 1 << color;
             let rest = (x[a] - x[b]).truncate().length();

@@ -17,7 +17,7 @@ pub(crate) const BACKENDS: [(&str, Backend); 3] = [("cpu", Backend::Cpu), ("hybr
 /// Charts error against milliseconds a frame, for every method and backend, and says which setting is the cheapest.
 ///
 /// Without a mesh: sheets hung by an edge, against an explicit run in double precision. With one: your mesh, hung by its
-/// edge, against a run of its own refined until halving its step no longer matters. Metres, kilograms, y up.
+/// edge, against a run of its own refined until halving its step no longer matters. Meters, kilograms, y up.
 #[derive(Debug, Parser)]
 #[command(
     name = "chart",

@@ -1,4 +1,4 @@
-//! The drawing: one log-log chart with markers, line styles and labels that need no colour to be told apart.
+//! The drawing: one log-log chart with markers, line styles and labels that need no color to be told apart.
 
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (960, 680);
 /// The plot's left, top, right and bottom (px).
 const PLOT: [f64; 4] = [92.0, 100.0, 930.0, 556.0];
 const INK: RGBColor = RGBColor(30, 30, 30);
-const GREY: RGBColor = RGBColor(100, 100, 100);
+const GRAY: RGBColor = RGBColor(100, 100, 100);
 const GRID: RGBColor = RGBColor(232, 232, 232);
 const DECADE: RGBColor = RGBColor(200, 200, 200);
 const FRONT: RGBColor = RGBColor(214, 206, 184);
@@ -82,7 +82,7 @@ pub(crate) enum Line {
 }
 
 impl Marker {
-    fn colour(self) -> RGBColor {
+    fn color(self) -> RGBColor {
         match self {
             Marker::Circle => RGBColor(20, 80, 150),
             Marker::Square => RGBColor(170, 75, 20),
@@ -218,7 +218,7 @@ impl Chart {
         if let Some((floor, _)) = self.floor.as_ref().filter(|(floor, _)| *floor > frame.y.range[0]) {
             let y = frame.y.at(*floor);
             canvas.draw(&Rectangle::new([(left, y), (right, bottom)].map(pixel), BAND.filled()))?;
-            stroke(canvas, &[(left, y), (right, y)], GREY, 1, Line::Dashed)?;
+            stroke(canvas, &[(left, y), (right, y)], GRAY, 1, Line::Dashed)?;
         }
         for (value, decade) in frame.x.lines() {
             let x = frame.x.at(value);
@@ -233,7 +233,7 @@ impl Chart {
             let (paper, top) = (if *floor > frame.y.range[0] { BAND } else { WHITE }, bottom - 20.0);
             let place = [(left + 4.0, top), (left + 8.0 + width(why, SMALL), bottom - 4.0)];
             canvas.draw(&Rectangle::new(place.map(pixel), paper.filled()))?;
-            write(canvas, why, (left + 8.0, top + 2.0), SMALL, GREY, (HPos::Left, VPos::Top))?;
+            write(canvas, why, (left + 8.0, top + 2.0), SMALL, GRAY, (HPos::Left, VPos::Top))?;
         }
         for value in frame.x.ticks(&self.x.ticks) {
             let x = frame.x.at(value);
@@ -247,13 +247,13 @@ impl Chart {
         }
         write(canvas, &self.title, (24.0, 14.0), 20.0, INK, (HPos::Left, VPos::Top))?;
         for (line, text) in (0_u8..).zip(&self.subtitle) {
-            write(canvas, text, (24.0, 46.0 + 20.0 * f64::from(line)), TEXT, GREY, (HPos::Left, VPos::Top))?;
+            write(canvas, text, (24.0, 46.0 + 20.0 * f64::from(line)), TEXT, GRAY, (HPos::Left, VPos::Top))?;
         }
         write(canvas, &self.x.label, (0.5 * (left + right), bottom + 30.0), 15.0, INK, (HPos::Center, VPos::Top))?;
         let upright = style(15.0, INK, (HPos::Center, VPos::Top)).transform(FontTransform::Rotate270);
         canvas.draw(&Text::new(self.y.label.clone(), pixel((16.0, 0.5 * (top + bottom))), upright))?;
         for (line, text) in (0_u8..).zip(&self.caption) {
-            write(canvas, text, (24.0, bottom + 66.0 + 17.0 * f64::from(line)), SMALL, GREY, (HPos::Left, VPos::Top))?;
+            write(canvas, text, (24.0, bottom + 66.0 + 17.0 * f64::from(line)), SMALL, GRAY, (HPos::Left, VPos::Top))?;
         }
         Ok(())
     }
@@ -281,7 +281,7 @@ impl Chart {
             for &(x, y) in &path {
                 room.taken.push([x - 6.0, y - 6.0, x + 6.0, y + 6.0]);
             }
-            stroke(canvas, &path, curve.look.marker.colour(), 2, curve.look.line)?;
+            stroke(canvas, &path, curve.look.marker.color(), 2, curve.look.line)?;
         }
         for curve in &self.curves {
             for point in &curve.points {
@@ -300,7 +300,7 @@ impl Chart {
             let Some(end) = curve.points.last().map(at) else { continue };
             let (place, _) = room.find(end, (width(&curve.name, TEXT), TEXT + 2.0), &[9.0, 16.0, 26.0, 40.0, 60.0]);
             room.taken.push(place);
-            write(canvas, &curve.name, (place[0], place[1] + 1.0), TEXT, curve.look.marker.colour(), (HPos::Left, VPos::Top))?;
+            write(canvas, &curve.name, (place[0], place[1] + 1.0), TEXT, curve.look.marker.color(), (HPos::Left, VPos::Top))?;
         }
         for curve in &self.curves {
             for index in (0..curve.points.len()).filter(|index| !ends(curve).contains(index)) {
@@ -317,7 +317,7 @@ fn figure(canvas: &Canvas<'_>, room: &mut Room, curve: &Curve, index: usize, at:
     let (place, overlap) = room.find(at, (width(text, SMALL), SMALL), &[8.0, 11.0]);
     if overlap < 1.0 {
         room.taken.push(place);
-        write(canvas, text, (place[0], place[1]), SMALL, curve.look.marker.colour(), (HPos::Left, VPos::Top))?;
+        write(canvas, text, (place[0], place[1]), SMALL, curve.look.marker.color(), (HPos::Left, VPos::Top))?;
     }
     Ok(())
 }
@@ -331,18 +331,18 @@ fn width(text: &str, size: f64) -> f64 {
     0.56 * size * text.chars().count() as f64
 }
 
-fn style(size: f64, colour: RGBColor, (h, v): (HPos, VPos)) -> TextStyle<'static> {
+fn style(size: f64, color: RGBColor, (h, v): (HPos, VPos)) -> TextStyle<'static> {
     // The backend writes a font of size / 1.24.
-    ("sans-serif", size * 1.24).into_font().color(&colour).pos(Pos::new(h, v))
+    ("sans-serif", size * 1.24).into_font().color(&color).pos(Pos::new(h, v))
 }
 
-fn write(canvas: &Canvas<'_>, text: &str, at: Pixel, size: f64, colour: RGBColor, anchor: (HPos, VPos)) -> Result<(), Trouble> {
-    Ok(canvas.draw(&Text::new(text.to_owned(), pixel(at), style(size, colour, anchor)))?)
+fn write(canvas: &Canvas<'_>, text: &str, at: Pixel, size: f64, color: RGBColor, anchor: (HPos, VPos)) -> Result<(), Trouble> {
+    Ok(canvas.draw(&Text::new(text.to_owned(), pixel(at), style(size, color, anchor)))?)
 }
 
-fn stroke(canvas: &Canvas<'_>, path: &[Pixel], colour: RGBColor, width: u32, line: Line) -> Result<(), Trouble> {
+fn stroke(canvas: &Canvas<'_>, path: &[Pixel], color: RGBColor, width: u32, line: Line) -> Result<(), Trouble> {
     let path = path.iter().copied().map(pixel);
-    let style = colour.stroke_width(width);
+    let style = color.stroke_width(width);
     match line {
         Line::Solid => canvas.draw(&PathElement::new(path.collect::<Vec<_>>(), style))?,
         Line::Dashed => canvas.draw(&DashedPathElement::new(path, 9, 5, style))?,
@@ -351,15 +351,15 @@ fn stroke(canvas: &Canvas<'_>, path: &[Pixel], colour: RGBColor, width: u32, lin
     Ok(())
 }
 
-/// A marker; an empty grey one where its place means nothing.
+/// A marker; an empty gray one where its place means nothing.
 fn mark(canvas: &Canvas<'_>, at: Pixel, look: Look, meaningful: bool) -> Result<(), Trouble> {
-    let colour = if meaningful { look.marker.colour() } else { GREY };
-    let inside = if meaningful && look.line == Line::Solid { colour } else { WHITE };
+    let color = if meaningful { look.marker.color() } else { GRAY };
+    let inside = if meaningful && look.line == Line::Solid { color } else { WHITE };
     let (x, y) = pixel(at);
     let corners = match look.marker {
         Marker::Circle => {
             canvas.draw(&Circle::new((x, y), 5, inside.filled()))?;
-            canvas.draw(&Circle::new((x, y), 5, colour.stroke_width(2)))?;
+            canvas.draw(&Circle::new((x, y), 5, color.stroke_width(2)))?;
             return Ok(());
         }
         Marker::Square => vec![(x - 5, y - 5), (x + 5, y - 5), (x + 5, y + 5), (x - 5, y + 5), (x - 5, y - 5)],
@@ -367,6 +367,6 @@ fn mark(canvas: &Canvas<'_>, at: Pixel, look: Look, meaningful: bool) -> Result<
         Marker::Diamond => vec![(x, y - 7), (x + 7, y), (x, y + 7), (x - 7, y), (x, y - 7)],
     };
     canvas.draw(&Polygon::new(corners.clone(), inside.filled()))?;
-    canvas.draw(&PathElement::new(corners, colour.stroke_width(2)))?;
+    canvas.draw(&PathElement::new(corners, color.stroke_width(2)))?;
     Ok(())
 }

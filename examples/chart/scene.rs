@@ -68,7 +68,7 @@ impl Scene {
             .map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
         let options = Options { mass: Some(masses(&mesh, options.fabric.density)), ..options };
         let stem = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy());
-        // Times for a metre of cloth; a swing takes a time of sqrt(extent).
+        // Times for a meter of cloth; a swing takes a time of sqrt(extent).
         let frames = |seconds: f64| (60.0 * seconds * extent.sqrt()).round().clamp(1.0, 600.0) as u32;
         Ok(Scene {
             name: stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect(),

@@ -22,7 +22,7 @@ const LEVELS: [(&str, Levels); 2] = [("auto", Levels::Auto), ("off", Levels::Off
 
 /// Drapes a cloth over a sphere and a floor, and writes every frame as an OBJ file.
 ///
-/// Lengths are metres, masses kilograms, y is up. Without a mesh, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
+/// Lengths are meters, masses kilograms, y is up. Without a mesh, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
 #[derive(Debug, Parser)]
 #[command(
     name = "drape",
@@ -80,7 +80,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "none|top|corners|INDEX,INDEX..", default_value = "none", allow_hyphen_values = true)]
     pub(crate) pin: Pin,
 
-    /// A sphere: centre and radius [default: radius 0.3 of the mesh's largest extent, its top 0.1 of it below the mesh]
+    /// A sphere: center and radius [default: radius 0.3 of the mesh's largest extent, its top 0.1 of it below the mesh]
     #[arg(long, value_name = "X,Y,Z,R", value_parser = ball, conflicts_with = "no_sphere", allow_hyphen_values = true)]
     pub(crate) sphere: Option<Ball>,
 

@@ -46,7 +46,7 @@ impl FromStr for Pin {
 
 /// The highest vertices; of a mesh that lies flat, the side of lowest z.
 fn top(mesh: &Mesh) -> Vec<u32> {
-    // Part of the extent that rounding in a modeller may spread what is level.
+    // Part of the extent that rounding in a modeler may spread what is level.
     const LEVEL: f32 = 1e-4;
     let (low, high) = bounds(mesh);
     let extent = high - low;

@@ -25,13 +25,13 @@ const SAMPLES: usize = 3;
 /// Texels of the shadow map, along each side.
 const SHADOW: usize = 512;
 
-/// Towards the camera, and towards the light.
+/// Toward the camera, and toward the light.
 const CAMERA: Vec3 = Vec3::new(0.52, 0.50, 1.0);
 const LIGHT: Vec3 = Vec3::new(-0.95, 1.25, 0.45);
 /// Tangent of half the vertical angle of view: a long lens, so that the cells compare well.
 const LENS: f32 = 0.22;
 
-/// Colours in linear light.
+/// Colors in linear light.
 const FRONT: Vec3 = Vec3::new(0.62, 0.085, 0.055);
 const BACK: Vec3 = Vec3::new(0.80, 0.48, 0.20);
 const SOLID: Vec3 = Vec3::new(0.16, 0.25, 0.36);
@@ -114,8 +114,8 @@ impl<'a> Scene<'a> {
         let mut pixels = vec![Vec3::ZERO; WIDTH * HEIGHT];
         for (index, sample) in seen.iter().enumerate() {
             let (column, row) = (index % (WIDTH * SAMPLES), index / (WIDTH * SAMPLES));
-            let colour = self.shade(sample, column, row, positions, &normals, &shadow);
-            pixels[row / SAMPLES * WIDTH + column / SAMPLES] += colour / (SAMPLES * SAMPLES) as f32;
+            let color = self.shade(sample, column, row, positions, &normals, &shadow);
+            pixels[row / SAMPLES * WIDTH + column / SAMPLES] += color / (SAMPLES * SAMPLES) as f32;
         }
         label(&mut pixels, number);
         pixels.into_iter().map(srgb).collect()
@@ -179,7 +179,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Part of the light that reaches `point`: the shadow map's neighbourhood, weighted by distance, so that shadows are soft.
+    /// Part of the light that reaches `point`: the shadow map's neighborhood, weighted by distance, so that shadows are soft.
     fn lit(&self, point: Vec3, facing: Vec3, shadow: &[Sample]) -> f32 {
         const REACH: isize = 3;
         let slope = 1.0 - facing.dot(LIGHT.normalize()).clamp(0.0, 1.0);
@@ -209,7 +209,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// What is seen through one sample, and how near: a number that grows towards the eye and is linear on the screen.
+/// What is seen through one sample, and how near: a number that grows toward the eye and is linear on the screen.
 #[derive(Clone, Copy)]
 struct Sample {
     nearness: f32,
@@ -241,7 +241,7 @@ struct Frame {
 }
 
 impl Frame {
-    fn towards(eye: Vec3, back: Vec3, half: f32, spreads: bool) -> Frame {
+    fn toward(eye: Vec3, back: Vec3, half: f32, spreads: bool) -> Frame {
         let back = back.normalize();
         let right = Vec3::Y.cross(back).normalize();
         Frame { eye, right, up: back.cross(right), back, half, spreads }
@@ -250,7 +250,7 @@ impl Frame {
     /// The camera: from [`CAMERA`], as near as it can be with every point in sight.
     fn perspective(points: &[Vec3]) -> Frame {
         const MARGIN: f32 = 1.06;
-        let mut frame = Frame::towards(Vec3::ZERO, CAMERA, LENS, true);
+        let mut frame = Frame::toward(Vec3::ZERO, CAMERA, LENS, true);
         let aspect = WIDTH as f32 / HEIGHT as f32;
         let local: Vec<Vec3> =
             points.iter().map(|point| Vec3::new(point.dot(frame.right), point.dot(frame.up), point.dot(frame.back))).collect();
@@ -271,7 +271,7 @@ impl Frame {
 
     /// The light: parallel rays around everything within `radius` of `middle`.
     fn parallel(middle: Vec3, radius: f32) -> Frame {
-        Frame::towards(middle + 2.0 * radius * LIGHT.normalize(), LIGHT, 1.02 * radius, false)
+        Frame::toward(middle + 2.0 * radius * LIGHT.normalize(), LIGHT, 1.02 * radius, false)
     }
 
     /// The ray through the middle of a sample: origin, and a direction that is 1 m long along the view.
@@ -438,7 +438,7 @@ fn surface(albedo: Vec3, facing: Vec3, lit: f32) -> Vec3 {
     albedo * (key + sky)
 }
 
-/// The colour of a plane's tile at `at`; a tile is about a sixth of the scene.
+/// The color of a plane's tile at `at`; a tile is about a sixth of the scene.
 fn checker(middle: Vec3, radius: f32, on: Vec3, normal: Vec3, at: Vec3) -> Vec3 {
     let (u, v) = normal.normalize().any_orthonormal_pair();
     let origin = middle - normal.normalize() * (middle - on).dot(normal.normalize());

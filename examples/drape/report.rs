@@ -18,7 +18,9 @@ pub(crate) struct Report {
     method: &'static str,
     vertices: usize,
     edges: usize,
-    colours: usize,
+    // A fixed name of the file, whatever the code calls them.
+    #[serde(rename = "colours")]
+    colors: usize,
     pub(crate) frames: Vec<Frame>,
 }
 
@@ -56,7 +58,7 @@ impl Report {
             method: name_of(&METHODS, |named| std::mem::discriminant(named) == std::mem::discriminant(&method)),
             vertices: mesh.positions.len(),
             edges: mesh.edges().len(),
-            colours: deformer.colours(),
+            colors: deformer.colors(),
             frames: Vec::new(),
         }
     }

@@ -1,4 +1,4 @@
-// The sky, a pole and a flag. Colours are linear; the target encodes them.
+// The sky, a pole and a flag. Colors are linear; the target encodes them.
 
 struct View {
     // From the world to the picture.
@@ -6,7 +6,7 @@ struct View {
     eye: vec3f,
     // What the flag's positions are less.
     origin: vec3f,
-    // Towards the sun.
+    // Toward the sun.
     sun: vec3f,
 }
 
@@ -61,7 +61,7 @@ fn cloth_shade(in: Seen, @builtin(front_facing) front: bool) -> @location(0) vec
     // The hem is sewn double: less light comes through.
     let thin = 1.0 - 0.55 * inside(border - 0.018);
     let facing = dot(normal, view.sun);
-    // Some of the light on the far side comes through, in the cloth's colour twice over.
+    // Some of the light on the far side comes through, in the cloth's color twice over.
     let through = 0.55 * thin * max(-facing, 0.0) * sqrt(albedo);
     let to_eye = normalize(view.eye - in.at);
     let sheen = 0.10 * pow(1.0 - clamp(dot(normal, to_eye), 0.0, 1.0), 3.0) * SKY;

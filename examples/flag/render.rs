@@ -8,11 +8,11 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use crate::{Failure, scene};
 
-const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Samples a pixel: every adapter has four.
 const SAMPLES: u32 = 4;
-/// Towards the sun.
+/// Toward the sun.
 pub(crate) const SUN: Vec3 = Vec3::new(-0.55, 0.62, 0.56);
 /// Bytes of a pixel.
 const PIXEL: u32 = 4;
@@ -90,8 +90,8 @@ impl Painter {
             sky: pipeline("sky", &[]),
             cloth: pipeline("cloth", &[Some(positions.clone()), Some(normals.clone()), Some(uv)]),
             solid: pipeline("solid", &[Some(positions), Some(normals)]),
-            picture: texture(COLOUR, 1, drawn | wgpu::TextureUsages::COPY_SRC),
-            samples: texture(COLOUR, SAMPLES, drawn).create_view(&whole),
+            picture: texture(COLOR, 1, drawn | wgpu::TextureUsages::COPY_SRC),
+            samples: texture(COLOR, SAMPLES, drawn).create_view(&whole),
             depth: texture(DEPTH, SAMPLES, drawn).create_view(&whole),
             gpu: gpu.clone(),
             view,
@@ -219,7 +219,7 @@ fn pipeline(
     let compilation_options = wgpu::PipelineCompilationOptions::default();
     let vertex = wgpu::VertexState { module, entry_point: Some(name), compilation_options: compilation_options.clone(), buffers };
     let shade = format!("{name}_shade");
-    let targets = [Some(wgpu::ColorTargetState::from(COLOUR))];
+    let targets = [Some(wgpu::ColorTargetState::from(COLOR))];
     let fragment = wgpu::FragmentState { module, entry_point: Some(&shade), compilation_options, targets: &targets };
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(name),

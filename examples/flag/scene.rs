@@ -13,7 +13,7 @@ const VERTICES: [u32; 2] = [121, 81];
 pub(crate) const EYE: Vec3 = Vec3::new(1.25, -0.42, 2.9);
 const LOOKS_AT: Vec3 = Vec3::new(0.68, -0.10, 0.0);
 
-/// The flag at rest in the plane z = 0, its pole's side at x = 0, its front towards +z.
+/// The flag at rest in the plane z = 0, its pole's side at x = 0, its front toward +z.
 pub(crate) fn mesh() -> Mesh {
     let mut mesh = Mesh::grid(VERTICES[0], VERTICES[1], SIZE.x, SIZE.y);
     mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x + 0.5 * SIZE.x, -x.z, 0.0));

@@ -41,7 +41,7 @@ struct Run {
     /// Median (ms).
     frame: f64,
     strain: f64,
-    /// Of the centre after 20 frames (m): 0.372 when all is resolved.
+    /// Of the center after 20 frames (m): 0.372 when all is resolved.
     drop: f64,
 }
 
@@ -112,7 +112,7 @@ fn play(n: u32, frames: usize, sheets: &mut [&mut dyn Sheet]) -> Result<Vec<Run>
                 let x = sheet.positions()?;
                 run.strain += strain(&x) * SAMPLE as f64 / frames as f64;
                 if frame == SAMPLE {
-                    run.drop = centre(n, &x);
+                    run.drop = center(n, &x);
                 }
                 if run.strain.is_nan() || run.strain > 1.0 {
                     return Err("exploded".into());
@@ -131,8 +131,8 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f64 {
     (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Depth of the centre of the square (m), by trapezia along both sides.
-fn centre(n: u32, x: &[[f32; 3]]) -> f64 {
+/// Depth of the center of the square (m), by trapezia along both sides.
+fn center(n: u32, x: &[[f32; 3]]) -> f64 {
     let half = |k: u32| if k == 0 || k == n - 1 { 0.5 } else { 1.0 };
     let cells = f64::from((n - 1) * (n - 1));
     (0..n * n).map(|v| -f64::from(x[v as usize][1]) * half(v / n) * half(v % n)).sum::<f64>() / cells

@@ -3,7 +3,7 @@
 //! Both are mapped while the processor works and written and read in place ([`Mapped`]); [`Exchange::submit`] hands them to the GPU
 //! and [`Exchange::receive`] waits until they are back. Where the device can use mapped memory as it is, nothing is copied.
 //!
-//! Waiting: a driver that sleeps until a fence is signalled wakes 20 us late, as long as half a small exchange takes;
+//! Waiting: a driver that sleeps until a fence is signaled wakes 20 us late, as long as half a small exchange takes;
 //! [`Gpu::wait`] stays awake for a while.
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The design card's shape: WGSL integrates the forces, buffers are mapped back, threads resolve the coloured edges and contact.
+//! The design card's shape: WGSL integrates the forces, buffers are mapped back, threads resolve the colored edges and contact.
 //! A composition of the other two.
 //!
 //! # Theory
@@ -14,7 +14,7 @@
 //! vertex besides.
 //!
 //! # How often
-//! Every substep, if at all. Half a second of a square metre of 65 x 65 vertices at 20 substeps (`cargo bench --bench hybrid`
+//! Every substep, if at all. Half a second of a square meter of 65 x 65 vertices at 20 substeps (`cargo bench --bench hybrid`
 //! on an H200), the forces held for as many substeps as an exchange is made to be good for: RMS distance from 640 substeps on
 //! the CPU (m), and milliseconds a frame.
 //!

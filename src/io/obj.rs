@@ -5,7 +5,7 @@
 //! over a face with two corners. A cloth needs the file's own vertices, so `tobj` sees only the file's `v` and `f`
 //! statements, and ahead of them one polygon through all vertices in the file's order. Numbering by first use is then the
 //! file's numbering, nothing is unused, and groups and seams have nothing to split; the polygon's triangles come first
-//! and are cut off. (Indices hidden in vertex colours would do as well, up to 2^24, at the price of a search afterwards.)
+//! and are cut off. (Indices hidden in vertex colors would do as well, up to 2^24, at the price of a search afterwards.)
 //!
 //! `tobj`'s errors name no line, and it accepts NaN and 1e999, so each statement is checked before it is passed on.
 
@@ -121,7 +121,7 @@ impl Mesh {
     ///
     /// Corners are joined by position alone: seams of texture and normals, objects and groups do not cut the cloth.
     /// Indices may be negative (counted back from the face's line), lines continued by `\` and commented by `#`. After
-    /// `x y z` a single number is a weight that divides them, as in `tobj`; three or four are a colour, and ignored.
+    /// `x y z` a single number is a weight that divides them, as in `tobj`; three or four are a color, and ignored.
     /// So is every statement but `v` and `f`: materials need not exist, and polylines (`l`) and points (`p`) are no faces.
     /// A text without faces is a mesh of loose points.
     ///
@@ -262,7 +262,7 @@ fn check_vertex<'a>(words: &[&'a str]) -> Result<[&'a str; 4], String> {
         return Err(format!("is at ({}, {}, {}); positions must be finite numbers", short(x), short(y), short(z)));
     }
     if let Some(word) = after.iter().find(|word| number(word).is_none()) {
-        return Err(format!("has `{}` after x, y and z; that must be a weight or a colour in numbers, or nothing", short(word)));
+        return Err(format!("has `{}` after x, y and z; that must be a weight or a color in numbers, or nothing", short(word)));
     }
     let &[weight] = after else { return Ok([x, y, z, "1"]) };
     let divided = |word| Some(number(word)? / number(weight)?);

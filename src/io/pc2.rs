@@ -2,7 +2,7 @@
 //!
 //! Little-endian: `POINTCACHE2` and a zero (12 bytes), the version 1 (`i32`), vertices (`i32`), the first sample's frame
 //! (`f32`), frames from sample to sample (`f32`), samples (`i32`), then for each sample three `f32` a vertex. The file says
-//! neither units nor axes: positions are written as they are, metres with y up.
+//! neither units nor axes: positions are written as they are, meters with y up.
 
 use std::{
     io::{self, Write},

@@ -16,14 +16,14 @@ pub(crate) struct BendRow {
     pub diagonal: f32,
 }
 
-/// A neighbour in a vertex's row of the bending energy.
+/// A neighbor in a vertex's row of the bending energy.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct BendEntry {
     pub other: u32,
-    /// `c_vj`: the neighbour in this vertex's row.
+    /// `c_vj`: the neighbor in this vertex's row.
     pub forward: f32,
-    /// `c_jv`: this vertex in the neighbour's row.
+    /// `c_jv`: this vertex in the neighbor's row.
     pub backward: f32,
 }
 

@@ -10,7 +10,7 @@ use crate::simd::{Lanes, Vector};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Body {
-    /// Plane: a point of it. Round: one end of the axis (a sphere's centre), at the step's start.
+    /// Plane: a point of it. Round: one end of the axis (a sphere's center), at the step's start.
     pub a: [f32; 3],
     pub radius: f32,
     /// Plane: its unit normal. Round: the other end of the axis.
@@ -37,7 +37,7 @@ pub(crate) const SWEEP_STEPS: u32 = 24;
 ///
 /// The gap is formed in displacements, so that it is right to the last bit of `u`, not of `x`: formed in positions it loses
 /// part of `h² g` to rounding at hundreds of substeps, and with it part of friction (0.4 % of the acceleration at 16.9
-/// degrees and friction 0.3, 320 substeps, a metre from the origin; more farther out). What the vertex was already
+/// degrees and friction 0.3, 320 substeps, a meter from the origin; more farther out). What the vertex was already
 /// inside by is taken out of `x` at a bounded speed and gives it no velocity; the rest is taken out of `u`, and is what
 /// friction (Coulomb, relative to the body's own motion) is measured by. A fast vertex is swept along its path.
 pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {

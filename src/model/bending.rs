@@ -17,7 +17,7 @@ use crate::model::mesh::{self, Places};
 /// The rows for unit bending rigidity, independent of the substep.
 #[derive(Debug, Clone)]
 pub(crate) struct Bending {
-    /// The neighbours in each vertex's row, and the vertex in theirs.
+    /// The neighbors in each vertex's row, and the vertex in theirs.
     pub entries: Csr<BendEntry>,
     /// `D_v` (1/m²) for each vertex; 0 where it has no row.
     weight: Vec<f64>,

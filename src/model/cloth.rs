@@ -32,9 +32,9 @@ pub(crate) struct Cloth {
     pub mass: Vec<f32>,
     /// Triangles, without those that name a vertex twice.
     pub triangles: Vec<[u32; 3]>,
-    /// Edges in colour order; those between two pins come last, in no colour.
+    /// Edges in color order; those between two pins come last, in no color.
     pub links: Vec<Link>,
-    /// The edges of each colour.
+    /// The edges of each color.
     pub colors: Vec<Range<usize>>,
     /// Pinned vertices, in the order of the options.
     pub pinned: Vec<u32>,
@@ -198,7 +198,7 @@ impl Cloth {
     }
 }
 
-/// Colours the edges with a free end and sorts them by colour, the others behind them: the range of each colour.
+/// Colors the edges with a free end and sorts them by color, the others behind them: the range of each color.
 fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
     let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
     links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
@@ -280,7 +280,7 @@ fn is_mass(mass: f32) -> bool {
 /// Mass of each vertex (kg) and the mean areal density (kg/m²).
 ///
 /// A vertex of no triangle, or of flat ones alone, has no area to weigh: it takes the mean mass of the others, or if
-/// there are none, that of a square metre shared by all. Alone it moves the same whatever its mass.
+/// there are none, that of a square meter shared by all. Alone it moves the same whatever its mass.
 fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f64), BuildError> {
     let density = f64::from(options.fabric.density);
     let total: f64 = area.iter().sum();

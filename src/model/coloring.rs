@@ -1,16 +1,16 @@
-//! Edge colouring: batches of edges that share no vertex, visited in one fixed order.
+//! Edge coloring: batches of edges that share no vertex, visited in one fixed order.
 //!
-//! The order is a property of stability, not only of speed: one sweep a substep is stable for any fixed colouring, while
+//! The order is a property of stability, not only of speed: one sweep a substep is stable for any fixed coloring, while
 //! sweeping rows or patches in sequence explodes below the resolved substep. Never reverse or shuffle it between substeps.
 
 use glam::Vec3;
 
 use crate::model::csr::Csr;
 
-/// A colour for each edge, `0..colours`, such that edges with a common vertex differ. Deterministic.
+/// A color for each edge, `0..colors`, such that edges with a common vertex differ. Deterministic.
 ///
 /// Greedy, over edges sorted by direction: on a grid, opposite edges of a vertex are then visited one after the other,
-/// which makes the sweep's antisymmetric part vanish. Directions get palettes of their own when that costs no colour
+/// which makes the sweep's antisymmetric part vanish. Directions get palettes of their own when that costs no color
 /// beyond the maximum degree, as on a grid (h0 h1 v0 v1 d0 d1); else they share one, in whichever order needs fewest.
 pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
     let vertices = positions.len();
@@ -26,20 +26,20 @@ pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
         [&by_direction.items, &by_vertex].map(|order| greedy(edges, std::iter::once(&order[..]), usize::MAX, vertices));
     match (shared, plain) {
         (Some(shared), Some(plain)) if shared.colors <= plain.colors => shared,
-        (shared, plain) => plain.or(shared).expect("there are colours without end"),
+        (shared, plain) => plain.or(shared).expect("there are colors without end"),
     }
 }
 
 /// The result of [`color`].
 #[derive(Debug, Clone)]
 pub(crate) struct Coloring {
-    /// The colour of each edge.
+    /// The color of each edge.
     pub of: Vec<u32>,
-    /// Number of colours.
+    /// Number of colors.
     pub colors: usize,
 }
 
-/// Most edges at one vertex: no colouring has fewer colours.
+/// Most edges at one vertex: no coloring has fewer colors.
 pub(crate) fn max_degree(edges: &[[u32; 2]], vertices: usize) -> usize {
     let mut degree = vec![0; vertices];
     edges.iter().flatten().for_each(|&vertex| degree[vertex as usize] += 1);
@@ -58,9 +58,9 @@ fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
     (x * 9 + y) * 9 + z
 }
 
-/// First fit, each palette with colours of its own; none if that takes more than `most`.
+/// First fit, each palette with colors of its own; none if that takes more than `most`.
 ///
-/// A row of a grid's edges is given one colour if it can be, so that they can be visited side by side.
+/// A row of a grid's edges is given one color if it can be, so that they can be visited side by side.
 fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, most: usize, vertices: usize) -> Option<Coloring> {
     let mut used = Used { first: vec![0; vertices], further: Vec::new() };
     let mut of = vec![0; edges.len()];
@@ -92,17 +92,17 @@ fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, mos
     Some(Coloring { of, colors })
 }
 
-/// Edges that are worth a colour in common.
+/// Edges that are worth a color in common.
 const ROW: usize = 8;
 
-/// A bit for each colour that a vertex has already; one word does for all but the wildest fans.
+/// A bit for each color that a vertex has already; one word does for all but the wildest fans.
 struct Used {
     first: Vec<u64>,
     further: Vec<Vec<u64>>,
 }
 
 impl Used {
-    /// The first colour from `base` on that none of these vertices has.
+    /// The first color from `base` on that none of these vertices has.
     fn free<I: Iterator<Item = u32>>(&self, base: usize, vertices: impl Fn() -> I) -> usize {
         (base / 64..)
             .find_map(|word| {
@@ -110,7 +110,7 @@ impl Used {
                 let free = !vertices().fold(below, |taken, vertex| taken | self.word(vertex as usize, word));
                 (free != 0).then(|| 64 * word + free.trailing_zeros() as usize)
             })
-            .expect("a word past the last used colour is free")
+            .expect("a word past the last used color is free")
     }
 
     fn word(&self, vertex: usize, word: usize) -> u64 {
@@ -140,19 +140,19 @@ mod tests {
 
     fn check(edges: &[[u32; 2]], positions: &[Vec3]) -> usize {
         let coloring = color(edges, positions);
-        assert_eq!(coloring.of.len(), edges.len(), "every edge has one colour");
+        assert_eq!(coloring.of.len(), edges.len(), "every edge has one color");
         let mut seen = std::collections::HashSet::new();
         for (edge, &color) in edges.iter().zip(&coloring.of) {
             assert!((color as usize) < coloring.colors);
-            edge.iter().for_each(|&vertex| assert!(seen.insert((vertex, color)), "vertex {vertex} has colour {color} twice"));
+            edge.iter().for_each(|&vertex| assert!(seen.insert((vertex, color)), "vertex {vertex} has color {color} twice"));
         }
         let again = color(edges, positions);
-        assert_eq!(again.of, coloring.of, "the same mesh gives the same colours");
+        assert_eq!(again.of, coloring.of, "the same mesh gives the same colors");
         coloring.colors
     }
 
     #[test]
-    fn a_grid_takes_as_many_colours_as_its_degree() {
+    fn a_grid_takes_as_many_colors_as_its_degree() {
         for (columns, rows) in [(2, 2), (3, 5), (33, 33), (64, 17)] {
             let mesh = Mesh::grid(columns, rows, 1.0, 1.0);
             let edges = mesh.edges();
@@ -160,9 +160,9 @@ mod tests {
         }
     }
 
-    /// Whichever way the diagonals run, the edges of one direction between two rows have one colour.
+    /// Whichever way the diagonals run, the edges of one direction between two rows have one color.
     #[test]
-    fn rows_of_a_grid_have_one_colour() {
+    fn rows_of_a_grid_have_one_color() {
         let (columns, rows) = (20, 13);
         let mut mesh = Mesh::grid(columns, rows, 1.0, 1.0);
         for mirrored in [false, true] {
@@ -176,10 +176,10 @@ mod tests {
             let edges = mesh.edges();
             let coloring = color(&edges, &mesh.positions);
             assert_eq!(coloring.colors, 6);
-            let mut colour_of = std::collections::HashMap::new();
+            let mut color_of = std::collections::HashMap::new();
             for (edge, color) in edges.iter().zip(&coloring.of).filter(|(edge, _)| edge[1] - edge[0] > 1) {
                 let row = (edge[0] / columns, edge[1] - edge[0]);
-                assert_eq!(colour_of.entry(row).or_insert(color), &color, "mirrored {mirrored}: {edge:?}");
+                assert_eq!(color_of.entry(row).or_insert(color), &color, "mirrored {mirrored}: {edge:?}");
             }
         }
     }
@@ -189,11 +189,11 @@ mod tests {
         let mesh = Mesh::grid(9, 9, 1.0, 1.0);
         let edges = mesh.edges();
         let coloring = color(&edges, &mesh.positions);
-        // Steps of 1, 9 and 8 are the grid's three directions; each has two colours of its own, to the very border.
+        // Steps of 1, 9 and 8 are the grid's three directions; each has two colors of its own, to the very border.
         let mut pairs = [1, 9, 8].map(|step| {
             let along = edges.iter().zip(&coloring.of).filter(|([a, b], _)| b - a == step);
             let colors: std::collections::BTreeSet<u32> = along.map(|(_, &color)| color).collect();
-            assert_eq!(colors.len(), 2, "step {step} has the colours {colors:?}");
+            assert_eq!(colors.len(), 2, "step {step} has the colors {colors:?}");
             colors.into_iter().collect::<Vec<_>>()
         });
         pairs.sort();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fan_of_a_hundred_edges_needs_a_hundred_colours() {
+    fn a_fan_of_a_hundred_edges_needs_a_hundred_colors() {
         let edges: Vec<[u32; 2]> = (1..=100).map(|rim| [0, rim]).collect();
         assert_eq!(check(&edges, &[Vec3::ZERO; 101]), 100);
     }

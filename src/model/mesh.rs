@@ -16,7 +16,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// A rectangle of `columns` x `rows` vertices in the xz-plane, centred on the origin, its front up (+y):
+    /// A rectangle of `columns` x `rows` vertices in the xz-plane, centered on the origin, its front up (+y):
     /// `width` (m) along x, `height` (m) along z. Vertices are numbered row by row; all diagonals run the same way.
     ///
     /// With fewer than two columns or rows there is no area, and so no triangle.

@@ -1,4 +1,4 @@
-//! What never changes while the cloth moves: the mesh, its masses, edges and their colours, bending rows.
+//! What never changes while the cloth moves: the mesh, its masses, edges and their colors, bending rows.
 
 pub(crate) mod bending;
 pub(crate) mod cloth;

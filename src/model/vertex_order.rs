@@ -1,10 +1,10 @@
-//! A vertex order that keeps neighbours close in memory.
+//! A vertex order that keeps neighbors close in memory.
 
 use std::collections::VecDeque;
 
 use crate::model::csr::Csr;
 
-/// An order of the vertices in which neighbours are close: the mesh's own if it has rows or is close, else breadth
+/// An order of the vertices in which neighbors are close: the mesh's own if it has rows or is close, else breadth
 /// first. `order[k]` is the mesh's index of the `k`-th vertex. `edges` ascend.
 pub(crate) fn vertex_order(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
     let own: Vec<u32> = (0..vertices as u32).collect();
@@ -44,7 +44,7 @@ pub(crate) fn inverse(order: &[u32]) -> Vec<u32> {
 }
 
 fn breadth_first(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
-    let neighbours = Csr::new(vertices, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+    let neighbors = Csr::new(vertices, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
     let mut order = Vec::with_capacity(vertices);
     let mut seen = vec![false; vertices];
     let mut queue = VecDeque::new();
@@ -54,7 +54,7 @@ fn breadth_first(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
         }
         while let Some(vertex) = queue.pop_front() {
             order.push(vertex);
-            for &next in neighbours.of(vertex) {
+            for &next in neighbors.of(vertex) {
                 if !std::mem::replace(&mut seen[next as usize], true) {
                     queue.push_back(next);
                 }
@@ -70,7 +70,7 @@ mod tests {
     use crate::Mesh;
 
     #[test]
-    fn breadth_first_brings_shuffled_neighbours_together() {
+    fn breadth_first_brings_shuffled_neighbors_together() {
         let mesh = Mesh::grid(30, 30, 1.0, 1.0);
         let mut names: Vec<u32> = (0..900).collect();
         fastrand::Rng::with_seed(3).shuffle(&mut names);

@@ -46,7 +46,7 @@ impl Halving {
     /// The aggregates of level `level` (0 the finest, each next one four times as large): that of each vertex, and how many.
     ///
     /// Vertices of the same cell that no edges of the cell connect are apart, and so are the pinned ones from the free.
-    /// Aggregates are numbered in the order of their first vertices, so that neighbours are near in memory.
+    /// Aggregates are numbered in the order of their first vertices, so that neighbors are near in memory.
     pub(crate) fn of_level(&self, cloth: &Cloth, level: u32) -> (Vec<u32>, usize) {
         let vertices = self.path.len();
         let cell = |vertex: u32| (self.part[vertex as usize], self.path[vertex as usize] >> (2 * level).min(31));

@@ -57,33 +57,33 @@ pub(crate) struct Stiffness {
 }
 
 /// A fine edge as the patches at its ends feel it; the same for all levels.
-pub(crate) struct Fibre {
+pub(crate) struct Fiber {
     ends: [u32; 2],
     direction: DVec3,
     /// Half of `K l0²` for K = 1 N/m (m²).
     weight: f64,
 }
 
-impl Fibre {
+impl Fiber {
     /// Those of the edges that hold.
-    pub(crate) fn all(cloth: &Cloth) -> Vec<Fibre> {
-        let fibre = |link: &Link| {
+    pub(crate) fn all(cloth: &Cloth) -> Vec<Fiber> {
+        let fiber = |link: &Link| {
             let [a, b] = link.ends.map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
             let weight = 0.5 * link.shape * f64::from(link.rest).powi(2);
-            Fibre { ends: link.ends, direction: (b - a).normalize_or_zero(), weight }
+            Fiber { ends: link.ends, direction: (b - a).normalize_or_zero(), weight }
         };
-        holding(cloth).map(fibre).collect()
+        holding(cloth).map(fiber).collect()
     }
 }
 
 impl Stiffness {
-    pub(crate) fn new(fibres: &[Fibre], patches: &[Patch], patch_of: &[u32]) -> Stiffness {
-        let of = |fibre: &Fibre| fibre.ends.map(|vertex| patch_of[vertex as usize] as usize);
+    pub(crate) fn new(fibers: &[Fiber], patches: &[Patch], patch_of: &[u32]) -> Stiffness {
+        let of = |fiber: &Fiber| fiber.ends.map(|vertex| patch_of[vertex as usize] as usize);
         // Threads have no normal; the plane of one is any through it.
         let mut along = vec![DVec3::ZERO; patches.len()];
-        for fibre in fibres {
-            let d = fibre.direction;
-            for patch in of(fibre) {
+        for fiber in fibers {
+            let d = fiber.direction;
+            for patch in of(fiber) {
                 let sum = &mut along[patch];
                 *sum += if d.dot(*sum) < 0.0 { -d } else { d };
             }
@@ -98,10 +98,10 @@ impl Stiffness {
         };
         let frames: Vec<[DVec3; 2]> = patches.iter().zip(&along).map(frame).collect();
         let mut tensors = vec![DMat3::ZERO; patches.len()];
-        for fibre in fibres {
-            for patch in of(fibre) {
-                let q = voigt(fibre.direction, frames[patch]);
-                tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fibre.weight;
+        for fiber in fibers {
+            for patch in of(fiber) {
+                let q = voigt(fiber.direction, frames[patch]);
+                tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fiber.weight;
             }
         }
         Stiffness { frames, tensors }
@@ -137,7 +137,7 @@ pub(crate) struct Edges<'a> {
 }
 
 impl Edges<'_> {
-    /// The edges between groups of pairs, group after group, in colour order.
+    /// The edges between groups of pairs, group after group, in color order.
     pub(crate) fn color(&self, groups: &[Vec<[u32; 2]>]) -> (Vec<Link>, Vec<Range<usize>>) {
         let centers: Vec<Vec3> = self.patches.iter().map(|patch| patch.center.as_vec3()).collect();
         let (mut links, mut colors) = (Vec::new(), Vec::new());
@@ -180,12 +180,12 @@ impl Edges<'_> {
     }
 }
 
-/// Pairs that are not neighbours but have two neighbours in common, one on either side: not across the end of a slit.
+/// Pairs that are not neighbors but have two neighbors in common, one on either side: not across the end of a slit.
 pub(crate) fn two_rings(pairs: &[[u32; 2]], patches: &[Patch]) -> Vec<[u32; 2]> {
     let near = Csr::new(patches.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
     let mut found = Vec::new();
     for a in 0..patches.len() as u32 {
-        // Which sides of the way to each patch two rings away have a common neighbour.
+        // Which sides of the way to each patch two rings away have a common neighbor.
         let mut sides: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
         for &between in near.of(a) {
             for &b in near.of(between) {

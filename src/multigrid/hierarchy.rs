@@ -21,13 +21,13 @@
 //! Aggregates come from halving each part of the mesh across its longest side, down to 16 vertices or so; on a grid these are
 //! blocks. Pieces that are connected by no edge of their own are told apart, and pinned vertices are an aggregate of their
 //! own, which moves as they do. Coarse edges join aggregates with a fine edge in common, and those with two common
-//! neighbours on either side: it is the number of directions that counts.
+//! neighbors on either side: it is the number of directions that counts.
 //!
-//! An edge's rest length is the most that the aggregates' centres can be apart in unstretched cloth. The centres of two
+//! An edge's rest length is the most that the aggregates' centers can be apart in unstretched cloth. The centers of two
 //! shapes that are carried onto each other by a plan that moves mass by `d` on average are at most `d` apart (Kantorovich):
-//! for shapes that are translated copies that is the distance of their centres; about a pin it is the mean distance to it (on
+//! for shapes that are translated copies that is the distance of their centers; about a pin it is the mean distance to it (on
 //! the finest levels a little less, for cloth does not gather in one line within a few edges).
-//! Where the rest shape bends by the angle t from one to the other, centres are inside of it and `((t/2)/sin(t/2))²` nearer.
+//! Where the rest shape bends by the angle t from one to the other, centers are inside of it and `((t/2)/sin(t/2))²` nearer.
 //! Stiffness is that of the fabric along the edge, free to contract across it, so that cloth soft in shear stays so.
 //!
 //! # Limits
@@ -51,7 +51,7 @@ use glam::DVec3;
 use crate::model::cloth::{Cloth, Link};
 use crate::model::csr::Csr;
 use crate::multigrid::aggregation::{Halving, holding};
-use crate::multigrid::coarse_edges::{Edges, Fibre, Points, Stiffness, two_rings};
+use crate::multigrid::coarse_edges::{Edges, Fiber, Points, Stiffness, two_rings};
 
 /// A level of fewer aggregates is not worth its overhead.
 const FEWEST: usize = 6;
@@ -77,16 +77,16 @@ pub(crate) struct Level {
     pub share: Vec<f32>,
     /// One over the mass (1/kg) of each aggregate, 0 where pinned.
     pub inverse_mass: Vec<f32>,
-    /// Edges in colour order.
+    /// Edges in color order.
     pub links: Vec<Link>,
-    /// The edges of each colour.
+    /// The edges of each color.
     pub colors: Vec<Range<usize>>,
 }
 
 /// A vertex or an aggregate at rest.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Patch {
-    /// Mass (kg), and its centre (m).
+    /// Mass (kg), and its center (m).
     pub mass: f64,
     pub center: DVec3,
     pub pinned: bool,
@@ -115,7 +115,7 @@ impl Hierarchy {
 
     pub(crate) fn new(cloth: &Cloth) -> Hierarchy {
         let halving = Halving::new(cloth);
-        let fibres = Fibre::all(cloth);
+        let fibers = Fiber::all(cloth);
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
         // The patches of the last level (to begin with, the vertices) and of the one before, and which of the last each vertex is in.
@@ -146,14 +146,14 @@ impl Hierarchy {
                 _ => Points::new(last.clone(), label.clone(), count),
             };
             let rings = two_rings(&pairs, &patches);
-            // Near a lone pin fine cloth is not gathered in one line, as the farthest that centres can be apart takes it to be.
+            // Near a lone pin fine cloth is not gathered in one line, as the farthest that centers can be apart takes it to be.
             let gather = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
             let edges = Edges {
                 cloth,
                 patches: &patches,
                 points: &points,
                 gather,
-                stiffness: Stiffness::new(&fibres, &patches, &aggregate_of),
+                stiffness: Stiffness::new(&fibers, &patches, &aggregate_of),
             };
             let (links, colors) = edges.color(&[rings, pairs.clone()]);
             let inverse_mass = patches.iter().map(|patch| patch.inverse_mass() as f32).collect();
@@ -260,7 +260,7 @@ mod tests {
                     let weights = link.ends.map(|end| level.inverse_mass[end as usize]);
                     assert!(weights[0] + weights[1] > 0.0, "no edge between pins");
                     assert!(link.rest > 0.0 && link.rest.is_finite() && link.stiffness > 0.0, "{link:?}");
-                    assert!(link.ends.iter().all(|end| seen.insert(*end)), "edges of a colour share no end");
+                    assert!(link.ends.iter().all(|end| seen.insert(*end)), "edges of a color share no end");
                     visited += 1;
                 }
             }
@@ -288,7 +288,7 @@ mod tests {
             let corner = (vertex / 64) / 4 * 4 * 64 + (vertex % 64) / 4 * 4;
             assert_eq!(levels[0].label[vertex], levels[0].label[corner]);
         }
-        // Blocks of 4 x 4 are 4 edges apart, along rows and columns; the distance is that of their centres.
+        // Blocks of 4 x 4 are 4 edges apart, along rows and columns; the distance is that of their centers.
         let least = levels[0].links.iter().map(|link| link.rest).fold(f32::INFINITY, f32::min);
         assert!((least * 63.0 - 4.0).abs() < 1e-4);
         for (columns, rows) in [(129, 129), (100, 37), (400, 2), (7, 7), (2, 2)] {
@@ -348,7 +348,7 @@ mod tests {
         }
     }
 
-    /// On a tube, centres are inside of it, and the cloth between two of them is longer than their distance.
+    /// On a tube, centers are inside of it, and the cloth between two of them is longer than their distance.
     #[test]
     fn a_tube_is_not_held_round() {
         let (around, along, radius) = (64_u32, 32_u32, 1.0 / std::f32::consts::TAU);

@@ -11,7 +11,7 @@ use crate::options::{Method, Options};
 pub(crate) struct Coefficients {
     /// The substep (s) they are for.
     pub h: f32,
-    /// Edges in colour order; none for springs, which are forces.
+    /// Edges in color order; none for springs, which are forces.
     pub edges: Vec<Edge>,
     /// Coarse edges of each level in use, the finest first.
     pub levels: Vec<Vec<Edge>>,
@@ -69,7 +69,7 @@ impl Coefficients {
 ///
 /// Why half of w: the sweep solves `(D + a' + L) dlambda = -C` once, where the exact implicit step is
 /// `A + a`, `A = L + D + L^T`. At the long wavelengths that carry the load (`A q = 0` to first order) `q.(L + L^T)q = -q.D q`, so
-/// `q.L q = -D/2`: one sweep acts as if the compliance were `a' + D/2`. On a chain of two colours this is exact; a larger
+/// `q.L q = -D/2`: one sweep acts as if the compliance were `a' + D/2`. On a chain of two colors this is exact; a larger
 /// shift over-corrects. Where the substep does not resolve the stiffness, `a < w/2`, nothing is left to take off.
 fn shifted(compliance: f64, weight: f64) -> f64 {
     1.0 / (weight + (compliance - 0.5 * weight).max(0.0))

@@ -1,4 +1,4 @@
-//! Meshes that a grid's one diagonal would hide a fault from, on the unit square of the xz-plane, centred and front up like
+//! Meshes that a grid's one diagonal would hide a fault from, on the unit square of the xz-plane, centered and front up like
 //! `Mesh::grid`; and where real ones are.
 
 use std::path::{Path, PathBuf};
