@@ -122,11 +122,12 @@ impl Cpu {
             forces: forces.share(plan, &x, &u, *width),
             correction: coarse.share(&x, &u, *width),
             integrator: Integrator { plan, x: &x, u: &u, good, lost: AtomicUsize::new(usize::MAX), width: *width },
+            chunks: schedule.chunks.as_deref(),
             elsewhere,
             rule: rule(plan.method),
             workers: threads,
         };
-        let Schedule { passes, graph } = schedule;
+        let Schedule { passes, graph, .. } = schedule;
         let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
         let work = |task: &Task, turn: u32, pass: usize, index: usize| stepper.work(task, &passes[pass], turn, index);
         #[cfg(feature = "bench")]
@@ -167,6 +168,7 @@ impl Cpu {
             springs: plan.method == Method::Springs && !exchanged,
             pins: !plan.pins.is_empty(),
             levels,
+            threads,
         };
         self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
         if self.scheduled_for != Some(terms) {

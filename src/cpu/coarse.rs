@@ -13,10 +13,10 @@ use crate::multigrid::hierarchy::{Level, MAX_LEVELS};
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Loop, Registers, Width};
 
-/// Aggregates that a task restricts.
-const GRAIN: usize = 64;
+/// Aggregates that a task restricts, at least and at most.
+const GRAIN: [usize; 2] = [16, 64];
 /// Fewer aggregates than this are no work to share: to wait for one another would cost more.
-const WORTHWHILE: usize = 512;
+const WORTHWHILE: usize = 2048;
 /// No one aggregate.
 const MIXED: u32 = u32::MAX;
 
@@ -35,6 +35,8 @@ struct Aggregates {
     label: Places,
     common: Vec<u32>,
     inverse_mass: Vec<f32>,
+    /// Aggregates that a task restricts.
+    grain: usize,
     partition: Partition,
     /// The edges of each round.
     edges: Vec<EdgeBatches>,
@@ -93,6 +95,7 @@ impl Aggregates {
             label,
             common: level.label.chunks(width.lanes() / 4).map(common).collect(),
             inverse_mass: level.inverse_mass.clone(),
+            grain: (count / (2 * threads)).clamp(GRAIN[0], GRAIN[1]),
             partition: Partition::coarse(&level.links, count, if count < WORTHWHILE { 1 } else { threads }),
             edges: Vec::new(),
         }
@@ -106,7 +109,7 @@ impl Aggregates {
 
     /// The aggregates that a task restricts.
     fn chunk(&self, chunk: usize) -> Range<usize> {
-        chunk * GRAIN..((chunk + 1) * GRAIN).min(self.inverse_mass.len())
+        chunk * self.grain..((chunk + 1) * self.grain).min(self.inverse_mass.len())
     }
 
     /// Whether its sweep is tasks of its own.
@@ -152,7 +155,7 @@ impl Coarse {
 
     /// Tasks of the restriction to a level.
     pub(crate) fn restrictions(&self, level: usize) -> usize {
-        self.levels[level].inverse_mass.len().div_ceil(GRAIN)
+        self.levels[level].inverse_mass.len().div_ceil(self.levels[level].grain)
     }
 
     /// The aggregates that a task restricts.

@@ -14,6 +14,7 @@
 use std::ops::Range;
 
 use crate::model::cloth::Link;
+use crate::model::disjoint_sets::DisjointSets;
 use crate::simd;
 
 /// Vertices in a tile, at least: fewer are not worth a piece (about 10 us).
@@ -38,7 +39,7 @@ pub(crate) struct Partition {
     pub tiles: Vec<Range<u32>>,
     /// Each tile, and those that its edges lead to.
     pub around: Vec<Vec<u32>>,
-    /// The pieces of each round. Those of the first are the tiles', those of the last move what the first do not.
+    /// The pieces of each round. Those of the first are the tiles'.
     pub rounds: Vec<Vec<Piece>>,
 }
 
@@ -95,14 +96,10 @@ impl Partition {
             link.ends.iter().for_each(|&end| waits[end as usize] = true);
         }
         let places: Vec<u32> = (0..swept as u32).collect();
-        let (mut first, mut late) = round(links, &places, &tile_of, count, &mut waits);
+        let (first, mut late) = round(links, &places, &tile_of, count, &mut waits);
         // Vertices are moved so many at a time: one that waits holds up those beside it, rather than that they are moved one by one.
         for beside in waits.chunks_mut(TOGETHER).filter(|beside| beside.contains(&true)) {
             beside.fill(true);
-        }
-        for (tile, (piece, range)) in first.iter_mut().zip(&ranges).enumerate() {
-            piece.vertices = runs(range.clone().filter(|&vertex| !waits[vertex as usize]));
-            piece.touches = vec![tile as u32];
         }
         let most = first.iter().map(|piece| piece.edges.len()).max().unwrap_or(0);
         let mut rounds = vec![first];
@@ -115,21 +112,18 @@ impl Partition {
             // What waits at one border has met what waits at the next. Cut it where the borders were not.
             let length = vertices.div_ceil(count);
             let shift = if rounds.len() % 2 == 1 { length / 2 } else { 0 };
-            let again: Vec<u32> = (0..vertices).map(|vertex| ((vertex + shift) / length) as u32).collect();
+            let group = |vertex: usize| vertex / TOGETHER * TOGETHER;
+            let again: Vec<u32> = (0..vertices).map(|vertex| ((group(vertex) + shift) / length) as u32).collect();
             let (pieces, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
             if rounds.len() == MOST || later.len() == late.len() {
                 // Edges longer than half a tile: whatever waits is at hand as it is.
                 rounds.push(last);
                 break;
             }
-            let mut pieces: Vec<Piece> = pieces.into_iter().filter(|piece| !piece.edges.is_empty()).collect();
-            for Piece { edges, touches, .. } in &mut pieces {
-                let ends = edges.iter().flat_map(|&place| links[place as usize].ends);
-                ends.for_each(|end| insert(touches, tile_of[end as usize]));
-            }
-            rounds.push(pieces);
+            rounds.push(pieces.into_iter().filter(|piece| !piece.edges.is_empty()).collect());
             late = later;
         }
+        give_vertices(links, &waits, &tile_of, &mut rounds);
         let mut around: Vec<Vec<u32>> = (0..count as u32).map(|tile| vec![tile]).collect();
         for [a, b] in links.iter().map(|link| link.ends.map(|end| tile_of[end as usize])).filter(|[a, b]| a != b) {
             insert(&mut around[a as usize], b);
@@ -161,59 +155,82 @@ fn round(links: &[Link], places: &[u32], tile_of: &[u32], tiles: usize, waits: &
     (pieces, late)
 }
 
-/// The connected parts of the edges that wait, one piece each, or several small ones together.
+/// The connected parts of the edges that wait, one piece each, or several small ones of one tile together.
 fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec<Piece> {
-    let mut parent: Vec<u32> = (0..waits.len() as u32).collect();
-    let root = |parent: &mut [u32], mut vertex: u32| {
-        while parent[vertex as usize] != vertex {
-            parent[vertex as usize] = parent[parent[vertex as usize] as usize];
-            vertex = parent[vertex as usize];
-        }
-        vertex
-    };
-    for &place in late {
-        let [a, b] = links[place as usize].ends.map(|end| root(&mut parent, end));
-        // The lower one leads, so that parts come in the order of their first vertex.
-        parent[a.max(b) as usize] = a.min(b);
-    }
+    let mut parts = DisjointSets::new(waits.len());
+    let mut edges = vec![0_usize; waits.len()];
+    late.iter().for_each(|&place| parts.join(links[place as usize].ends));
     // So are vertices that are moved together.
     for first in (0..waits.len()).step_by(TOGETHER).filter(|&first| waits[first]) {
-        for vertex in first + 1..waits.len().min(first + TOGETHER) {
-            let [a, b] = [first, vertex].map(|vertex| root(&mut parent, vertex as u32));
-            parent[a.max(b) as usize] = a.min(b);
-        }
+        (first + 1..waits.len().min(first + TOGETHER)).for_each(|vertex| parts.join([first as u32, vertex as u32]));
     }
+    late.iter().for_each(|&place| edges[parts.root(links[place as usize].ends[0]) as usize] += 1);
+    let mut pieces: Vec<Piece> = Vec::new();
     let mut piece_of = vec![NONE; waits.len()];
-    let mut lists: Vec<Vec<u32>> = Vec::new();
-    let mut sizes = vec![0_usize; waits.len()];
-    let waiting: Vec<u32> = (0..waits.len() as u32).filter(|&vertex| waits[vertex as usize]).collect();
-    waiting.iter().for_each(|&vertex| sizes[root(&mut parent, vertex) as usize] += 1);
-    for &vertex in &waiting {
-        // Leads come before the vertices that they lead.
-        let lead = root(&mut parent, vertex) as usize;
-        if piece_of[lead] == NONE {
-            if lists.last().is_none_or(|last| last.len() + sizes[lead] > CRUMBS) {
-                lists.push(Vec::new());
-            }
-            piece_of[lead] = lists.len() as u32 - 1;
-        }
-        piece_of[vertex as usize] = piece_of[lead];
-        lists[piece_of[lead] as usize].push(vertex);
-    }
-    let mut pieces: Vec<Piece> =
-        lists.into_iter().map(|vertices| Piece { vertices: runs(vertices.into_iter()), ..Piece::default() }).collect();
-    // Of a vertex without an edge too: what waits with it is of its tile.
-    for link in links {
-        for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]].map(|ends| ends.map(|end| end as usize)) {
-            if piece_of[moved] != NONE {
-                [moved, by].iter().for_each(|&end| insert(&mut pieces[piece_of[moved] as usize].touches, tile_of[end]));
-            }
-        }
-    }
+    let mut filled = (NONE, 0);
     for &place in late {
-        pieces[piece_of[links[place as usize].ends[0] as usize] as usize].edges.push(place);
+        let root = parts.root(links[place as usize].ends[0]);
+        let piece = &mut piece_of[root as usize];
+        if *piece == NONE {
+            let (tile, size) = (tile_of[root as usize], edges[root as usize]);
+            if pieces.is_empty() || filled.0 != tile || filled.1 + size > CRUMBS {
+                pieces.push(Piece::default());
+                filled = (tile, 0);
+            }
+            filled.1 += size;
+            *piece = pieces.len() as u32 - 1;
+        }
+        pieces[*piece as usize].edges.push(place);
     }
     pieces
+}
+
+/// Gives each vertex to the piece that visits its last edge, which moves it; those that wait without an edge, to the one that moves
+/// the vertices beside. And says what pieces touch.
+fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [Vec<Piece>]) {
+    let mut owner: Vec<Option<(u32, u32)>> = vec![None; waits.len()];
+    for (round, pieces) in rounds.iter().enumerate().skip(1) {
+        for (index, piece) in pieces.iter().enumerate() {
+            let ends = piece.edges.iter().flat_map(|&place| links[place as usize].ends);
+            ends.for_each(|end| owner[end as usize] = Some((round as u32, index as u32)));
+        }
+    }
+    for (vertex, owner) in owner.iter_mut().enumerate().filter(|&(vertex, _)| !waits[vertex]) {
+        *owner = Some((0, tile_of[vertex]));
+    }
+    let last = rounds.len() as u32 - 1;
+    for first in (0..waits.len()).step_by(TOGETHER).filter(|&first| waits[first]) {
+        let beside = &mut owner[first..waits.len().min(first + TOGETHER)];
+        let latest = beside.iter().flatten().copied().max_by_key(|&(round, piece)| (round, u32::MAX - piece));
+        let latest = latest.unwrap_or_else(|| {
+            // Nothing is swept here: forces look on from beyond the border.
+            rounds[last as usize].push(Piece::default());
+            (last, rounds[last as usize].len() as u32 - 1)
+        });
+        beside.iter_mut().filter(|owner| owner.is_none_or(|(round, _)| round < latest.0)).for_each(|owner| *owner = Some(latest));
+    }
+    let mut given: Vec<Vec<Vec<u32>>> = rounds.iter().map(|pieces| vec![Vec::new(); pieces.len()]).collect();
+    for (vertex, owner) in owner.iter().enumerate() {
+        let (round, piece) = owner.unwrap_or((0, tile_of[vertex]));
+        given[round as usize][piece as usize].push(vertex as u32);
+    }
+    for (pieces, given) in rounds.iter_mut().zip(given) {
+        for (piece, given) in pieces.iter_mut().zip(given) {
+            let ends = piece.edges.iter().flat_map(|&place| links[place as usize].ends);
+            piece.touches = ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]).collect();
+            piece.touches.sort_unstable();
+            piece.touches.dedup();
+            piece.vertices = runs(given.into_iter());
+        }
+    }
+    // Tiles that look at what a piece moves.
+    for link in links {
+        for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]] {
+            if let Some((round, piece)) = owner[moved as usize].filter(|&(round, _)| round > 0) {
+                insert(&mut rounds[round as usize][piece as usize].touches, tile_of[by as usize]);
+            }
+        }
+    }
 }
 
 /// Ascending numbers as ranges.
@@ -270,7 +287,6 @@ mod tests {
             for length in [1, 7, 100, 330, 5000] {
                 let swept = cloth.swept();
                 let partition = Partition::cut(&cloth.links, swept.len(), cloth.rest.len(), length);
-                let last = partition.rounds.len() - 1;
                 let mut owner = vec![(0, 0); cloth.rest.len()];
                 let mut moved = vec![0; cloth.rest.len()];
                 for (round, pieces) in partition.rounds.iter().enumerate() {
@@ -293,13 +309,11 @@ mod tests {
                                 visitor[end] = Some(index);
                                 assert!(latest[end] < Some(place), "{name} {length}: {end} sees {place} after {:?}", latest[end]);
                                 latest[end] = Some(place);
-                                match round {
-                                    0 => {
-                                        assert!(partition.tiles[index].contains(&(end as u32)), "{name} {length}: not its tile");
-                                    }
-                                    _ => assert_eq!(owner[end].0, last, "{name} {length}: moved before its last edge"),
+                                if round == 0 {
+                                    assert!(partition.tiles[index].contains(&(end as u32)), "{name} {length}: not its tile");
                                 }
-                                assert!(round < last || owner[end] == (round, index), "{name} {length}: not its border");
+                                let by = owner[end];
+                                assert!(by.0 > round || by == (round, index), "{name} {length}: moved before its last edge");
                             }
                         }
                     }
@@ -327,7 +341,7 @@ mod tests {
                 // What lies across from a tile's border is not moved in the first round: forces look there.
                 for link in &cloth.links {
                     let [a, b] = link.ends;
-                    assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 == last), "{name} {length}");
+                    assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 > 0), "{name} {length}");
                 }
             }
         }

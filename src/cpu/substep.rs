@@ -10,6 +10,7 @@ use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::scheduler::{Graph, PassTasks};
 use crate::cpu::tasks::shared::{Task, View};
+use crate::simd::MAX_LANES;
 use crate::step::plan::Plan;
 
 /// What a substep does to every part of the cloth before it goes on to the next stage.
@@ -52,6 +53,7 @@ pub(crate) struct Terms {
     /// Pins are led.
     pub pins: bool,
     pub levels: usize,
+    pub threads: usize,
 }
 
 impl Terms {
@@ -100,6 +102,8 @@ fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
 enum Over {
     Everything,
     Tiles,
+    /// Parts of tiles.
+    Chunks,
     Triangles,
     Aggregates(usize),
     PiecesOfLevel(usize, usize),
@@ -107,8 +111,10 @@ enum Over {
 }
 
 impl Stage {
-    fn over(self) -> Over {
+    /// Where tiles are too few, what is done to each vertex by itself is done in chunks of them.
+    fn over(self, chunks: bool) -> Over {
         match self {
+            Stage::Remember | Stage::BendMoments | Stage::Predict | Stage::LeadPins if chunks => Over::Chunks,
             Stage::Exchange | Stage::SmallLevels(_) => Over::Everything,
             Stage::PanelForces => Over::Triangles,
             Stage::Restrict(level) => Over::Aggregates(level),
@@ -118,9 +124,9 @@ impl Stage {
         }
     }
 
-    /// Whether it looks at what the stage before did to neighbors.
-    fn looks_around(self) -> bool {
-        self == Stage::Predict
+    /// Whether it looks at what a stage before it did to neighbors.
+    fn looks_around_after(self, before: Stage) -> bool {
+        (before, self) == (Stage::BendMoments, Stage::Predict)
     }
 }
 
@@ -128,11 +134,11 @@ impl Stage {
 pub(crate) type Pass = Vec<Stage>;
 
 /// Joins stages over the same parts that need nothing of one another's neighbors.
-fn fuse(stages: Vec<Stage>) -> Vec<Pass> {
+fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
     let mut passes: Vec<Pass> = Vec::new();
     for stage in stages {
         match passes.last_mut() {
-            Some(pass) if pass[0].over() == stage.over() && !stage.looks_around() => pass.push(stage),
+            Some(pass) if pass[0].over(chunks) == stage.over(chunks) && !stage.looks_around_after(pass[0]) => pass.push(stage),
             _ => passes.push(vec![stage]),
         }
     }
@@ -144,22 +150,28 @@ fn fuse(stages: Vec<Stage>) -> Vec<Pass> {
 pub(crate) struct Schedule {
     pub passes: Vec<Pass>,
     pub graph: Graph,
+    /// Parts of tiles, if those are too few.
+    pub chunks: Option<Vec<Range<u32>>>,
 }
+
+/// Vertices in a chunk, at least.
+const LEAST_CHUNK: usize = 128;
 
 impl Schedule {
     pub(crate) fn new(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Schedule {
-        let prologue = fuse(prologue(terms));
-        let once = prologue.len();
-        let mut passes = prologue;
-        passes.extend(fuse(stages(terms, partition, coarse)));
-        let places = Places { partition, coarse, panel_tiles };
+        let chunks =
+            (partition.tiles.len() < 2 * terms.threads && terms.threads > 1).then(|| chunks(partition, 2 * terms.threads));
+        let mut passes = fuse(prologue(terms), chunks.is_some());
+        let once = passes.len();
+        passes.extend(fuse(stages(terms, partition, coarse), chunks.is_some()));
+        let places = Places { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
         let mut tasks: Vec<PassTasks> = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
-            let is_local = |over| matches!(over, Over::Tiles | Over::Triangles | Over::Borders(_));
-            let follows = index > once && is_local(pass[0].over()) && is_local(passes[index - 1][0].over());
+            let is_local = |over| matches!(over, Over::Tiles | Over::Chunks | Over::Triangles | Over::Borders(_));
+            let follows = index > once && is_local(places.over(pass)) && is_local(places.over(&passes[index - 1]));
             tasks.push(PassTasks { touches: places.touched(pass), follows });
         }
-        Schedule { graph: Graph::new(tasks, once, places.count()), passes }
+        Schedule { graph: Graph::new(tasks, once, places.count()), passes, chunks }
     }
 }
 
@@ -169,9 +181,25 @@ struct Places<'a> {
     partition: &'a Partition,
     coarse: &'a Coarse,
     panel_tiles: &'a [Vec<u32>],
+    chunks: Option<&'a [Range<u32>]>,
+}
+
+/// Cuts tiles into about so many parts, which begin with whole groups.
+fn chunks(partition: &Partition, count: usize) -> Vec<Range<u32>> {
+    let vertices = partition.tiles.last().map_or(0, |tile| tile.end as usize);
+    let length = (vertices / count).max(LEAST_CHUNK).next_multiple_of(MAX_LANES);
+    let of_tile = |tile: &Range<u32>| {
+        let Range { start, end } = *tile;
+        (start..end).step_by(length).map(move |start| start..end.min(start + length as u32)).collect::<Vec<_>>()
+    };
+    partition.tiles.iter().flat_map(of_tile).collect()
 }
 
 impl Places<'_> {
+    fn over(&self, pass: &Pass) -> Over {
+        pass[0].over(self.chunks.is_some())
+    }
+
     fn count(&self) -> usize {
         self.first_of_level(self.coarse.shared()) + 1
     }
@@ -194,8 +222,16 @@ impl Places<'_> {
         let Places { partition, coarse, .. } = *self;
         let everything = || (0..self.count() as u32).collect::<Vec<u32>>();
         let tiles = 0..partition.tiles.len() as u32;
-        match pass[0].over() {
+        match self.over(pass) {
             Over::Everything => vec![everything()],
+            Over::Chunks => {
+                let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
+                let touched = |tile: u32| match pass[0] {
+                    Stage::BendMoments => partition.around[tile as usize].clone(),
+                    _ => vec![tile],
+                };
+                self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
+            }
             Over::Tiles if pass[0] == Stage::BendMoments => partition.around.clone(),
             Over::Tiles if pass.contains(&Stage::Correct) => {
                 let labels = |tile: u32| coarse.labels(0, partition.tiles[tile as usize].clone());
@@ -274,6 +310,7 @@ pub(crate) struct Stepper<'a> {
     pub forces: Forces<'a>,
     pub correction: Correction<'a>,
     pub integrator: Integrator<'a>,
+    pub chunks: Option<&'a [Range<u32>]>,
     pub elsewhere: Option<&'a Elsewhere<'a>>,
     /// How edges are corrected, if they are not forces.
     pub rule: Option<Rule>,
@@ -300,7 +337,10 @@ impl Stepper<'_> {
 
     fn stage(&self, task: &Task, stage: Stage, index: usize, part: usize) {
         let substep = &self.plan.substeps[index];
-        let tile = || self.partition.tiles[part].clone();
+        let tile = || match self.chunks {
+            Some(chunks) if stage.over(true) == Over::Chunks => chunks[part].clone(),
+            _ => self.partition.tiles[part].clone(),
+        };
         match stage {
             Stage::Remember => self.integrator.remember(task, tile()),
             Stage::Exchange => {

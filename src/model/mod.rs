@@ -4,5 +4,6 @@ pub(crate) mod bending;
 pub(crate) mod cloth;
 pub(crate) mod coloring;
 pub(crate) mod csr;
+pub(crate) mod disjoint_sets;
 pub(crate) mod mesh;
 pub(crate) mod vertex_order;

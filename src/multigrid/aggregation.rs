@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use crate::model::cloth::{Cloth, Link};
+use crate::model::disjoint_sets::DisjointSets;
 
 /// Most vertices of the finest aggregates, half as many the fewest, but for pieces cut off. A grid's 4 x 4 blocks fit, and a row more
 /// here and there.
@@ -29,8 +30,8 @@ pub(crate) fn holding(cloth: &Cloth) -> impl Iterator<Item = &Link> {
 impl Halving {
     pub(crate) fn new(cloth: &Cloth) -> Halving {
         let vertices = cloth.rest.len();
-        let mut parts = Sets::new(vertices);
-        holding(cloth).for_each(|link| parts.join(link.ends[0], link.ends[1]));
+        let mut parts = DisjointSets::new(vertices);
+        holding(cloth).for_each(|link| parts.join(link.ends));
         let part: Vec<u32> = (0..vertices as u32).map(|vertex| parts.root(vertex)).collect();
         let mut by_part: Vec<u32> = (0..vertices as u32).collect();
         by_part.sort_by_key(|&vertex| part[vertex as usize]);
@@ -51,16 +52,16 @@ impl Halving {
         let vertices = self.path.len();
         let cell = |vertex: u32| (self.part[vertex as usize], self.path[vertex as usize] >> (2 * level).min(31));
         let is_free = |vertex: u32| cloth.rest[vertex as usize].w > 0.0;
-        let mut sets = Sets::new(vertices);
+        let mut sets = DisjointSets::new(vertices);
         for link in holding(cloth) {
             let [a, b] = link.ends;
             if is_free(a) && is_free(b) && cell(a) == cell(b) {
-                sets.join(a, b);
+                sets.join([a, b]);
             }
         }
         let mut pinned: HashMap<(u32, u32), u32> = HashMap::new();
         for &vertex in &cloth.pinned {
-            sets.join(*pinned.entry(cell(vertex)).or_insert(vertex), vertex);
+            sets.join([*pinned.entry(cell(vertex)).or_insert(vertex), vertex]);
         }
         let mut number = vec![u32::MAX; vertices];
         let mut count = 0;
@@ -105,27 +106,4 @@ fn cut<'a>(group: &'a mut [u32], rest: &[Vec3]) -> (&'a mut [u32], &'a mut [u32]
     let count = if 4 * nearest.min(group.len() - nearest) >= group.len() { nearest } else { half };
     group.select_nth_unstable_by(count, order);
     group.split_at_mut(count)
-}
-
-/// Disjoint sets of vertices, each named by its lowest.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn new(count: usize) -> Sets {
-        Sets((0..count as u32).collect())
-    }
-
-    fn root(&mut self, mut vertex: u32) -> u32 {
-        while self.0[vertex as usize] != vertex {
-            let above = self.0[self.0[vertex as usize] as usize];
-            self.0[vertex as usize] = above;
-            vertex = above;
-        }
-        vertex
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
