@@ -1,4 +1,4 @@
-//! Air: drag by the clock (NUMERICS, test 2), forces on a panel, and winds that must neither blow a cloth up nor be missed.
+//! Air: drag by the clock, forces on a panel, and winds that must neither blow a cloth up nor be missed.
 
 mod common;
 

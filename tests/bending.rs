@@ -1,4 +1,4 @@
-//! Bending at rest: the energy of cylinders, its gradient, and beams that have closed forms (NUMERICS, tests 14 to 17).
+//! Bending at rest: the energy of cylinders, its gradient, and beams that have closed forms.
 
 mod common;
 

@@ -49,7 +49,7 @@ fn bytes(n: u32, bending: f32, levels: Levels) -> f64 {
     held as f64 / f64::from(n * n)
 }
 
-/// One test, so that no other allocates meanwhile. The figures are those of the module docs of `cloth.rs`.
+/// One test, so that no other allocates meanwhile. The figures are those of the module docs of `src/model/cloth.rs`.
 #[test]
 fn bytes_a_vertex() {
     // The pool's own memory is nobody's vertex.

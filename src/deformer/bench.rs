@@ -25,6 +25,7 @@ impl Deformer {
         self.cpu().into_iter().for_each(|cpu| cpu.on_threads(threads));
     }
 
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "without a GPU there is always one"))]
     fn cpu(&mut self) -> Option<&mut Cpu> {
         match &mut self.engine {
             Engine::Cpu(cpu) => Some(cpu),

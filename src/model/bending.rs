@@ -12,7 +12,7 @@ use glam::Vec4;
 
 use crate::kernels::bending::{BendEntry, BendRow};
 use crate::model::csr::Csr;
-use crate::model::mesh::{self, Places};
+use crate::model::mesh::{self, EdgeIndex};
 
 /// The rows for unit bending rigidity, independent of the substep.
 #[derive(Debug, Clone)]
@@ -42,7 +42,7 @@ impl Bending {
         let vertices = rest.len();
         let at = |vertex: u32| rest[vertex as usize].truncate().as_dvec3();
         let edges = mesh::edges(triangles);
-        let places = Places::new(&edges, vertices);
+        let index_of = EdgeIndex::new(&edges, vertices);
         let mut sides = vec![Sides::default(); edges.len()];
         let mut area = vec![0.0; vertices];
         for &triangle in triangles {
@@ -56,7 +56,7 @@ impl Bending {
             let cotangent = dot.map(|dot| dot / double_area);
             for k in 0..3 {
                 let (i, j) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
-                let side = &mut sides[places.of([i.min(j), i.max(j)])];
+                let side = &mut sides[index_of.of([i.min(j), i.max(j)])];
                 side.triangles += 1;
                 side.cotangent += 0.5 * cotangent[k];
                 area[triangle[k] as usize] += mixed_area(k, double_area, dot, cotangent, x);
