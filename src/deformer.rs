@@ -289,7 +289,7 @@ impl Deformer {
     }
 
     /// Waits until the steps so far are done, without reading anything back: for timing, and for renderers that share
-    /// [`Deformer::position_buffer`] with another queue. The CPU is always done.
+    /// `Deformer::position_buffer` with another queue. The CPU is always done.
     ///
     /// # Errors
     /// If the GPU was lost.

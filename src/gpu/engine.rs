@@ -50,6 +50,7 @@ pub(crate) struct GpuEngine {
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
     /// What the last step came to.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
     stats: GpuStats,
 }
 
@@ -269,6 +270,7 @@ impl GpuEngine {
     }
 
     /// What the last step came to.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
     pub(crate) fn stats(&self) -> GpuStats {
         self.stats
     }
