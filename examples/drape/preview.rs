@@ -1,6 +1,6 @@
 //! A contact sheet of a cloth in motion, drawn without a GPU.
 //!
-//! Every cell is drawn in two passes. Visibility: the colliders are traced by ray, the triangles rasterised, both into one
+//! Every cell is drawn in two passes. Visibility: the colliders are traced by ray, the triangles rasterized, both into one
 //! depth buffer. Shading: each sample finds its point again from its ray and its depth, asks a shadow map how much of the
 //! light reaches it, and the samples of a pixel are averaged in linear light. All cells share one camera, which holds the
 //! whole motion.

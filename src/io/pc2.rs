@@ -100,7 +100,7 @@ impl PointCache {
     ///
     /// # Errors
     /// If there are more samples than announced, not one position for each vertex, one that is not finite, or no space
-    /// left. After the last the cache is spoilt: drop it.
+    /// left. After the last the cache is spoiled: drop it.
     pub fn push(&mut self, positions: &[Vec3]) -> Result<(), Pc2Error> {
         let sample = self.given + 1;
         if sample > self.samples {

@@ -5,7 +5,7 @@
 //! rest shape is flat, as cloth is cut. Off at `B = 0`, when none of this is built.
 //!
 //! Limitation: the energy sees the mean curvature alone, so a saddle costs nothing. What keeps a sheet from it is that it
-//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimetre and more), not of a narrow
+//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimeter and more), not of a narrow
 //! strip as stiff as a ruler, which bends the other way across and sags too much.
 
 use glam::Vec4;
