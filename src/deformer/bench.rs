@@ -7,6 +7,7 @@ use crate::simd::Width;
 #[cfg(feature = "gpu")]
 use crate::{Attributes, StepError, gpu::GpuStats};
 
+#[doc(hidden)]
 impl Deformer {
     /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can, and says how many it is.
     pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
