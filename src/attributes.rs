@@ -8,7 +8,8 @@ use crate::error::StepError;
 
 /// Everything outside the cloth that acts on it, sampled once a step.
 ///
-/// The default is gravity alone, in vacuum, undamped. A term that is absent costs nothing.
+/// The default is gravity alone, in vacuum, undamped. A term that is absent costs nothing. A plain struct, to be written with
+/// `..Attributes::default()`, which the next version's fields do not break.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attributes {
     /// Gravity (m/s²).
@@ -53,6 +54,9 @@ impl Default for Attributes {
 }
 
 /// A rigid body the cloth cannot enter.
+///
+/// A plain struct, made by [`Collider::sphere`] and its like, or written with `..Collider::default()`, neither of which the next
+/// version's fields break.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Collider {
     /// Its surface.
@@ -63,6 +67,7 @@ pub struct Collider {
 
 /// The surface of a [`Collider`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Shape {
     /// A ball.
     Sphere {
@@ -87,6 +92,13 @@ pub enum Shape {
         /// Radius (m), above 0.
         radius: f32,
     },
+}
+
+impl Default for Collider {
+    /// The floor: what is below y = 0; friction 0.3.
+    fn default() -> Collider {
+        Collider::plane(Vec3::ZERO, Vec3::Y)
+    }
 }
 
 impl Collider {

@@ -18,7 +18,7 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, StepReport, Warning};
 use crate::step::coefficients::Coefficients;
-use crate::step::plan::{Lists, Motion, Plan};
+use crate::step::plan::{Motion, Plan, PlanBuffers};
 use crate::step::substeps::Rates;
 
 /// A cloth in motion.
@@ -33,7 +33,7 @@ pub struct Deformer {
     /// For the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
-    lists: Lists,
+    buffers: PlanBuffers,
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
@@ -46,7 +46,7 @@ pub struct Deformer {
     colliders: Vec<Collider>,
     /// Gravity of the last step (m/s²), which the potential energy refers to.
     gravity: Vec3,
-    /// Whether it still is the state.
+    /// Whether `positions`, `velocities` and `local` are of the state as it is.
     shown: bool,
 }
 
@@ -79,7 +79,7 @@ impl Deformer {
             asked: 0,
             coefficients: None,
             motion,
-            lists: Lists::default(),
+            buffers: PlanBuffers::default(),
             positions,
             velocities,
             requested: Vec::new(),
@@ -150,7 +150,7 @@ impl Deformer {
         let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
         let levels = self.hierarchy.finest(self.asked);
         let plan =
-            Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.lists);
+            Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.buffers);
         (&mut self.engine, plan)
     }
 
@@ -289,7 +289,7 @@ impl Deformer {
     }
 
     /// Waits until the steps so far are done, without reading anything back: for timing, and for renderers that share
-    /// [`Deformer::position_buffer`] with another queue. The CPU is always done.
+    /// `Deformer::position_buffer` with another queue. The CPU is always done.
     ///
     /// # Errors
     /// If the GPU was lost.
@@ -369,7 +369,7 @@ impl Deformer {
         }
     }
 
-    /// The mesh's index of each vertex of [`Deformer::position_buffer`].
+    /// The mesh's index of each vertex, in the order that the solver and `Deformer::position_buffer` have them in.
     #[must_use]
     pub fn vertex_order(&self) -> &[u32] {
         &self.cloth.order

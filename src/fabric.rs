@@ -6,6 +6,9 @@
 /// 0.031/0.197/0.488 kg/m²; bending rigidity along the warp 1.1e-6/1.4e-5/1.1e-4 N m; membrane stiffness 1..10 kN/m
 /// woven, 50..500 N/m knitted). A stiffness above 5 kN/m is hardly visible and costs substeps. Shear has no number of its
 /// own: [`Options::edge_scale`](crate::Options::edge_scale) sets it.
+///
+/// A plain struct, to be written with `..Fabric::default()` or from a preset, `Fabric { damping: 0.2, ..Fabric::SILK }`, which
+/// the next version's fields do not break.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fabric {
     /// Areal density (kg/m²); above 0.
@@ -40,7 +43,7 @@ impl Fabric {
     pub const JERSEY: Fabric = Fabric { density: 0.2, stretch: 300.0, bending: 5e-6, damping: 0.06 };
 
     /// Every preset with its name in lower case.
-    pub const PRESETS: [(&'static str, Fabric); 5] = [
+    pub const PRESETS: &'static [(&'static str, Fabric)] = &[
         ("towel", Fabric::TOWEL),
         ("cotton", Fabric::COTTON),
         ("silk", Fabric::SILK),

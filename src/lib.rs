@@ -4,7 +4,7 @@ mod attributes;
 mod backend;
 mod cpu;
 mod deformer;
-#[cfg(feature = "gpu")]
+#[cfg_attr(not(feature = "gpu"), path = "no_device.rs")]
 mod device;
 mod error;
 mod fabric;
@@ -29,7 +29,6 @@ mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::Deformer;
-#[cfg(feature = "gpu")]
 pub use device::Gpu;
 pub use error::{BuildError, StepError};
 pub use fabric::Fabric;

@@ -7,6 +7,7 @@ use crate::model::cloth::Cloth;
 
 /// Figures of the current state.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Measure {
     /// Mean over the edges of `max(0, l/l0 - 1)`.
     pub mean_strain: f32,

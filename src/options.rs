@@ -1,6 +1,5 @@
 //! What is fixed when a cloth is made, and what a step reports.
 
-#[cfg(feature = "gpu")]
 use crate::device::Gpu;
 use crate::error::BuildError;
 use crate::fabric::Fabric;
@@ -8,13 +7,14 @@ use crate::limits::MAX_SUBSTEPS;
 
 /// Where the work is done. All three give the same motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Backend {
     /// A real GPU if there is one and the mesh is large enough to gain from it, else the CPU.
     #[default]
     Auto,
-    /// Rayon's threads: the colors' order in stripes, the same bits on any number of them.
+    /// Rayon's threads: the cloth in tiles, edges in the order of their colors, the same bits on any number of threads.
     Cpu,
-    /// Forces that differ from vertex to vertex on the GPU, edges and contact on the CPU, every substep: the shape of the 2013 plug-in.
+    /// Forces that differ from vertex to vertex on the GPU, edges and contact on the CPU, every substep: as the 2013 plug-in did it.
     Hybrid,
     /// Everything on the GPU; read back when asked for.
     Gpu,
@@ -22,6 +22,7 @@ pub enum Backend {
 
 /// How the edges hold together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Method {
     /// Small-step XPBD, one sweep a substep, second order in the substep: see "How it works".
     #[default]
@@ -38,6 +39,7 @@ pub enum Method {
 
 /// How finely a step is divided.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Quality {
     /// This many substeps in each step.
     Substeps(u32),
@@ -56,6 +58,7 @@ impl Default for Quality {
 /// Corrections on coarser cloths ahead of each sweep, which keep strain from growing with the number of vertices: see
 /// "How it works". For [`Method::SmallSteps`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Levels {
     /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh is small, or the wind's pressure is ten
     /// times the cloth's weight (5 m/s for 0.2 kg/m²), where they would show small wrinkles for stretch.
@@ -68,6 +71,16 @@ pub enum Levels {
 }
 
 /// What is fixed when a [`Deformer`](crate::Deformer) is made.
+///
+/// A plain struct. Write what differs from the default, and the next version's fields do not break you:
+///
+/// ```
+/// # use cloth_deformer::{Backend, Fabric, Options};
+/// let options = Options { backend: Backend::Cpu, fabric: Fabric::SILK, pinned: vec![0], ..Options::default() };
+/// # assert!(options.gpu.is_none());
+/// ```
+///
+/// Its fields are the same with and without the `gpu` feature.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Where the work is done.
@@ -80,8 +93,8 @@ pub struct Options {
     pub levels: Levels,
     /// What the cloth is made of.
     pub fabric: Fabric,
-    /// A device of the caller's, for [`Deformer::position_buffer`](crate::Deformer::position_buffer); `None`: one is requested when needed.
-    #[cfg(feature = "gpu")]
+    /// A device of the caller's, for `Deformer::position_buffer`; `None`: one is requested when needed.
+    /// Always `None` in a build without the `gpu` feature, where there is no [`Gpu`].
     pub gpu: Option<Gpu>,
     /// Vertices that move only as [`Attributes::pin_targets`](crate::Attributes::pin_targets) says; each at most once.
     pub pinned: Vec<u32>,
@@ -96,6 +109,7 @@ pub struct Options {
 
 /// What one step did, known without reading anything back.
 #[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
 pub struct StepReport {
     /// Substeps taken.
     pub substeps: u32,
@@ -147,5 +161,27 @@ impl Options {
             ),
             _ => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compiled with and without the `gpu` feature: every field has a value in both.
+    #[test]
+    fn a_full_literal_does_not_depend_on_a_feature() {
+        let full = Options {
+            backend: Backend::Auto,
+            method: Method::SmallSteps,
+            quality: Quality::Strain(0.03),
+            levels: Levels::Auto,
+            fabric: Fabric::default(),
+            gpu: None,
+            pinned: Vec::new(),
+            mass: None,
+            edge_scale: None,
+        };
+        assert_eq!(format!("{full:?}"), format!("{:?}", Options::default()));
     }
 }

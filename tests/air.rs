@@ -1,4 +1,4 @@
-//! Air: drag by the clock (NUMERICS, test 2), forces on a panel, and winds that must neither blow a cloth up nor be missed.
+//! Air: drag by the clock, forces on a panel, and winds that must neither blow a cloth up nor be missed.
 
 mod common;
 
@@ -22,7 +22,7 @@ fn mean(values: &[Vec3]) -> DVec3 {
     values.iter().map(|value| value.as_dvec3()).sum::<DVec3>() / values.len() as f64
 }
 
-/// Test 2. With linear drag c a falling vertex has `v = (g/c)(1 - e^{-ct})`, and is carried along by the wind likewise.
+/// With linear drag c a falling vertex has `v = (g/c)(1 - e^{-ct})`, and is carried along by the wind likewise.
 fn linear_drag_is_exponential(backend: Backend) {
     let (drag, substeps) = (2.0_f64, 20);
     let options = Options { backend, quality: Quality::Substeps(substeps), ..Options::default() };
@@ -43,7 +43,7 @@ fn linear_drag_is_exponential(backend: Backend) {
     assert!(moved.distance(expected) / expected.length() < 0.005, "moved {moved}, expected {expected}");
 }
 
-/// Test 2. A horizontal panel falls with `v = v_t tanh(g t/v_t)`, `x = (v_t²/g) ln cosh(g t/v_t)`, `v_t` = 1.5819 m/s.
+/// A horizontal panel falls with `v = v_t tanh(g t/v_t)`, `x = (v_t²/g) ln cosh(g t/v_t)`, `v_t` = 1.5819 m/s.
 fn a_falling_panel_reaches_terminal_velocity(backend: Backend) {
     let substeps = 20;
     let options = Options { backend, fabric: fabric(0.2), quality: Quality::Substeps(substeps), ..Options::default() };

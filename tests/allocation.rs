@@ -40,17 +40,17 @@ fn note_owner() {
 static ALLOCATOR: Counting = Counting;
 
 #[expect(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything to the system's")]
-// SAFETY: every call is the system allocator's own.
+// SAFETY: every call is handed to the system's allocator as it came, and so is its answer.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::SeqCst);
         note_owner();
-        // SAFETY: the caller's promise.
+        // SAFETY: the layout that this was called with, for which `GlobalAlloc::alloc` asks what `System.alloc` does.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise.
+        // SAFETY: every pointer given out above is the system's, for the layout that comes back with it.
         unsafe { System.dealloc(pointer, layout) }
     }
 }

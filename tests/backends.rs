@@ -99,6 +99,7 @@ fn moved(attributes: &Attributes, frame: u32) -> Attributes {
             Shape::Sphere { center, radius } => Shape::Sphere { center: center + by, radius: radius + 0.003 * t },
             Shape::Plane { point, normal } => Shape::Plane { point: point + 0.3 * by, normal },
             Shape::Capsule { a, b, radius } => Shape::Capsule { a: a + by, b: b - 0.5 * by, radius: radius + 0.002 * t },
+            other => panic!("{other:?} is not moved here"),
         };
         Collider { shape, ..*collider }
     };

@@ -1,4 +1,4 @@
-//! Bending at rest: the energy of cylinders, its gradient, and beams that have closed forms (NUMERICS, tests 14 to 17).
+//! Bending at rest: the energy of cylinders, its gradient, and beams that have closed forms.
 
 mod common;
 
@@ -33,7 +33,7 @@ fn area(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(up).inspect(|&area| assert!(area > 0.0, "every triangle's front is up")).sum()
 }
 
-/// Test 14. The energy per area of a cylinder is `B kappa²/2`, whichever way it is curved on whichever mesh.
+/// The energy per area of a cylinder is `B kappa²/2`, whichever way it is curved on whichever mesh.
 #[test]
 fn a_cylinders_energy_depends_on_neither_mesh_nor_direction() {
     let n = 65;
@@ -193,7 +193,7 @@ impl Strip {
     }
 }
 
-/// Test 15. The tip of a cantilever sags by `rho g L⁴/8B`; L is half a cell more than what is free, the clamp's correction.
+/// The tip of a cantilever sags by `rho g L⁴/8B`; L is half a cell more than what is free, the clamp's correction.
 #[test]
 fn a_stiff_cantilever_sags_as_beam_theory_says() {
     for (columns, rows, substeps, constrained) in [(17, 5, 40, true), (33, 2, 60, false)] {
@@ -209,7 +209,7 @@ fn a_stiff_cantilever_sags_as_beam_theory_says() {
     }
 }
 
-/// Test 16, constrained to a cylinder: sag over reach of the heavy elastica, B over four decades.
+/// Constrained to a cylinder: sag over reach of the heavy elastica, B over four decades.
 #[test]
 fn a_heavy_elastica_as_a_cylinder() {
     let table = [
@@ -227,7 +227,7 @@ fn a_heavy_elastica_as_a_cylinder() {
     }
 }
 
-/// Test 16, free strips: wide enough, and curved enough, that their own inextensibility keeps them cylinders.
+/// Free strips: wide enough, and curved enough, that their own inextensibility keeps them cylinders.
 #[test]
 fn a_heavy_elastica_as_a_free_strip() {
     for (heaviness, expected, columns, substeps) in
@@ -240,7 +240,7 @@ fn a_heavy_elastica_as_a_free_strip() {
     }
 }
 
-/// Levels asked for leave what bends alone: both ends of the table's range, where each of these strips has levels.
+/// Levels asked for leave what bends alone: both ends of the four decades, where each of these strips has levels.
 #[test]
 fn an_elastica_with_levels() {
     for (heaviness, expected, columns, substeps) in [(100.0, 5.888_105, 33, 120), (1000.0, 21.3354, 49, 100)] {
@@ -266,7 +266,7 @@ fn an_elastica_with_levels() {
     assert!((levels / plain - 1.0).abs() < 1e-3, "cantilever: sag {levels} m with levels, {plain} m without");
 }
 
-/// Test 17. A cantilever let go in its first mode vibrates at `1.8751² sqrt(B/(rho L⁴))`.
+/// A cantilever let go in its first mode vibrates at `1.8751² sqrt(B/(rho L⁴))`.
 #[test]
 fn a_cantilever_vibrates_in_its_first_mode() {
     let strip = Strip::new(33, 2, 200.0, 60);

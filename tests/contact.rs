@@ -30,7 +30,7 @@ fn incline(backend: Backend, degrees: f32, substeps: u32) -> (Deformer, Attribut
     (Deformer::new(&mesh, options).unwrap(), Attributes { colliders, ..Attributes::default() }, turn * Vec3::X)
 }
 
-/// NUMERICS test 18: friction .3 holds up to 16.699 degrees.
+/// Friction .3 holds up to 16.699 degrees.
 fn sticks_below_the_angle_of_friction(backend: Backend) {
     for substeps in [20, 160] {
         let (mut deformer, attributes, _) = incline(backend, 16.5, substeps);
@@ -41,7 +41,7 @@ fn sticks_below_the_angle_of_friction(backend: Backend) {
     }
 }
 
-/// NUMERICS test 18: beyond it, `g (sin - mu cos)` down the slope.
+/// Beyond it the acceleration is `g (sin - mu cos)` down the slope.
 fn slides_above_it(backend: Backend) {
     for (degrees, substeps) in [(20.0, 20), (20.0, 320), (16.9, 20), (16.9, 80), (16.9, 160), (16.9, 320)] {
         let (mut deformer, attributes, down) = incline(backend, degrees, substeps);
@@ -69,7 +69,7 @@ fn sphere_drop(backend: Backend, n: u32, substeps: u32) -> (Deformer, Attributes
     (Deformer::new(&mesh, options).unwrap(), Attributes { colliders, ..Attributes::default() })
 }
 
-/// NUMERICS test 19: `penetration` is the deepest vertex.
+/// `penetration` is the deepest vertex.
 fn no_vertex_inside_a_sphere(backend: Backend) {
     let (mut deformer, attributes) = sphere_drop(backend, 17, 20);
     for _ in 0..60 {
@@ -103,7 +103,7 @@ fn no_vertex_inside_a_capsule(backend: Backend) {
     }
 }
 
-/// NUMERICS test 19: at five times the speed `v h = R` no vertex's path crosses the collider.
+/// At five times the speed `v h = R` no vertex's path crosses the collider.
 fn nothing_tunnels(backend: Backend) {
     let (h, radius) = (FRAME / 20.0, 0.05);
     let shapes =

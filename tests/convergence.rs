@@ -25,7 +25,7 @@ fn reference(mesh: &Mesh, options: &Options, steps: u32, frames: u32) -> Vec<Vec
     reference.run(f64::from(frames) / 60.0, steps).positions()
 }
 
-/// Test 10: order of convergence, where the stiffness is resolved (S* = 18) and the error above single precision's floor (1e-5).
+/// Order of convergence, where the stiffness is resolved (S* = 18) and the error above single precision's floor (1e-5).
 #[test]
 fn second_order() {
     let (mesh, options) = hang(8, 20, Backend::Cpu);
@@ -43,7 +43,7 @@ fn second_order() {
     }
 }
 
-/// Test 11: the middle of the free edge of an inextensible sheet falls freely until the pull of the pins arrives; how far it has
+/// The middle of the free edge of an inextensible sheet falls freely until the pull of the pins arrives; how far it has
 /// come in by then depends on the resolution, by 2.5e-4 m from N = 32 to 64 at 0.25 s and by 5e-2 m at 0.5 s.
 #[test]
 fn resolution_figures() {
@@ -64,7 +64,7 @@ fn resolution_figures() {
     }
 }
 
-// 12. Gates: the error at 0.5 s.
+// Gates: the error at 0.5 s.
 
 fn gate(n: u32, substeps: u32, backend: Backend, steps: u32, bound: f64) {
     let (mesh, options) = hang(n, substeps, backend);
@@ -87,7 +87,7 @@ fn gate_at_128() {
     gate(128, 320, Backend::Cpu, 13_000, 2.4e-4);
 }
 
-/// Test 24: single precision: finer substeps do not make it worse. Velocities from differences of positions would.
+/// Single precision: finer substeps do not make it worse. Velocities from differences of positions would.
 #[test]
 fn finer_is_not_worse() {
     let (mesh, options) = hang(32, 80, Backend::Cpu);
@@ -100,7 +100,7 @@ fn finer_is_not_worse() {
     }
 }
 
-// 13. Meshes.
+// Meshes.
 
 #[test]
 fn orientation_of_the_mesh() {

@@ -6,10 +6,10 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
 use common::play;
 
-/// 5 % and 95 % of the fabrics measured (NUMERICS, section 5); stretch from the softest knit to the stiffest woven.
+/// 5 % and 95 % of the garment fabrics measured (the docs of `Fabric`); stretch from the softest knit to the stiffest woven.
 #[test]
 fn presets_are_fabrics() {
-    for (name, fabric) in Fabric::PRESETS {
+    for (name, fabric) in Fabric::PRESETS.iter().copied() {
         let stretch = if name == "jersey" { 50.0..=500.0 } else { 1000.0..=10_000.0 };
         assert!((0.031..=0.488).contains(&fabric.density), "{name}: {} kg/m2", fabric.density);
         assert!((0.9e-6..=1.1e-4).contains(&fabric.bending), "{name}: {} N m", fabric.bending);

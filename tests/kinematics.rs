@@ -13,7 +13,7 @@ fn options(backend: Backend, substeps: u32) -> Options {
     Options { backend, quality: Quality::Substeps(substeps), ..Options::default() }
 }
 
-/// NUMERICS test 1: `y = -g t²/2`; the half kick makes it exact, a whole one is off by `h/t` = 8e-4.
+/// Free fall is `y = -g t²/2`; the half kick makes it exact, a full one is off by `h/t` = 8e-4.
 fn free_fall(backend: Backend) {
     for method in [Method::SmallSteps, Method::Relaxation { iterations: 4 }] {
         let mut deformer = Deformer::new(&Mesh::grid(5, 5, 1.0, 1.0), Options { method, ..options(backend, 20) }).unwrap();
@@ -25,7 +25,7 @@ fn free_fall(backend: Backend) {
     }
 }
 
-/// NUMERICS test 4: period `T0 (2/pi) K(sin²(theta/2))`, released at 90 degrees, S = 20, 12 s.
+/// A pendulum's period is `T0 (2/pi) K(sin²(theta/2))`, released at 90 degrees, S = 20, 12 s.
 fn pendulum(backend: Backend) {
     // A thread of two vertices, inextensible, 1 m long.
     let mesh = Mesh { positions: vec![Vec3::ZERO, Vec3::X], triangles: vec![[0, 1, 1]] };

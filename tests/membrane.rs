@@ -23,7 +23,7 @@ fn off(measured: f64, expected: f64) -> f64 {
     (measured / expected - 1.0).abs()
 }
 
-// 5. Catenary.
+// Catenary.
 
 /// Sag (m) of a chain of `n - 1` equal links, 1 m in all, hung over `span` (m): the horizontal tension is that with which the
 /// links, each inclined by the weight below it, reach across.
@@ -83,7 +83,7 @@ fn catenary_with_levels() {
     }
 }
 
-// 6 and 7. Hanging strip: strain rho g (L - y)/K, extension rho g L²/2K.
+// Hanging strip: strain rho g (L - y)/K, extension rho g L²/2K.
 
 const STRIP: u32 = 17;
 
@@ -152,7 +152,7 @@ fn extension_does_not_depend_on_the_step() {
     assert!(plain > 0.02, "plain XPBD: {plain}");
 }
 
-// 8. Under-resolved: the worst strain is T h² (w_i + w_j)/l.
+// Under-resolved: the worst strain is T h² (w_i + w_j)/l.
 
 #[test]
 fn under_resolved_sheet() {
@@ -189,7 +189,7 @@ fn under_resolved_chain_with_a_weight_at_its_end() {
     }
 }
 
-// 9. Vibrations, small and free.
+// Vibrations, small and free.
 
 const N: u32 = 17;
 const STILL: Vec3 = Vec3::ZERO;

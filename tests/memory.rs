@@ -13,17 +13,17 @@ static HELD: AtomicUsize = AtomicUsize::new(0);
 static ALLOCATOR: Weighing = Weighing;
 
 #[expect(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything to the system's")]
-// SAFETY: every call is the system allocator's own.
+// SAFETY: every call is handed to the system's allocator as it came, and so is its answer.
 unsafe impl GlobalAlloc for Weighing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         HELD.fetch_add(layout.size(), Ordering::SeqCst);
-        // SAFETY: the caller's promise.
+        // SAFETY: the layout that this was called with, for which `GlobalAlloc::alloc` asks what `System.alloc` does.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         HELD.fetch_sub(layout.size(), Ordering::SeqCst);
-        // SAFETY: the caller's promise.
+        // SAFETY: every pointer given out above is the system's, for the layout that comes back with it.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -49,7 +49,7 @@ fn bytes(n: u32, bending: f32, levels: Levels) -> f64 {
     held as f64 / f64::from(n * n)
 }
 
-/// One test, so that no other allocates meanwhile. The figures are those of the module docs of `cloth.rs`.
+/// One test, so that no other allocates meanwhile. The figures are those of the module docs of `src/model/cloth.rs`.
 #[test]
 fn bytes_a_vertex() {
     // The pool's own memory is nobody's vertex.

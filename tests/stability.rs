@@ -19,7 +19,7 @@ const FALL: f64 = RHO as f64 * G / 2.0;
 
 on_every_backend!(conservation, explicit_limit, far_from_the_origin, stress_small);
 
-// 3. Conservation.
+// Conservation.
 
 /// A strip, 1 m x 0.25 m, without forces, and its velocities when it spins at 2 rad/s about its normal.
 fn spinning() -> (Mesh, Vec<f32>, Vec<Vec3>) {
@@ -60,7 +60,7 @@ fn plain_xpbd_loses_angular_momentum() {
     assert!(l > 1e-5 && e > 1e-3, "angular momentum {l:e}, energy {e:e}");
 }
 
-// 2b. Visiting order: HANG below the resolved substep (S* = 166). Energy is kinetic and potential in gravity: the stretch that
+// Visiting order: HANG below the resolved substep (S* = 166). Energy is kinetic and potential in gravity: the stretch that
 // one sweep leaves is not backed by the fabric's stiffness.
 
 #[test]
@@ -109,7 +109,7 @@ fn natural_order_explodes() {
     }
 }
 
-// 20. Explicit springs at the limit h = 2/omega_max.
+// Explicit springs at the limit h = 2/omega_max.
 
 fn explicit_limit(backend: Backend) {
     let n = 25;
@@ -152,7 +152,7 @@ fn explicit_limit(backend: Backend) {
     }
 }
 
-// 21. Stress.
+// Stress.
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Start {
@@ -249,7 +249,7 @@ fn springs_fail_under_stress() {
     }
 }
 
-// 23 and 24. Single precision.
+// Single precision.
 
 /// HANG over a sphere, 10 km away and here: spacing 1/32 m, so that the rest positions are exact in both places.
 fn far_from_the_origin(backend: Backend) {
@@ -269,11 +269,11 @@ fn far_from_the_origin(backend: Backend) {
     for (v, (x, far)) in here.0.iter().zip(&there.0).enumerate() {
         assert_eq!(*x + offset, *far, "vertex {v}");
     }
-    // Of the positions there, rounded to the millimetre, no strain could be told.
+    // Of the positions there, rounded to the millimeter, no strain could be told.
     assert_eq!(here.2, there.2);
 }
 
-// 25. A long run.
+// A long run.
 
 #[test]
 fn a_minute_undriven() {

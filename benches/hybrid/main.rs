@@ -122,7 +122,7 @@ impl Bench {
         println!("| N | scene | a | b | c | a+b+c | d | d/(a+b+c) | Cpu |\n|---|---|---|---|---|---|---|---|---|");
         for (&n, exchange) in sizes.iter().zip(floors) {
             for scene in Scene::all(n) {
-                let transfers = if scene.gathers() { f64::from(SUBSTEPS) * exchange } else { 0.0 };
+                let transfers = if scene.has_forces() { f64::from(SUBSTEPS) * exchange } else { 0.0 };
                 self.beside_floor(n, &scene, transfers)?;
             }
         }
@@ -158,7 +158,7 @@ impl Bench {
                 times.push(1e3 * start.elapsed().as_secs_f64());
                 // Right after a step, and not for long: a card that has work without a pause for a tenth of a second runs three times
                 // faster than in the hybrid, which lets it wait for the CPU.
-                if index == 1 && scene.gathers() {
+                if index == 1 && scene.has_forces() {
                     for (repeats, times) in [1, many].into_iter().zip(&mut kernels) {
                         let start = Instant::now();
                         cloth.run_forces(FRAME, &scene.attributes, repeats)?;
@@ -172,7 +172,7 @@ impl Bench {
         }
         let [own, hybrid, all] = cloths.map(|cloth| cloth.map(|(_, _, mut times)| median(&mut times)));
         let (own, hybrid, all) = (own?, hybrid?, all?);
-        let [once, often] = kernels.map(|mut times| if scene.gathers() { median(&mut times) } else { 0.0 });
+        let [once, often] = kernels.map(|mut times| if scene.has_forces() { median(&mut times) } else { 0.0 });
         let kernels = f64::from(SUBSTEPS) * (often - once) / f64::from(many - 1);
         let sum = transfers + kernels + own;
         let ratio = hybrid / sum;

@@ -32,7 +32,7 @@ impl Scene {
     }
 
     /// Whether it has forces that differ from vertex to vertex.
-    pub(crate) fn gathers(&self) -> bool {
+    pub(crate) fn has_forces(&self) -> bool {
         self.options.fabric.bending > 0.0 || self.attributes.air_density > 0.0
     }
 

@@ -199,7 +199,7 @@ fn limits() {
 }
 
 /// Seconds from one meeting of `count` threads to the next, each having added to so many words of its own, or of the next one's every
-/// other time: as stripes hand their borders over.
+/// other time: as tiles hand their borders over.
 fn meetings(count: usize, words: usize, next: bool) -> f64 {
     let rounds = 4000;
     let arrived = AtomicUsize::new(0);

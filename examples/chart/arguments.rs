@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     pub(crate) quick: bool,
 
     /// Where the work is done [default: cpu, and hybrid and gpu if there is a real GPU]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = one_of(BACKENDS))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = one_of(&BACKENDS))]
     pub(crate) backends: Vec<Backend>,
 
     /// Vertices along a side of the sheets [default: 32,64,128; 32,64 with --quick]
@@ -52,7 +52,7 @@ pub(crate) struct Arguments {
     pub(crate) iterations: Vec<u32>,
 
     /// What your cloth is made of: its density and its stretch
-    #[arg(long, value_name = "NAME", default_value = "cotton", value_parser = PossibleValuesParser::new(Fabric::PRESETS.map(|(name, _)| name)))]
+    #[arg(long, value_name = "NAME", default_value = "cotton", value_parser = PossibleValuesParser::new(Fabric::PRESETS.iter().map(|(name, _)| *name)))]
     pub(crate) fabric: String,
 
     /// Vertices of your mesh that stay where they are: none; top: the highest, or the side of lowest z if it lies flat;

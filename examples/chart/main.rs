@@ -246,7 +246,7 @@ fn curves(rows: &[Row], at: impl Fn(&Row) -> (f64, f64)) -> Vec<Curve> {
 fn sweeps(setting: &Setting) -> String {
     match setting.method {
         Method::Relaxation { iterations } => format!("{} x {iterations}", setting.method()),
-        Method::SmallSteps | Method::Springs => setting.method().to_owned(),
+        _ => setting.method().to_owned(),
     }
 }
 
@@ -258,14 +258,14 @@ fn name(setting: &Setting) -> String {
 fn look(setting: &Setting) -> Look {
     let marker = match setting.method {
         Method::SmallSteps if setting.levels == Levels::Off => Marker::Diamond,
-        Method::SmallSteps => Marker::Circle,
         Method::Relaxation { .. } => Marker::Square,
         Method::Springs => Marker::Triangle,
+        _ => Marker::Circle,
     };
     let line = match setting.backend {
         Backend::Gpu => Line::Dashed,
         Backend::Hybrid => Line::Dotted,
-        Backend::Cpu | Backend::Auto => Line::Solid,
+        _ => Line::Solid,
     };
     Look { marker, line }
 }

@@ -255,15 +255,16 @@ impl Setting {
             Method::SmallSteps => "small-steps",
             Method::Relaxation { .. } => "relaxation",
             Method::Springs => "springs",
+            _ => "other",
         }
     }
 
     /// Sweeps a substep.
     pub(crate) fn iterations(&self) -> u32 {
         match self.method {
-            Method::SmallSteps => 1,
             Method::Relaxation { iterations } => iterations,
             Method::Springs => 0,
+            _ => 1,
         }
     }
 

@@ -48,11 +48,11 @@ pub(crate) struct Arguments {
     fps: f32,
 
     /// Where the work is done; auto takes a GPU if there is one and the mesh is large enough to gain from it
-    #[arg(long, default_value = "auto", value_parser = one_of(BACKENDS))]
+    #[arg(long, default_value = "auto", value_parser = one_of(&BACKENDS))]
     pub(crate) backend: Backend,
 
     /// How the edges hold together
-    #[arg(long, default_value = "small-steps", value_parser = one_of(METHODS))]
+    #[arg(long, default_value = "small-steps", value_parser = one_of(&METHODS))]
     method: Method,
 
     /// Substeps in each step
@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
     iterations: Option<u32>,
 
     /// Corrections on coarser cloths, which keep fine cloth from stretching: as many as pay, or none
-    #[arg(long, value_name = "WHICH", default_value = "auto", value_parser = one_of(LEVELS))]
+    #[arg(long, value_name = "WHICH", default_value = "auto", value_parser = one_of(&LEVELS))]
     pub(crate) levels: Levels,
 
     /// What the cloth is made of

@@ -23,10 +23,8 @@ pub(crate) fn read<Arguments: Parser>() -> Result<Result<Arguments, clap::Error>
 }
 
 /// One of a table's names, for its value.
-pub(crate) fn one_of<T: Clone + Send + Sync + 'static, const N: usize>(
-    table: [(&'static str, T); N],
-) -> impl TypedValueParser<Value = T> {
-    let names = table.each_ref().map(|&(name, _)| name);
+pub(crate) fn one_of<T: Clone + Send + Sync + 'static>(table: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
+    let names = table.iter().map(|&(name, _)| name);
     PossibleValuesParser::new(names).try_map(move |given| {
         let named = table.iter().find(|&&(name, _)| name == given);
         named.map(|(_, value)| value.clone()).ok_or("not in the table")

@@ -1,6 +1,6 @@
 //! A contact sheet of a cloth in motion, drawn without a GPU.
 //!
-//! Every cell is drawn in two passes. Visibility: the colliders are traced by ray, the triangles rasterised, both into one
+//! Every cell is drawn in two passes. Visibility: the colliders are traced by ray, the triangles rasterized, both into one
 //! depth buffer. Shading: each sample finds its point again from its ray and its depth, asks a shadow map how much of the
 //! light reaches it, and the samples of a pixel are averaged in linear light. All cells share one camera, which holds the
 //! whole motion.
@@ -349,6 +349,8 @@ fn trace(shape: Shape, origin: Vec3, direction: Vec3) -> Option<f32> {
             tube.filter(|t| (0.0..=long).contains(&(from + t * direction).dot(axis)))
                 .or_else(|| [ball(a, radius), ball(b, radius)].into_iter().flatten().min_by(f32::total_cmp))
         }
+        // A shape that is not known here is not drawn.
+        _ => None,
     };
     hit.filter(|&t| t > 0.0)
 }
@@ -361,6 +363,7 @@ fn collider_normal(shape: Shape, at: Vec3) -> Vec3 {
             let along = (at - a).dot(b - a) / (b - a).length_squared().max(f32::MIN_POSITIVE);
             at - a.lerp(b, along.clamp(0.0, 1.0))
         }
+        _ => Vec3::ZERO,
     }
     .normalize_or_zero()
 }
@@ -374,6 +377,7 @@ fn shrunk(collider: Collider, edge: f32, scene: f32) -> Collider {
         Shape::Sphere { center, radius } => Shape::Sphere { center, radius: smaller(radius) },
         Shape::Plane { point, normal } => Shape::Plane { point: point - gap * normal.normalize_or_zero(), normal },
         Shape::Capsule { a, b, radius } => Shape::Capsule { a, b, radius: smaller(radius) },
+        other => other,
     };
     Collider { shape, ..collider }
 }
@@ -389,8 +393,8 @@ fn corners(shape: Shape) -> Vec<Vec3> {
     };
     match shape {
         Shape::Sphere { center, radius } => around(center, radius).collect(),
-        Shape::Plane { .. } => Vec::new(),
         Shape::Capsule { a, b, radius } => around(a, radius).chain(around(b, radius)).collect(),
+        _ => Vec::new(),
     }
 }
 

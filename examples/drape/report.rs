@@ -43,7 +43,7 @@ pub(crate) struct Frame {
 impl Frame {
     /// `None` if a figure is not finite: JSON has no such number, and a stable cloth has none either.
     pub(crate) fn new(number: u32, seconds: f64, substeps: u32, measure: Measure) -> Option<Frame> {
-        let Measure { mean_strain, max_strain, kinetic_energy, potential_energy, penetration } = measure;
+        let Measure { mean_strain, max_strain, kinetic_energy, potential_energy, penetration, .. } = measure;
         let energy = kinetic_energy + potential_energy;
         let finite = energy.is_finite() && [mean_strain, max_strain, penetration].into_iter().all(f32::is_finite);
         finite.then_some(Frame { number, ms: 1e3 * seconds, substeps, mean_strain, max_strain, energy, penetration })

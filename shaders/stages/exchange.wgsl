@@ -31,7 +31,7 @@ fn arrive(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     }
 }
 
-// A float each, so that what is far away is written in whole lines.
+// A float each, so that what is far away is written in full cache lines.
 @compute @workgroup_size(WORKGROUP)
 fn leave(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let k = item(id, groups);

@@ -31,7 +31,7 @@ fn sweep_of_level_tile(
             tile_u[k] += shift[above];
         }
     }
-    meet();
+    workgroupBarrier();
     sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(tile, k);

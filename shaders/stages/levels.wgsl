@@ -68,7 +68,7 @@ fn restrict_level(level: u32, list: u32, members: u32, lane: u32) {
         set_predicted(k, u);
         set_corrected(k, u);
     }
-    meet();
+    workgroupBarrier();
 }
 
 fn restrict_levels(lane: u32) {
@@ -112,12 +112,12 @@ fn descend(color: u32, lane: u32) {
         for (var k = here + lane; k < end; k += LANES) {
             set_corrected(k, corrected_of(k) - predicted_of(k));
         }
-        meet();
+        workgroupBarrier();
         for (var k = finer + lane; k < here; k += LANES) {
             set_corrected(k, corrected_of(k) + corrected_of(above));
             above = label_of(k + LANES);
         }
-        meet();
+        workgroupBarrier();
         go_to(level - 1u);
     }
 }

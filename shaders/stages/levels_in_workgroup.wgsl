@@ -59,7 +59,7 @@ fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
         level_x[k] = centers[BASE + k];
         level_u[k] = predicted[BASE + k];
     }
-    meet();
+    workgroupBarrier();
     restrict_levels(lane);
     sweep_levels(first, lane);
     for (var k = lane; k < FINEST; k += LANES) {

@@ -1,6 +1,6 @@
-// Normals of the vertices, for drawing: each gathers the triangles around it, weighted by their areas.
+// Normals of the vertices, for drawing: each sums those of the triangles around it, weighted by their areas.
 
-// Three corners a triangle, packed as an index buffer has them.
+// Three corners a triangle, as an index buffer has them.
 @group(1) @binding(0) var<storage, read> triangles: array<u32>;
 @group(1) @binding(1) var<storage, read> spans: array<Span>;
 @group(1) @binding(2) var<storage, read> around: array<u32>;

@@ -112,7 +112,7 @@ fn correct_on_levels(lane: u32) {
     for (var k = lane; k < AGGREGATES; k += LANES) {
         numbers[3u * AGGREGATES + k] = bitcast<f32>(inverse_mass(k));
     }
-    meet();
+    workgroupBarrier();
     on_levels = true;
     restrict_levels(lane);
     sweep_levels(first, lane);
@@ -120,15 +120,15 @@ fn correct_on_levels(lane: u32) {
     for (var k = lane; k < FINEST; k += LANES) {
         set_corrected(k, corrected_of(k) - predicted_of(k));
     }
-    meet();
+    workgroupBarrier();
     for (var v = lane; v < all; v += LANES) {
         state[all + v] += vec4f(corrected_of(label_at(0u, v)), 0.0);
     }
-    meet();
+    workgroupBarrier();
     for (var v = lane; v < all; v += LANES) {
         set_displacement(v, state[all + v].xyz);
     }
-    meet();
+    workgroupBarrier();
 }
 
 @compute @workgroup_size(LANES)
@@ -152,7 +152,7 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
             let pin = pins[k];
             set_displacement(pin.vertex, pin_displacement(pin, state[pin.vertex].xyz, now));
         }
-        meet();
+        workgroupBarrier();
         if LEVELS > 0u {
             correct_on_levels(lane);
         }

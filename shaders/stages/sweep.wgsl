@@ -27,11 +27,6 @@ struct FourColors {
 
 const NO_EDGE: u32 = 0xffffffffu;
 
-// Waits until all lanes are here, and what they wrote to workgroup memory is there for all.
-fn meet() {
-    workgroupBarrier();
-}
-
 // The edge number k of a color; what is past the last color must not be used.
 fn fetch(edges: ColoredEdges, color: u32, k: u32) -> StoredEdge {
     if k >= edges.width {
@@ -66,7 +61,7 @@ fn sweep_color(edges: ColoredEdges, color: u32, first: StoredEdge, lane: u32) {
     for (var k = lane + LANES; k < edges.width; k += LANES) {
         correct_stored(fetch(edges, color, k));
     }
-    meet();
+    workgroupBarrier();
 }
 
 fn sweep_four(edges: ColoredEdges, color: u32, four: FourColors, lane: u32) {

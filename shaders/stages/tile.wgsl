@@ -39,7 +39,7 @@ fn substep_of_tile(
         tile_x[k] = x_v;
         tile_u[k] = vec4f(motion_displacement(motion_v, x_v.w, substep) + corrected, 0.0);
     }
-    meet();
+    workgroupBarrier();
     sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(tile, k);

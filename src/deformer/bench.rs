@@ -7,6 +7,7 @@ use crate::simd::Width;
 #[cfg(feature = "gpu")]
 use crate::{Attributes, StepError, gpu::GpuStats};
 
+#[doc(hidden)]
 impl Deformer {
     /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can, and says how many it is.
     pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
@@ -25,6 +26,7 @@ impl Deformer {
         self.cpu().into_iter().for_each(|cpu| cpu.on_threads(threads));
     }
 
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "without a GPU there is always one"))]
     fn cpu(&mut self) -> Option<&mut Cpu> {
         match &mut self.engine {
             Engine::Cpu(cpu) => Some(cpu),

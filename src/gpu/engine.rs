@@ -209,13 +209,13 @@ impl GpuEngine {
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        let gathers = plan.bending || plan.wind || plan.method == Method::Springs;
+        let has_forces = plan.bending || plan.wind || plan.method == Method::Springs;
         // Levels have some more colors than the cloth, together.
         let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
         let pays = crowd || plan.cloth.rest.len() <= SMALL;
         let levels = plan.coefficients.levels.len();
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && !gathers && sweeps <= LONGEST_DISPATCH && single.levels() == levels => {
+            (_, Some(single)) if pays && !has_forces && sweeps <= LONGEST_DISPATCH && single.levels() == levels => {
                 Path::SingleWorkgroup
             }
             (Sweep::Tiled(_), _) => Path::Tiled,
@@ -269,6 +269,7 @@ impl GpuEngine {
     }
 
     /// What the last step came to.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
     pub(crate) fn stats(&self) -> GpuStats {
         self.stats
     }

@@ -173,13 +173,13 @@ impl Bending {
         let entries = gpu.filled("bend entries", &entries.items);
         let moments = gpu.buffer("moments", 2 * u.size());
         let lists = [Bind::Read(&rows), Bind::Read(&spans), Bind::Read(&entries), Bind::Write(&moments)];
-        let gather = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
+        let moments_stage = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
             [&bound_by_predict(state, u, pins)[..], &lists].concat()
         });
-        let spread = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
+        let forces_stage = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
             [&[Bind::Read(&state.x), Bind::Unused, Bind::Write(u), Bind::Unused], &lists[..]].concat()
         });
-        Bending { rows, h: plan.coefficients.h, moments: gather, forces: spread }
+        Bending { rows, h: plan.coefficients.h, moments: moments_stage, forces: forces_stage }
     }
 }
 
@@ -196,7 +196,7 @@ fn stage<'a>(
     Stage::new(gpu, uniforms, Entry { shader, name, constants: &[] }, &bound)
 }
 
-/// What `predict.wgsl` binds.
+/// What `stages/predict.wgsl` binds.
 fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
     vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }

@@ -35,5 +35,6 @@ mod tiles;
 pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;
 pub(crate) use stage::{Bind, Stage};
+#[cfg(feature = "bench")]
 pub use stats::GpuStats;
 pub use surface::Surface;

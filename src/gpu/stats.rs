@@ -2,6 +2,7 @@
 
 /// What a step asks of a GPU, counted: for a roofline beside measured times.
 #[doc(hidden)]
+#[cfg_attr(not(feature = "bench"), expect(unreachable_pub, reason = "the benches ask"))]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct GpuStats {
     /// Dispatches that each wait for the one before.

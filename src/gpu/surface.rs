@@ -10,6 +10,7 @@ use crate::model::cloth::Cloth;
 /// Vertices are in the order of [`Deformer::vertex_order`](crate::Deformer::vertex_order). The buffers are the cloth's own,
 /// the same from call to call: read them, never write to them.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Surface {
     /// A `vec4<f32>` a vertex, 16 bytes apart: xyz (m) less [`Deformer::origin`](crate::Deformer::origin), w is the
     /// solver's. Usages `VERTEX`, `STORAGE`, `COPY_SRC`.

@@ -13,7 +13,7 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
 use crate::step::coefficients::Coefficients;
-use crate::step::plan::{Lists, Motion, Plan};
+use crate::step::plan::{Motion, Plan, PlanBuffers};
 
 /// A step (s) and its substeps.
 const DT: f32 = 1.0 / 60.0;
@@ -79,9 +79,9 @@ fn play_from(
         if frame % 2 == 0 {
             attributes.pin_targets = Some(motion.pins.iter().map(|&pin| pin + Vec3::new(0.01, 0.02, 0.0)).collect());
         }
-        let mut lists = Lists::default();
+        let mut buffers = PlanBuffers::default();
         let plan =
-            Plan::new(cloth, levels, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut lists);
+            Plan::new(cloth, levels, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut buffers);
         engine.step(&plan).unwrap();
         if let Some(targets) = attributes.pin_targets {
             motion.pins = targets;
@@ -188,8 +188,8 @@ fn a_failed_step_is_undone_on_every_path() {
             GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, path, TileSize { own: 60, room: 500 }).unwrap();
         let mut step = |gravity: Vec3, read: bool| {
             let attributes = Attributes { gravity, ..Attributes::default() };
-            let mut lists = Lists::default();
-            engine.step(&Plan::new(&cloth, &[], &options, &coefficients, &motion, SUBSTEPS, &attributes, &mut lists)).unwrap();
+            let mut buffers = PlanBuffers::default();
+            engine.step(&Plan::new(&cloth, &[], &options, &coefficients, &motion, SUBSTEPS, &attributes, &mut buffers)).unwrap();
             let mut seen = Vec::new();
             let failed = read && engine.read(|x, _| seen = x.to_vec()).is_err();
             (seen, failed)

@@ -16,10 +16,10 @@ use crate::kernels::distance::Edge;
 use crate::model::cloth::Link;
 use crate::model::csr::Csr;
 
-/// What `sweep.wgsl` calls none, of edges and of labels.
+/// What `stages/sweep.wgsl` calls none, of edges and of labels.
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 
-/// Tiles as `tiles.wgsl` reads them.
+/// Tiles as `stages/tiles.wgsl` reads them.
 #[derive(Debug, Clone)]
 pub(crate) struct Tiles {
     /// For each tile how many vertices are its own; then for each its vertices, its own first, in [`Tiles::largest`]
@@ -140,7 +140,7 @@ impl Tiles {
         gpu.write(buffer, size_of::<u32>() * self.edges, &self.table[self.edges..]);
     }
 
-    /// What `tiles.wgsl` is told.
+    /// What `stages/tiles.wgsl` is told.
     pub(crate) fn constants(&self, gpu: &Gpu) -> [(&'static str, f64); 5] {
         [
             ("LANES", lanes(gpu, self.widest)),

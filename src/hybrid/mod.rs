@@ -1,5 +1,5 @@
-//! The design card's shape: WGSL integrates the forces, buffers are mapped back, threads resolve the colored edges and contact.
-//! A composition of the other two.
+//! Forces on the GPU, edges and contact on the CPU: WGSL integrates the forces, buffers are mapped back, threads resolve the colored
+//! edges and contact. A composition of the other two backends.
 //!
 //! # Theory
 //! The GPU turns what the CPU sends, positions or displacements, into the displacement that the forces cause in a substep;
@@ -148,19 +148,19 @@ impl Hybrid {
         let alone = Plan { params: Params { pins: 0, ..plan.params }, substeps: told, pins: &[], ..*plan };
 
         let moving = plan.wind || plan.bending && plan.damped();
-        let payload = |whole: bool| match (moving, whole || every > 1 || !plan.bodies.is_empty()) {
+        let payload = |complete: bool| match (moving, complete || every > 1 || !plan.bodies.is_empty()) {
             (false, _) => Payload::Positions,
             (true, true) => Payload::Both,
             (true, false) => Payload::Displacements,
         };
-        let whole = payload(true);
+        let complete = payload(true);
         let opened = gpu.checked(|| {
             forces.prepare(gpu, &alone, false);
             let mapped = match mapped.take() {
                 Some(mapped) => mapped,
                 None => exchange.open(gpu)?,
             };
-            Ok((mapped, exchange.encode(gpu, forces, &alone, 0, whole)))
+            Ok((mapped, exchange.encode(gpu, forces, &alone, 0, complete)))
         });
         let (first, next) = opened.map_err(Failure::Gpu)?;
         // Empty while the buffers are away; only the exchange, beside which no task runs, puts something else there.
@@ -168,7 +168,7 @@ impl Hybrid {
         let slot = SharedArray::new(&mut slot);
         let exchanges = Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None });
         // What the GPU is to see of the state first: written before the first exchange unless it was at the end of the last step.
-        let is_there = sent == Some(whole);
+        let is_there = sent == Some(complete);
         let fetch = |task: &Task, state: State<'_>, substep: usize| {
             let slot = slot.within(task);
             if substep == 0
@@ -188,14 +188,15 @@ impl Hybrid {
         };
         let predict = |task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize| {
             let Some(mapped) = slot.within(task).item(0) else { return };
-            let received = mapped.received();
-            let (gain, whole) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
-            let scale = if gain == whole { 1.0 } else { gain / whole };
+            let vertices = vertices.start as usize..vertices.end as usize;
+            let received = &mapped.received()[vertices.clone()];
+            let (gain, held) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
+            let scale = if gain == held { 1.0 } else { gain / held };
             let carry = Vec3A::splat(plan.substeps[substep].carry);
-            for i in vertices.start as usize..vertices.end as usize {
+            for (i, &received) in vertices.zip(received) {
                 let free = state.x.get(i).w > 0.0;
                 let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
-                let by = carried + Vec3A::from(received[i]) * scale;
+                let by = carried + Vec3A::from(received) * scale;
                 state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
             }
         };
@@ -213,7 +214,7 @@ impl Hybrid {
         match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
             None => {
                 *mapped = slot.into_inner()[0].take();
-                stepped.map(|()| whole).map_err(Failure::Unstable)
+                stepped.map(|()| complete).map_err(Failure::Unstable)
             }
             Some(reason) => {
                 cpu.revert();

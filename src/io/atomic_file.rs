@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all.
+//! Files that are replaced atomically: complete or not at all.
 
 use std::{
     fs::{self, File, OpenOptions, Permissions},
@@ -7,11 +7,11 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-/// Writes `bytes` to `path`, whole or not at all: on an error, what was at `path` is as it was.
+/// Writes `bytes` to `path`, completely or not at all: on an error, what was at `path` is as it was.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut whole = Whole::create(path)?;
-    whole.write_all(bytes)?;
-    whole.finish()
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
 }
 
 /// A file in the making, for what is too long to be held. Until it is finished, what was at its path is as it was;
@@ -21,32 +21,33 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// It is not synced, so the promise holds for a full disk and for a process that ends midway, not for a power cut; a
 /// sync would cost more than the frame it saves.
 #[derive(Debug)]
-pub(crate) struct Whole {
+pub(crate) struct AtomicFile {
     file: Option<BufWriter<File>>,
-    /// `None` for what holds nothing that could stay whole.
-    place: Option<Place>,
+    /// `None` for a pipe or a device, which is written to as it is.
+    replacement: Option<Replacement>,
 }
 
+/// Which file is to take which name.
 #[derive(Debug)]
-struct Place {
+struct Replacement {
     temporary: PathBuf,
     target: PathBuf,
     permissions: Option<Permissions>,
 }
 
-impl Whole {
-    pub(crate) fn create(path: &Path) -> io::Result<Whole> {
+impl AtomicFile {
+    pub(crate) fn create(path: &Path) -> io::Result<AtomicFile> {
         // A link is followed, not replaced. What has no file behind it yet is written where it says.
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
         let existing = fs::metadata(&target).ok();
         if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
             // A pipe or a device must not be replaced by a file.
             let file = OpenOptions::new().write(true).open(&target)?;
-            return Ok(Whole { file: Some(BufWriter::new(file)), place: None });
+            return Ok(AtomicFile { file: Some(BufWriter::new(file)), replacement: None });
         }
         let (file, temporary) = sibling(&target)?;
         let permissions = existing.filter(fs::Metadata::is_file).map(|found| found.permissions());
-        Ok(Whole { file: Some(BufWriter::new(file)), place: Some(Place { temporary, target, permissions }) })
+        Ok(AtomicFile { file: Some(BufWriter::new(file)), replacement: Some(Replacement { temporary, target, permissions }) })
     }
 
     /// Puts the file in its place.
@@ -54,19 +55,19 @@ impl Whole {
         // Closed at the end of this: Windows does not rename an open file.
         if let Some(mut file) = self.file.take() {
             file.flush()?;
-            if let Some(permissions) = self.place.as_mut().and_then(|place| place.permissions.take()) {
+            if let Some(permissions) = self.replacement.as_mut().and_then(|replacement| replacement.permissions.take()) {
                 file.get_ref().set_permissions(permissions)?;
             }
         }
-        if let Some(Place { temporary, target, .. }) = &self.place {
+        if let Some(Replacement { temporary, target, .. }) = &self.replacement {
             fs::rename(temporary, target)?;
-            self.place = None;
+            self.replacement = None;
         }
         Ok(())
     }
 }
 
-impl Write for Whole {
+impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.file.as_mut().map_or(Ok(0), |file| file.write(bytes))
     }
@@ -76,15 +77,15 @@ impl Write for Whole {
     }
 }
 
-impl Drop for Whole {
+impl Drop for AtomicFile {
     fn drop(&mut self) {
         if let Some(file) = self.file.take() {
             // Without writing what is still in the buffer.
             drop(file.into_parts());
         }
-        if let Some(place) = &self.place {
+        if let Some(replacement) = &self.replacement {
             // Of two errors the first is the one to tell.
-            _ = fs::remove_file(&place.temporary);
+            _ = fs::remove_file(&replacement.temporary);
         }
     }
 }

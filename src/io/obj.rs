@@ -44,13 +44,13 @@ pub enum ObjError {
         reason: io::Error,
     },
     /// A text without a vertex.
-    #[error("{}no vertices; give at least one line `v x y z`", Place(.file.as_ref(), None))]
+    #[error("{}no vertices; give at least one line `v x y z`", Location(.file.as_ref(), None))]
     NoVertices {
         /// The file, if the text came from one.
         file: Option<PathBuf>,
     },
     /// A `v` statement that is no position.
-    #[error("{}vertex {vertex} {problem}", Place(.file.as_ref(), Some(*.line)))]
+    #[error("{}vertex {vertex} {problem}", Location(.file.as_ref(), Some(*.line)))]
     Vertex {
         /// The file, if the text came from one.
         file: Option<PathBuf>,
@@ -62,7 +62,7 @@ pub enum ObjError {
         problem: String,
     },
     /// An `f` statement that is no face of these vertices.
-    #[error("{}face {face} {problem}", Place(.file.as_ref(), Some(*.line)))]
+    #[error("{}face {face} {problem}", Location(.file.as_ref(), Some(*.line)))]
     Face {
         /// The file, if the text came from one.
         file: Option<PathBuf>,
@@ -74,7 +74,7 @@ pub enum ObjError {
         problem: String,
     },
     /// The parser refused a text in which every line is in order: a defect to report, not one of the file.
-    #[error("{}the OBJ parser failed: {reason}; please report the file", Place(.file.as_ref(), None))]
+    #[error("{}the OBJ parser failed: {reason}; please report the file", Location(.file.as_ref(), None))]
     Parser {
         /// The file, if the text came from one.
         file: Option<PathBuf>,
@@ -82,7 +82,7 @@ pub enum ObjError {
         reason: String,
     },
     /// A mesh that would make a file nobody can read. Nothing was written.
-    #[error("{}{problem}", Place(.file.as_ref(), None))]
+    #[error("{}{problem}", Location(.file.as_ref(), None))]
     Mesh {
         /// The file that was to be written, if any.
         file: Option<PathBuf>,
@@ -92,9 +92,9 @@ pub enum ObjError {
 }
 
 /// `file:line: `, as compilers say it, or what is known of it.
-struct Place<'a>(Option<&'a PathBuf>, Option<usize>);
+struct Location<'a>(Option<&'a PathBuf>, Option<usize>);
 
-impl fmt::Display for Place<'_> {
+impl fmt::Display for Location<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match (self.0, self.1) {
             (Some(file), Some(line)) => write!(f, "{}:{line}: ", file.display()),
@@ -138,7 +138,7 @@ impl Mesh {
         parse(text, None)
     }
 
-    /// Writes the mesh to an OBJ file, whole or not at all; see [`Mesh::write_obj`].
+    /// Writes the mesh to an OBJ file, completely or not at all; see [`Mesh::write_obj`].
     ///
     /// # Errors
     /// As [`Mesh::write_obj`], or [`ObjError::Write`]. What was at `path` is then as it was.

@@ -11,7 +11,7 @@ use std::{
 
 use glam::Vec3;
 
-use crate::io::atomic_file::Whole;
+use crate::io::atomic_file::AtomicFile;
 
 /// Why a point cache could not be written. What was at its path is as it was.
 #[derive(Debug, thiserror::Error)]
@@ -74,7 +74,7 @@ pub enum Pc2Error {
 #[derive(Debug)]
 pub struct PointCache {
     path: PathBuf,
-    file: Whole,
+    file: AtomicFile,
     vertices: usize,
     samples: usize,
     /// Samples given so far.
@@ -89,7 +89,7 @@ impl PointCache {
     pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
         let path = path.as_ref().to_path_buf();
         let header = header(vertices, samples)?;
-        let begun = Whole::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
+        let begun = AtomicFile::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
         match begun {
             Ok(file) => Ok(PointCache { path, file, vertices, samples, given: 0 }),
             Err(reason) => Err(Pc2Error::Write { file: path, reason }),
@@ -100,7 +100,7 @@ impl PointCache {
     ///
     /// # Errors
     /// If there are more samples than announced, not one position for each vertex, one that is not finite, or no space
-    /// left. After the last the cache is spoilt: drop it.
+    /// left. After the last the cache is spoiled: drop it.
     pub fn push(&mut self, positions: &[Vec3]) -> Result<(), Pc2Error> {
         let sample = self.given + 1;
         if sample > self.samples {

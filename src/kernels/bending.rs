@@ -71,7 +71,7 @@ impl<L: Lanes> Ring<L> {
 /// couple: neighbor `j` also feels `couple x d_j`. Together they exert no torque, and never give energy.
 /// A ring in one line (a free edge) has no rotation about itself; there the part of the rate along `y` alone is damped.
 ///
-/// `damping` is the stiffness times the retardation time `tau` (s). Without damping it is [`pull`] alone.
+/// `damping` is the stiffness times the retardation time `tau` (s). Without damping the pull is `stiffness y`, and there is no couple.
 #[inline(always)]
 pub(crate) fn bend_moment<L: Lanes>(ring: &Ring<L>, stiffness: L, damping: L) -> [Vector<L>; 2] {
     let Ring { y, y_rate, spin, inertia, products } = *ring;

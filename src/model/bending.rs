@@ -5,14 +5,14 @@
 //! rest shape is flat, as cloth is cut. Off at `B = 0`, when none of this is built.
 //!
 //! Limitation: the energy sees the mean curvature alone, so a saddle costs nothing. What keeps a sheet from it is that it
-//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimetre and more), not of a narrow
+//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimeter and more), not of a narrow
 //! strip as stiff as a ruler, which bends the other way across and sags too much.
 
 use glam::Vec4;
 
 use crate::kernels::bending::{BendEntry, BendRow};
 use crate::model::csr::Csr;
-use crate::model::mesh::{self, Places};
+use crate::model::mesh::{self, EdgeIndex};
 
 /// The rows for unit bending rigidity, independent of the substep.
 #[derive(Debug, Clone)]
@@ -42,7 +42,7 @@ impl Bending {
         let vertices = rest.len();
         let at = |vertex: u32| rest[vertex as usize].truncate().as_dvec3();
         let edges = mesh::edges(triangles);
-        let places = Places::new(&edges, vertices);
+        let index_of = EdgeIndex::new(&edges, vertices);
         let mut sides = vec![Sides::default(); edges.len()];
         let mut area = vec![0.0; vertices];
         for &triangle in triangles {
@@ -56,7 +56,7 @@ impl Bending {
             let cotangent = dot.map(|dot| dot / double_area);
             for k in 0..3 {
                 let (i, j) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
-                let side = &mut sides[places.of([i.min(j), i.max(j)])];
+                let side = &mut sides[index_of.of([i.min(j), i.max(j)])];
                 side.triangles += 1;
                 side.cotangent += 0.5 * cotangent[k];
                 area[triangle[k] as usize] += mixed_area(k, double_area, dot, cotangent, x);

@@ -15,7 +15,7 @@ use crate::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::bending::Bending;
 use crate::model::coloring;
 use crate::model::csr::Csr;
-use crate::model::mesh::{Mesh, Places, sides};
+use crate::model::mesh::{EdgeIndex, Mesh, sides};
 use crate::model::vertex_order;
 use crate::options::Options;
 
@@ -81,16 +81,16 @@ impl Cloth {
         let origin = local_origin(&mesh.positions);
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
         let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
-        let whole = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
-        let triangles: Vec<[u32; 3]> = whole.clone().map(moved).collect();
+        let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+        let triangles: Vec<[u32; 3]> = proper.clone().map(moved).collect();
 
         let mut area = vec![0.0; vertices];
         let mut side_area = vec![0.0; mesh_edges.len()];
-        let places = Places::new(&mesh_edges, vertices);
-        for (&named, &triangle) in whole.zip(&triangles) {
+        let index_of = EdgeIndex::new(&mesh_edges, vertices);
+        for (&named, &triangle) in proper.zip(&triangles) {
             let triangle_area = area_of(triangle, &rest);
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
-            sides(named).for_each(|side| side_area[places.of(side)] += triangle_area);
+            sides(named).for_each(|side| side_area[index_of.of(side)] += triangle_area);
         }
         let (mass, density) = masses(options, &order, &area)?;
         let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();

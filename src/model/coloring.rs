@@ -1,7 +1,7 @@
 //! Edge coloring: batches of edges that share no vertex, visited in one fixed order.
 //!
 //! The order is a property of stability, not only of speed: one sweep a substep is stable for any fixed coloring, while
-//! sweeping rows or patches in sequence explodes below the resolved substep. Never reverse or shuffle it between substeps.
+//! sweeping rows or tiles one after another explodes below the resolved substep. Never reverse or shuffle it between substeps.
 
 use glam::Vec3;
 

@@ -1,4 +1,4 @@
-//! Csr of lists in one array.
+//! Compressed sparse rows: a list for each vertex, all in one array.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -18,7 +18,7 @@ pub(crate) struct Csr<T> {
 }
 
 impl<T: Copy + Default> Csr<T> {
-    /// Gathers `(vertex, item)` pairs by vertex; the items of a vertex keep their order.
+    /// Groups `(vertex, item)` pairs by vertex; the items of a vertex keep their order.
     pub(crate) fn new(vertices: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) -> Csr<T> {
         let mut spans = vec![Span::default(); vertices];
         pairs.clone().for_each(|(vertex, _)| spans[vertex as usize].end += 1);

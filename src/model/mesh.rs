@@ -57,21 +57,21 @@ pub(crate) fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
 }
 
 /// Finds edges in a sorted list of them.
-pub(crate) struct Places<'a> {
+pub(crate) struct EdgeIndex<'a> {
     edges: &'a [[u32; 2]],
     /// Where those of each first vertex start.
     first: Vec<u32>,
 }
 
-impl<'a> Places<'a> {
-    pub(crate) fn new(edges: &'a [[u32; 2]], vertices: usize) -> Places<'a> {
+impl<'a> EdgeIndex<'a> {
+    pub(crate) fn new(edges: &'a [[u32; 2]], vertices: usize) -> EdgeIndex<'a> {
         let mut first = vec![0; vertices + 1];
         edges.iter().for_each(|edge| first[edge[0] as usize + 1] += 1);
         (0..vertices).for_each(|vertex| first[vertex + 1] += first[vertex]);
-        Places { edges, first }
+        EdgeIndex { edges, first }
     }
 
-    /// The place of `[i, j]`, which is in the list.
+    /// The index of `[i, j]`, which is in the list.
     pub(crate) fn of(&self, [i, j]: [u32; 2]) -> usize {
         let start = self.first[i as usize] as usize;
         let near = &self.edges[start..self.first[i as usize + 1] as usize];

@@ -13,9 +13,9 @@ pub(crate) fn vertex_order(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
     if 5 * lined_up(edges) >= 3 * edges.len() {
         return own;
     }
-    let breadth = breadth_first(edges, vertices);
-    // Breadth first must win clearly: some rows may line up.
-    if spread(edges, &own) <= 1.5 * spread(edges, &breadth) { own } else { breadth }
+    let breadth_first = breadth_first(edges, vertices);
+    // It must win clearly: some rows may line up.
+    if spread(edges, &own) <= 1.5 * spread(edges, &breadth_first) { own } else { breadth_first }
 }
 
 /// Edges that have another beside them, one vertex on at both ends.

@@ -11,11 +11,11 @@ use crate::model::disjoint_sets::DisjointSets;
 /// here and there.
 const FINEST: f64 = 17.5;
 
-/// The mesh's parts, halved again and again across their longest side: which half of which half each vertex is in.
+/// The mesh's parts by recursive bisection across their longest side: which half of which half each vertex is in.
 ///
 /// On a grid of rows and columns the halves are blocks. Sizes within a part differ by a row or column at each cut.
 #[derive(Debug)]
-pub(crate) struct Halving {
+pub(crate) struct Bisection {
     /// The part of each vertex, named by one of its vertices.
     part: Vec<u32>,
     /// Its halves, one bit each, the last one lowest; as many as `depth` of its part says.
@@ -27,8 +27,8 @@ pub(crate) fn holding(cloth: &Cloth) -> impl Iterator<Item = &Link> {
     cloth.links.iter().filter(|link| link.shape > 0.0)
 }
 
-impl Halving {
-    pub(crate) fn new(cloth: &Cloth) -> Halving {
+impl Bisection {
+    pub(crate) fn new(cloth: &Cloth) -> Bisection {
         let vertices = cloth.rest.len();
         let mut parts = DisjointSets::new(vertices);
         holding(cloth).for_each(|link| parts.join(link.ends));
@@ -39,9 +39,9 @@ impl Halving {
         let mut path = vec![0; vertices];
         for group in by_part.chunk_by_mut(|&a, &b| part[a as usize] == part[b as usize]) {
             let depth = (group.len() as f64 / FINEST).log2().ceil().max(0.0) as u32;
-            halve(group, depth, 0, &rest, &mut path);
+            bisect(group, depth, 0, &rest, &mut path);
         }
-        Halving { part, path }
+        Bisection { part, path }
     }
 
     /// The aggregates of level `level` (0 the finest, each next one four times as large): that of each vertex, and how many.
@@ -77,14 +77,14 @@ impl Halving {
 }
 
 /// Halves a group `depth` times; `path` takes down the way to each vertex.
-fn halve(group: &mut [u32], depth: u32, way: u32, rest: &[Vec3], path: &mut [u32]) {
+fn bisect(group: &mut [u32], depth: u32, way: u32, rest: &[Vec3], path: &mut [u32]) {
     if depth == 0 || group.len() < 2 {
         group.iter().for_each(|&vertex| path[vertex as usize] = way << depth);
         return;
     }
     let (low, high) = cut(group, rest);
-    halve(low, depth - 1, 2 * way, rest, path);
-    halve(high, depth - 1, 2 * way + 1, rest, path);
+    bisect(low, depth - 1, 2 * way, rest, path);
+    bisect(high, depth - 1, 2 * way + 1, rest, path);
 }
 
 /// Cuts a group in two across the longest side of its box, between two rows if it has any.

@@ -1,4 +1,4 @@
-//! The edges between aggregates: which there are, how long they are at rest, and how stiff. The reasons are in `levels.rs`.
+//! The edges between aggregates: which there are, how long they are at rest, and how stiff. The reasons are in [`hierarchy`](super::hierarchy).
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,27 +9,27 @@ use crate::model::cloth::{Cloth, Link};
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::multigrid::aggregation::holding;
-use crate::multigrid::hierarchy::Patch;
+use crate::multigrid::hierarchy::Aggregate;
 
 /// Cloth that is softer than this along an edge, as a share of what it is made of, does not pull there.
 const SLACK: f64 = 1e-3;
 
-/// What patches are made of, for the distances about pins: vertices, or aggregates two levels finer.
-pub(crate) struct Points {
-    items: Vec<Patch>,
+/// What aggregates are made of, as masses at points, for the distances about pins: vertices, or aggregates two levels finer.
+pub(crate) struct PointMasses {
+    items: Vec<Aggregate>,
     of: Csr<u32>,
 }
 
-impl Points {
-    pub(crate) fn new(items: Vec<Patch>, label: Vec<u32>, count: usize) -> Points {
-        let of = Csr::new(count, label.iter().enumerate().map(|(item, &patch)| (patch, item as u32)));
-        Points { items, of }
+impl PointMasses {
+    pub(crate) fn new(items: Vec<Aggregate>, label: Vec<u32>, count: usize) -> PointMasses {
+        let of = Csr::new(count, label.iter().enumerate().map(|(item, &aggregate)| (aggregate, item as u32)));
+        PointMasses { items, of }
     }
 
-    /// Mean distance (m) by which mass moves in a plan that carries one patch onto the other: the nearest pairs first.
-    fn transport(&self, patches: [u32; 2], masses: [f64; 2]) -> f64 {
+    /// Mean distance (m) by which mass moves in a transport plan that carries one aggregate onto the other: the nearest pairs first.
+    fn transport(&self, aggregates: [u32; 2], masses: [f64; 2]) -> f64 {
         let [mut from, mut to] = [0, 1].map(|side| {
-            let of = self.of.of(patches[side]).iter();
+            let of = self.of.of(aggregates[side]).iter();
             of.map(|&item| (self.items[item as usize].center, self.items[item as usize].mass / masses[side])).collect::<Vec<_>>()
         });
         let mut pairs: Vec<(f64, usize, usize)> = Vec::with_capacity(from.len() * to.len());
@@ -48,15 +48,15 @@ impl Points {
     }
 }
 
-/// Stiffness of patches along any direction: that of their own edges, and half of those that leave them.
+/// Stiffness of aggregates along any direction: that of their own edges, and half of those that leave them.
 pub(crate) struct Stiffness {
-    /// Two directions in the plane of each patch.
+    /// Two directions in the plane of each aggregate.
     frames: Vec<[DVec3; 2]>,
     /// Sum of `K l0² q q^T` for K = 1 N/m (m²), `q = (a², b², sqrt(2) a b)` of an edge's direction in the plane.
     tensors: Vec<DMat3>,
 }
 
-/// A fine edge as the patches at its ends feel it; the same for all levels.
+/// A fine edge as the aggregates at its ends feel it; the same for all levels.
 pub(crate) struct Fiber {
     ends: [u32; 2],
     direction: DVec3,
@@ -77,44 +77,44 @@ impl Fiber {
 }
 
 impl Stiffness {
-    pub(crate) fn new(fibers: &[Fiber], patches: &[Patch], patch_of: &[u32]) -> Stiffness {
-        let of = |fiber: &Fiber| fiber.ends.map(|vertex| patch_of[vertex as usize] as usize);
+    pub(crate) fn new(fibers: &[Fiber], aggregates: &[Aggregate], aggregate_of: &[u32]) -> Stiffness {
+        let of = |fiber: &Fiber| fiber.ends.map(|vertex| aggregate_of[vertex as usize] as usize);
         // Threads have no normal; the plane of one is any through it.
-        let mut along = vec![DVec3::ZERO; patches.len()];
+        let mut along = vec![DVec3::ZERO; aggregates.len()];
         for fiber in fibers {
             let d = fiber.direction;
-            for patch in of(fiber) {
-                let sum = &mut along[patch];
+            for aggregate in of(fiber) {
+                let sum = &mut along[aggregate];
                 *sum += if d.dot(*sum) < 0.0 { -d } else { d };
             }
         }
-        let frame = |(patch, along): (&Patch, &DVec3)| {
-            let side = patch.normal.cross(*along);
+        let frame = |(aggregate, along): (&Aggregate, &DVec3)| {
+            let side = aggregate.normal.cross(*along);
             let side =
                 if side.length_squared() > 0.0 { side.normalize() } else { along.any_orthogonal_vector().normalize_or_zero() };
-            let normal = patch.normal.normalize_or_zero();
+            let normal = aggregate.normal.normalize_or_zero();
             let e = (*along - normal * normal.dot(*along)).normalize_or_zero();
             [e, side]
         };
-        let frames: Vec<[DVec3; 2]> = patches.iter().zip(&along).map(frame).collect();
-        let mut tensors = vec![DMat3::ZERO; patches.len()];
+        let frames: Vec<[DVec3; 2]> = aggregates.iter().zip(&along).map(frame).collect();
+        let mut tensors = vec![DMat3::ZERO; aggregates.len()];
         for fiber in fibers {
-            for patch in of(fiber) {
-                let q = voigt(fiber.direction, frames[patch]);
-                tensors[patch] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fiber.weight;
+            for aggregate in of(fiber) {
+                let q = voigt(fiber.direction, frames[aggregate]);
+                tensors[aggregate] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fiber.weight;
             }
         }
         Stiffness { frames, tensors }
     }
 
-    /// Stiffness times area (m²) along `n` for K = 1 N/m, free to contract across it, and its share of the whole.
-    fn along(&self, patch: u32, n: DVec3) -> (f64, f64) {
-        let tensor = self.tensors[patch as usize];
+    /// Stiffness times area (m²) along `n` for K = 1 N/m, free to contract across it, and its share of that of all directions together.
+    fn along(&self, aggregate: u32, n: DVec3) -> (f64, f64) {
+        let tensor = self.tensors[aggregate as usize];
         let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
         if trace == 0.0 {
             return (0.0, 0.0);
         }
-        let q = voigt(n, self.frames[patch as usize]).normalize_or_zero();
+        let q = voigt(n, self.frames[aggregate as usize]).normalize_or_zero();
         let compliance = q.dot((tensor + DMat3::IDENTITY * (1e-6 * trace)).inverse() * q);
         (1.0 / compliance, 1.0 / (compliance * trace))
     }
@@ -129,17 +129,17 @@ fn voigt(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
 /// What it takes to make coarse edges.
 pub(crate) struct Edges<'a> {
     pub cloth: &'a Cloth,
-    pub patches: &'a [Patch],
-    pub points: &'a Points,
+    pub aggregates: &'a [Aggregate],
+    pub masses: &'a PointMasses,
     /// Share of the distance about pins that counts.
-    pub gather: f64,
+    pub pin_share: f64,
     pub stiffness: Stiffness,
 }
 
 impl Edges<'_> {
     /// The edges between groups of pairs, group after group, in color order.
     pub(crate) fn color(&self, groups: &[Vec<[u32; 2]>]) -> (Vec<Link>, Vec<Range<usize>>) {
-        let centers: Vec<Vec3> = self.patches.iter().map(|patch| patch.center.as_vec3()).collect();
+        let centers: Vec<Vec3> = self.aggregates.iter().map(|aggregate| aggregate.center.as_vec3()).collect();
         let (mut links, mut colors) = (Vec::new(), Vec::new());
         for pairs in groups {
             let made: Vec<Link> = pairs.iter().filter_map(|&pair| self.between(pair)).collect();
@@ -154,17 +154,17 @@ impl Edges<'_> {
         (links, colors)
     }
 
-    /// The edge between two patches; none if nothing holds them together.
+    /// The edge between two aggregates; none if nothing holds them together.
     fn between(&self, pair: [u32; 2]) -> Option<Link> {
-        let [a, b] = pair.map(|patch| &self.patches[patch as usize]);
+        let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
         let turn = 0.5 * a.normal.angle_between(b.normal);
         let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
         let mut rest = a.center.distance(b.center) * bent;
         if a.pinned || b.pinned {
-            rest = rest.max(self.gather * self.points.transport(pair, [a.mass, b.mass]));
+            rest = rest.max(self.pin_share * self.masses.transport(pair, [a.mass, b.mass]));
         }
         let n = (b.center - a.center).normalize_or_zero();
-        let along = pair.map(|patch| self.stiffness.along(patch, n));
+        let along = pair.map(|aggregate| self.stiffness.along(aggregate, n));
         // Of the pinned vertices there may be one only, with hardly an edge.
         let (area, part) = match (a.pinned, b.pinned) {
             (true, _) => along[1],
@@ -181,23 +181,23 @@ impl Edges<'_> {
 }
 
 /// Pairs that are not neighbors but have two neighbors in common, one on either side: not across the end of a slit.
-pub(crate) fn two_rings(pairs: &[[u32; 2]], patches: &[Patch]) -> Vec<[u32; 2]> {
-    let near = Csr::new(patches.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u32; 2]> {
+    let near = Csr::new(aggregates.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
     let mut found = Vec::new();
-    for a in 0..patches.len() as u32 {
-        // Which sides of the way to each patch two rings away have a common neighbor.
+    for a in 0..aggregates.len() as u32 {
+        // Which sides of the way to each aggregate two rings away have a common neighbor.
         let mut sides: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
         for &between in near.of(a) {
             for &b in near.of(between) {
                 if b <= a || near.of(a).contains(&b) {
                     continue;
                 }
-                let [x, y, z] = [a, between, b].map(|patch| patches[patch as usize].center);
-                let side = (y - x).cross(z - x).dot(patches[a as usize].normal + patches[b as usize].normal);
+                let [x, y, z] = [a, between, b].map(|aggregate| aggregates[aggregate as usize].center);
+                let side = (y - x).cross(z - x).dot(aggregates[a as usize].normal + aggregates[b as usize].normal);
                 sides.entry(b).or_default()[usize::from(side > 0.0)] = true;
             }
         }
-        let held = |b: &u32| !(patches[a as usize].pinned && patches[*b as usize].pinned);
+        let held = |b: &u32| !(aggregates[a as usize].pinned && aggregates[*b as usize].pinned);
         found.extend(sides.iter().filter(|(b, sides)| **sides == [true; 2] && held(b)).map(|(&b, _)| [a, b]));
     }
     found

@@ -1,4 +1,4 @@
-//! Coarse levels: the cloth in ever larger patches, for a correction that reaches as far in one substep as stress does.
+//! Coarse levels: the cloth in ever larger aggregates, for a correction that reaches as far in one substep as stress does.
 //!
 //! # Theory
 //! One sweep carries an impulse from an edge to the next. Below the resolved substep (`S < S*`) that is too slow: the
@@ -50,8 +50,8 @@ use glam::DVec3;
 
 use crate::model::cloth::{Cloth, Link};
 use crate::model::csr::Csr;
-use crate::multigrid::aggregation::{Halving, holding};
-use crate::multigrid::coarse_edges::{Edges, Fiber, Points, Stiffness, two_rings};
+use crate::multigrid::aggregation::{Bisection, holding};
+use crate::multigrid::coarse_edges::{Edges, Fiber, PointMasses, Stiffness, two_rings};
 
 /// A level of fewer aggregates is not worth its overhead.
 const FEWEST: usize = 6;
@@ -83,9 +83,9 @@ pub(crate) struct Level {
     pub colors: Vec<Range<usize>>,
 }
 
-/// A vertex or an aggregate at rest.
+/// An aggregate at rest; a vertex is one by itself.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Patch {
+pub(crate) struct Aggregate {
     /// Mass (kg), and its center (m).
     pub mass: f64,
     pub center: DVec3,
@@ -94,7 +94,7 @@ pub(crate) struct Patch {
     pub normal: DVec3,
 }
 
-impl Patch {
+impl Aggregate {
     fn inverse_mass(&self) -> f64 {
         if self.pinned { 0.0 } else { 1.0 / self.mass }
     }
@@ -114,85 +114,86 @@ impl Hierarchy {
     }
 
     pub(crate) fn new(cloth: &Cloth) -> Hierarchy {
-        let halving = Halving::new(cloth);
+        let bisection = Bisection::new(cloth);
         let fibers = Fiber::all(cloth);
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
-        // The patches of the last level (to begin with, the vertices) and of the one before, and which of the last each vertex is in.
+        // The aggregates of the last level (to begin with, the vertices) and of the one before, and which of the last each vertex is in.
         let mut last = vertices(cloth);
-        let mut before: Option<Vec<Patch>> = None;
+        let mut before: Option<Vec<Aggregate>> = None;
         let mut item_of: Vec<u32> = (0..last.len() as u32).collect();
         for index in 0..MAX_LEVELS as u32 {
-            let (aggregate_of, count) = halving.of_level(cloth, index);
+            let (aggregate_of, count) = bisection.of_level(cloth, index);
             if count < FEWEST || 3 * count > 2 * last.len() {
                 break;
             }
             let mut label = vec![0; last.len()];
             item_of.iter().zip(&aggregate_of).for_each(|(&item, &aggregate)| label[item as usize] = aggregate);
-            let patches = gather(&last, &label, count);
+            let aggregates = merged(&last, &label, count);
             let members = Csr::new(count, label.iter().enumerate().map(|(item, &aggregate)| (aggregate, item as u32)));
-            let share = |&item: &u32| (last[item as usize].mass / patches[label[item as usize] as usize].mass) as f32;
+            let share = |&item: &u32| (last[item as usize].mass / aggregates[label[item as usize] as usize].mass) as f32;
             let share = members.items.iter().map(share).collect();
 
             let moved = pairs.iter().map(|pair| pair.map(|item| label[item as usize]));
             let moved = moved.map(|[a, b]| [a.min(b), a.max(b)]);
-            pairs = moved.filter(|[a, b]| a != b && !(patches[*a as usize].pinned && patches[*b as usize].pinned)).collect();
+            pairs =
+                moved.filter(|[a, b]| a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned)).collect();
             pairs.sort_unstable();
             pairs.dedup();
-            let points = match (&before, levels.last()) {
+            let masses = match (&before, levels.last()) {
                 (Some(before), Some(level)) => {
-                    Points::new(before.clone(), level.label.iter().map(|&item| label[item as usize]).collect(), count)
+                    PointMasses::new(before.clone(), level.label.iter().map(|&item| label[item as usize]).collect(), count)
                 }
-                _ => Points::new(last.clone(), label.clone(), count),
+                _ => PointMasses::new(last.clone(), label.clone(), count),
             };
-            let rings = two_rings(&pairs, &patches);
-            // Near a lone pin fine cloth is not gathered in one line, as the farthest that centers can be apart takes it to be.
-            let gather = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
+            let rings = two_rings(&pairs, &aggregates);
+            // Near a lone pin fine cloth does not gather in one line, as the farthest that centers can be apart takes it to be.
+            let pin_share = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
             let edges = Edges {
                 cloth,
-                patches: &patches,
-                points: &points,
-                gather,
-                stiffness: Stiffness::new(&fibers, &patches, &aggregate_of),
+                aggregates: &aggregates,
+                masses: &masses,
+                pin_share,
+                stiffness: Stiffness::new(&fibers, &aggregates, &aggregate_of),
             };
             let (links, colors) = edges.color(&[rings, pairs.clone()]);
-            let inverse_mass = patches.iter().map(|patch| patch.inverse_mass() as f32).collect();
+            let inverse_mass = aggregates.iter().map(|aggregate| aggregate.inverse_mass() as f32).collect();
             levels.push(Level { label, members, share, inverse_mass, links, colors });
-            (before, last, item_of) = (Some(last), patches, aggregate_of);
+            (before, last, item_of) = (Some(last), aggregates, aggregate_of);
         }
         Hierarchy { levels, built: true }
     }
 }
 
-/// The vertices as patches.
-fn vertices(cloth: &Cloth) -> Vec<Patch> {
-    let patch = |(x, &mass): (&glam::Vec4, &f32)| Patch {
+/// The vertices as aggregates of one.
+fn vertices(cloth: &Cloth) -> Vec<Aggregate> {
+    let aggregate = |(x, &mass): (&glam::Vec4, &f32)| Aggregate {
         mass: f64::from(mass),
         center: x.truncate().as_dvec3(),
         pinned: x.w == 0.0,
         normal: DVec3::ZERO,
     };
-    let mut patches: Vec<Patch> = cloth.rest.iter().zip(&cloth.mass).map(patch).collect();
+    let mut aggregates: Vec<Aggregate> = cloth.rest.iter().zip(&cloth.mass).map(aggregate).collect();
     for corners in &cloth.triangles {
-        let [a, b, c] = corners.map(|vertex| patches[vertex as usize].center);
+        let [a, b, c] = corners.map(|vertex| aggregates[vertex as usize].center);
         let normal = (b - a).cross(c - a);
-        corners.iter().for_each(|&vertex| patches[vertex as usize].normal += normal);
+        corners.iter().for_each(|&vertex| aggregates[vertex as usize].normal += normal);
     }
-    patches
+    aggregates
 }
 
-/// Patches made of smaller ones.
-fn gather(items: &[Patch], label: &[u32], count: usize) -> Vec<Patch> {
-    let mut patches = vec![Patch::default(); count];
-    for (item, &aggregate) in items.iter().zip(label) {
-        let patch = &mut patches[aggregate as usize];
-        patch.mass += item.mass;
-        patch.center += item.center * item.mass;
-        patch.pinned = item.pinned;
-        patch.normal += item.normal;
+/// Aggregates made of smaller ones, by the label of each.
+fn merged(items: &[Aggregate], label: &[u32], count: usize) -> Vec<Aggregate> {
+    let mut aggregates = vec![Aggregate::default(); count];
+    for (item, &label) in items.iter().zip(label) {
+        let aggregate = &mut aggregates[label as usize];
+        aggregate.mass += item.mass;
+        aggregate.center += item.center * item.mass;
+        aggregate.pinned = item.pinned;
+        aggregate.normal += item.normal;
     }
-    patches.iter_mut().for_each(|patch| patch.center /= patch.mass);
-    patches
+    aggregates.iter_mut().for_each(|aggregate| aggregate.center /= aggregate.mass);
+    aggregates
 }
 
 #[cfg(test)]

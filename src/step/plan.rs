@@ -35,13 +35,17 @@ impl Motion {
     }
 }
 
-/// The lists of a plan, kept from step to step so that a step allocates nothing.
+/// The buffers of a plan, kept from step to step so that a step allocates nothing.
 #[derive(Debug, Default)]
-pub(crate) struct Lists {
+pub(crate) struct PlanBuffers {
     substeps: Vec<Substep>,
     bodies: Vec<Body>,
     pins: Vec<Pin>,
 }
+
+/// What the tests of `src/cpu` call [`PlanBuffers`].
+#[cfg(test)]
+pub(crate) type Lists = PlanBuffers;
 
 /// All that an engine needs for one step.
 #[derive(Debug)]
@@ -65,6 +69,7 @@ pub(crate) struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// Turns attributes into the numbers the kernels take. `motion` is where the last step left off.
+    #[expect(clippy::too_many_arguments, reason = "all that a step follows from, and the buffers that it is written to")]
     pub(crate) fn new(
         cloth: &'a Cloth,
         levels: &'a [Level],
@@ -73,7 +78,7 @@ impl<'a> Plan<'a> {
         motion: &Motion,
         count: u32,
         attributes: &Attributes,
-        lists: &'a mut Lists,
+        buffers: &'a mut PlanBuffers,
     ) -> Plan<'a> {
         let h = coefficients.h;
         let drag = f64::from(attributes.damping);
@@ -91,8 +96,8 @@ impl<'a> Plan<'a> {
             }
         };
         let colliders = attributes.colliders.iter().enumerate();
-        lists.bodies.clear();
-        lists.bodies.extend(colliders.map(|(index, collider)| {
+        buffers.bodies.clear();
+        buffers.bodies.extend(colliders.map(|(index, collider)| {
             body(collider, motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest)
         }));
         let targets = attributes.pin_targets.iter().flatten();
@@ -102,11 +107,11 @@ impl<'a> Plan<'a> {
             goal: (to - cloth.origin).to_array(),
             padding: 0,
         };
-        lists.pins.clear();
-        lists.pins.extend(targets.zip(&motion.pins).zip(&cloth.pinned).map(pin));
-        lists.pins.sort_unstable_by_key(|pin| pin.vertex);
-        lists.substeps.clear();
-        lists.substeps.extend((0..count).map(substep));
+        buffers.pins.clear();
+        buffers.pins.extend(targets.zip(&motion.pins).zip(&cloth.pinned).map(pin));
+        buffers.pins.sort_unstable_by_key(|pin| pin.vertex);
+        buffers.substeps.clear();
+        buffers.substeps.extend((0..count).map(substep));
         let (bending, wind) = (options.fabric.bending > 0.0, attributes.air_density > 0.0);
         let sweeps = match options.method {
             Method::SmallSteps => 1,
@@ -122,10 +127,10 @@ impl<'a> Plan<'a> {
             lift: attributes.lift,
             fraction: 1.0 / count as f32,
             vertices: cloth.rest.len() as u32,
-            bodies: lists.bodies.len() as u32,
-            pins: lists.pins.len() as u32,
+            bodies: buffers.bodies.len() as u32,
+            pins: buffers.pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
-            predicted: u32::from(bending || wind || options.method == Method::Springs || !lists.pins.is_empty()),
+            predicted: u32::from(bending || wind || options.method == Method::Springs || !buffers.pins.is_empty()),
             substeps: count,
             sweeps,
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
@@ -136,9 +141,9 @@ impl<'a> Plan<'a> {
             levels,
             coefficients,
             params,
-            substeps: &lists.substeps,
-            bodies: &lists.bodies,
-            pins: &lists.pins,
+            substeps: &buffers.substeps,
+            bodies: &buffers.bodies,
+            pins: &buffers.pins,
             sweeps,
             method: options.method,
             bending,

@@ -16,7 +16,7 @@ const TRANSIENT: f64 = 5.0;
 const STANDARD_GRAVITY: f64 = 9.81;
 /// Vertices below which levels cost more than they bring.
 const SMALL: usize = 1000;
-/// Pressure of the wind over the cloth's weight from which levels show small wrinkles for stretch: see `levels.rs`.
+/// Pressure of the wind over the cloth's weight from which levels show small wrinkles for stretch: see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
 
 /// What the closed forms need to know of a cloth.

@@ -1,4 +1,4 @@
-//! Coarse levels that one workgroup holds together, as `levels.wgsl` reads them.
+//! Coarse levels that one workgroup holds together, as `stages/levels.wgsl` reads them.
 
 use crate::device::Gpu;
 use crate::gpu::tiles::NO_EDGE;
@@ -105,7 +105,7 @@ impl LevelTable {
         }
     }
 
-    /// What `levels.wgsl` is told of a table that starts at word `start`, or of none.
+    /// What `stages/levels.wgsl` is told of a table that starts at word `start`, or of none.
     pub(crate) fn constants(levels: Option<&LevelTable>, start: usize) -> [(&'static str, f64); 8] {
         let values = levels.map_or([0, 0, 0, 0, 1, 1, 0, 0], |of| {
             [of.levels, of.averaged, of.aggregates, of.of_finest, of.members, of.width, of.colors, start]
@@ -138,7 +138,7 @@ mod tests {
     use crate::multigrid::hierarchy::Hierarchy;
     use crate::{Mesh, Options};
 
-    /// The table, read as `levels.wgsl` reads it, says what the levels are: whole colors or parts of them.
+    /// The table, read as `stages/levels.wgsl` reads it, says what the levels are: whole colors or parts of them.
     #[test]
     fn a_table_says_what_the_levels_are() {
         let options = Options { pinned: (0..70).collect(), ..Options::default() };

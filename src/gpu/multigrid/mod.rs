@@ -26,7 +26,7 @@ use tiled::TiledLevels;
 /// Lanes that average an aggregate of vertices, and one of aggregates: about as many as it has of them.
 const EACH: [usize; 2] = [16, 4];
 
-/// An item that an aggregate is made of: `restrict.wgsl`'s `Member`.
+/// An item that an aggregate is made of: `stages/restrict.wgsl`'s `Member`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Member {
