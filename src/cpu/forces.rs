@@ -315,7 +315,7 @@ mod tests {
     use crate::cpu::integrate::Integrator;
     use crate::model::cloth::Cloth;
     use crate::step::coefficients::Coefficients;
-    use crate::step::plan::{Lists, Motion};
+    use crate::step::plan::{PlanBuffers, Motion};
     use crate::{Attributes, Fabric, Mesh, Options};
 
     use crate::kernels::integrate::xyz;
@@ -437,7 +437,7 @@ mod tests {
                 let h = 1.0 / 1200.0;
                 let plan_of = |options: &Options, attributes: &Attributes, check: &dyn Fn(&Plan<'_>)| {
                     let coefficients = Coefficients::new(&cloth, &[], options, h);
-                    let (mut lists, motion) = (Lists::default(), Motion { h, ..Motion::default() });
+                    let (mut lists, motion) = (PlanBuffers::default(), Motion { h, ..Motion::default() });
                     check(&Plan::new(&cloth, &[], options, &coefficients, &motion, 1, attributes, &mut lists));
                 };
                 let most = |a: &[Vec4], b: &[Vec4]| {

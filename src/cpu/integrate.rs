@@ -220,7 +220,7 @@ mod tests {
     use crate::model::cloth::Cloth;
     use crate::simd::aligned::AlignedVec;
     use crate::step::coefficients::Coefficients;
-    use crate::step::plan::{Lists, Motion};
+    use crate::step::plan::{PlanBuffers, Motion};
     use crate::{Attributes, Collider, Mesh, Options};
 
     /// Vertices near bodies and far, slow and fast, together and one by one: the same bits.
@@ -245,7 +245,7 @@ mod tests {
                 _ => Collider::sphere(at(0.3), 0.25),
             };
             let attributes = Attributes { colliders: vec![body], ..Attributes::default() };
-            let (mut lists, motion) = (Lists::default(), Motion { h, colliders: vec![before], ..Motion::default() });
+            let (mut lists, motion) = (PlanBuffers::default(), Motion { h, colliders: vec![before], ..Motion::default() });
             let plan = Plan::new(&cloth, &[], &options, &coefficients, &motion, 2, &attributes, &mut lists);
             let mut random = fastrand::Rng::with_seed(8);
             let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));

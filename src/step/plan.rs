@@ -43,10 +43,6 @@ pub(crate) struct PlanBuffers {
     pins: Vec<Pin>,
 }
 
-/// What the tests of `src/cpu` call [`PlanBuffers`].
-#[cfg(test)]
-pub(crate) type Lists = PlanBuffers;
-
 /// All that an engine needs for one step.
 #[derive(Debug)]
 pub(crate) struct Plan<'a> {
