@@ -7,7 +7,7 @@ use glam::Vec4;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::sweep::{Rule, sweep};
-use crate::cpu::tasks::shared::{Places, SharedArray, Task, View};
+use crate::cpu::tasks::shared::{Four, Places, SharedArray, Task, View};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::{Level, MAX_LEVELS};
 use crate::simd::aligned::AlignedVec;
@@ -285,16 +285,17 @@ struct Restrict<'t> {
 impl Loop for Restrict<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Restrict { members, inverse_mass, x, u, to_x, to_change, to_u, aggregates } = self;
+        let Restrict { members, inverse_mass, to_x, to_change, to_u, aggregates, .. } = self;
+        let (x, u) = (self.x.at(&members.items), self.u.at(&members.items));
         for aggregate in aggregates {
             let (start, end) = (members.starts[aggregate], members.starts[aggregate + 1]);
-            let first = x.get(members.items.of(start) as usize);
+            let first = x.get(start);
             let (origin, mut dx, mut by) = (L::repeat(first), L::splat(0.0), L::splat(0.0));
             let mut at = start;
             for shares in members.shares[start..end].chunks_exact(L::VECTORS) {
-                let (share, near) = (L::repeat_each(shares), members.items.ascending::<L>(at));
-                dx = (x.near::<L>(near) - origin).mul_add(share, dx);
-                by = u.near::<L>(near).mul_add(share, by);
+                let share = L::repeat_each(shares);
+                dx = (x.ascending::<L>(at) - origin).mul_add(share, dx);
+                by = u.ascending::<L>(at).mul_add(share, by);
                 at += L::VECTORS;
             }
             let by = by.sum();
@@ -318,16 +319,24 @@ impl Loop for HandDown<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let HandDown { label, common, change, u, items } = self;
-        let rest = items.end - items.len() % L::VECTORS;
+        let by_label = change.at(label);
+        // Items begin with a whole group of lanes.
+        let rest = items.end - items.len() % L::LANES;
         let mut first = items.start;
-        for &of in &common[items.start / L::VECTORS..rest / L::VECTORS] {
-            // Neighbors are mostly of one aggregate.
-            let by = if of == MIXED { change.near::<L>(label.listed::<L>(first)) } else { L::repeat(change.get(of as usize)) };
-            u.set_register(first, u.register::<L>(first) + by);
-            first += L::VECTORS;
+        for common in common[items.start / L::VECTORS..rest / L::VECTORS].chunks_exact(4) {
+            let row = u.row::<L>(first as u32);
+            for (k, &of) in common.iter().enumerate() {
+                // Neighbors are mostly of one aggregate.
+                let by = match of {
+                    MIXED => by_label.register::<L>(first + k * L::VECTORS),
+                    of => L::repeat(change.get(of as usize)),
+                };
+                row.set(k, row.get(k) + by);
+            }
+            first += L::LANES;
         }
         for item in rest..items.end {
-            let by: Vec4 = change.get(label.of(item) as usize);
+            let by: Vec4 = by_label.get(item);
             u.set(item, u.get(item) + by);
         }
     }

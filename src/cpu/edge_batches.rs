@@ -5,10 +5,10 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
-use crate::cpu::tasks::shared::Places;
+use crate::cpu::tasks::shared::{Places, Rows};
 use crate::kernels::distance::Edge;
 use crate::simd::aligned::AlignedVec;
-use crate::simd::vector_of_lane;
+use crate::simd::{MAX_LANES, vector_of_lane};
 
 /// How the vertices of a row's edges lie in memory; most of a grid's are side by side, which need no gathering.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,10 +23,10 @@ pub(crate) enum Ends {
 
 /// Rows whose ends lie alike, one after another.
 #[derive(Debug, Clone)]
-struct Rows {
+struct RowsAlike {
     ends: Ends,
     rows: Range<usize>,
-    /// Where their ends begin in the places.
+    /// Where their ends begin in the list of those that lie so.
     first: usize,
 }
 
@@ -37,9 +37,18 @@ pub(crate) struct Batch<'a> {
     /// Lane by lane: one over the rest length (1/m), and what share of the correction each end takes, which is the edge's
     /// `inverse_weight` times the end's inverse mass.
     pub factors: &'a [f32],
-    /// Where their ends are, from `first` on.
-    pub places: &'a Places,
+    /// Where their ends are, from `first` on in the list of those that lie so.
+    pub at: &'a EndLists,
     pub first: usize,
+}
+
+/// Where the ends of rows are.
+#[derive(Debug, Default)]
+pub(crate) struct EndLists {
+    /// Of [`Ends::Rows`] the first vertices of both, of [`Ends::Pairs`] the first, of [`Ends::Listed`] all.
+    pub rows: Rows,
+    pub pairs: Rows,
+    pub listed: Places,
 }
 
 /// The rows of a list of pieces: as many edges of one color as the processor takes together. A lane without an edge of its own
@@ -49,8 +58,8 @@ pub(crate) struct EdgeBatches {
     lanes: usize,
     /// What [`Batch::factors`] are slices of.
     factors: AlignedVec,
-    places: Places,
-    batches: Vec<Rows>,
+    at: EndLists,
+    batches: Vec<RowsAlike>,
     /// The batches of each piece.
     of: Vec<Range<usize>>,
 }
@@ -60,12 +69,12 @@ type Lane = (Edge, bool);
 
 impl Ends {
     /// End 0 or 1 of a lane's edge.
-    fn end(self, places: &Places, first: usize, lanes: usize, end: usize, lane: usize) -> u32 {
+    fn end(self, at: &EndLists, first: usize, lanes: usize, end: usize, lane: usize) -> u32 {
         let vector = vector_of_lane(lane, lanes) as u32;
         match self {
-            Ends::Rows => places.of(first + end) + vector,
-            Ends::Pairs => places.of(first) + 2 * vector + end as u32,
-            Ends::Listed => places.of(first + end * lanes + lane),
+            Ends::Rows => at.rows.of(first + end) + vector,
+            Ends::Pairs => at.pairs.of(first) + 2 * vector + end as u32,
+            Ends::Listed => at.listed.of(first + end * lanes + lane),
         }
     }
 }
@@ -84,7 +93,12 @@ impl EdgeBatches {
         lanes: usize,
     ) -> EdgeBatches {
         let vertices = inverse_mass.len();
-        let batches = EdgeBatches { lanes, places: Places::new(vertices), ..EdgeBatches::default() };
+        let at = EndLists {
+            rows: Rows::new(lanes, vertices.next_multiple_of(MAX_LANES)),
+            pairs: Rows::new(2 * lanes, vertices.next_multiple_of(MAX_LANES)),
+            listed: Places::new(vertices),
+        };
+        let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
         let mut packer = Packer { inverse_mass, batches };
         // The piece and color that last visited a vertex.
         let mut visited = vec![(usize::MAX, usize::MAX); vertices];
@@ -108,7 +122,9 @@ impl EdgeBatches {
             packer.batches.of.push(start..end);
         }
         packer.batches.factors.trim();
-        packer.batches.places.trim();
+        packer.batches.at.rows.trim();
+        packer.batches.at.pairs.trim();
+        packer.batches.at.listed.trim();
         packer.batches
     }
 
@@ -118,7 +134,7 @@ impl EdgeBatches {
         self.batches[self.of[piece].clone()].iter().map(move |batch| Batch {
             ends: batch.ends,
             factors: &bytemuck::cast_slice(&self.factors)[row * batch.rows.start..row * batch.rows.end],
-            places: &self.places,
+            at: &self.at,
             first: batch.first,
         })
     }
@@ -162,21 +178,26 @@ impl Packer<'_> {
 
     /// Adds a row, given by its lanes, to the last batch of those from `open` on, or a new one.
     fn push(&mut self, ends: Ends, open: usize, lane: impl Fn(usize) -> Lane) {
-        let EdgeBatches { lanes, factors, places, batches, .. } = &mut self.batches;
-        let (lanes, row, first) = (*lanes, 4 * factors.len() / (3 * *lanes), places.len());
+        let EdgeBatches { lanes, factors, at, batches, .. } = &mut self.batches;
+        let (lanes, row) = (*lanes, 4 * factors.len() / (3 * *lanes));
+        let first = match ends {
+            Ends::Rows => at.rows.len(),
+            Ends::Pairs => at.pairs.len(),
+            Ends::Listed => at.listed.len(),
+        };
         match batches[open..].last_mut() {
             Some(batch) if batch.ends == ends => batch.rows.end += 1,
-            _ => batches.push(Rows { ends, rows: row..row + 1, first }),
+            _ => batches.push(RowsAlike { ends, rows: row..row + 1, first }),
         }
         match ends {
-            Ends::Rows => places.extend([lane(0).0.a, lane(0).0.b]),
-            Ends::Pairs => places.extend([lane(0).0.a]),
+            Ends::Rows => [lane(0).0.a, lane(0).0.b].into_iter().for_each(|end| at.rows.push(end)),
+            Ends::Pairs => at.pairs.push(lane(0).0.a),
             Ends::Listed => {
-                places.extend((0..lanes).map(|k| lane(k).0.a));
-                places.extend((0..lanes).map(|k| lane(k).0.b));
+                at.listed.extend((0..lanes).map(|k| lane(k).0.a));
+                at.listed.extend((0..lanes).map(|k| lane(k).0.b));
             }
         }
-        let spelled = |k: usize| [0, 1].map(|end| ends.end(places, first, lanes, end, k));
+        let spelled = |k: usize| [0, 1].map(|end| ends.end(at, first, lanes, end, k));
         debug_assert!((0..lanes).all(|k| spelled(k) == [lane(k).0.a, lane(k).0.b]), "{ends:?}");
         let inverse_mass = self.inverse_mass;
         let share = |(edge, counts): Lane, end: u32| if counts { edge.inverse_weight * inverse_mass[end as usize] } else { 0.0 };

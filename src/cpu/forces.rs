@@ -315,7 +315,7 @@ mod tests {
     use crate::cpu::integrate::Integrator;
     use crate::model::cloth::Cloth;
     use crate::step::coefficients::Coefficients;
-    use crate::step::plan::{PlanBuffers, Motion};
+    use crate::step::plan::{Motion, PlanBuffers};
     use crate::{Attributes, Fabric, Mesh, Options};
 
     use crate::kernels::integrate::xyz;

@@ -115,7 +115,7 @@ impl Loop for Copy<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         for first in self.vertices.step_by(L::LANES) {
-            let (from, to) = (self.from.row::<L>(first), self.to.row::<L>(first));
+            let (from, to) = (self.from.row::<L>(first as u32), self.to.row::<L>(first as u32));
             for k in 0..4 {
                 to.set(k, from.get(k));
             }
@@ -138,7 +138,7 @@ impl Loop for Fall<'_> {
         let (zero, fall, carry) = (L::splat(0.0), L::repeat(self.fall), L::splat(self.carry));
         let fourth = zero.lt(L::repeat(Vec4::W));
         for first in self.vertices.step_by(L::LANES) {
-            let (x, u) = (self.x.row::<L>(first), self.u.row::<L>(first));
+            let (x, u) = (self.x.row::<L>(first as u32), self.u.row::<L>(first as u32));
             for k in 0..4 {
                 let on = predict_displacement(u.get(k), carry, fall);
                 u.set(k, L::select(fourth, zero, L::select(zero.lt(x.get(k).w()), on, zero)));
@@ -171,7 +171,7 @@ impl Loop for Advance<'_> {
         let most = L::splat(MAX_POSITION);
         let mut first = self.vertices.start;
         while self.vertices.end - first >= L::LANES {
-            let (x_row, u_row) = (x.row::<L>(first), u.row::<L>(first));
+            let (x_row, u_row) = (x.row::<L>(first as u32), u.row::<L>(first as u32));
             let mut clear = bodies.is_empty() || self.is_clear::<L>(first);
             if clear && matches!(then, Then::Check) {
                 for k in 0..4 {
@@ -220,7 +220,7 @@ mod tests {
     use crate::model::cloth::Cloth;
     use crate::simd::aligned::AlignedVec;
     use crate::step::coefficients::Coefficients;
-    use crate::step::plan::{PlanBuffers, Motion};
+    use crate::step::plan::{Motion, PlanBuffers};
     use crate::{Attributes, Collider, Mesh, Options};
 
     /// Vertices near bodies and far, slow and fast, together and one by one: the same bits.

@@ -48,28 +48,28 @@ impl Loop for Sweep<'_> {
 impl Sweep<'_> {
     #[inline(always)]
     fn rows<L: Registers, const RULE: u8>(self) {
-        let Sweep { batch: Batch { ends, factors, places, mut first }, x, u, .. } = self;
+        let Sweep { batch: Batch { ends, factors, at, mut first }, x, u, .. } = self;
         // Loops, for what takes a closure has not the instructions.
         match ends {
             Ends::Rows => {
                 for factors in factors.chunks_exact(3 * L::LANES) {
-                    let (a, b) = (places.of(first) as usize, places.of(first + 1) as usize);
-                    correct::<L, RULE, false>(factors, (x.row::<L>(a), x.row::<L>(b)), (u.row::<L>(a), u.row::<L>(b)));
+                    let x_ends = (x.row_of::<L>(&at.rows, first), x.row_of::<L>(&at.rows, first + 1));
+                    let u_ends = (u.row_of::<L>(&at.rows, first), u.row_of::<L>(&at.rows, first + 1));
+                    correct::<L, RULE, false>(factors, x_ends, u_ends);
                     first += 2;
                 }
             }
             Ends::Pairs => {
                 for factors in factors.chunks_exact(3 * L::LANES) {
-                    let a = places.of(first) as usize;
-                    correct::<L, RULE, false>(factors, x.pairs::<L>(a), u.pairs::<L>(a));
+                    correct::<L, RULE, false>(factors, x.pairs_of::<L>(&at.pairs, first), u.pairs_of::<L>(&at.pairs, first));
                     first += 1;
                 }
             }
             Ends::Listed => {
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + L::LANES);
-                    let x_ends = (x.listed::<L>(places, a), x.listed::<L>(places, b));
-                    correct::<L, RULE, true>(factors, x_ends, (u.listed::<L>(places, a), u.listed::<L>(places, b)));
+                    let x_ends = (x.listed::<L>(&at.listed, a), x.listed::<L>(&at.listed, b));
+                    correct::<L, RULE, true>(factors, x_ends, (u.listed::<L>(&at.listed, a), u.listed::<L>(&at.listed, b)));
                     first += 2 * L::LANES;
                 }
             }

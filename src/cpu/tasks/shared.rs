@@ -4,8 +4,8 @@
 //!
 //! - **Alive**: a [`SharedArray`] borrows its items, mutably, for as long as it lives, and a [`View`] borrows the array.
 //! - **Inside**: every access is compared with the array's length: once for as many items as one after another are wanted
-//!   together ([`Row`], [`Pairs`]), or once for a list of places ([`Places`]) that were compared with the list's bound when it was
-//!   made. Lengths and bounds never change.
+//!   together ([`Row`]), or once for a list of places or rows ([`Places`], [`Rows`]) that were compared with the list's bound when
+//!   it was made. Lengths and bounds never change.
 //! - **Apart**: while tasks run, no item that one writes is read or written by another. An array can only be seen from within a
 //!   [`Task`]; tasks are made by the [`scheduler`](super::scheduler) alone, which runs one only after all earlier ones that touch
 //!   a place of the cloth that it touches. That a task's loops stay where it says is for [`Stage`](crate::cpu::substep::Stage) to
@@ -119,9 +119,9 @@ impl<T> Clone for View<'_, T> {
 impl<T> Copy for View<'_, T> {}
 
 impl<'t, T> View<'t, T> {
-    /// An item's place.
+    /// Where an item is.
     #[inline(always)]
-    fn at(self, item: usize) -> *mut T {
+    fn pointer(self, item: usize) -> *mut T {
         assert!(item < self.length, "inside the array");
         self.start.wrapping_add(item)
     }
@@ -145,16 +145,16 @@ impl<'t, T> View<'t, T> {
     #[cfg(feature = "gpu")]
     pub(crate) fn item(self, item: usize) -> &'t T {
         self.reads(item, 1);
-        // SAFETY: Alive, Inside (`at`), Apart.
-        unsafe { &*self.at(item) }
+        // SAFETY: Alive, Inside (`pointer`), Apart.
+        unsafe { &*self.pointer(item) }
     }
 
     /// Puts another item in a place.
     #[cfg(feature = "gpu")]
     pub(crate) fn replace(self, item: usize, value: T) {
         self.writes(item, 1);
-        // SAFETY: Alive, Inside (`at`), Apart.
-        unsafe { *self.at(item) = value };
+        // SAFETY: Alive, Inside (`pointer`), Apart.
+        unsafe { *self.pointer(item) = value };
     }
 
     /// Asks for items that are about to be written: what another thread's cache holds would else be waited for at each store.
@@ -176,31 +176,39 @@ impl<'t, T: Copy> View<'t, T> {
     #[inline(always)]
     pub(crate) fn get(self, item: usize) -> T {
         self.reads(item, 1);
-        // SAFETY: Alive, Inside (`at`), Apart.
-        unsafe { *self.at(item) }
+        // SAFETY: Alive, Inside (`pointer`), Apart.
+        unsafe { *self.pointer(item) }
     }
 
     #[inline(always)]
     pub(crate) fn set(self, item: usize, value: T) {
         self.writes(item, 1);
-        // SAFETY: Alive, Inside (`at`), Apart.
-        unsafe { *self.at(item) = value };
+        // SAFETY: Alive, Inside (`pointer`), Apart.
+        unsafe { *self.pointer(item) = value };
     }
 }
 
 impl<'t> View<'t, Vec4> {
     /// As many vectors as lanes, one after another from `first` on.
     #[inline(always)]
-    pub(crate) fn row<L: Registers>(self, first: usize) -> Row<'t, L> {
-        assert!(first <= self.length && L::LANES <= self.length - first, "inside the array");
+    pub(crate) fn row<L: Registers>(self, first: u32) -> Row<'t, L> {
+        let first = first as usize;
+        assert!(first + L::LANES <= self.length, "inside the array");
         Row { view: self, first, lanes: PhantomData }
     }
 
-    /// Twice as many vectors as lanes, one after another from `first` on.
+    /// As many vectors as lanes, a row of a list.
     #[inline(always)]
-    pub(crate) fn pairs<L: Registers>(self, first: usize) -> Pairs<'t, L> {
-        assert!(first <= self.length && 2 * L::LANES <= self.length - first, "inside the array");
-        Pairs { view: self, first, lanes: PhantomData }
+    pub(crate) fn row_of<L: Registers>(self, rows: &Rows, index: usize) -> Row<'t, L> {
+        assert!(rows.bound <= self.length && rows.length == L::LANES, "inside the array");
+        Row { view: self, first: rows.starts[index] as usize, lanes: PhantomData }
+    }
+
+    /// Twice as many vectors as lanes, a row of a list.
+    #[inline(always)]
+    pub(crate) fn pairs_of<L: Registers>(self, rows: &Rows, index: usize) -> Pairs<'t, L> {
+        assert!(rows.bound <= self.length && rows.length == 2 * L::LANES, "inside the array");
+        Pairs { view: self, first: rows.starts[index] as usize, lanes: PhantomData }
     }
 
     /// As many vectors as lanes, at these places.
@@ -216,7 +224,7 @@ impl<'t> View<'t, Vec4> {
     /// As many vectors as lanes, one after another from `first` on: all x, all y, all z.
     #[inline(always)]
     pub(crate) fn vectors<L: Registers>(self, first: usize) -> Vector<L> {
-        let row = self.row::<L>(first);
+        let row = self.row::<L>(first as u32);
         L::transpose([row.get(0), row.get(1), row.get(2), row.get(3)])
     }
 
@@ -230,35 +238,21 @@ impl<'t> View<'t, Vec4> {
     /// The inverse of [`View::vectors`], with 0 as fourth.
     #[inline(always)]
     pub(crate) fn set_vectors<L: Registers>(self, first: usize, vectors: Vector<L>) {
-        let (row, [a, b, c, d]) = (self.row::<L>(first), L::vectors(vectors));
+        let (row, [a, b, c, d]) = (self.row::<L>(first as u32), L::vectors(vectors));
         row.set(0, a);
         row.set(1, b);
         row.set(2, c);
         row.set(3, d);
     }
 
-    /// As many vectors as a register holds, one after another from `first` on.
+    /// The vectors at the places of a list.
     #[inline(always)]
-    pub(crate) fn register<L: Registers>(self, first: usize) -> L {
-        assert!(first <= self.length && L::VECTORS <= self.length - first, "inside the array");
-        self.load(first)
-    }
-
-    #[inline(always)]
-    pub(crate) fn set_register<L: Registers>(self, first: usize, value: L) {
-        assert!(first <= self.length && L::VECTORS <= self.length - first, "inside the array");
-        self.store(first, value);
-    }
-
-    /// As many vectors as a register holds, at some places.
-    #[inline(always)]
-    pub(crate) fn near<L: Registers>(self, near: Near<'_>) -> L {
-        assert!(near.bound <= self.length, "inside the array");
-        if near.in_a_row {
-            return self.load(near.places[0] as usize);
-        }
-        let vector = |k: usize| self.vector(near.places[if k < L::VECTORS { k } else { 0 }]);
-        L::from_vectors([vector(0), vector(1), vector(2), vector(3)])
+    pub(crate) fn at<'p>(self, places: &'p Places) -> Gathered<'p>
+    where
+        't: 'p,
+    {
+        assert!(places.bound <= self.length, "inside the array");
+        Gathered { view: self, places: &places.items }
     }
 
     /// A register of vectors that are known to be inside.
@@ -381,6 +375,39 @@ impl<L: Registers> Pairs<'_, L> {
     }
 }
 
+/// A list of rows, so many items one after another each, in arrays of at least `bound` items.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Rows {
+    starts: Vec<u32>,
+    length: usize,
+    bound: usize,
+}
+
+impl Rows {
+    pub(crate) fn new(length: usize, bound: usize) -> Rows {
+        Rows { starts: Vec::new(), length, bound }
+    }
+
+    /// # Panics
+    /// If the row is not within the bound.
+    pub(crate) fn push(&mut self, start: u32) {
+        assert!(start as usize + self.length <= self.bound, "a row from {start} on, of {}", self.bound);
+        self.starts.push(start);
+    }
+
+    pub(crate) fn trim(&mut self) {
+        self.starts.shrink_to_fit();
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.starts.len()
+    }
+
+    pub(crate) fn of(&self, index: usize) -> u32 {
+        self.starts[index]
+    }
+}
+
 /// A list of places in arrays of at least `bound` items.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Places {
@@ -404,21 +431,6 @@ impl Places {
         self.items.shrink_to_fit();
     }
 
-    /// The places that so many vectors as a register holds are at, of an ascending list, or of one that ascends and then repeats its
-    /// first: often they are one after another.
-    #[inline(always)]
-    pub(crate) fn ascending<L: Registers>(&self, first: usize) -> Near<'_> {
-        let near = self.listed::<L>(first);
-        let in_a_row = near.places[L::VECTORS - 1] == near.places[0].wrapping_add(L::VECTORS as u32 - 1);
-        Near { in_a_row, ..near }
-    }
-
-    /// The same of any list.
-    #[inline(always)]
-    pub(crate) fn listed<L: Registers>(&self, first: usize) -> Near<'_> {
-        Near { places: &self.items[first..first + L::VECTORS], bound: self.bound, in_a_row: false }
-    }
-
     pub(crate) fn len(&self) -> usize {
         self.items.len()
     }
@@ -429,13 +441,38 @@ impl Places {
     }
 }
 
-/// Places of as many vectors as a register holds.
+/// Vectors at the places of a list.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Near<'p> {
+pub(crate) struct Gathered<'p> {
+    view: View<'p>,
+    /// All inside.
     places: &'p [u32],
-    /// All are below this.
-    bound: usize,
-    in_a_row: bool,
+}
+
+impl Gathered<'_> {
+    #[inline(always)]
+    pub(crate) fn get(self, index: usize) -> Vec4 {
+        self.view.vector(self.places[index])
+    }
+
+    /// As many vectors as a register holds, from an index of the list on.
+    #[inline(always)]
+    pub(crate) fn register<L: Registers>(self, first: usize) -> L {
+        let places = &self.places[first..first + L::VECTORS];
+        let vector = |k: usize| self.view.vector(places[if k < L::VECTORS { k } else { 0 }]);
+        L::from_vectors([vector(0), vector(1), vector(2), vector(3)])
+    }
+
+    /// The same of a list that ascends, or ascends and then repeats its first: often they are one after another.
+    #[inline(always)]
+    pub(crate) fn ascending<L: Registers>(self, first: usize) -> L {
+        let places = &self.places[first..first + L::VECTORS];
+        if places[L::VECTORS - 1] == places[0].wrapping_add(L::VECTORS as u32 - 1) {
+            self.view.load(places[0] as usize)
+        } else {
+            self.register(first)
+        }
+    }
 }
 
 /// Memory of a GPU's that is mapped to be written, as vectors of three one after another.
