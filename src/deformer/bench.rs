@@ -5,7 +5,7 @@ use crate::backend::Engine;
 use crate::cpu::Cpu;
 use crate::simd::Width;
 #[cfg(feature = "gpu")]
-use crate::{Attributes, StepError, gpu::GpuStats};
+use crate::{attributes::Attributes, error::StepError, gpu::GpuStats};
 
 #[doc(hidden)]
 impl Deformer {

@@ -18,6 +18,7 @@ mod commit;
 mod engine;
 mod forces;
 #[cfg(test)]
+#[path = "../../tests/unit/gpu_layout.rs"]
 mod layout;
 mod multigrid;
 mod readback;
@@ -29,6 +30,7 @@ mod submission;
 mod surface;
 mod sweep;
 #[cfg(test)]
+#[path = "../../tests/unit/gpu_paths.rs"]
 mod tests;
 mod tiles;
 

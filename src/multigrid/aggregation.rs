@@ -2,10 +2,28 @@
 
 use std::collections::HashMap;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::model::cloth::{Cloth, Link};
 use crate::model::disjoint_sets::DisjointSets;
+
+/// An aggregate at rest; a vertex is one by itself.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Aggregate {
+    /// Mass (kg), and its center (m).
+    pub mass: f64,
+    pub center: DVec3,
+    pub pinned: bool,
+    /// Sum of the normals, each as long as the area it stands for.
+    pub normal: DVec3,
+}
+
+impl Aggregate {
+    /// One over the mass (1/kg), 0 where pinned.
+    pub(crate) fn inverse_mass(&self) -> f64 {
+        if self.pinned { 0.0 } else { 1.0 / self.mass }
+    }
+}
 
 /// Most vertices of the finest aggregates, half as many the fewest, but for pieces cut off. A grid's 4 x 4 blocks fit, and a row more
 /// here and there.

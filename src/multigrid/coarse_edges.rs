@@ -8,8 +8,7 @@ use glam::{DMat3, DVec3, Vec3};
 use crate::model::cloth::{Cloth, Link};
 use crate::model::coloring;
 use crate::model::csr::Csr;
-use crate::multigrid::aggregation::holding;
-use crate::multigrid::hierarchy::Aggregate;
+use crate::multigrid::aggregation::{Aggregate, holding};
 
 /// Cloth that is softer than this along an edge, as a share of what it is made of, does not pull there.
 const SLACK: f64 = 1e-3;

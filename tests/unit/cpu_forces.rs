@@ -1,0 +1,151 @@
+//! Tests of `src/cpu/forces.rs`, from inside.
+
+use glam::{Vec3A, Vec4};
+
+use super::*;
+use crate::cpu::integrate::Integrator;
+use crate::model::cloth::Cloth;
+use crate::step::coefficients::Coefficients;
+use crate::step::plan::{Motion, PlanBuffers};
+use crate::{Attributes, Fabric, Mesh, Options};
+
+use crate::kernels::integrate::xyz;
+use crate::kernels::params::Substep;
+use crate::oracle;
+
+/// A crumpled cloth that moves: positions and displacements.
+fn crumpled(cloth: &Cloth) -> [Vec<Vec4>; 2] {
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
+    let both: Vec<[Vec4; 2]> =
+        cloth.rest.iter().map(|rest| [*rest + vector(0.01).extend(0.0), vector(0.002).extend(0.0)]).collect();
+    [0, 1].map(|k| both.iter().map(|both| both[k]).collect())
+}
+
+/// What one substep predicts, by the oracle.
+fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
+    let (cloth, params, substep) = (plan.cloth, &plan.params, &plan.substeps[0]);
+    let [x, u] = crumpled(cloth).map(|list| list.into_iter().map(xyz).collect::<Vec<Vec3A>>());
+    let mut force = vec![Vec3A::ZERO; x.len()];
+    if plan.bending {
+        let entries = &cloth.bending().entries;
+        let moment = |v: usize| {
+            let near = |e: &crate::kernels::bending::BendEntry| e.other as usize;
+            let ring: Vec<_> =
+                entries.of(v as u32).iter().map(|e| (x[near(e)] - x[v], (u[near(e)] - u[v]) * substep.rate, e.forward)).collect();
+            let row = plan.coefficients.bending[v];
+            oracle::bend_moment(&ring, row.stiffness, row.tau)
+        };
+        let moments: Vec<[Vec3A; 2]> = (0..x.len()).map(moment).collect();
+        for v in 0..x.len() {
+            // Row v pulls at its ring, and holds it by its couple; the reaction is the vertex's own.
+            for entry in entries.of(v as u32).iter().filter(|entry| entry.forward != 0.0) {
+                let other = entry.other as usize;
+                let by = moments[v][1].cross(x[other] - x[v]) - moments[v][0] * entry.forward;
+                force[other] += by;
+                force[v] -= by;
+            }
+        }
+    }
+    if plan.wind {
+        for panel in &cloth.panels().panels {
+            let [a, b, c] = panel.corners.map(|v| v as usize);
+            let v = (u[a] + u[b] + u[c]) * (substep.rate / 3.0) - Vec3A::from(params.wind);
+            let kick = substep.gain / params.h;
+            let half = params.half_density;
+            let air = oracle::wind_force([x[a], x[b], x[c]], v, panel.mass, kick, half, params.drag, params.lift);
+            [a, b, c].into_iter().for_each(|v| force[v] += air / 3.0);
+        }
+    }
+    let by = |v: usize| {
+        let fall = Vec3A::from(params.acceleration) + force[v] * cloth.rest[v].w;
+        if cloth.rest[v].w > 0.0 { u[v] * substep.carry + fall * substep.gain } else { Vec3A::ZERO }
+    };
+    (0..x.len()).map(|v| by(v).extend(0.0)).collect()
+}
+
+/// The same by the stages.
+fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
+    let count = plan.cloth.rest.len();
+    let [mut x, mut u] = crumpled(plan.cloth).map(|list| {
+        let mut aligned = AlignedVec::new(count);
+        aligned.copy_from_slice(&list);
+        aligned
+    });
+    let mut arrays = ForceArrays::default();
+    let tiles = [0..400, 400..count as u32];
+    arrays.pack(plan, [plan.bending, plan.wind], &tiles, width);
+    let (shared_x, shared_u) = (SharedArray::new(x.room()), SharedArray::new(u.room()));
+    let forces = arrays.share(plan, &shared_x, &shared_u, width);
+    let (task, substep): (Task, &Substep) = (Task::alone(), &plan.substeps[0]);
+    let each_tile = |work: &dyn Fn(Range<u32>)| tiles.iter().for_each(|tile| work(tile.clone()));
+    if plan.bending {
+        each_tile(&|tile| forces.bend_moments(&task, tile, substep));
+    }
+    (0..arrays_of(plan)).for_each(|chunk| forces.panel_forces(&task, chunk, substep));
+    if plan.bending {
+        each_tile(&|tile| forces.bend(&task, tile, substep));
+    } else {
+        let none: [&mut [Vec4]; 2] = [&mut [], &mut []];
+        let (good, lost) = (none.map(SharedArray::new), std::sync::atomic::AtomicUsize::new(0));
+        let integrator = Integrator { plan, x: &shared_x, u: &shared_u, good, lost, width };
+        each_tile(&|tile| integrator.fall(&task, tile, substep));
+    }
+    if plan.wind {
+        each_tile(&|tile| forces.blow_and_pull(&task, tile, substep));
+    }
+    u.to_vec()
+}
+
+/// Chunks of triangles.
+fn arrays_of(plan: &Plan<'_>) -> usize {
+    if plan.wind { plan.cloth.panels().panels.len().div_ceil(GRAIN) } else { 0 }
+}
+
+/// At every width, on meshes with rows and without, with borders, pins and a remainder: the same to rounding.
+#[test]
+fn every_width_predicts_as_the_oracle_does() {
+    let grid = Mesh::grid(32, 27, 1.0, 0.9);
+    let mut shuffled = Mesh::grid(29, 31, 1.0, 1.1);
+    let mut names: Vec<u32> = (0..899).collect();
+    fastrand::Rng::with_seed(5).shuffle(&mut names);
+    names.iter().zip(shuffled.positions.clone()).for_each(|(&name, x)| shuffled.positions[name as usize] = x);
+    shuffled.triangles.iter_mut().flatten().for_each(|vertex| *vertex = names[*vertex as usize]);
+    let air = Attributes { air_density: 1.2, wind: glam::Vec3::new(3.0, 1.0, -7.0), ..Attributes::default() };
+    for (name, mesh) in [("grid", &grid), ("shuffled", &shuffled)] {
+        for (scene, bending, damping, attributes) in [
+            ("bending", 1e-4, 0.0, &Attributes::default()),
+            ("damped", 1e-4, 0.03, &Attributes::default()),
+            ("air", 0.0, 0.0, &air),
+            ("all", 1e-4, 0.03, &air),
+        ] {
+            let fabric = Fabric { bending, damping, ..Fabric::default() };
+            let options = Options { fabric, pinned: vec![0, 7, 500], ..Options::default() };
+            let cloth = Cloth::new(mesh, &options).unwrap();
+            let h = 1.0 / 1200.0;
+            let plan_of = |options: &Options, attributes: &Attributes, check: &dyn Fn(&Plan<'_>)| {
+                let coefficients = Coefficients::new(&cloth, &[], options, h);
+                let (mut lists, motion) = (PlanBuffers::default(), Motion { h, ..Motion::default() });
+                check(&Plan::new(&cloth, &[], options, &coefficients, &motion, 1, attributes, &mut lists));
+            };
+            let most = |a: &[Vec4], b: &[Vec4]| {
+                a.iter()
+                    .zip(b)
+                    .map(|(a, b)| (a - b).truncate().length())
+                    .fold(0.0, |most: f32, d| if d > most || d.is_nan() { d } else { most })
+            };
+            plan_of(&options, attributes, &|plan| {
+                let plain = predicted_plainly(plan);
+                let still = Options { fabric: Fabric { bending: 0.0, ..fabric }, ..options.clone() };
+                plan_of(&still, &Attributes::default(), &|falls| {
+                    let moved = most(&plain, &predicted_plainly(falls));
+                    assert!(moved > 1e-7, "{name} {scene}: forces move by {moved}");
+                    for width in Width::all() {
+                        let apart = most(&plain, &predicted(plan, width));
+                        assert!(apart <= 1e-5 * moved + 1e-9, "{name} {scene} {width:?}: {apart} apart of {moved}");
+                    }
+                });
+            });
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Tests of `src/cpu/partition.rs`, from inside.
+
+use super::*;
+use crate::model::cloth::Cloth;
+use crate::multigrid::hierarchy::Hierarchy;
+use crate::{Mesh, Options};
+
+fn cloths() -> Vec<(&'static str, Cloth)> {
+    let build = |mesh: &Mesh, pinned| Cloth::new(mesh, &Options { pinned, ..Options::default() }).unwrap();
+    let grid = Mesh::grid(40, 60, 1.0, 1.5);
+    let mut shuffled = grid.clone();
+    let mut names: Vec<u32> = (0..2400).collect();
+    fastrand::Rng::with_seed(5).shuffle(&mut names);
+    names.iter().zip(&grid.positions).for_each(|(&name, &x)| shuffled.positions[name as usize] = x);
+    shuffled.triangles.iter_mut().flatten().for_each(|vertex| *vertex = names[*vertex as usize]);
+    let mut fan = Mesh::grid(30, 30, 1.0, 1.0);
+    fan.triangles.extend((1..899).map(|k| [0, k, k + 1]));
+    let mut two = grid.clone();
+    two.positions.extend(grid.positions.iter().map(|x| *x + glam::Vec3::Y));
+    two.triangles.extend(grid.triangles.iter().map(|t| t.map(|v| v + 2400)));
+    // Vertices without an edge.
+    let mut loose = grid.clone();
+    loose.triangles.retain(|corners| !corners.iter().any(|vertex| vertex % 50 > 45));
+    vec![
+        ("grid", build(&grid, vec![0, 39])),
+        ("loose", build(&loose, vec![0, 39])),
+        ("pinned rows", build(&grid, (0..1300).collect())),
+        ("shuffled", build(&shuffled, vec![])),
+        ("fan", build(&fan, vec![])),
+        ("two", build(&two, vec![7])),
+        ("one triangle", build(&Mesh { triangles: vec![[0, 1, 2]], ..Mesh::grid(2, 2, 1.0, 1.0) }, vec![])),
+    ]
+}
+
+/// Every edge and every vertex once; no piece writes where another of its round writes or, outside, reads what it moves;
+/// and at every vertex the edges come in the order of their colors.
+#[test]
+fn tiles_keep_the_color_order() {
+    for (name, cloth) in cloths() {
+        for length in [1, 7, 100, 330, 5000] {
+            let swept = cloth.swept();
+            let partition = Partition::cut(&cloth.links, swept.len(), cloth.rest.len(), length);
+            let mut owner = vec![(0, 0); cloth.rest.len()];
+            let mut moved = vec![0; cloth.rest.len()];
+            for (round, pieces) in partition.rounds.iter().enumerate() {
+                for (index, piece) in pieces.iter().enumerate() {
+                    for vertex in piece.vertices.iter().cloned().flatten() {
+                        moved[vertex as usize] += 1;
+                        owner[vertex as usize] = (round, index);
+                    }
+                }
+            }
+            let mut visited = vec![0; swept.len()];
+            let mut latest = vec![None; cloth.rest.len()];
+            for (round, pieces) in partition.rounds.iter().enumerate() {
+                let mut visitor = vec![None; cloth.rest.len()];
+                for (index, piece) in pieces.iter().enumerate() {
+                    for &place in &piece.edges {
+                        visited[place as usize] += 1;
+                        for end in swept[place as usize].ends.map(|end| end as usize) {
+                            assert!(visitor[end].is_none_or(|by| by == index), "{name} {length}: two pieces of a round meet");
+                            visitor[end] = Some(index);
+                            assert!(latest[end] < Some(place), "{name} {length}: {end} sees {place} after {:?}", latest[end]);
+                            latest[end] = Some(place);
+                            if round == 0 {
+                                assert!(partition.tiles[index].contains(&(end as u32)), "{name} {length}: not its tile");
+                            }
+                            let by = owner[end];
+                            assert!(by.0 > round || by == (round, index), "{name} {length}: moved before its last edge");
+                        }
+                    }
+                }
+            }
+            assert!(visited.iter().all(|&count| count == 1) && moved.iter().all(|&count| count == 1), "{name} {length}");
+            let of = |vertex: u32| partition.tiles.iter().position(|range| range.contains(&vertex));
+            // A piece waits for all who meet it.
+            for (round, pieces) in partition.rounds.iter().enumerate() {
+                for (index, piece) in pieces.iter().enumerate() {
+                    let touches = |vertex: u32| piece.touches.binary_search(&(of(vertex).unwrap() as u32)).is_ok();
+                    let ends = piece.edges.iter().flat_map(|&place| swept[place as usize].ends);
+                    assert!(ends.chain(piece.vertices.iter().cloned().flatten()).all(touches), "{name} {length}");
+                    let moves = |end: u32| owner[end as usize] == (round, index);
+                    let looks = cloth.links.iter().map(|link| link.ends).filter(|ends| ends.iter().any(|&end| moves(end)));
+                    assert!(looks.flatten().all(touches), "{name} {length}: somebody looks at what {round}.{index} moves");
+                }
+            }
+            for [a, b] in cloth.links.iter().map(|link| link.ends) {
+                let [a, b] = [a, b].map(|end| of(end).unwrap());
+                assert!(
+                    partition.around[a].contains(&(b as u32)) && partition.around[b].contains(&(a as u32)),
+                    "{name} {length}"
+                );
+            }
+            // What lies across from a tile's border is not moved in the first round: forces look there.
+            for link in &cloth.links {
+                let [a, b] = link.ends;
+                assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 > 0), "{name} {length}");
+            }
+        }
+    }
+}
+
+#[test]
+fn borders_of_a_grid_are_apart() {
+    let cloth = Cloth::new(&Mesh::grid(64, 128, 1.0, 2.0), &Options::default()).unwrap();
+    let partition = Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len());
+    assert!(partition.tiles.len() > 8, "{} tiles", partition.tiles.len());
+    assert_eq!(partition.rounds.len(), 2);
+    assert_eq!(partition.rounds[1].len(), partition.tiles.len() - 1);
+    let late: usize = partition.rounds[1].iter().map(|piece| piece.edges.len()).sum();
+    assert!(late < cloth.swept().len() / 2, "{late} of {} edges wait", cloth.swept().len());
+}
+
+/// Where colors are many for the tiles' width, more rounds keep the pieces small.
+#[test]
+fn coarse_levels_share_their_work() {
+    let cloth = Cloth::new(&Mesh::grid(256, 256, 1.0, 1.0), &Options::default()).unwrap();
+    let level = &Hierarchy::new(&cloth).levels[0];
+    let partition = Partition::coarse(&level.links, level.inverse_mass.len(), 16);
+    let edges = |piece: &Piece| piece.edges.len();
+    let longest: usize = partition.rounds.iter().filter_map(|pieces| pieces.iter().map(edges).max()).sum();
+    let most: Vec<(usize, usize)> =
+        partition.rounds.iter().map(|pieces| (pieces.len(), pieces.iter().map(edges).max().unwrap_or(0))).collect();
+    println!("{} edges, {} colors: {most:?}", level.links.len(), level.colors.len());
+    assert!(5 * longest < level.links.len(), "one after another {longest} of {} edges: {most:?}", level.links.len());
+}

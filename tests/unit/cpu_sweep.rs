@@ -1,0 +1,73 @@
+//! Tests of `src/cpu/sweep.rs`, from inside.
+
+use glam::{Vec3A, Vec4};
+
+use super::*;
+use crate::cpu::partition::Partition;
+use crate::cpu::tasks::shared::{SharedArray, Task};
+use crate::kernels::distance::Edge;
+use crate::kernels::integrate::xyz;
+use crate::model::cloth::Cloth;
+use crate::oracle;
+use crate::simd::aligned::AlignedVec;
+use crate::step::coefficients::Coefficients;
+use crate::{Fabric, Mesh, Options};
+
+/// `u` after one sweep, edge by edge in color order.
+fn swept_plainly(cloth: &Cloth, edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<Vec4> {
+    let impulse: fn(Vec3A, Vec3A, f32, f32) -> Vec3A = match rule {
+        Rule::Project => oracle::project_edge,
+        Rule::ProjectCoarse => oracle::project_coarse,
+        Rule::Relax => oracle::relax_edge,
+    };
+    let (x, mut u) = (&cloth.rest, start.to_vec());
+    for edge in edges {
+        let (a, b) = (edge.a as usize, edge.b as usize);
+        let by = impulse(xyz(x[a] - x[b]), xyz(u[a] - u[b]), edge.inverse_rest, edge.inverse_weight).extend(0.0);
+        u[a] += by * x[a].w;
+        u[b] -= by * x[b].w;
+    }
+    u
+}
+
+/// `u` after one sweep in pieces.
+fn swept(cloth: &Cloth, edges: &[Edge], start: &[Vec4], rule: Rule, width: Width) -> Vec<Vec4> {
+    let [mut x, mut u] = [(); 2].map(|()| AlignedVec::new(start.len()));
+    x.copy_from_slice(&cloth.rest);
+    u.copy_from_slice(start);
+    let partition = Partition::new(&cloth.links, cloth.swept().len(), x.len());
+    let weights = cloth.inverse_mass();
+    let task = Task::alone();
+    for pieces in &partition.rounds {
+        let batches = EdgeBatches::new(pieces, edges, &cloth.colors, &weights, width.lanes());
+        let (x, u) = (SharedArray::new(x.room()), SharedArray::new(u.room()));
+        (0..pieces.len()).for_each(|piece| sweep(&batches, piece, rule, x.within(&task), u.within(&task), width));
+    }
+    u.to_vec()
+}
+
+/// The same work in the same order: to rounding with every width, gentle or wild, soft or stiff, pinned or not.
+#[test]
+fn every_width_sweeps_as_the_oracle_does() {
+    let mut mesh = Mesh::grid(37, 61, 1.0, 1.6);
+    let mut random = fastrand::Rng::with_seed(9);
+    let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
+    mesh.positions.iter_mut().for_each(|x| *x += vector(0.004));
+    for (size, stretch) in [(0.001, 50.0), (0.001, 1e6), (0.05, 5000.0), (2.0, 5000.0)] {
+        let fabric = Fabric { stretch, ..Fabric::default() };
+        let options = Options { fabric, pinned: vec![0, 36, 500], ..Options::default() };
+        let cloth = Cloth::new(&mesh, &options).unwrap();
+        let edges = Coefficients::new(&cloth, &[], &options, 1.0 / 1200.0).edges;
+        let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
+        for rule in [Rule::Project, Rule::ProjectCoarse, Rule::Relax] {
+            let plain = swept_plainly(&cloth, &edges, &start, rule);
+            let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);
+            assert!(moved > 0.01 * size, "{size}: something is corrected");
+            for width in Width::all() {
+                let lanes = swept(&cloth, &edges, &start, rule, width);
+                let apart = plain.iter().zip(&lanes).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
+                assert!(apart <= 3e-6 * (moved + size), "{rule:?} {size} {stretch} {width:?}: {apart} of {moved}");
+            }
+        }
+    }
+}

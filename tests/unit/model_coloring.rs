@@ -1,0 +1,86 @@
+//! Tests of `src/model/coloring.rs`, from inside.
+
+use super::*;
+use crate::Mesh;
+
+fn check(edges: &[[u32; 2]], positions: &[Vec3]) -> usize {
+    let coloring = color(edges, positions);
+    assert_eq!(coloring.of.len(), edges.len(), "every edge has one color");
+    let mut seen = std::collections::HashSet::new();
+    for (edge, &color) in edges.iter().zip(&coloring.of) {
+        assert!((color as usize) < coloring.colors);
+        edge.iter().for_each(|&vertex| assert!(seen.insert((vertex, color)), "vertex {vertex} has color {color} twice"));
+    }
+    let again = color(edges, positions);
+    assert_eq!(again.of, coloring.of, "the same mesh gives the same colors");
+    coloring.colors
+}
+
+#[test]
+fn a_grid_takes_as_many_colors_as_its_degree() {
+    for (columns, rows) in [(2, 2), (3, 5), (33, 33), (64, 17)] {
+        let mesh = Mesh::grid(columns, rows, 1.0, 1.0);
+        let edges = mesh.edges();
+        assert_eq!(check(&edges, &mesh.positions), max_degree(&edges, mesh.positions.len()), "{columns} x {rows}");
+    }
+}
+
+/// Whichever way the diagonals run, the edges of one direction between two rows have one color.
+#[test]
+fn rows_of_a_grid_have_one_color() {
+    let (columns, rows) = (20, 13);
+    let mut mesh = Mesh::grid(columns, rows, 1.0, 1.0);
+    for mirrored in [false, true] {
+        if mirrored {
+            // Each row the other way round.
+            let name = |v: u32| v / columns * columns + (columns - 1 - v % columns);
+            mesh.triangles.iter_mut().flatten().for_each(|v| *v = name(*v));
+            let positions = mesh.positions.clone();
+            (0..columns * rows).for_each(|v| mesh.positions[name(v) as usize] = positions[v as usize]);
+        }
+        let edges = mesh.edges();
+        let coloring = color(&edges, &mesh.positions);
+        assert_eq!(coloring.colors, 6);
+        let mut color_of = std::collections::HashMap::new();
+        for (edge, color) in edges.iter().zip(&coloring.of).filter(|(edge, _)| edge[1] - edge[0] > 1) {
+            let row = (edge[0] / columns, edge[1] - edge[0]);
+            assert_eq!(color_of.entry(row).or_insert(color), &color, "mirrored {mirrored}: {edge:?}");
+        }
+    }
+}
+
+#[test]
+fn opposite_edges_of_a_grid_are_visited_one_after_the_other() {
+    let mesh = Mesh::grid(9, 9, 1.0, 1.0);
+    let edges = mesh.edges();
+    let coloring = color(&edges, &mesh.positions);
+    // Steps of 1, 9 and 8 are the grid's three directions; each has two colors of its own, to the very border.
+    let mut pairs = [1, 9, 8].map(|step| {
+        let along = edges.iter().zip(&coloring.of).filter(|([a, b], _)| b - a == step);
+        let colors: std::collections::BTreeSet<u32> = along.map(|(_, &color)| color).collect();
+        assert_eq!(colors.len(), 2, "step {step} has the colors {colors:?}");
+        colors.into_iter().collect::<Vec<_>>()
+    });
+    pairs.sort();
+    assert_eq!(pairs, [[0, 1], [2, 3], [4, 5]]);
+}
+
+#[test]
+fn a_fan_of_a_hundred_edges_needs_a_hundred_colors() {
+    let edges: Vec<[u32; 2]> = (1..=100).map(|rim| [0, rim]).collect();
+    assert_eq!(check(&edges, &[Vec3::ZERO; 101]), 100);
+}
+
+#[test]
+fn random_graphs_stay_within_first_fits_bound() {
+    let mut random = fastrand::Rng::with_seed(7);
+    for vertices in [2, 10, 100] {
+        let mut edges: Vec<[u32; 2]> =
+            (0..5 * vertices).map(|_| [random.u32(0..vertices), random.u32(0..vertices)]).filter(|[a, b]| a < b).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let positions: Vec<Vec3> = (0..vertices).map(|_| Vec3::from_array([0; 3].map(|_: i32| random.f32()))).collect();
+        let degree = max_degree(&edges, vertices as usize);
+        assert!(check(&edges, &positions) < 2 * degree.max(1));
+    }
+}

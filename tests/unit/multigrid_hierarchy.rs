@@ -1,0 +1,185 @@
+//! Tests of `src/multigrid/hierarchy.rs`, from inside.
+
+use std::collections::BTreeSet;
+
+use glam::Vec3;
+
+use super::*;
+use crate::{Mesh, Options};
+
+/// What holds for the levels of any mesh. Gives them back.
+fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
+    let cloth = Cloth::new(mesh, &options).unwrap();
+    let levels = Hierarchy::new(&cloth).levels;
+    let mut masses: Vec<f64> = cloth.mass.iter().map(|&mass| f64::from(mass)).collect();
+    let mut pinned: Vec<bool> = cloth.rest.iter().map(|x| x.w == 0.0).collect();
+    let mut of_vertex: Vec<u32> = (0..masses.len() as u32).collect();
+    for level in &levels {
+        let count = level.inverse_mass.len();
+        assert_eq!(level.label.len(), masses.len(), "every item is in an aggregate");
+        assert!(3 * count <= 2 * masses.len(), "a level is much smaller than the one below");
+        let mut sums = vec![0.0; count];
+        for (item, &aggregate) in level.label.iter().enumerate() {
+            sums[aggregate as usize] += masses[item];
+            assert_eq!(pinned[item], level.inverse_mass[aggregate as usize] == 0.0, "the pinned are apart");
+        }
+        for (aggregate, sum) in sums.iter().enumerate() {
+            let span = level.members.spans[aggregate];
+            let range = span.start as usize..span.end as usize;
+            let items = &level.members.items[range.clone()];
+            assert!(!items.is_empty() && items.iter().all(|&item| level.label[item as usize] == aggregate as u32));
+            for (&item, share) in items.iter().zip(&level.share[range]) {
+                assert!((f64::from(*share) * sum / masses[item as usize] - 1.0).abs() < 1e-5, "shares are by mass");
+            }
+            let inverse = f64::from(level.inverse_mass[aggregate]);
+            assert!(inverse == 0.0 || (inverse * sum - 1.0).abs() < 1e-5);
+        }
+        of_vertex.iter_mut().for_each(|item| *item = level.label[*item as usize]);
+        (masses, pinned) = (sums, level.inverse_mass.iter().map(|&w| w == 0.0).collect());
+
+        // The free vertices of an aggregate are connected: as many joins as it takes.
+        let mut joined: Vec<u32> = (0..of_vertex.len() as u32).collect();
+        for _ in 0..of_vertex.len() {
+            let mut changed = false;
+            for link in holding(&cloth) {
+                let [a, b] = link.ends.map(|vertex| vertex as usize);
+                if of_vertex[a] == of_vertex[b] && joined[a] != joined[b] {
+                    (joined[a], joined[b], changed) = (joined[a].min(joined[b]), joined[a].min(joined[b]), true);
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+        let names: BTreeSet<(u32, u32)> = of_vertex.iter().copied().zip(joined).filter(|(of, _)| !pinned[*of as usize]).collect();
+        let free = level.inverse_mass.iter().filter(|&&w| w > 0.0).count();
+        assert_eq!(names.len(), free, "an aggregate is in one piece");
+
+        let mut visited = 0;
+        for range in &level.colors {
+            let mut seen = BTreeSet::new();
+            for link in &level.links[range.clone()] {
+                let weights = link.ends.map(|end| level.inverse_mass[end as usize]);
+                assert!(weights[0] + weights[1] > 0.0, "no edge between pins");
+                assert!(link.rest > 0.0 && link.rest.is_finite() && link.stiffness > 0.0, "{link:?}");
+                assert!(link.ends.iter().all(|end| seen.insert(*end)), "edges of a color share no end");
+                visited += 1;
+            }
+        }
+        assert_eq!(visited, level.links.len());
+    }
+    let again = Hierarchy::new(&cloth).levels;
+    assert!(levels.iter().zip(&again).all(|(a, b)| a.label == b.label), "the same mesh gives the same levels");
+    levels
+}
+
+/// Two meshes as one.
+fn both(mut a: Mesh, b: &Mesh, by: Vec3) -> Mesh {
+    let first = a.positions.len() as u32;
+    a.positions.extend(b.positions.iter().map(|x| *x + by));
+    a.triangles.extend(b.triangles.iter().map(|corners| corners.map(|vertex| vertex + first)));
+    a
+}
+
+#[test]
+fn a_grids_aggregates_are_blocks() {
+    let mass = Some(vec![1e-3; 64 * 64]);
+    let levels = check(&Mesh::grid(64, 64, 1.0, 1.0), Options { mass, ..Options::default() });
+    assert_eq!(levels.iter().map(|level| level.inverse_mass.len()).collect::<Vec<_>>(), [256, 64, 16]);
+    for vertex in 0..64 * 64 {
+        let corner = (vertex / 64) / 4 * 4 * 64 + (vertex % 64) / 4 * 4;
+        assert_eq!(levels[0].label[vertex], levels[0].label[corner]);
+    }
+    // Blocks of 4 x 4 are 4 edges apart, along rows and columns; the distance is that of their centers.
+    let least = levels[0].links.iter().map(|link| link.rest).fold(f32::INFINITY, f32::min);
+    assert!((least * 63.0 - 4.0).abs() < 1e-4);
+    for (columns, rows) in [(129, 129), (100, 37), (400, 2), (7, 7), (2, 2)] {
+        check(&Mesh::grid(columns, rows, 1.0, 1.0), Options { pinned: vec![0, columns - 1], ..Options::default() });
+    }
+}
+
+#[test]
+fn pins_are_apart() {
+    let mesh = Mesh::grid(32, 32, 1.0, 1.0);
+    // A line of pins parts what is on its two sides.
+    check(&mesh, Options { pinned: (0..32).map(|row| 32 * row + 13).collect(), ..Options::default() });
+    check(&mesh, Options { pinned: vec![32 * 14 + 13], ..Options::default() });
+    let levels = check(&mesh, Options { pinned: (0..32 * 32).collect(), ..Options::default() });
+    assert!(levels.iter().all(|level| level.links.is_empty()), "nothing is free");
+    let mass = Some((0..32 * 32).map(|v| 1e-4 * (1.0 + (v % 7) as f32 * 100.0)).collect());
+    check(&mesh, Options { mass, ..Options::default() });
+}
+
+#[test]
+fn pieces_are_apart() {
+    let grid = Mesh::grid(16, 16, 1.0, 1.0);
+    // Two sheets closer to each other than their vertices are.
+    let levels = check(&both(grid.clone(), &grid, Vec3::Y * 1e-3), Options::default());
+    let of = |vertex: usize| levels[0].label[vertex];
+    assert!((0..256).all(|vertex| of(vertex) != of(256 + vertex)));
+    let lone = Mesh { positions: vec![Vec3::ZERO; 50], triangles: Vec::new() };
+    check(&both(grid.clone(), &lone, Vec3::ONE), Options::default());
+    assert!(check(&lone, Options::default()).is_empty());
+    // Three sheets along one edge.
+    let upright = Mesh { positions: grid.positions.iter().map(|x| Vec3::new(x.x, x.z + 0.5, 0.0)).collect(), ..grid.clone() };
+    let mut fin = both(grid, &upright, Vec3::ZERO);
+    fin.triangles.push([7 * 16, 7 * 16 + 1, 256]);
+    check(&fin, Options::default());
+}
+
+/// A strip cut along its middle but for its end: no coarse edge spans the cut, except near where it ends.
+#[test]
+fn a_slit_is_not_bridged() {
+    let mut mesh = Mesh::grid(64, 32, 2.0, 1.0);
+    let across = |[a, b, c]: &[u32; 3]| {
+        let rows = [a, b, c].map(|vertex| vertex / 64);
+        rows.contains(&15) && rows.contains(&16) && [a, b, c].iter().all(|vertex| *vertex % 64 < 48)
+    };
+    mesh.triangles.retain(|corners| !across(corners));
+    let levels = check(&mesh, Options::default());
+    let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+    let mut rows = vec![BTreeSet::new(); levels[0].inverse_mass.len()];
+    for (x, &aggregate) in cloth.rest.iter().zip(&levels[0].label) {
+        if x.x < 0.25 {
+            rows[aggregate as usize].insert(x.z < 0.0);
+        }
+    }
+    for link in &levels[0].links {
+        let [a, b] = link.ends.map(|end| &rows[end as usize]);
+        assert!(a.is_empty() || b.is_empty() || a == b, "{link:?}");
+    }
+}
+
+/// On a tube, centers are inside of it, and the cloth between two of them is longer than their distance.
+#[test]
+fn a_tube_is_not_held_round() {
+    let (around, along, radius) = (64_u32, 32_u32, 1.0 / std::f32::consts::TAU);
+    let at = |i: u32| {
+        let turn = (i % around) as f32 / around as f32 * std::f32::consts::TAU;
+        Vec3::new(radius * turn.cos(), (i / around) as f32 / around as f32, radius * turn.sin())
+    };
+    let positions: Vec<Vec3> = (0..around * along).map(at).collect();
+    let quads = (0..around * (along - 1)).flat_map(|i| {
+        let next = i / around * around + (i + 1) % around;
+        [[i, next, i + around], [next, next + around, i + around]]
+    });
+    let mesh = Mesh { positions, triangles: quads.collect() };
+    let levels = check(&mesh, Options::default());
+    let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+    let center = |a: u32| {
+        let of = (0..cloth.rest.len()).filter(|&v| levels[0].label[v] == a);
+        let (sum, mass) = of.fold((DVec3::ZERO, 0.0), |(sum, mass), v| {
+            let m = f64::from(cloth.mass[v]);
+            (sum + cloth.rest[v].truncate().as_dvec3() * m, mass + m)
+        });
+        sum / mass
+    };
+    for link in &levels[0].links {
+        let [a, b] = link.ends.map(center);
+        // Flattened: the arc between them, at the tube's own radius, and the way along it.
+        let angle = (a.with_y(0.0)).angle_between(b.with_y(0.0));
+        let flat = (angle * f64::from(radius)).hypot(a.y - b.y);
+        assert!(f64::from(link.rest) > 0.98 * flat, "{link:?}: flat, they are {flat} apart");
+        assert!(f64::from(link.rest) < 1.1 * flat, "{link:?}: flat, they are {flat} apart");
+    }
+}
