@@ -1,6 +1,7 @@
 //! The state of a cloth in memory, and a step of it.
 
 use std::sync::atomic::AtomicUsize;
+use std::time::Instant;
 
 use glam::Vec4;
 
@@ -12,6 +13,7 @@ use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
+use crate::cpu::threads::ThreadChoice;
 use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::simd::Width;
@@ -38,7 +40,8 @@ pub(crate) struct Cpu {
     packed_for: Option<(u32, usize, usize)>,
     scheduled_for: Option<Terms>,
     width: Width,
-    /// How many threads to step on, if not as many as pay.
+    /// As many threads as pay, or how many to step on instead.
+    choice: Option<ThreadChoice>,
     threads: Option<usize>,
     /// Passes are parallel loops one after another.
     #[cfg(feature = "bench")]
@@ -63,6 +66,7 @@ impl Cpu {
             packed_for: None,
             scheduled_for: None,
             width: Width::detected(),
+            choice: None,
             threads: None,
             #[cfg(feature = "bench")]
             loop_by_loop: false,
@@ -109,8 +113,9 @@ impl Cpu {
     /// The substeps of a step; the first vertex that leaves the bounds, or `usize::MAX`.
     fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> usize {
         let pool = rayon::current_num_threads();
-        let threads = self.threads.map_or(pool, |threads| threads.min(pool));
-        self.pack(plan, elsewhere.is_some(), threads);
+        self.pack(plan, elsewhere.is_some(), pool);
+        let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
+        let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
         let Cpu { x, p, x_good, p_good, forces, coarse, edges, schedule, partition, width, .. } = self;
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
@@ -135,7 +140,10 @@ impl Cpu {
             graph.run_pass_by_pass(turns, &work);
             return stepper.integrator.lost.into_inner();
         }
+        // A pool of one has no choice, and perhaps no clock.
+        let start = (pool > 1).then(Instant::now);
         graph.run(turns, threads, &work);
+        start.into_iter().for_each(|start| choice.note(start.elapsed().as_secs_f64() / f64::from(turns)));
         stepper.integrator.lost.into_inner()
     }
 
@@ -148,7 +156,7 @@ impl Cpu {
             if self.packed_for.is_none_or(|(_, _, before)| before != threads) {
                 self.partition = None;
                 self.coarse.forget();
-                self.scheduled_for = None;
+                (self.scheduled_for, self.choice) = (None, None);
             }
             self.packed_for = packed;
             // The old ones first, or memory would hold both.
@@ -172,6 +180,8 @@ impl Cpu {
         };
         self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
         if self.scheduled_for != Some(terms) {
+            // Other passes take other times.
+            self.choice = None;
             self.schedule = Schedule::new(terms, partition, &self.coarse, self.forces.panel_tiles());
             self.scheduled_for = Some(terms);
         }

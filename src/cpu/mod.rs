@@ -13,6 +13,7 @@ mod partition;
 mod substep;
 mod sweep;
 mod tasks;
+mod threads;
 
 pub(crate) use backend::Cpu;
 #[cfg(feature = "gpu")]

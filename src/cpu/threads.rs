@@ -1,0 +1,116 @@
+//! How many threads a step is done on: as many as pay.
+//!
+//! What pays depends on the cloth, on the machine, and on what else the machine does at the time: on a core that is busy with
+//! something else a task that was begun is waited for until that core comes back to it. So it is measured. Steps are timed, other
+//! counts are tried now and then, and the best is kept. What a step computes does not depend on it.
+
+/// Counts that are tried: 1, 2, 4 ... and the pool's.
+const COUNTS: usize = 12;
+/// Vertices that a thread has at first.
+const VERTICES: usize = 1024;
+/// Steps of a trial.
+const TRIAL: u32 = 3;
+/// Steps between trials, at first and at most.
+const PAUSE: [u32; 2] = [16, 1024];
+/// A count that is not better than the present one by this is not worth a change.
+const GAIN: f64 = 0.97;
+/// Share of a step in the mean time of its count.
+const NEWEST: f64 = 0.125;
+
+/// Chooses the number of threads, step by step.
+#[derive(Debug)]
+pub(crate) struct ThreadChoice {
+    /// Threads of the pool that it is for.
+    pool: usize,
+    /// Mean time (s) of a substep on each count, recently; 0 if it was not tried.
+    time: [f64; COUNTS],
+    /// Which count is kept, and which is being tried for how many steps yet.
+    kept: usize,
+    trial: Option<(usize, u32)>,
+    /// Steps until the next trial, and between trials.
+    left: u32,
+    pause: u32,
+    /// Whether the next one is of more threads.
+    up: bool,
+}
+
+impl ThreadChoice {
+    /// For a cloth on a pool of so many threads.
+    pub(crate) fn new(vertices: usize, pool: usize) -> ThreadChoice {
+        let fitting = (0..=last(pool)).take_while(|&count| threads(count, pool) * VERTICES <= vertices);
+        let kept = fitting.last().unwrap_or(0);
+        ThreadChoice { pool, time: [0.0; COUNTS], kept, trial: None, left: PAUSE[0], pause: PAUSE[0], up: false }
+    }
+
+    /// Threads for the next step.
+    pub(crate) fn threads(&self) -> usize {
+        threads(self.trial.map_or(self.kept, |(count, _)| count), self.pool)
+    }
+
+    /// Notes how long (s) a substep took on them.
+    pub(crate) fn note(&mut self, seconds: f64) {
+        let count = self.trial.map_or(self.kept, |(count, _)| count);
+        let time = &mut self.time[count];
+        let newest = match self.trial {
+            // A mean of the trial's own steps.
+            Some((_, left)) if left == TRIAL => 1.0,
+            Some((_, left)) => 1.0 / f64::from(TRIAL - left + 1),
+            None => NEWEST,
+        };
+        *time = if *time == 0.0 { seconds } else { *time + newest * (seconds - *time) };
+        match self.trial {
+            Some((_, left)) if left > 1 => self.trial = Some((count, left - 1)),
+            Some(_) => {
+                self.trial = None;
+                let better = self.time[count] < GAIN * self.time[self.kept];
+                if better {
+                    self.kept = count;
+                }
+                self.wait(better);
+            }
+            None => self.consider(),
+        }
+    }
+
+    /// After a step on the count that is kept: goes back to one that was better, or tries another.
+    fn consider(&mut self) {
+        let best = (0..=last(self.pool)).filter(|&count| self.time[count] > 0.0);
+        let best = best.min_by(|&a, &b| self.time[a].total_cmp(&self.time[b])).unwrap_or(self.kept);
+        if self.time[best] < GAIN * self.time[self.kept] {
+            // What it took then it may not take now: it is measured anew.
+            self.kept = best;
+            self.wait(false);
+            return;
+        }
+        self.left -= 1;
+        if self.left == 0 {
+            self.up = !self.up;
+            let other = if self.up { self.kept + 1 } else { self.kept.wrapping_sub(1) };
+            if other <= last(self.pool) {
+                self.trial = Some((other, TRIAL));
+            } else {
+                self.left = 1;
+            }
+        }
+    }
+
+    /// Until the next trial: soon after one that brought something, ever later after those that did not.
+    fn wait(&mut self, gained: bool) {
+        self.pause = if gained { PAUSE[0] } else { (2 * self.pause).min(PAUSE[1]) };
+        self.left = self.pause;
+    }
+}
+
+/// Threads of a count.
+fn threads(count: usize, pool: usize) -> usize {
+    (1 << count).min(pool)
+}
+
+/// The count that is the whole pool.
+fn last(pool: usize) -> usize {
+    (pool.next_power_of_two().trailing_zeros() as usize).min(COUNTS - 1)
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/cpu_threads.rs"]
+mod tests;
