@@ -1,6 +1,6 @@
 //! Figures that a list of single timings cannot give: ratios of two codes timed in turn, and times with the error beside them.
 //!
-//! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [limits]`: all of them, or those named.
+//! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [schedule] [limits]`: all of them, or those named.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -13,8 +13,15 @@ use crate::scenes::{self, SUBSTEPS};
 
 /// Prints the tables that the arguments name.
 pub(crate) fn print(names: &[String]) {
-    let tables: [(&str, fn()); 6] =
-        [("ratio", ratio), ("levels", levels), ("terms", terms), ("strain", strain), ("threads", threads), ("limits", limits)];
+    let tables: [(&str, fn()); 7] = [
+        ("ratio", ratio),
+        ("levels", levels),
+        ("terms", terms),
+        ("strain", strain),
+        ("threads", threads),
+        ("schedule", schedule),
+        ("limits", limits),
+    ];
     let named = tables.iter().any(|(name, _)| names.iter().any(|n| n == name));
     for (_, table) in tables.iter().filter(|(name, _)| !named || names.iter().any(|n| n == name)) {
         table();
@@ -164,6 +171,51 @@ fn threads() {
             let times: Vec<String> = times.into_iter().map(|times| format!("{:8.3}", 1e3 * median(times))).collect();
             let (bends, levels) = (fabric.bending > 0.0, levels == Levels::Auto);
             println!("{n:>5} {bends:>8} {levels:>7} {strain:>9.2e}  {}", times.join(" "));
+        }
+    }
+}
+
+/// The same passes over the same tiles as a graph of tasks, as parallel loops of rayon one after another, and as a graph on as many
+/// threads as pay, timed in turn on pools of 1 thread up to the machine's. CLOTH_MESHES adds the meshes of a folder.
+fn schedule() {
+    let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    println!("\nS = {SUBSTEPS}, ms a frame: loops / graph / as many threads as pay (medians of 25, in turn)");
+    let mut meshes: Vec<(String, Mesh, Vec<u32>)> =
+        [64, 128, 256, 512, 1024].map(|n| (format!("HANG {n}"), Mesh::grid(n, n, 1.0, 1.0), (0..n).collect())).into();
+    let folder = std::env::var_os("CLOTH_MESHES").into_iter().flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten());
+    let mut files: Vec<_> =
+        folder.flatten().map(|file| file.path()).filter(|path| path.extension().is_some_and(|e| e == "obj")).collect();
+    files.sort();
+    for path in files {
+        let mesh = Mesh::load_obj(&path).expect("a mesh");
+        let top = mesh.positions.iter().map(|x| x.y).fold(f32::NEG_INFINITY, f32::max);
+        let pinned = (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize].y > top - 0.01).collect();
+        meshes.push((path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(), mesh, pinned));
+    }
+    let fabric = Fabric { bending: 1e-4, damping: 0.03, ..scenes::bare() };
+    for (name, mesh, pinned) in meshes {
+        for (terms, fabric, levels) in [("bare", scenes::bare(), Levels::Off), ("levels, bending", fabric, Levels::Auto)] {
+            let options = Options { fabric, levels, pinned: pinned.clone(), ..scenes::hang(2, fabric).1 };
+            let scene = (mesh.clone(), options);
+            let mut row = Vec::new();
+            for threads in [1, 2, 4, 8, 16, 32].into_iter().filter(|&threads| threads <= most) {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                let attributes = Attributes::default();
+                let mut cloths = [(); 3].map(|()| pool.install(|| scenes::moving(&scene, &attributes)));
+                cloths[0].loop_by_loop(true);
+                cloths[1].on_threads(threads);
+                let rounds = if mesh.positions.len() > 100_000 { 9 } else { 25 };
+                // The third finds its number of threads first.
+                pool.install(|| (0..60).for_each(|_| scenes::frame(&mut cloths[2], &attributes)));
+                let [loops, graph, pays] = &mut cloths;
+                let times = pool.install(|| {
+                    let mut works = [loops, graph, pays].map(|cloth| || scenes::frame(cloth, &attributes));
+                    let [a, b, c] = &mut works;
+                    in_turn(&mut [a, b, c], rounds)
+                });
+                row.push(format!("{threads}: {:.3} / {:.3} / {:.3}", 1e3 * times[0], 1e3 * times[1], 1e3 * times[2]));
+            }
+            println!("{name:>12} {terms:>16}  {}", row.join("   "));
         }
     }
 }
