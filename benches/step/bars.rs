@@ -176,7 +176,7 @@ fn threads() {
 }
 
 /// The same passes over the same tiles as a graph of tasks, as parallel loops of rayon one after another, and as a graph on as many
-/// threads as pay, timed in turn on pools of 1 thread up to the machine's. CLOTH_MESHES adds the meshes of a folder.
+/// threads as pay, timed in turn on pools of 1 thread up to the machine's. `CLOTH_MESHES` adds the meshes of a folder.
 fn schedule() {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     println!("\nS = {SUBSTEPS}, ms a frame: loops / graph / as many threads as pay (medians of 25, in turn)");

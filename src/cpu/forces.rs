@@ -44,7 +44,8 @@ pub(crate) struct Forces<'a> {
     u: &'a SharedArray<'a>,
     pulls: SharedArray<'a>,
     couples: SharedArray<'a>,
-    panel_forces: SharedArray<'a>,
+    /// A third of the air's force (N) on each triangle.
+    on_panels: SharedArray<'a>,
     rings: &'a RingBatches,
     panels: &'a PanelBatches,
     width: Width,
@@ -103,7 +104,7 @@ impl ForceArrays {
             u,
             pulls: SharedArray::new(self.pulls.room()),
             couples: SharedArray::new(self.couples.room()),
-            panel_forces: SharedArray::new(self.panel_forces.room()),
+            on_panels: SharedArray::new(self.panel_forces.room()),
             rings: &self.rings,
             panels: &self.panels,
             width,
@@ -126,7 +127,7 @@ impl Forces<'_> {
 
     /// The air's force on some triangles.
     pub(crate) fn panel_forces(&self, task: &Task, chunk: usize, substep: &Substep) {
-        let (x, u, forces) = (self.x.within(task), self.u.within(task), self.panel_forces.within(task));
+        let (x, u, forces) = (self.x.within(task), self.u.within(task), self.on_panels.within(task));
         let count = self.plan.cloth.panels().panels.len();
         let (first, end) = (chunk * GRAIN, ((chunk + 1) * GRAIN).min(count));
         let groups = first / self.width.lanes()..end.div_ceil(self.width.lanes());
@@ -145,7 +146,7 @@ impl Forces<'_> {
     pub(crate) fn blow_and_pull(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         // Each term is added as its own stage does it on the GPU, in the same order: fewer roundings part the two.
-        let around = self.plan.wind.then(|| (&self.plan.cloth.panels().around, self.panel_forces.within(task)));
+        let around = self.plan.wind.then(|| (&self.plan.cloth.panels().around, self.on_panels.within(task)));
         let springs = (self.plan.method == Method::Springs).then(|| self.plan.cloth.springs());
         for i in tile {
             let from = x.get(i as usize);

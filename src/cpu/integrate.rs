@@ -50,7 +50,7 @@ impl Integrator<'_> {
     /// Predicts what a tile's vertices will do under the ambient acceleration alone.
     pub(crate) fn fall(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
-        simd::run(self.width, Fall { x, u, vertices: range(&tile), fall: self.ambient(substep), carry: substep.carry });
+        simd::run(self.width, Fall { x, u, vertices: range(&tile), ambient: self.ambient(substep), carry: substep.carry });
     }
 
     /// Contact, the move, and what comes then.
@@ -128,14 +128,14 @@ struct Fall<'t> {
     x: View<'t>,
     u: View<'t>,
     vertices: Range<usize>,
-    fall: Vec4,
+    ambient: Vec4,
     carry: f32,
 }
 
 impl Loop for Fall<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let (zero, fall, carry) = (L::splat(0.0), L::repeat(self.fall), L::splat(self.carry));
+        let (zero, fall, carry) = (L::splat(0.0), L::repeat(self.ambient), L::splat(self.carry));
         let fourth = zero.lt(L::repeat(Vec4::W));
         for first in self.vertices.step_by(L::LANES) {
             let (x, u) = (self.x.row::<L>(first as u32), self.u.row::<L>(first as u32));

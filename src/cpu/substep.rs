@@ -43,6 +43,7 @@ pub(crate) enum Stage {
 }
 
 /// What decides which stages a substep has.
+#[expect(clippy::struct_excessive_bools, reason = "a term is there or not")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Terms {
     /// Displacements are predicted elsewhere.
@@ -291,14 +292,19 @@ pub(crate) struct State<'t> {
     pub u: View<'t>,
 }
 
-/// How displacements are predicted elsewhere; substeps are named by their number in the step.
+/// A loop over what a task is given, in a substep that is named by its number in the step.
+type Loop<'a, T> = dyn Fn(&Task, State<'_>, T, usize) + Sync + 'a;
+
+type MovedLoop<'a> = dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync + 'a;
+
+/// How displacements are predicted elsewhere.
 pub(crate) struct Elsewhere<'a> {
     /// Before each substep, while no other task runs.
-    pub exchange: &'a (dyn Fn(&Task, State<'_>, usize) + Sync),
+    pub exchange: &'a Loop<'a, ()>,
     /// Predicts the displacements of some vertices.
-    pub predict: &'a (dyn Fn(&Task, State<'_>, Range<u32>, usize) + Sync),
+    pub predict: &'a Loop<'a, Range<u32>>,
     /// Sees some vertices that were moved.
-    pub moved: &'a (dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync),
+    pub moved: &'a MovedLoop<'a>,
 }
 
 /// A step at work.
@@ -322,7 +328,7 @@ impl Stepper<'_> {
     pub(crate) fn work(&self, task: &Task, pass: &Pass, turn: u32, index: usize) {
         let sweeps = self.plan.sweeps.max(1);
         let substep = (turn / sweeps) as usize;
-        let (begins, ends) = (turn % sweeps == 0, turn % sweeps + 1 == sweeps);
+        let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
         for &stage in pass {
             let is_due = match stage {
                 Stage::Sweep(_) => true,
@@ -344,7 +350,7 @@ impl Stepper<'_> {
         match stage {
             Stage::Remember => self.integrator.remember(task, tile()),
             Stage::Exchange => {
-                self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, self.state(task), index))
+                self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, self.state(task), (), index));
             }
             Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
             Stage::PanelForces => self.forces.panel_forces(task, part, substep),

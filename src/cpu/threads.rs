@@ -7,11 +7,11 @@
 /// Counts that are tried: 1, 2, 4 ... and the pool's.
 const COUNTS: usize = 12;
 /// Vertices that a thread has at first.
-const VERTICES: usize = 1024;
-/// Steps of a trial.
+const VERTICES: usize = 512;
+/// Steps of a trial; the first of them moves the cloth from cache to cache, and does not count.
 const TRIAL: u32 = 3;
 /// Steps between trials, at first and at most.
-const PAUSE: [u32; 2] = [16, 1024];
+const PAUSE: [u32; 2] = [4, 1024];
 /// A count that is not better than the present one by this is not worth a change.
 const GAIN: f64 = 0.97;
 /// Share of a step in the mean time of its count.
@@ -39,7 +39,7 @@ impl ThreadChoice {
     pub(crate) fn new(vertices: usize, pool: usize) -> ThreadChoice {
         let fitting = (0..=last(pool)).take_while(|&count| threads(count, pool) * VERTICES <= vertices);
         let kept = fitting.last().unwrap_or(0);
-        ThreadChoice { pool, time: [0.0; COUNTS], kept, trial: None, left: PAUSE[0], pause: PAUSE[0], up: false }
+        ThreadChoice { pool, time: [0.0; COUNTS], kept, trial: None, left: PAUSE[0], pause: PAUSE[0], up: true }
     }
 
     /// Threads for the next step.
@@ -52,9 +52,8 @@ impl ThreadChoice {
         let count = self.trial.map_or(self.kept, |(count, _)| count);
         let time = &mut self.time[count];
         let newest = match self.trial {
-            // A mean of the trial's own steps.
-            Some((_, left)) if left == TRIAL => 1.0,
-            Some((_, left)) => 1.0 / f64::from(TRIAL - left + 1),
+            // A mean of the trial's own steps but the first.
+            Some((_, left)) => 1.0 / f64::from((TRIAL - left).max(1)),
             None => NEWEST,
         };
         *time = if *time == 0.0 { seconds } else { *time + newest * (seconds - *time) };
@@ -65,6 +64,8 @@ impl ThreadChoice {
                 let better = self.time[count] < GAIN * self.time[self.kept];
                 if better {
                     self.kept = count;
+                } else {
+                    self.up = !self.up;
                 }
                 self.wait(better);
             }
@@ -84,12 +85,11 @@ impl ThreadChoice {
         }
         self.left -= 1;
         if self.left == 0 {
-            self.up = !self.up;
             let other = if self.up { self.kept + 1 } else { self.kept.wrapping_sub(1) };
             if other <= last(self.pool) {
                 self.trial = Some((other, TRIAL));
             } else {
-                self.left = 1;
+                (self.up, self.left) = (!self.up, 1);
             }
         }
     }

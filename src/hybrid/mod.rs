@@ -169,7 +169,7 @@ impl Hybrid {
         let exchanges = Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None });
         // What the GPU is to see of the state first: written before the first exchange unless it was at the end of the last step.
         let is_there = sent == Some(complete);
-        let fetch = |task: &Task, state: State<'_>, substep: usize| {
+        let fetch = |task: &Task, state: State<'_>, (): (), substep: usize| {
             let slot = slot.within(task);
             if substep == 0
                 && !is_there
@@ -187,7 +187,8 @@ impl Hybrid {
             }
         };
         let predict = |task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize| {
-            let Some(mapped) = slot.within(task).item(0) else { return };
+            let slot = slot.within(task);
+            let Some(mapped) = slot.item(0) else { return };
             let vertices = vertices.start as usize..vertices.end as usize;
             let received = &mapped.received()[vertices.clone()];
             let (gain, held) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
@@ -205,7 +206,8 @@ impl Hybrid {
             if !last && !(substep + 1).is_multiple_of(every) {
                 return;
             }
-            let Some(mapped) = slot.within(task).item(0) else { return };
+            let slot = slot.within(task);
+            let Some(mapped) = slot.item(0) else { return };
             for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
                 mapped.send(task, payload(last), i, state.x.get(i), state.u.get(i));
             }

@@ -53,7 +53,7 @@ fn what_is_told_to_be_clear_is_clear() {
                 Some(_) => integrator.advance(&task, &[0..37, 37..count as u32], substep, then),
                 None => integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, then),
             }
-            [x, u].map(|values| values.iter().map(|v| v.to_array()).collect::<Vec<_>>())
+            [x, u].map(|values| values.iter().map(Vec4::to_array).collect::<Vec<_>>())
         };
         let one = run(None);
         for (one, many) in Width::all().into_iter().map(|w| run(Some(w))).flat_map(|many| one.clone().into_iter().zip(many)) {

@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicU32;
 
 use super::*;
+#[cfg(debug_assertions)]
 use crate::cpu::tasks::shared::SharedArray;
 
 const PLACES: usize = 14;

@@ -118,7 +118,7 @@ impl<T> Clone for View<'_, T> {
 
 impl<T> Copy for View<'_, T> {}
 
-impl<'t, T> View<'t, T> {
+impl<T> View<'_, T> {
     /// Where an item is.
     #[inline(always)]
     fn pointer(self, item: usize) -> *mut T {
@@ -143,7 +143,7 @@ impl<'t, T> View<'t, T> {
 
     /// An item.
     #[cfg(feature = "gpu")]
-    pub(crate) fn item(self, item: usize) -> &'t T {
+    pub(crate) fn item(&self, item: usize) -> &T {
         self.reads(item, 1);
         // SAFETY: Alive, Inside (`pointer`), Apart.
         unsafe { &*self.pointer(item) }
@@ -172,7 +172,7 @@ impl<'t, T> View<'t, T> {
     }
 }
 
-impl<'t, T: Copy> View<'t, T> {
+impl<T: Copy> View<'_, T> {
     #[inline(always)]
     pub(crate) fn get(self, item: usize) -> T {
         self.reads(item, 1);
@@ -489,6 +489,7 @@ pub(crate) struct MappedVectors {
 #[cfg(feature = "gpu")]
 impl MappedVectors {
     /// None if the memory is at an odd address.
+    #[expect(clippy::cast_ptr_alignment, reason = "looked at below")]
     pub(crate) fn new(mut view: wgpu::BufferViewMut) -> Option<MappedVectors> {
         let length = view.len() / size_of::<glam::Vec3>();
         let start = view.slice(..).as_raw_element_ptr().as_ptr().cast::<glam::Vec3>();
