@@ -220,6 +220,7 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
             piece.touches = ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]).collect();
             piece.touches.sort_unstable();
             piece.touches.dedup();
+            piece.touches.shrink_to_fit();
             piece.vertices = runs(given.into_iter());
         }
     }

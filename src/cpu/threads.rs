@@ -9,11 +9,11 @@ const COUNTS: usize = 12;
 /// Vertices that a thread has at first.
 const VERTICES: usize = 512;
 /// Steps of a trial; the first of them moves the cloth from cache to cache, and does not count.
-const TRIAL: u32 = 3;
+const TRIAL: u32 = 4;
 /// Steps between trials, at first and at most.
 const PAUSE: [u32; 2] = [4, 1024];
 /// A count that is not better than the present one by this is not worth a change.
-const GAIN: f64 = 0.97;
+const GAIN: f64 = 0.96;
 /// Share of a step in the mean time of its count.
 const NEWEST: f64 = 0.125;
 
@@ -24,8 +24,9 @@ pub(crate) struct ThreadChoice {
     pool: usize,
     /// Mean time (s) of a substep on each count, recently; 0 if it was not tried.
     time: [f64; COUNTS],
-    /// Which count is kept, and which is being tried for how many steps yet.
+    /// Which count is kept, which was before, and which is being tried for how many steps yet.
     kept: usize,
+    before: usize,
     trial: Option<(usize, u32)>,
     /// Steps until the next trial, and between trials.
     left: u32,
@@ -39,7 +40,16 @@ impl ThreadChoice {
     pub(crate) fn new(vertices: usize, pool: usize) -> ThreadChoice {
         let fitting = (0..=last(pool)).take_while(|&count| threads(count, pool) * VERTICES <= vertices);
         let kept = fitting.last().unwrap_or(0);
-        ThreadChoice { pool, time: [0.0; COUNTS], kept, trial: None, left: PAUSE[0], pause: PAUSE[0], up: true }
+        ThreadChoice {
+            pool,
+            time: [0.0; COUNTS],
+            kept,
+            before: usize::MAX,
+            trial: None,
+            left: PAUSE[0],
+            pause: PAUSE[0],
+            up: true,
+        }
     }
 
     /// Threads for the next step.
@@ -61,40 +71,34 @@ impl ThreadChoice {
             Some((_, left)) if left > 1 => self.trial = Some((count, left - 1)),
             Some(_) => {
                 self.trial = None;
-                let better = self.time[count] < GAIN * self.time[self.kept];
+                let (better, back) = (self.time[count] < GAIN * self.time[self.kept], count == self.before);
                 if better {
-                    self.kept = count;
+                    (self.before, self.kept) = (self.kept, count);
                 } else {
                     self.up = !self.up;
                 }
-                self.wait(better);
+                self.wait(better && !back);
             }
             None => self.consider(),
         }
     }
 
-    /// After a step on the count that is kept: goes back to one that was better, or tries another.
+    /// After a step on the count that is kept: tries one that was better of late, or when it is time, another.
     fn consider(&mut self) {
-        let best = (0..=last(self.pool)).filter(|&count| self.time[count] > 0.0);
-        let best = best.min_by(|&a, &b| self.time[a].total_cmp(&self.time[b])).unwrap_or(self.kept);
-        if self.time[best] < GAIN * self.time[self.kept] {
-            // What it took then it may not take now: it is measured anew.
-            self.kept = best;
-            self.wait(false);
-            return;
-        }
         self.left -= 1;
-        if self.left == 0 {
-            let other = if self.up { self.kept + 1 } else { self.kept.wrapping_sub(1) };
-            if other <= last(self.pool) {
-                self.trial = Some((other, TRIAL));
-            } else {
-                (self.up, self.left) = (!self.up, 1);
-            }
+        let tried = (0..=last(self.pool)).filter(|&count| self.time[count] > 0.0);
+        let best = tried.min_by(|&a, &b| self.time[a].total_cmp(&self.time[b])).unwrap_or(self.kept);
+        let next = if self.up { self.kept + 1 } else { self.kept.wrapping_sub(1) };
+        if self.time[best] < GAIN * self.time[self.kept] && self.pause - self.left >= PAUSE[0] {
+            self.trial = Some((best, TRIAL));
+        } else if self.left == 0 && next <= last(self.pool) {
+            self.trial = Some((next, TRIAL));
+        } else if self.left == 0 {
+            (self.up, self.left) = (!self.up, 1);
         }
     }
 
-    /// Until the next trial: soon after one that brought something, ever later after those that did not.
+    /// Until the next trial: soon after one that brought something new, ever later after others.
     fn wait(&mut self, gained: bool) {
         self.pause = if gained { PAUSE[0] } else { (2 * self.pause).min(PAUSE[1]) };
         self.left = self.pause;
