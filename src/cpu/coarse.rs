@@ -13,8 +13,8 @@ use crate::multigrid::hierarchy::{Level, MAX_LEVELS};
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Loop, Registers, Width};
 
-/// Aggregates that a task restricts, at least.
-const GRAIN: usize = 16;
+/// Aggregates that a task restricts, at least and at most.
+const GRAIN: [usize; 2] = [16, 64];
 /// Fewer aggregates than this are no work to share: to wait for one another would cost more.
 const WORTHWHILE: usize = 2048;
 /// No one aggregate.
@@ -95,7 +95,7 @@ impl Aggregates {
             label,
             common: level.label.chunks(width.lanes() / 4).map(common).collect(),
             inverse_mass: level.inverse_mass.clone(),
-            grain: count.div_ceil(2 * threads).max(GRAIN),
+            grain: (count / (2 * threads)).clamp(GRAIN[0], GRAIN[1]),
             partition: Partition::coarse(&level.links, count, if count < WORTHWHILE { 1 } else { threads }),
             edges: Vec::new(),
         }

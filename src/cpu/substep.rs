@@ -102,6 +102,7 @@ fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Over {
     Everything,
+    SmallLevels(usize),
     Tiles,
     /// Parts of tiles.
     Chunks,
@@ -116,7 +117,8 @@ impl Stage {
     fn over(self, chunks: bool) -> Over {
         match self {
             Stage::Remember | Stage::BendMoments | Stage::Predict | Stage::LeadPins if chunks => Over::Chunks,
-            Stage::Exchange | Stage::SmallLevels(_) => Over::Everything,
+            Stage::Exchange => Over::Everything,
+            Stage::SmallLevels(first) => Over::SmallLevels(first),
             Stage::PanelForces => Over::Triangles,
             Stage::Restrict(level) => Over::Aggregates(level),
             Stage::SweepLevel(level, round) => Over::PiecesOfLevel(level, round),
@@ -170,7 +172,7 @@ impl Schedule {
         for (index, pass) in passes.iter().enumerate() {
             let is_local = |over| matches!(over, Over::Tiles | Over::Chunks | Over::Triangles | Over::Borders(_));
             let follows = index > once && is_local(places.over(pass)) && is_local(places.over(&passes[index - 1]));
-            tasks.push(PassTasks { touches: places.touched(pass), follows });
+            tasks.push(PassTasks { touches: places.touched(pass), awaits: places.awaited(pass), follows });
         }
         Schedule { graph: Graph::new(tasks, once, places.count()), passes, chunks }
     }
@@ -221,10 +223,13 @@ impl Places<'_> {
     /// What each task of a pass touches.
     fn touched(&self, pass: &Pass) -> Vec<Vec<u32>> {
         let Places { partition, coarse, .. } = *self;
-        let everything = || (0..self.count() as u32).collect::<Vec<u32>>();
         let tiles = 0..partition.tiles.len() as u32;
         match self.over(pass) {
-            Over::Everything => vec![everything()],
+            Over::Everything => vec![(0..self.count() as u32).collect()],
+            // And the level that they are restricted from.
+            Over::SmallLevels(first) => {
+                vec![(self.first_of_level(first.saturating_sub(1)) as u32..self.count() as u32).collect()]
+            }
             Over::Chunks => {
                 let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
                 let touched = |tile: u32| match pass[0] {
@@ -234,43 +239,51 @@ impl Places<'_> {
                 self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
             }
             Over::Tiles if pass[0] == Stage::BendMoments => partition.around.clone(),
-            Over::Tiles if pass.contains(&Stage::Correct) => {
-                let labels = |tile: u32| coarse.labels(0, partition.tiles[tile as usize].clone());
-                tiles.map(|tile| sorted([tile].into_iter().chain(self.of_level(0, labels(tile))))).collect()
-            }
             Over::Tiles => tiles.map(|tile| vec![tile]).collect(),
             Over::Triangles => self.panel_tiles.to_vec(),
             Over::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
             Over::Aggregates(level) => {
-                let chunks = 0..coarse.restrictions(level);
-                chunks.map(|chunk| self.restricted(level, coarse.restricted(level, chunk))).collect()
+                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.restricted(level, chunk));
+                chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
             }
             Over::PiecesOfLevel(level, round) => {
-                let pieces = coarse.partition(level).rounds[round].iter().enumerate();
-                pieces.map(|(index, piece)| self.swept(level, round, index, piece)).collect()
+                let first = self.first_of_level(level) as u32;
+                let pieces = coarse.partition(level).rounds[round].iter();
+                pieces.map(|piece| piece.touches.iter().map(|tile| first + tile).collect()).collect()
             }
         }
     }
 
-    /// What the restriction to some aggregates touches: them, and what they are made of.
-    fn restricted(&self, level: usize, aggregates: Range<usize>) -> Vec<u32> {
-        let members = self.coarse.members(level, aggregates.clone());
-        let below = match level {
-            0 => sorted(members.map(|vertex| tile_of(&self.partition.tiles, vertex))),
-            _ => self.of_level(level - 1, members),
-        };
-        sorted(below.into_iter().chain(self.of_level(level, aggregates.map(|aggregate| aggregate as u32))))
-    }
-
-    /// What the sweep of a piece of a level touches; in the first round it also looks at the level above.
-    fn swept(&self, level: usize, round: usize, index: usize, piece: &Piece) -> Vec<u32> {
-        let first = self.first_of_level(level) as u32;
-        let own = piece.touches.iter().map(|tile| first + tile);
-        if round > 0 || level + 1 == self.coarse.len() {
-            return sorted(own);
+    /// Where each task of a pass waits besides.
+    ///
+    /// What is corrected by a level looks at it. Who next writes there is the restriction to the aggregates that were looked at, and
+    /// that waits for what they are made of, which was corrected. What is restricted looks at what is below. Who next writes there
+    /// is the correction, and that waits for the aggregates.
+    fn awaited(&self, pass: &Pass) -> Vec<Vec<u32>> {
+        let Places { partition, coarse, .. } = *self;
+        match self.over(pass) {
+            Over::Tiles if pass.contains(&Stage::Correct) => {
+                let labels = |tile: &Range<u32>| self.of_level(0, coarse.labels(0, tile.clone()));
+                partition.tiles.iter().map(labels).collect()
+            }
+            Over::Aggregates(level) => {
+                // From the vertices a task could begin once those of its aggregates are there. But the sweep of
+                // the smallest levels waits for all of them anyway, and a worker that has nothing else to do until then would restrict what is in
+                // another's cache, rather than help it with the edges.
+                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.members(level, coarse.restricted(level, chunk)));
+                let below = |members| match level {
+                    0 => (0..partition.tiles.len() as u32).collect(),
+                    _ => self.of_level(level - 1, members),
+                };
+                chunks.map(below).collect()
+            }
+            // In the first round a piece, which is a tile's, is handed what the level above was corrected by.
+            Over::PiecesOfLevel(level, 0) if level + 1 < coarse.len() => {
+                let labels = |tile: &Range<u32>| self.of_level(level + 1, coarse.labels(level + 1, tile.clone()));
+                coarse.partition(level).tiles.iter().map(labels).collect()
+            }
+            _ => Vec::new(),
         }
-        let tile = self.coarse.partition(level).tiles[index].clone();
-        sorted(own.chain(self.of_level(level + 1, self.coarse.labels(level + 1, tile))))
     }
 }
 

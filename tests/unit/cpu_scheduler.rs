@@ -19,7 +19,7 @@ fn scene(random: &mut fastrand::Rng) -> (Vec<PassTasks>, usize) {
             2 => all.chunks(random.usize(2..5)).map(<[u32]>::to_vec).collect(),
             _ => all.chunks(1).map(<[u32]>::to_vec).collect(),
         };
-        PassTasks { touches, follows: random.bool() }
+        PassTasks { touches, awaits: Vec::new(), follows: random.bool() }
     };
     ((0..passes).map(|_| pass(random)).collect(), random.usize(0..2))
 }
@@ -74,7 +74,7 @@ fn tasks_wait_for_all_that_touches_what_they_touch() {
 #[test]
 fn a_panic_in_a_task_reaches_the_caller_and_stops_nobody() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-    let pass = PassTasks { touches: (0..4).map(|place| vec![place]).collect(), follows: true };
+    let pass = PassTasks { touches: (0..4).map(|place| vec![place]).collect(), awaits: Vec::new(), follows: true };
     let mut graph = Graph::new(vec![pass.clone(), pass], 0, 4);
     let work = |_: &Task, turn: u32, _: usize, task: usize| assert!((turn, task) != (1, 2), "as planned");
     let mut run = || pool.install(|| graph.run(3, 2, &work));
@@ -88,7 +88,7 @@ fn a_race_is_found() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     let mut items = [0_u32; 1];
     let array = SharedArray::new(&mut items);
-    let mut graph = Graph::new(vec![PassTasks { touches: vec![vec![0], vec![1]], follows: false }], 0, 2);
+    let mut graph = Graph::new(vec![PassTasks { touches: vec![vec![0], vec![1]], awaits: Vec::new(), follows: false }], 0, 2);
     let both = std::sync::Barrier::new(2);
     let work = |task: &Task, _: u32, _: usize, index: usize| {
         both.wait();

@@ -21,11 +21,14 @@ pub(crate) struct Graph {
     passes: Vec<Pass>,
     /// Passes that come in the first turn alone, ahead of all others.
     once: usize,
-    /// What each task touches, and how many tasks of earlier passes in the first turn touch that.
-    touches: Vec<Touch>,
+    /// Where each task waits, and for how many tasks of earlier passes in the first turn.
+    waits: Vec<Wait>,
     /// Where each task's begin, and the last one's end.
-    starts: Vec<usize>,
-    /// The tasks that touch each place, in order, and where each place's begin.
+    wait_starts: Vec<usize>,
+    /// Where each task counts as done, likewise.
+    counts: Vec<u32>,
+    count_starts: Vec<usize>,
+    /// The tasks that count at each place, in order, and where each place's begin.
     at_place: Vec<u32>,
     at_place_starts: Vec<usize>,
     /// How many of them there are in every turn.
@@ -42,6 +45,9 @@ pub(crate) struct Graph {
 pub(crate) struct PassTasks {
     /// The places that each task touches.
     pub touches: Vec<Vec<u32>>,
+    /// More places where a task waits for those before it, but where nobody needs to wait for it, because whoever would waits for
+    /// others that do. Empty, or one list a task.
+    pub awaits: Vec<Vec<u32>>,
     /// Whether its tasks wait for tasks of the pass before that are near theirs alone, so that a worker may go on to them while what
     /// they touch is in cache.
     pub follows: bool,
@@ -54,7 +60,7 @@ struct Pass {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Touch {
+struct Wait {
     place: u32,
     before: u32,
 }
@@ -66,6 +72,10 @@ struct Padded<T>(T);
 
 /// Looks at what a task waits for before a worker looks for another to do: a microsecond or two at first, then twice as long.
 const GRACE: u32 = 50;
+/// Looks after it did another: there may be more.
+const AGAIN: u32 = 50;
+/// How far back a worker looks at all that it waits for.
+const NEAR: u32 = 2;
 /// Looks before it goes to sleep: some 0.2 ms with those before, longer than any task of a cloth worth sharing.
 const PATIENCE: u32 = 64 * GRACE;
 
@@ -80,13 +90,16 @@ struct Job {
 impl Graph {
     /// Of so many places; the first `once` passes come in the first turn alone.
     pub(crate) fn new(passes: Vec<PassTasks>, once: usize, places: usize) -> Graph {
-        let mut graph = Graph { once, starts: vec![0], ..Graph::default() };
+        let mut graph = Graph { once, wait_starts: vec![0], count_starts: vec![0], ..Graph::default() };
         let mut tasks_at: Vec<Vec<u32>> = vec![Vec::new(); places];
-        for PassTasks { touches, follows } in passes {
-            let first = graph.starts.len() - 1;
-            for places in &touches {
-                graph.touches.extend(places.iter().map(|&place| Touch { place, before: tasks_at[place as usize].len() as u32 }));
-                graph.starts.push(graph.touches.len());
+        for PassTasks { touches, awaits, follows } in passes {
+            let first = graph.count_starts.len() - 1;
+            for (index, places) in touches.iter().enumerate() {
+                let all = places.iter().chain(awaits.get(index).into_iter().flatten());
+                graph.waits.extend(all.map(|&place| Wait { place, before: tasks_at[place as usize].len() as u32 }));
+                graph.wait_starts.push(graph.waits.len());
+                graph.counts.extend(places);
+                graph.count_starts.push(graph.counts.len());
             }
             // Those of one pass do not wait for one another.
             for (task, places) in (first as u32..).zip(&touches) {
@@ -94,14 +107,14 @@ impl Graph {
             }
             graph.passes.push(Pass { tasks: first..first + touches.len(), follows });
         }
-        let first_turn = graph.passes.get(once).map_or(graph.starts.len() - 1, |pass| pass.tasks.start) as u32;
+        let first_turn = graph.passes.get(once).map_or(graph.count_starts.len() - 1, |pass| pass.tasks.start) as u32;
         graph.each_turn = tasks_at.iter().map(|tasks| tasks.iter().filter(|&&task| task >= first_turn).count()).collect();
         graph.at_place_starts = vec![0];
         for tasks in &tasks_at {
             graph.at_place.extend(tasks);
             graph.at_place_starts.push(graph.at_place.len());
         }
-        graph.taken.resize_with(graph.starts.len() - 1, Padded::default);
+        graph.taken.resize_with(graph.count_starts.len() - 1, Padded::default);
         graph.done.resize_with(places, Padded::default);
         graph
     }
@@ -139,9 +152,9 @@ impl Graph {
         if turn == 0 { 0..self.passes.len() } else { self.once..self.passes.len() }
     }
 
-    /// What a task touches.
-    fn touches(&self, task: usize) -> &[Touch] {
-        &self.touches[self.starts[task]..self.starts[task + 1]]
+    /// What a task waits for.
+    fn waits(&self, task: usize) -> &[Wait] {
+        &self.waits[self.wait_starts[task]..self.wait_starts[task + 1]]
     }
 }
 
@@ -203,15 +216,15 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         if job.pass < self.graph.once { 0 } else { job.turn }
     }
 
-    /// Whether all tasks before a job's that touch a place are done.
-    fn is_done(&self, job: Job, touch: Touch) -> bool {
-        let needed = touch.before as usize + job.turn as usize * self.graph.each_turn[touch.place as usize];
-        self.graph.done[touch.place as usize].0.load(Ordering::SeqCst) >= needed
+    /// Whether all tasks before a job's that count at a place are done.
+    fn is_over(&self, job: Job, wait: Wait) -> bool {
+        let needed = wait.before as usize + job.turn as usize * self.graph.each_turn[wait.place as usize];
+        self.graph.done[wait.place as usize].0.load(Ordering::SeqCst) >= needed
     }
 
     /// Whether all that a job waits for is done.
     fn is_ready(&self, job: Job) -> bool {
-        self.graph.touches(job.task).iter().all(|&touch| self.is_done(job, touch))
+        self.graph.waits(job.task).iter().all(|&wait| self.is_over(job, wait))
     }
 
     /// Does a job that is ready, unless somebody has.
@@ -243,7 +256,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
             grace = match self.blocker(job) {
                 Some(other) => {
                     self.take(other);
-                    GRACE
+                    AGAIN
                 }
                 None if grace < PATIENCE => 2 * grace,
                 None => {
@@ -255,30 +268,42 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
     }
 
     /// A job that is ready and that one that is not waits for, by way of others or not; none if those are all under way.
+    ///
+    /// First what is near, farthest from where another worker is at it; then whatever the first of those that it waits for waits
+    /// for, however far back: a worker may never have come.
     fn blocker(&self, job: Job) -> Option<Job> {
-        let mut job = job;
-        while !self.is_ready(job) {
-            job = self.free_before(job)?;
-        }
-        Some(job)
+        self.ready_before(job, NEAR).or_else(|| {
+            let mut job = job;
+            while !self.is_ready(job) {
+                job = self.free_before(job).next()?;
+            }
+            Some(job)
+        })
     }
 
-    /// A free job that a job waits for.
-    fn free_before(&self, job: Job) -> Option<Job> {
+    /// A job that is ready: this one, or one that it waits for by way of so many others.
+    fn ready_before(&self, job: Job, others: u32) -> Option<Job> {
+        if self.is_ready(job) {
+            return Some(job);
+        }
+        if others == 0 { None } else { self.free_before(job).find_map(|other| self.ready_before(other, others - 1)) }
+    }
+
+    /// The free jobs that a job waits for, those at the last place first.
+    fn free_before(&self, job: Job) -> impl Iterator<Item = Job> {
         let graph = self.graph;
-        let touches = graph.touches(job.task).iter().filter(|&&touch| !self.is_done(job, touch));
-        touches
-            .flat_map(|touch| {
-                let place = touch.place as usize;
-                let tasks = &graph.at_place[graph.at_place_starts[place]..graph.at_place_starts[place + 1]];
-                let (before, behind) = tasks.split_at(touch.before as usize);
-                // What is behind it was to be done in the turn before.
-                let last = job.turn.checked_sub(1);
-                let last = behind.iter().filter_map(move |&task| Some((last?, task)));
-                last.chain(before.iter().map(move |&task| (job.turn, task)))
-            })
-            .map(|(turn, task)| Job { turn, pass: self.pass_of(task as usize), task: task as usize })
-            .find(|&other| (other.pass >= graph.once || other.turn == 0) && self.is_free(other))
+        let waits = graph.waits(job.task).iter().rev().filter(move |&&wait| !self.is_over(job, wait));
+        let jobs = waits.flat_map(move |wait| {
+            let place = wait.place as usize;
+            let tasks = &graph.at_place[graph.at_place_starts[place]..graph.at_place_starts[place + 1]];
+            let (before, behind) = tasks.split_at(wait.before as usize);
+            // What is behind it was to be done in the turn before.
+            let last = job.turn.checked_sub(1);
+            let last = behind.iter().filter_map(move |&task| Some((last?, task)));
+            last.chain(before.iter().map(move |&task| (job.turn, task)))
+        });
+        let jobs = jobs.map(|(turn, task)| Job { turn, pass: self.pass_of(task as usize), task: task as usize });
+        jobs.filter(|&other| (other.pass >= graph.once || other.turn == 0) && self.is_free(other))
     }
 
     fn pass_of(&self, task: usize) -> usize {
@@ -307,7 +332,8 @@ struct Done<'a> {
 impl Drop for Done<'_> {
     fn drop(&mut self) {
         let Done { graph, task } = *self;
-        graph.touches(task).iter().for_each(|touch| _ = graph.done[touch.place as usize].0.fetch_add(1, Ordering::SeqCst));
+        let counts = &graph.counts[graph.count_starts[task]..graph.count_starts[task + 1]];
+        counts.iter().for_each(|&place| _ = graph.done[place as usize].0.fetch_add(1, Ordering::SeqCst));
         if graph.sleepers.load(Ordering::SeqCst) > 0 {
             // Under the lock, so that no one is between looking and sleeping.
             drop(graph.lock.lock().unwrap_or_else(PoisonError::into_inner));
