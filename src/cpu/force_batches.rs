@@ -102,7 +102,7 @@ impl RingBatches {
     pub(crate) fn gather<L: Registers>(&self, values: View<'_>, neighbors: usize) -> Vector<L> {
         match self.neighbors[neighbors] {
             Neighbors::Row(first) => values.vectors(first as usize),
-            Neighbors::Listed(first) => values.listed_vectors(&self.listed, first as usize),
+            Neighbors::Listed(first) => values.at(&self.listed).vectors(first as usize),
         }
     }
 
@@ -146,7 +146,7 @@ impl PanelBatches {
     /// Values at a corner of a group's triangles.
     #[inline(always)]
     pub(crate) fn corner<L: Registers>(&self, values: View<'_>, group: usize, corner: usize) -> Vector<L> {
-        values.listed_vectors(&self.corners, (3 * group + corner) * L::LANES)
+        values.at(&self.corners).vectors((3 * group + corner) * L::LANES)
     }
 }
 

@@ -52,24 +52,25 @@ impl Sweep<'_> {
         // Loops, for what takes a closure has not the instructions.
         match ends {
             Ends::Rows => {
+                let (x, u) = (x.rows::<L>(&at.rows), u.rows::<L>(&at.rows));
                 for factors in factors.chunks_exact(3 * L::LANES) {
-                    let x_ends = (x.row_of::<L>(&at.rows, first), x.row_of::<L>(&at.rows, first + 1));
-                    let u_ends = (u.row_of::<L>(&at.rows, first), u.row_of::<L>(&at.rows, first + 1));
-                    correct::<L, RULE, false>(factors, x_ends, u_ends);
+                    let (a, b) = (first, first + 1);
+                    correct::<L, RULE, false>(factors, (x.row(a), x.row(b)), (u.row(a), u.row(b)));
                     first += 2;
                 }
             }
             Ends::Pairs => {
+                let (x, u) = (x.pairs::<L>(&at.pairs), u.pairs::<L>(&at.pairs));
                 for factors in factors.chunks_exact(3 * L::LANES) {
-                    correct::<L, RULE, false>(factors, x.pairs_of::<L>(&at.pairs, first), u.pairs_of::<L>(&at.pairs, first));
+                    correct::<L, RULE, false>(factors, x.row(first), u.row(first));
                     first += 1;
                 }
             }
             Ends::Listed => {
+                let (x, u) = (x.at(&at.listed), u.at(&at.listed));
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + L::LANES);
-                    let x_ends = (x.listed::<L>(&at.listed, a), x.listed::<L>(&at.listed, b));
-                    correct::<L, RULE, true>(factors, x_ends, (u.listed::<L>(&at.listed, a), u.listed::<L>(&at.listed, b)));
+                    correct::<L, RULE, true>(factors, (x.row::<L>(a), x.row::<L>(b)), (u.row::<L>(a), u.row::<L>(b)));
                     first += 2 * L::LANES;
                 }
             }

@@ -197,28 +197,24 @@ impl<'t> View<'t, Vec4> {
         Row { view: self, first, lanes: PhantomData }
     }
 
-    /// As many vectors as lanes, a row of a list.
+    /// The rows of a list, as many vectors as lanes each.
     #[inline(always)]
-    pub(crate) fn row_of<L: Registers>(self, rows: &Rows, index: usize) -> Row<'t, L> {
-        assert!(rows.bound <= self.length && rows.length == L::LANES, "inside the array");
-        Row { view: self, first: rows.starts[index] as usize, lanes: PhantomData }
-    }
-
-    /// Twice as many vectors as lanes, a row of a list.
-    #[inline(always)]
-    pub(crate) fn pairs_of<L: Registers>(self, rows: &Rows, index: usize) -> Pairs<'t, L> {
-        assert!(rows.bound <= self.length && rows.length == 2 * L::LANES, "inside the array");
-        Pairs { view: self, first: rows.starts[index] as usize, lanes: PhantomData }
-    }
-
-    /// As many vectors as lanes, at these places.
-    #[inline(always)]
-    pub(crate) fn listed<'p, L: Registers>(self, places: &'p Places, first: usize) -> Listed<'p, L>
+    pub(crate) fn rows<'p, L: Registers>(self, rows: &'p Rows) -> RowsOf<'p, L>
     where
         't: 'p,
     {
-        assert!(places.bound <= self.length, "inside the array");
-        Listed { view: self, places: &places.items[first..first + L::LANES], lanes: PhantomData }
+        assert!(rows.bound <= self.length && rows.length == L::LANES, "inside the array");
+        RowsOf { view: self, starts: &rows.starts, lanes: PhantomData }
+    }
+
+    /// The rows of a list, twice as many vectors as lanes each.
+    #[inline(always)]
+    pub(crate) fn pairs<'p, L: Registers>(self, rows: &'p Rows) -> PairsOf<'p, L>
+    where
+        't: 'p,
+    {
+        assert!(rows.bound <= self.length && rows.length == 2 * L::LANES, "inside the array");
+        PairsOf { view: self, starts: &rows.starts, lanes: PhantomData }
     }
 
     /// As many vectors as lanes, one after another from `first` on: all x, all y, all z.
@@ -226,13 +222,6 @@ impl<'t> View<'t, Vec4> {
     pub(crate) fn vectors<L: Registers>(self, first: usize) -> Vector<L> {
         let row = self.row::<L>(first as u32);
         L::transpose([row.get(0), row.get(1), row.get(2), row.get(3)])
-    }
-
-    /// As many vectors as lanes, at these places: all x, all y, all z.
-    #[inline(always)]
-    pub(crate) fn listed_vectors<L: Registers>(self, places: &Places, first: usize) -> Vector<L> {
-        let listed = self.listed::<L>(places, first);
-        L::transpose([listed.get(0), listed.get(1), listed.get(2), listed.get(3)])
     }
 
     /// The inverse of [`View::vectors`], with 0 as fourth.
@@ -311,6 +300,38 @@ impl<L: Registers> Four<L> for Row<'_, L> {
     #[inline(always)]
     fn set(&self, k: usize, value: L) {
         self.view.store(self.first + k % 4 * L::VECTORS, value);
+    }
+}
+
+/// The rows of a list.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RowsOf<'p, L> {
+    view: View<'p>,
+    /// All inside.
+    starts: &'p [u32],
+    lanes: PhantomData<L>,
+}
+
+impl<'p, L: Registers> RowsOf<'p, L> {
+    #[inline(always)]
+    pub(crate) fn row(self, index: usize) -> Row<'p, L> {
+        Row { view: self.view, first: self.starts[index] as usize, lanes: PhantomData }
+    }
+}
+
+/// The rows of a list, as pairs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PairsOf<'p, L> {
+    view: View<'p>,
+    /// All inside.
+    starts: &'p [u32],
+    lanes: PhantomData<L>,
+}
+
+impl<'p, L: Registers> PairsOf<'p, L> {
+    #[inline(always)]
+    pub(crate) fn row(self, index: usize) -> Pairs<'p, L> {
+        Pairs { view: self.view, first: self.starts[index] as usize, lanes: PhantomData }
     }
 }
 
@@ -449,10 +470,23 @@ pub(crate) struct Gathered<'p> {
     places: &'p [u32],
 }
 
-impl Gathered<'_> {
+impl<'p> Gathered<'p> {
     #[inline(always)]
     pub(crate) fn get(self, index: usize) -> Vec4 {
         self.view.vector(self.places[index])
+    }
+
+    /// As many vectors as lanes, from an index of the list on.
+    #[inline(always)]
+    pub(crate) fn row<L: Registers>(self, first: usize) -> Listed<'p, L> {
+        Listed { view: self.view, places: &self.places[first..first + L::LANES], lanes: PhantomData }
+    }
+
+    /// The same: all x, all y, all z.
+    #[inline(always)]
+    pub(crate) fn vectors<L: Registers>(self, first: usize) -> Vector<L> {
+        let listed = self.row::<L>(first);
+        L::transpose([listed.get(0), listed.get(1), listed.get(2), listed.get(3)])
     }
 
     /// As many vectors as a register holds, from an index of the list on.
