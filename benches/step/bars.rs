@@ -197,16 +197,20 @@ fn schedule() {
         for (terms, fabric, levels) in [("bare", scenes::bare(), Levels::Off), ("levels, bending", fabric, Levels::Auto)] {
             let options = Options { fabric, levels, pinned: pinned.clone(), ..scenes::hang(2, fabric).1 };
             let scene = (mesh.clone(), options);
+            // A million vertices take seconds a frame with bending on one thread.
+            let large = mesh.positions.len() > 500_000;
+            let (rounds, frames, counts) = if large { (5, 6, vec![1, 4, 16]) } else { (25, 40, vec![1, 2, 4, 8, 16, 32]) };
             let mut row = Vec::new();
-            for threads in [1, 2, 4, 8, 16, 32].into_iter().filter(|&threads| threads <= most) {
+            for threads in counts.into_iter().filter(|&threads| threads <= most) {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
                 let attributes = Attributes::default();
-                let mut cloths = [(); 3].map(|()| pool.install(|| scenes::moving(&scene, &attributes)));
+                let mut cloths = [(); 3].map(|()| Deformer::new(&scene.0, scene.1.clone()).expect("a cloth"));
                 cloths[0].loop_by_loop(true);
                 cloths[1].on_threads(threads);
-                let rounds = if mesh.positions.len() > 100_000 { 9 } else { 25 };
-                // The third finds its number of threads first.
-                pool.install(|| (0..60).for_each(|_| scenes::frame(&mut cloths[2], &attributes)));
+                // They move, and the third finds its number of threads.
+                pool.install(|| {
+                    (0..frames).for_each(|_| cloths.iter_mut().for_each(|cloth| scenes::frame(cloth, &attributes)));
+                });
                 let [loops, graph, pays] = &mut cloths;
                 let times = pool.install(|| {
                     let mut works = [loops, graph, pays].map(|cloth| || scenes::frame(cloth, &attributes));
