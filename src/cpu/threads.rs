@@ -10,7 +10,7 @@ const COUNTS: usize = 12;
 const VERTICES: usize = 512;
 /// Steps of a trial; the first of them moves the cloth from cache to cache, and does not count.
 const TRIAL: u32 = 4;
-/// Steps between trials, at first and at most.
+/// Steps between trials, at least and at most.
 const PAUSE: [u32; 2] = [4, 1024];
 /// A count that is not better than the present one by this is not worth a change.
 const GAIN: f64 = 0.96;
