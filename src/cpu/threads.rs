@@ -40,16 +40,11 @@ impl ThreadChoice {
     pub(crate) fn new(vertices: usize, pool: usize) -> ThreadChoice {
         let fitting = (0..=last(pool)).take_while(|&count| threads(count, pool) * VERTICES <= vertices);
         let kept = fitting.last().unwrap_or(0);
-        ThreadChoice {
-            pool,
-            time: [0.0; COUNTS],
-            kept,
-            before: usize::MAX,
-            trial: None,
-            left: PAUSE[0],
-            pause: PAUSE[0],
-            up: true,
-        }
+        // Where every thread has far more than it needs, another count is hardly better.
+        let ample = vertices / (2 * VERTICES * threads(kept, pool));
+        let pause = PAUSE[0].saturating_mul(ample as u32).clamp(PAUSE[0], 16 * PAUSE[0]);
+        let time = [0.0; COUNTS];
+        ThreadChoice { pool, time, kept, before: usize::MAX, trial: None, left: pause, pause, up: true }
     }
 
     /// Threads for the next step.
