@@ -1,5 +1,5 @@
 // The numbers of a step and of a substep, which every stage shares. The structs mirror src/kernels/params.rs member for member;
-// src/gpu/layout.rs compares them.
+// tests/unit/gpu_layout.rs compares them.
 
 struct Params {
     acceleration: vec3f,
