@@ -19,7 +19,7 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, StepReport, Warning};
 use crate::step::coefficients::Coefficients;
 use crate::step::plan::{Motion, Plan, PlanBuffers};
-use crate::step::substeps::Rates;
+use crate::step::substep_count::Rates;
 
 /// A cloth in motion.
 pub struct Deformer {

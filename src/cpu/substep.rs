@@ -70,6 +70,9 @@ fn prologue(terms: Terms) -> Vec<Stage> {
 }
 
 /// The stages of a substep, in order.
+///
+/// Where vertices only fall there is no stage that predicts: the first substep's displacements are predicted in the [`prologue`],
+/// and each next one's where a vertex moves ([`Stage::Move`]), while it is at hand.
 fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
     let mut stages = Vec::new();
     // Predict each vertex's displacement, from the last one and the forces.
@@ -306,16 +309,16 @@ pub(crate) struct State<'t> {
 }
 
 /// A loop over what a task is given, in a substep that is named by its number in the step.
-type Loop<'a, T> = dyn Fn(&Task, State<'_>, T, usize) + Sync + 'a;
+type TaskLoop<'a, T> = dyn Fn(&Task, State<'_>, T, usize) + Sync + 'a;
 
 type MovedLoop<'a> = dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync + 'a;
 
 /// How displacements are predicted elsewhere.
 pub(crate) struct Elsewhere<'a> {
     /// Before each substep, while no other task runs.
-    pub exchange: &'a Loop<'a, ()>,
+    pub exchange: &'a TaskLoop<'a, ()>,
     /// Predicts the displacements of some vertices.
-    pub predict: &'a Loop<'a, Range<u32>>,
+    pub predict: &'a TaskLoop<'a, Range<u32>>,
     /// Sees some vertices that were moved.
     pub moved: &'a MovedLoop<'a>,
 }

@@ -49,7 +49,7 @@ impl Sweep<'_> {
     #[inline(always)]
     fn rows<L: Registers, const RULE: u8>(self) {
         let Sweep { batch: Batch { ends, factors, at, mut first }, x, u, .. } = self;
-        // Loops, for what takes a closure has not the instructions.
+        // Plain loops: a closure given to an iterator is compiled without the instruction set that this function has.
         match ends {
             Ends::Rows => {
                 let (x, u) = (x.rows::<L>(&at.rows), u.rows::<L>(&at.rows));

@@ -209,13 +209,12 @@ impl GpuEngine {
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        let has_forces = plan.bending || plan.wind || plan.method == Method::Springs;
         // Levels have some more colors than the cloth, together.
         let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
         let pays = crowd || plan.cloth.rest.len() <= SMALL;
         let levels = plan.coefficients.levels.len();
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && !has_forces && sweeps <= LONGEST_DISPATCH && single.levels() == levels => {
+            (_, Some(single)) if pays && !plan.has_forces() && sweeps <= LONGEST_DISPATCH && single.levels() == levels => {
                 Path::SingleWorkgroup
             }
             (Sweep::Tiled(_), _) => Path::Tiled,

@@ -45,7 +45,6 @@ use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
-use crate::options::Method;
 use crate::step::plan::Plan;
 
 /// A cloth whose state is in memory and whose forces are computed on the GPU.
@@ -74,11 +73,6 @@ struct Exchanges<'a> {
     failed: Option<String>,
 }
 
-/// Whether a step has forces that differ from vertex to vertex.
-fn has_forces(plan: &Plan<'_>) -> bool {
-    plan.bending || plan.wind || plan.method == Method::Springs
-}
-
 impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
         gpu.clone().checked(|| {
@@ -104,7 +98,7 @@ impl Hybrid {
     /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let sent = self.sent.take();
-        if !has_forces(plan) {
+        if !plan.has_forces() {
             return self.cpu.step(plan, None).map_err(Failure::Unstable);
         }
         self.sent = Some(self.exchanged(plan, sent)?);

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
 
+use super::distance::LEAST_LENGTH;
 use super::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
 
@@ -69,7 +70,7 @@ pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, p
         return respond(x, u, n, before, after - body.radius_travel * params.fraction, step, body.friction, params.h);
     }
     let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - body.radius_travel * params.fraction;
-    let n = if end > 1e-12 { d / end } else { Vec3A::Y };
+    let n = if end > LEAST_LENGTH { d / end } else { Vec3A::Y };
     respond(x, u, n, before, after, step, body.friction, params.h)
 }
 

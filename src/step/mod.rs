@@ -2,4 +2,4 @@
 
 pub(crate) mod coefficients;
 pub(crate) mod plan;
-pub(crate) mod substeps;
+pub(crate) mod substep_count;

@@ -126,7 +126,7 @@ impl<'a> Plan<'a> {
             bodies: buffers.bodies.len() as u32,
             pins: buffers.pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
-            predicted: u32::from(bending || wind || options.method == Method::Springs || !buffers.pins.is_empty()),
+            predicted: u32::from(has_forces(bending, wind, options.method) || !buffers.pins.is_empty()),
             substeps: count,
             sweeps,
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
@@ -147,10 +147,20 @@ impl<'a> Plan<'a> {
         }
     }
 
+    /// Whether there are forces that differ from vertex to vertex.
+    pub(crate) fn has_forces(&self) -> bool {
+        has_forces(self.bending, self.wind, self.method)
+    }
+
     /// Whether bending is damped.
     pub(crate) fn damped(&self) -> bool {
         self.params.damped != 0
     }
+}
+
+/// The forces that differ from vertex to vertex: a new one is named here.
+fn has_forces(bending: bool, wind: bool, method: Method) -> bool {
+    bending || wind || method == Method::Springs
 }
 
 /// A collider as the kernels take it, moving here from `last` during the step. A round body is made larger by what
