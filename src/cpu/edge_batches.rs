@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
-use crate::cpu::tasks::shared::{Places, Rows};
+use crate::cpu::tasks::lists::{Places, Rows};
 use crate::kernels::distance::Edge;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{MAX_LANES, vector_of_lane};

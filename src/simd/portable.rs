@@ -4,68 +4,31 @@ use glam::{BVec4A, Mat4, Vec4};
 
 use super::{Lanes, Registers, Vector};
 
+/// Functions that are inlined into whatever loop they are called from.
+macro_rules! inlined {
+    ($(fn $name:ident $arguments:tt -> $result:ty { $($body:tt)* })*) => {$(
+        #[inline(always)]
+        fn $name $arguments -> $result { $($body)* }
+    )*};
+}
+
 impl Lanes for f32 {
     type Mask = bool;
     const LANES: usize = 1;
 
-    #[inline(always)]
-    fn splat(value: f32) -> f32 {
-        value
-    }
-
-    #[inline(always)]
-    fn mul_add(self, by: f32, plus: f32) -> f32 {
-        self * by + plus
-    }
-
-    #[inline(always)]
-    fn neg_mul_add(self, by: f32, plus: f32) -> f32 {
-        plus - self * by
-    }
-
-    #[inline(always)]
-    fn abs(self) -> f32 {
-        f32::abs(self)
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> f32 {
-        f32::sqrt(self)
-    }
-
-    #[inline(always)]
-    fn max(self, other: f32) -> f32 {
-        f32::max(self, other)
-    }
-
-    #[inline(always)]
-    fn lt(self, other: f32) -> bool {
-        self < other
-    }
-
-    #[inline(always)]
-    fn eq(self, other: f32) -> bool {
-        self == other
-    }
-
-    #[inline(always)]
-    fn and(one: bool, other: bool) -> bool {
-        one & other
-    }
-
-    #[inline(always)]
-    fn or(one: bool, other: bool) -> bool {
-        one | other
-    }
-
-    #[inline(always)]
-    fn all(mask: bool) -> bool {
-        mask
-    }
-
-    #[inline(always)]
-    fn select(mask: bool, yes: f32, no: f32) -> f32 {
-        if mask { yes } else { no }
+    inlined! {
+        fn splat(value: f32) -> f32 { value }
+        fn mul_add(self, by: f32, plus: f32) -> f32 { self * by + plus }
+        fn neg_mul_add(self, by: f32, plus: f32) -> f32 { plus - self * by }
+        fn abs(self) -> f32 { f32::abs(self) }
+        fn sqrt(self) -> f32 { f32::sqrt(self) }
+        fn max(self, other: f32) -> f32 { f32::max(self, other) }
+        fn lt(self, other: f32) -> bool { self < other }
+        fn eq(self, other: f32) -> bool { self == other }
+        fn and(one: bool, other: bool) -> bool { one & other }
+        fn or(one: bool, other: bool) -> bool { one | other }
+        fn all(mask: bool) -> bool { mask }
+        fn select(mask: bool, yes: f32, no: f32) -> f32 { if mask { yes } else { no } }
     }
 }
 
@@ -73,142 +36,44 @@ impl Lanes for Vec4 {
     type Mask = BVec4A;
     const LANES: usize = 4;
 
-    #[inline(always)]
-    fn splat(value: f32) -> Vec4 {
-        Vec4::splat(value)
-    }
-
-    #[inline(always)]
-    fn mul_add(self, by: Vec4, plus: Vec4) -> Vec4 {
-        self * by + plus
-    }
-
-    #[inline(always)]
-    fn neg_mul_add(self, by: Vec4, plus: Vec4) -> Vec4 {
-        plus - self * by
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Vec4 {
-        Vec4::abs(self)
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Vec4 {
-        Vec4::from_array(self.to_array().map(f32::sqrt))
-    }
-
-    #[inline(always)]
-    fn max(self, other: Vec4) -> Vec4 {
-        Vec4::max(self, other)
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Vec4) -> BVec4A {
-        self.cmplt(other)
-    }
-
-    #[inline(always)]
-    fn eq(self, other: Vec4) -> BVec4A {
-        self.cmpeq(other)
-    }
-
-    #[inline(always)]
-    fn and(one: BVec4A, other: BVec4A) -> BVec4A {
-        one & other
-    }
-
-    #[inline(always)]
-    fn or(one: BVec4A, other: BVec4A) -> BVec4A {
-        one | other
-    }
-
-    #[inline(always)]
-    fn all(mask: BVec4A) -> bool {
-        mask.all()
-    }
-
-    #[inline(always)]
-    fn select(mask: BVec4A, yes: Vec4, no: Vec4) -> Vec4 {
-        Vec4::select(mask, yes, no)
+    inlined! {
+        fn splat(value: f32) -> Vec4 { Vec4::splat(value) }
+        fn mul_add(self, by: Vec4, plus: Vec4) -> Vec4 { self * by + plus }
+        fn neg_mul_add(self, by: Vec4, plus: Vec4) -> Vec4 { plus - self * by }
+        fn abs(self) -> Vec4 { Vec4::abs(self) }
+        fn sqrt(self) -> Vec4 { Vec4::from_array(self.to_array().map(f32::sqrt)) }
+        fn max(self, other: Vec4) -> Vec4 { Vec4::max(self, other) }
+        fn lt(self, other: Vec4) -> BVec4A { self.cmplt(other) }
+        fn eq(self, other: Vec4) -> BVec4A { self.cmpeq(other) }
+        fn and(one: BVec4A, other: BVec4A) -> BVec4A { one & other }
+        fn or(one: BVec4A, other: BVec4A) -> BVec4A { one | other }
+        fn all(mask: BVec4A) -> bool { mask.all() }
+        fn select(mask: BVec4A, yes: Vec4, no: Vec4) -> Vec4 { Vec4::select(mask, yes, no) }
     }
 }
 
 impl Registers for Vec4 {
-    #[inline(always)]
-    fn from_slice(values: &[f32]) -> Vec4 {
-        Vec4::from_slice(values)
-    }
-
-    #[inline(always)]
-    fn repeat_each(values: &[f32]) -> Vec4 {
-        Vec4::splat(values[0])
-    }
-
-    #[inline(always)]
-    fn repeat(vector: Vec4) -> Vec4 {
-        vector
-    }
-
-    #[inline(always)]
-    fn from_vectors(vectors: [Vec4; 4]) -> Vec4 {
-        vectors[0]
-    }
-
-    #[inline(always)]
-    fn to_vectors(self) -> [Vec4; 4] {
-        [self; 4]
-    }
-
-    #[inline(always)]
-    fn load(from: &[Vec4]) -> Vec4 {
-        from[0]
-    }
-
-    #[inline(always)]
-    fn store(self, to: &mut [Vec4]) {
-        to[0] = self;
-    }
-
-    #[inline(always)]
-    fn load_pairs(from: &[Vec4]) -> [Vec4; 2] {
-        [from[0], from[1]]
-    }
-
-    #[inline(always)]
-    fn store_pairs(pairs: [Vec4; 2], to: &mut [Vec4]) {
-        to.copy_from_slice(&pairs);
-    }
-
-    #[inline(always)]
-    fn transpose(v: [Vec4; 4]) -> Vector<Vec4> {
-        let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
-        Vector::new(t.x_axis, t.y_axis, t.z_axis)
-    }
-
-    #[inline(always)]
-    fn vectors(v: Vector<Vec4>) -> [Vec4; 4] {
-        let t = Mat4::from_cols(v.x, v.y, v.z, Vec4::ZERO).transpose();
-        [t.x_axis, t.y_axis, t.z_axis, t.w_axis]
-    }
-
-    #[inline(always)]
-    fn sum(self) -> Vec4 {
-        self
-    }
-
-    #[inline(always)]
-    fn w(self) -> Vec4 {
-        Vec4::splat(self.w)
-    }
-
-    #[inline(always)]
-    fn spread(self) -> [Vec4; 4] {
-        [Vec4::splat(self.x), Vec4::splat(self.y), Vec4::splat(self.z), Vec4::splat(self.w)]
-    }
-
-    #[inline(always)]
-    fn spread_mask(mask: BVec4A) -> [BVec4A; 4] {
-        [0, 1, 2, 3].map(|k| BVec4A::splat(mask.test(k)))
+    inlined! {
+        fn from_slice(values: &[f32]) -> Vec4 { Vec4::from_slice(values) }
+        fn repeat_each(values: &[f32]) -> Vec4 { Vec4::splat(values[0]) }
+        fn repeat(vector: Vec4) -> Vec4 { vector }
+        fn from_vectors(vectors: [Vec4; 4]) -> Vec4 { vectors[0] }
+        fn to_vectors(self) -> [Vec4; 4] { [self; 4] }
+        fn load(from: &[Vec4]) -> Vec4 { from[0] }
+        fn store(self, to: &mut [Vec4]) -> () { to[0] = self; }
+        fn load_pairs(from: &[Vec4]) -> [Vec4; 2] { [from[0], from[1]] }
+        fn store_pairs(pairs: [Vec4; 2], to: &mut [Vec4]) -> () { to.copy_from_slice(&pairs); }
+        fn transpose(v: [Vec4; 4]) -> Vector<Vec4> {
+            let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
+            Vector::new(t.x_axis, t.y_axis, t.z_axis)
+        }
+        fn vectors(v: Vector<Vec4>) -> [Vec4; 4] {
+            let t = Mat4::from_cols(v.x, v.y, v.z, Vec4::ZERO).transpose();
+            [t.x_axis, t.y_axis, t.z_axis, t.w_axis]
+        }
+        fn sum(self) -> Vec4 { self }
+        fn w(self) -> Vec4 { Vec4::splat(self.w) }
+        fn spread(self) -> [Vec4; 4] { [Vec4::splat(self.x), Vec4::splat(self.y), Vec4::splat(self.z), Vec4::splat(self.w)] }
+        fn spread_mask(mask: BVec4A) -> [BVec4A; 4] { [0, 1, 2, 3].map(|k| BVec4A::splat(mask.test(k))) }
     }
 }

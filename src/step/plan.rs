@@ -148,6 +148,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Whether there are forces that differ from vertex to vertex.
+    #[cfg(feature = "gpu")]
     pub(crate) fn has_forces(&self) -> bool {
         has_forces(self.bending, self.wind, self.method)
     }

@@ -1,5 +1,6 @@
 //! Tasks on several threads, and the arrays that they share.
 
+pub(crate) mod lists;
 #[cfg(debug_assertions)]
 mod race;
 pub(crate) mod scheduler;
