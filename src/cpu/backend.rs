@@ -154,7 +154,6 @@ impl Cpu {
         let packed = Some((coefficients.h.to_bits(), levels, threads));
         if self.packed_for != packed {
             if self.packed_for.is_none_or(|(_, _, before)| before != threads) {
-                self.partition = None;
                 self.coarse.forget();
                 (self.scheduled_for, self.choice) = (None, None);
             }

@@ -249,6 +249,11 @@ impl Places<'_> {
                 let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.restricted(level, chunk));
                 chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
             }
+            // A piece of the first round is handed down to its whole tile, whatever edges it has.
+            Over::PiecesOfLevel(level, 0) => {
+                let first = self.first_of_level(level) as u32;
+                (0..coarse.partition(level).tiles.len() as u32).map(|tile| vec![first + tile]).collect()
+            }
             Over::PiecesOfLevel(level, round) => {
                 let first = self.first_of_level(level) as u32;
                 let pieces = coarse.partition(level).rounds[round].iter();

@@ -182,7 +182,8 @@ impl Exchange {
 
     fn ask(&mut self) {
         self.asked = true;
-        self.ready.store(0, Ordering::Release);
+        // One of its own for each mapping: a callback may come late.
+        self.ready = Arc::default();
         let note = || {
             let ready = Arc::clone(&self.ready);
             move |mapped: Result<(), wgpu::BufferAsyncError>| {

@@ -165,12 +165,11 @@ impl Hybrid {
         let is_there = sent == Some(complete);
         let fetch = |task: &Task, state: State<'_>, (): (), substep: usize| {
             let slot = slot.within(task);
-            if substep == 0
-                && !is_there
-                && let Some(mapped) = slot.item(0)
-            {
-                let vertices = plan.cloth.rest.len();
-                (0..vertices).for_each(|i| mapped.send(task, Payload::Both, i, state.x.get(i), state.u.get(i)));
+            if substep == 0 && !is_there {
+                slot.show(0, |mapped| {
+                    let send = |i| mapped.iter().for_each(|m| m.send(task, Payload::Both, i, state.x.get(i), state.u.get(i)));
+                    (0..plan.cloth.rest.len()).for_each(send);
+                });
             }
             if substep.is_multiple_of(every) {
                 let next = substep / every + 1;
@@ -181,30 +180,31 @@ impl Hybrid {
             }
         };
         let predict = |task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize| {
-            let slot = slot.within(task);
-            let Some(mapped) = slot.item(0) else { return };
-            let vertices = vertices.start as usize..vertices.end as usize;
-            let received = &mapped.received()[vertices.clone()];
             let (gain, held) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
             let scale = if gain == held { 1.0 } else { gain / held };
             let carry = Vec3A::splat(plan.substeps[substep].carry);
-            for (i, &received) in vertices.zip(received) {
-                let free = state.x.get(i).w > 0.0;
-                let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
-                let by = carried + Vec3A::from(received) * scale;
-                state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
-            }
+            slot.within(task).show(0, |mapped| {
+                let Some(mapped) = mapped else { return };
+                let vertices = vertices.start as usize..vertices.end as usize;
+                for (i, &received) in vertices.clone().zip(&mapped.received()[vertices]) {
+                    let free = state.x.get(i).w > 0.0;
+                    let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
+                    let by = carried + Vec3A::from(received) * scale;
+                    state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
+                }
+            });
         };
         let moved = |task: &Task, state: State<'_>, vertices: &[Range<u32>], substep: usize| {
             let last = substep + 1 == count;
             if !last && !(substep + 1).is_multiple_of(every) {
                 return;
             }
-            let slot = slot.within(task);
-            let Some(mapped) = slot.item(0) else { return };
-            for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
-                mapped.send(task, payload(last), i, state.x.get(i), state.u.get(i));
-            }
+            slot.within(task).show(0, |mapped| {
+                let Some(mapped) = mapped else { return };
+                for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
+                    mapped.send(task, payload(last), i, state.x.get(i), state.u.get(i));
+                }
+            });
         };
         let stepped = cpu.step(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
         match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {

@@ -1,4 +1,5 @@
-//! What debug builds execute: no item of a shared array is written by a task while another that runs reads or writes it.
+//! What debug builds watch for: an item of a shared array that a task writes while another that runs reads or writes it. Found is
+//! what overlaps in time, but for readers that another reader came after.
 //!
 //! Every task that runs has a ticket; every item remembers the tickets of the last task that read it and of the last that wrote it.
 

@@ -93,6 +93,8 @@ impl Graph {
         let mut graph = Graph { once, wait_starts: vec![0], count_starts: vec![0], ..Graph::default() };
         let mut tasks_at: Vec<Vec<u32>> = vec![Vec::new(); places];
         for PassTasks { touches, awaits, follows } in passes {
+            assert!(awaits.is_empty() || awaits.len() == touches.len(), "one list a task");
+            assert!(touches.iter().all(|places| !places.is_empty()), "a task that touches nothing is ordered with nobody");
             let first = graph.count_starts.len() - 1;
             for (index, places) in touches.iter().enumerate() {
                 let all = places.iter().chain(awaits.get(index).into_iter().flatten());

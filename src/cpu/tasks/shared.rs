@@ -8,8 +8,8 @@
 //!   it was made. Lengths and bounds never change.
 //! - **Apart**: while tasks run, no item that one writes is read or written by another. An array can only be seen from within a
 //!   [`Task`]; tasks are made by the [`scheduler`](super::scheduler) alone, which runs one only after all earlier ones that touch
-//!   a place of the cloth that it touches. That a task's loops stay where it says is for [`Stage`](crate::cpu::substep::Stage) to
-//!   say and for debug builds to execute ([`race`](super::race)): every access of every task, in every test.
+//!   a place of the cloth that it touches. That a task's loops stay where it says is for [`Schedule`](crate::cpu::substep::Schedule) to
+//!   say; debug builds watch every access for two tasks that meet ([`race`](super::race)), which they find when those overlap in time.
 
 #![expect(unsafe_code, reason = "see the invariants")]
 
@@ -28,8 +28,8 @@ use crate::simd::{Registers, Vector};
 pub(crate) struct Task {
     #[cfg(debug_assertions)]
     ticket: Ticket,
-    /// So that nobody else makes one.
-    _made_here: (),
+    /// So that nobody else makes one, and that it stays in its thread.
+    _made_here: PhantomData<*mut ()>,
 }
 
 impl Task {
@@ -38,7 +38,7 @@ impl Task {
         Task {
             #[cfg(debug_assertions)]
             ticket: Ticket::take(),
-            _made_here: (),
+            _made_here: PhantomData,
         }
     }
 
@@ -142,19 +142,19 @@ impl<T> View<'_, T> {
         (first..first + count).for_each(|item| self.visitors.0.write(item, self.visitors.1.ticket.number()));
     }
 
-    /// An item.
+    /// Shows an item.
     #[cfg(feature = "gpu")]
-    pub(crate) fn item(&self, item: usize) -> &T {
+    pub(crate) fn show<R>(self, item: usize, look: impl FnOnce(&T) -> R) -> R {
         self.reads(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart.
-        unsafe { &*self.pointer(item) }
+        // SAFETY: Alive, Inside (`pointer`), Apart; and what looks on does not put another item there ([`View::replace`]).
+        look(unsafe { &*self.pointer(item) })
     }
 
-    /// Puts another item in a place.
+    /// Puts another item in a place, which nobody is being shown meanwhile.
     #[cfg(feature = "gpu")]
     pub(crate) fn replace(self, item: usize, value: T) {
         self.writes(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart.
+        // SAFETY: Alive, Inside (`pointer`), Apart; and nobody looks on ([`View::show`]).
         unsafe { *self.pointer(item) = value };
     }
 
