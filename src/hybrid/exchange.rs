@@ -182,8 +182,11 @@ impl Exchange {
 
     fn ask(&mut self) {
         self.asked = true;
-        // One of its own for each mapping: a callback may come late.
-        self.ready = Arc::default();
+        // A callback of the mapping before may still come: it keeps the count that it knows, and this mapping takes another.
+        match Arc::get_mut(&mut self.ready) {
+            Some(ready) => *ready.get_mut() = 0,
+            None => self.ready = Arc::default(),
+        }
         let note = || {
             let ready = Arc::clone(&self.ready);
             move |mapped: Result<(), wgpu::BufferAsyncError>| {
