@@ -350,6 +350,7 @@ fn a_bad_mesh_is_refused_by_file_and_place() {
         ("v 0 0 zero\n", &["1"]),
         ("v 0 0 0\nv 1 0 0\nv 0 1 nan\nf 1 2 3\n", &[]),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &[]),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", &["no faces", "f a b c"]),
     ];
     for (text, words) in TABLE {
         let directory = TempDir::new().unwrap();
@@ -435,24 +436,141 @@ fn assert_whole(directory: &Path) {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_leaves_whole_files_only() {
+fn signals_leave_whole_files_only() {
     use std::{
         process::Stdio,
         thread::sleep,
         time::{Duration, Instant},
     };
 
-    let directory = TempDir::new().unwrap();
-    let mut command = drape(&directory, &["--frames", "100000", "--report", "r.json", "--preview", "p.png", "--pc2", "c.pc2"]);
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let start = Instant::now();
-    while !directory.path().join("frames/frame_0003.obj").exists() {
-        assert!(start.elapsed() < Duration::from_secs(120), "no third frame after two minutes");
-        sleep(Duration::from_millis(5));
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        let directory = TempDir::new().unwrap();
+        let mut command =
+            drape(&directory, &["--frames", "100000", "--report", "r.json", "--preview", "p.png", "--pc2", "c.pc2"]);
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let start = Instant::now();
+        while !directory.path().join("frames/frame_0003.obj").exists() {
+            assert!(start.elapsed() < Duration::from_secs(120), "no third frame after two minutes");
+            sleep(Duration::from_millis(5));
+        }
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(names(&directory), set(["frames"]), "{signal}: neither report nor preview, nor anything temporary");
+        fails(&output, 130, &["interrupted", "of 100000"]);
+        assert_whole(&directory.path().join("frames"));
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let output = child.wait_with_output().unwrap();
-    fails(&output, 130, &["interrupted", "of 100000"]);
-    assert_eq!(names(&directory), set(["frames"]), "neither report nor preview, nor anything temporary");
-    assert_whole(&directory.path().join("frames"));
+}
+
+/// What is given as a file may be a link to one, or no file at all.
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_devices_are_not_replaced() {
+    use std::{
+        io::Read,
+        os::unix::fs::{FileTypeExt, PermissionsExt, symlink},
+    };
+
+    let directory = TempDir::new().unwrap();
+    let path = |name: &str| directory.path().join(name);
+    let kind = |name: &str| fs::symlink_metadata(path(name)).unwrap().file_type();
+    let play = |report: &str, preview: &str| {
+        drape(&directory, &["--frames", "2", "--quiet", "--report", report, "--preview", preview]).output().unwrap()
+    };
+
+    for name in ["r.json", "p.png"] {
+        fs::write(path(name), "old").unwrap();
+        fs::set_permissions(path(name), fs::Permissions::from_mode(0o640)).unwrap();
+    }
+    symlink("r.json", path("r.link")).unwrap();
+    symlink(path("p.png"), path("p.link")).unwrap();
+    succeeds(&play("r.link", "p.link"));
+    assert!(kind("r.link").is_symlink() && kind("p.link").is_symlink());
+    assert_eq!(
+        serde_json::from_slice::<Value>(&fs::read(path("r.json")).unwrap()).unwrap()["frames"].as_array().unwrap().len(),
+        2
+    );
+    assert_eq!(read_png(&path("p.png")).0, 2 * 322 - 2);
+    assert_eq!(fs::metadata(path("r.json")).unwrap().permissions().mode() & 0o777, 0o640);
+
+    assert!(Command::new("mkfifo").arg(path("pipe")).status().unwrap().success());
+    if cfg!(target_os = "linux") {
+        // For writing too, which waits for no writer.
+        let mut reader = fs::OpenOptions::new().read(true).write(true).open(path("pipe")).unwrap();
+        succeeds(&play("pipe", "p.png"));
+        assert!(kind("pipe").is_fifo());
+        let mut text = vec![0; 1 << 16];
+        let length = reader.read(&mut text).unwrap();
+        assert_eq!(serde_json::from_slice::<Value>(&text[..length]).unwrap()["backend"], "cpu");
+    }
+
+    // A node of its own, like `/dev/null`, where that may be made and opened.
+    let made = Command::new("mknod").arg(path("null")).args(["c", "1", "3"]).output().is_ok_and(|made| made.status.success());
+    if cfg!(target_os = "linux") && made && fs::write(path("null"), "").is_ok() {
+        succeeds(&play("null", "p.png"));
+        succeeds(&play("r.json", "null"));
+        assert!(kind("null").is_char_device());
+    }
+}
+
+/// Whichever was written last would be all that is left.
+#[test]
+fn two_outputs_never_share_a_file() {
+    const TABLE: &[(&[&str], &[&str])] = &[
+        (&["--report", "x", "--preview", "./x"], &["--report", "--preview", "x"]),
+        (&["--report", "x", "--pc2", "frames/../x"], &["--report", "--pc2", "x"]),
+        (&["--report", "frames/frame_0002.obj"], &["--report", "frame 2", "--out"]),
+        (&["--preview", "frames/../frames/frame_0120.obj"], &["--preview", "frame 120", "--out"]),
+        (&["towel.obj", "--report", "towel.obj"], &["mesh", "--report", "towel.obj"]),
+        (&["towel.obj", "--pc2", "frames/../towel.obj"], &["mesh", "--pc2", "towel.obj"]),
+        (&["frames/frame_0001.obj"], &["mesh", "frame 1", "--out"]),
+        (&["frame_0002.obj", "--out", "."], &["mesh", "frame 2", "--out"]),
+    ];
+    let directory = TempDir::new().unwrap();
+    let text = Mesh::grid(3, 3, 1.0, 1.0).write_obj().unwrap();
+    fs::create_dir(directory.path().join("frames")).unwrap();
+    for name in ["towel.obj", "frame_0002.obj", "frames/frame_0001.obj"] {
+        fs::write(directory.path().join(name), &text).unwrap();
+    }
+    let before = names(&directory);
+    for (arguments, words) in TABLE {
+        let output = run(&directory, arguments);
+        println!("{arguments:?} -> {}", stderr(&output).trim_end());
+        fails(&output, 2, words);
+        assert_eq!(names(&directory), before, "{arguments:?}");
+        assert_eq!(names(directory.path().join("frames")), set(["frame_0001.obj"]), "{arguments:?}");
+    }
+    // Beyond the last frame a name is free.
+    succeeds(&run(&directory, &["--frames", "2", "--report", "frames/frame_0003.obj"]));
+}
+
+#[cfg(unix)]
+#[test]
+fn two_outputs_never_share_a_file_by_links() {
+    use std::os::unix::fs::symlink;
+
+    let directory = TempDir::new().unwrap();
+    let path = |name: &str| directory.path().join(name);
+    fs::create_dir(path("frames")).unwrap();
+    ["x", "y"].iter().for_each(|name| fs::write(path(name), "kept").unwrap());
+    symlink("x", path("link")).unwrap();
+    symlink("frames", path("folder")).unwrap();
+    symlink("../y", path("frames/frame_0002.obj")).unwrap();
+    for (arguments, words) in [
+        (&["--frames", "2", "--report", "x", "--pc2", "link"][..], &["--report", "--pc2"][..]),
+        (&["--frames", "2", "--report", "folder/frame_0001.obj"], &["--report", "frame 1"]),
+        (&["--frames", "2", "--report", "y"], &["--report", "frame 2"]),
+    ] {
+        fails(&run(&directory, arguments), 2, words);
+        assert!(["x", "y"].iter().all(|name| fs::read_to_string(path(name)).unwrap() == "kept"), "{arguments:?}");
+        assert_eq!(names(path("frames")), set(["frame_0002.obj"]), "{arguments:?}");
+    }
+}
+
+/// What has no end, and what is no mesh, is refused before it is read.
+#[cfg(unix)]
+#[test]
+fn a_device_is_no_mesh() {
+    let directory = TempDir::new().unwrap();
+    fails(&run(&directory, &["/dev/zero"]), 2, &["/dev/zero", "device"]);
+    assert_eq!(names(&directory), BTreeSet::new());
 }

@@ -1,4 +1,4 @@
-//! OBJ files on disk: errors name the file, a save is whole or not at all, and nothing is left beside it.
+//! OBJ files on disk: errors name the file, reading has an end, a save is whole or not at all, and nothing is left beside it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,43 @@ fn other_encodings_are_harmless_in_names_only() {
     assert_eq!(Mesh::load_obj(&path).unwrap().positions, [Vec3::ZERO]);
     fs::write(&path, b"v 0 \xe9 0\n").unwrap();
     assert!(matches!(Mesh::load_obj(&path), Err(ObjError::Vertex { line: 1, vertex: 1, .. })));
+}
+
+/// As large as a disk, and no disk: not read at all.
+#[cfg(unix)]
+#[test]
+fn a_file_beyond_the_limit_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    fs::File::create(&path).unwrap().set_len((1 << 32) + 1).unwrap();
+    let message = Mesh::load_obj(&path).unwrap_err().to_string();
+    let expected =
+        "has more than 4294967296 bytes, the most for a mesh of 16777216 vertices; leave out all but `v` and `f`, or split it";
+    assert_eq!(message, format!("{}: {expected}", path.display()));
+}
+
+/// One that never ends, among others.
+#[cfg(unix)]
+#[test]
+fn a_device_is_not_read() {
+    let message = Mesh::load_obj("/dev/zero").unwrap_err().to_string();
+    assert_eq!(message, "/dev/zero: cannot be read: it is a device, not a file or a pipe; check the path");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_pipe_is_read_to_its_end() {
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pipe.obj");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let mesh = Mesh::grid(20, 20, 1.0, 1.0);
+    let text = mesh.write_obj().unwrap();
+    let read = std::thread::scope(|scope| {
+        scope.spawn(|| fs::OpenOptions::new().write(true).open(&path).unwrap().write_all(text.as_bytes()).unwrap());
+        Mesh::load_obj(&path).unwrap()
+    });
+    assert_eq!(read, mesh);
 }
 
 /// Names in a folder, sorted.

@@ -219,6 +219,13 @@ fn no_vertices_is_an_error() {
 }
 
 #[test]
+fn more_vertices_than_a_cloth_may_have_are_refused() {
+    let text = "v 0 0 0\n".repeat((1 << 24) + 1);
+    let error = Mesh::parse_obj(&text).map(|mesh| mesh.positions.len()).unwrap_err();
+    assert_eq!(error.to_string(), "more than 16777216 vertices, the most that a mesh may have; split it");
+}
+
+#[test]
 fn a_file_cut_short_is_no_other_mesh() {
     let text = exported(4);
     let full = oracle(&text);

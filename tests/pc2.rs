@@ -111,3 +111,25 @@ fn a_full_disk_is_an_error() {
     assert!(message.starts_with("/dev/full: cannot be written: No space left"), "{message}");
     assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device());
 }
+
+/// What was cut short cannot be whole any more, even if there is room again.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_cache_that_a_write_cut_short_is_never_finished() {
+    use std::fs::OpenOptions;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pipe.pc2");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    // Long enough to leave the writer's buffer, short enough for the pipe's.
+    let sample = vec![Vec3::ONE; 2000];
+    // For writing too, which waits for no writer.
+    let reader = || OpenOptions::new().read(true).write(true).open(&path).unwrap();
+    let first = reader();
+    let mut cache = PointCache::create(&path, sample.len(), 1).unwrap();
+    drop(first);
+    assert!(matches!(cache.push(&sample), Err(Pc2Error::Write { .. })), "nobody reads");
+    let _again = reader();
+    let message = cache.push(&sample).unwrap_err().to_string();
+    assert!(message.contains("pipe.pc2: sample 1 was cut short") && message.contains("anew"), "{message}");
+    assert!(matches!(cache.finish(), Err(Pc2Error::CutShort { sample: 1, .. })));
+}

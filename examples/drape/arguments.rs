@@ -55,7 +55,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value = "small-steps", value_parser = one_of(&METHODS))]
     method: Method,
 
-    /// Substeps in each step
+    /// Substeps in 1/60 s; frames of another length take as many as keep them no longer
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), conflicts_with = "strain", allow_hyphen_values = true)]
     pub(crate) substeps: Option<u32>,
 
@@ -145,12 +145,6 @@ impl Arguments {
     fn checked(self) -> Result<Arguments, Failure> {
         if self.iterations.is_some() && !matches!(self.method, Method::Relaxation { .. }) {
             return Err(Failure::input("--iterations belongs to --method relaxation; add that, or leave it out"));
-        }
-        let files = [("--pc2", &self.pc2), ("--preview", &self.preview), ("--report", &self.report)];
-        for (k, (name, file)) in files.iter().enumerate() {
-            if let Some((other, _)) = files[..k].iter().find(|(_, other)| file.is_some() && other == file) {
-                return Err(Failure::input(format_args!("{other} and {name} name the same file; give each its own")));
-            }
         }
         Ok(self)
     }

@@ -1,4 +1,7 @@
-//! What the programs share in reading a command line.
+//! What the programs share: reading a command line, and what they say.
+
+use std::io::{self, Write};
+use std::process::ExitCode;
 
 use clap::{
     Parser,
@@ -7,6 +10,37 @@ use clap::{
 };
 
 use crate::Failure;
+
+/// Runs a program with the arguments that were read, or says what help was asked for. Why it ended early is said in one line.
+///
+/// Returning, rather than leaving from within, drops what is half written: it takes its temporary files along.
+pub(crate) fn run<Arguments>(
+    read: Result<Result<Arguments, clap::Error>, Failure>,
+    program: impl FnOnce(&Arguments) -> Result<(), Failure>,
+) -> ExitCode {
+    let failure = match read {
+        Ok(Ok(arguments)) => program(&arguments).err(),
+        Ok(Err(help)) => {
+            say(help.to_string().trim_end());
+            None
+        }
+        Err(failure) => Some(failure),
+    };
+    let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
+    warn("error", &message);
+    ExitCode::from(code)
+}
+
+/// A line on stdout. A reader that went away is no reason to stop.
+pub(crate) fn say(line: &str) {
+    let _ = writeln!(io::stdout(), "{line}");
+}
+
+/// One line on stderr, whatever line breaks a file name or a driver's message brought along.
+pub(crate) fn warn(kind: &str, message: &str) {
+    let line: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    let _ = writeln!(io::stderr(), "{kind}: {}", line.join(" "));
+}
 
 /// The arguments this process was given, or the help that was asked for. What is wrong with them is said in one line,
 /// without the usage that clap adds.

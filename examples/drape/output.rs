@@ -1,60 +1,120 @@
-//! Files that are there whole or not at all.
+//! Files that are there whole or not at all, each a file of its own.
 
 use std::{
-    error::Error,
     fmt::Display,
-    fs::OpenOptions,
+    fs::{self, OpenOptions},
     io::Write,
     path::{Path, PathBuf},
 };
 
-use tempfile::{Builder, NamedTempFile};
+use crate::{Failure, arguments::Arguments};
+use atomic_file::AtomicFile;
 
-use crate::Failure;
+// The library's own: links are followed, and a pipe or a device is written to, not replaced.
+#[expect(dead_code, reason = "the library writes all at once as well")]
+#[path = "../../src/io/atomic_file.rs"]
+mod atomic_file;
 
-/// The place of a file that will be written later. Until then a temporary file beside it shows that it can be;
-/// dropped unwritten, it leaves no trace.
+/// A file that will be written later. Until then a temporary file beside it shows that it can be; dropped unwritten, it leaves no
+/// trace.
 pub(crate) struct Output {
     path: PathBuf,
-    file: NamedTempFile,
+    file: AtomicFile,
 }
 
 impl Output {
     /// Fails now if the file could not be written later.
     pub(crate) fn reserve(path: &Path) -> Result<Output, Failure> {
-        let name = path.file_name().ok_or_else(|| unwritable(path, "it names no file"))?;
+        if path.file_name().is_none() {
+            return Err(unwritable(path, "it names no file"));
+        }
         if path.is_dir() {
             return Err(unwritable(path, "it is a directory"));
         }
         // Putting a file in place of another needs no right to write the other; asking for it respects a read-only file.
-        if path.exists() {
+        if path.is_file() {
             OpenOptions::new().append(true).open(path).map_err(|error| unwritable(path, error))?;
         }
-        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = Builder::new();
-        builder.prefix(name).suffix(".tmp");
-        #[cfg(unix)]
-        {
-            // Temporary files are private; this one becomes a file like any other, as the umask has it.
-            use std::{fs::Permissions, os::unix::fs::PermissionsExt};
-            builder.permissions(Permissions::from_mode(0o666));
-        }
-        let file = builder.tempfile_in(parent).map_err(|error| match error.source() {
-            // Without the temporary file's own name, which tells the user nothing.
-            Some(cause) => unwritable(path, cause),
-            None => unwritable(path, error),
-        })?;
+        let file = AtomicFile::create(path).map_err(|error| unwritable(path, error))?;
         Ok(Output { path: path.to_owned(), file })
     }
 
     /// Puts the whole file in its place.
     pub(crate) fn write(mut self, bytes: &[u8]) -> Result<(), Failure> {
-        self.file.write_all(bytes).map_err(|error| unwritable(&self.path, error))?;
-        self.file.persist(&self.path).map_err(|error| unwritable(&self.path, error.error))?;
-        Ok(())
+        let written = self.file.write_all(bytes).and_then(|()| self.file.finish());
+        written.map_err(|error| unwritable(&self.path, error))
     }
 }
 
 fn unwritable(path: &Path, why: impl Display) -> Failure {
     Failure::input(format_args!("cannot write {}: {why}; name a file in a directory that is there and writable", path.display()))
+}
+
+/// The name of a frame's file in `--out`.
+pub(crate) fn frame_name(frame: u32) -> String {
+    format!("frame_{frame:04}.obj")
+}
+
+/// Refuses arguments by which one file would take the place of another, or of the mesh.
+pub(crate) fn check_apart(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { mesh, pc2, preview, report, .. } = arguments;
+    let named = [("the mesh", mesh), ("--pc2", pc2), ("--preview", preview), ("--report", report)];
+    let files: Vec<(&str, PathBuf)> =
+        named.into_iter().filter_map(|(name, path)| Some((name, resolved(path.as_ref()?)))).collect();
+    let frames = Frames::new(arguments);
+    for (k, (name, path)) in files.iter().enumerate() {
+        let shown = path.display();
+        if let Some((other, _)) = files[..k].iter().find(|(_, other)| other == path) {
+            return Err(Failure::input(format_args!("{other} and {name} name the same file, {shown}; give each its own")));
+        }
+        if let Some(frame) = frames.number_of(path) {
+            let message = format_args!("{name} and frame {frame} of --out name the same file, {shown}; give each its own");
+            return Err(Failure::input(message));
+        }
+    }
+    Ok(())
+}
+
+/// Where the frames go.
+struct Frames {
+    folder: PathBuf,
+    count: u32,
+    /// Frames that are links already, and what they lead to.
+    links: Vec<(u32, PathBuf)>,
+}
+
+impl Frames {
+    fn new(arguments: &Arguments) -> Frames {
+        let mut frames = Frames { folder: resolved(&arguments.out), count: arguments.frames, links: Vec::new() };
+        // A folder that is not there yet has no links; one that cannot be read is told of where it is written to.
+        let entries = fs::read_dir(&frames.folder).into_iter().flatten().flatten();
+        let links = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_symlink()));
+        frames.links = links.filter_map(|link| Some((frames.named(&link.path())?, resolved(&link.path())))).collect();
+        frames
+    }
+
+    /// The frame of this name.
+    fn named(&self, path: &Path) -> Option<u32> {
+        let name = path.file_name()?.to_str()?;
+        let number = name.strip_prefix("frame_")?.strip_suffix(".obj")?.parse().ok()?;
+        ((1..=self.count).contains(&number) && name == frame_name(number)).then_some(number)
+    }
+
+    /// The frame that is written to a resolved path.
+    fn number_of(&self, path: &Path) -> Option<u32> {
+        let link = self.links.iter().find(|(_, led_to)| led_to == path).map(|&(number, _)| number);
+        link.or_else(|| (path.parent() == Some(&self.folder)).then(|| self.named(path)).flatten())
+    }
+}
+
+/// A path without links and dots, of which the last parts need not be there.
+fn resolved(path: &Path) -> PathBuf {
+    if let Ok(found) = fs::canonicalize(path) {
+        return found;
+    }
+    match (path.parent(), path.file_name()) {
+        (Some(parent), Some(name)) if parent.as_os_str().is_empty() => resolved(Path::new(".")).join(name),
+        (Some(parent), Some(name)) => resolved(parent).join(name),
+        _ => path.to_owned(),
+    }
 }

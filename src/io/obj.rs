@@ -12,13 +12,15 @@
 use std::{
     borrow::Cow,
     fmt::{self, Write},
-    fs, io,
+    fs::{self, File},
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
 use glam::Vec3;
 
 use crate::io::atomic_file;
+use crate::limits::{MAX_OBJ_BYTES, MAX_VERTICES};
 use crate::model::mesh::Mesh;
 
 /// Why an OBJ could not be read or written. One line: file, line, what is wrong, what to do.
@@ -27,13 +29,22 @@ use crate::model::mesh::Mesh;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObjError {
-    /// The file is not there, is a folder, or may not be read.
+    /// The file is not there, is a folder or a device, or may not be read.
     #[error("{}: cannot be read: {reason}; check the path", .file.display())]
     Read {
         /// The file.
         file: PathBuf,
         /// What the system said.
         reason: io::Error,
+    },
+    /// More bytes than the largest mesh takes; no more than those are read.
+    #[error(
+        "{}: has more than {limit} bytes, the most for a mesh of {most} vertices; leave out all but `v` and `f`, or split it",
+        .file.display(), limit = MAX_OBJ_BYTES, most = MAX_VERTICES
+    )]
+    TooLong {
+        /// The file.
+        file: PathBuf,
     },
     /// The file could not be written. What was there before still is.
     #[error("{}: cannot be written: {reason}; check the folder and the space left", .file.display())]
@@ -46,6 +57,12 @@ pub enum ObjError {
     /// A text without a vertex.
     #[error("{}no vertices; give at least one line `v x y z`", Location(.file.as_ref(), None))]
     NoVertices {
+        /// The file, if the text came from one.
+        file: Option<PathBuf>,
+    },
+    /// More vertices than a mesh may have.
+    #[error("{}more than {most} vertices, the most that a mesh may have; split it", Location(.file.as_ref(), None), most = MAX_VERTICES)]
+    TooManyVertices {
         /// The file, if the text came from one.
         file: Option<PathBuf>,
     },
@@ -108,11 +125,14 @@ impl fmt::Display for Location<'_> {
 impl Mesh {
     /// Reads the OBJ file at `path`; see [`Mesh::parse_obj`]. Bytes that are not UTF-8 are harmless in names and comments.
     ///
+    /// It may be a pipe, but no device, and has an end: 4 GiB are enough for the 2^24 vertices that a mesh may have.
+    ///
     /// # Errors
-    /// [`ObjError::Read`], or what [`Mesh::parse_obj`] says, with the file's name.
+    /// [`ObjError::Read`] or [`ObjError::TooLong`], or what [`Mesh::parse_obj`] says, with the file's name.
     pub fn load_obj(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
         let path = path.as_ref();
-        let bytes = fs::read(path).map_err(|reason| ObjError::Read { file: path.to_owned(), reason })?;
+        let bytes = read(path).map_err(|reason| ObjError::Read { file: path.to_owned(), reason })?;
+        let Some(bytes) = bytes else { return Err(ObjError::TooLong { file: path.to_owned() }) };
         parse(&String::from_utf8_lossy(&bytes), Some(path))
     }
 
@@ -158,6 +178,37 @@ impl Mesh {
     }
 }
 
+/// The bytes of a file; none if they are more than an OBJ may have.
+fn read(path: &Path) -> io::Result<Option<Vec<u8>>> {
+    // What is no file says nothing of its length. Devices are not even opened: to some that alone means something.
+    let found = fs::metadata(path)?;
+    if is_device(&found) {
+        return Err(io::Error::other("it is a device, not a file or a pipe"));
+    }
+    if found.len() > MAX_OBJ_BYTES {
+        return Ok(None);
+    }
+    up_to(MAX_OBJ_BYTES, File::open(path)?)
+}
+
+#[cfg(unix)]
+fn is_device(found: &fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    found.file_type().is_char_device() || found.file_type().is_block_device()
+}
+
+#[cfg(not(unix))]
+fn is_device(_: &fs::Metadata) -> bool {
+    false
+}
+
+/// All that there is to read; none if it is more than so many bytes.
+fn up_to(limit: u64, from: impl Read) -> io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    from.take(limit + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= limit).then_some(bytes))
+}
+
 /// A `v` or `f` statement and the line it begins on.
 struct Statement<'a> {
     line: usize,
@@ -172,10 +223,13 @@ impl Statement<'_> {
 
 fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     let file = file.map(Path::to_owned);
-    let statements = statements(text);
-    let vertices = statements.iter().filter(|statement| statement.is_vertex()).count();
+    // Found twice rather than kept: a list of them would be longer than the text.
+    let vertices = statements(text).filter(Statement::is_vertex).take(MAX_VERTICES + 1).count();
     if vertices == 0 {
         return Err(ObjError::NoVertices { file });
+    }
+    if vertices > MAX_VERTICES {
+        return Err(ObjError::TooManyVertices { file });
     }
 
     let mut source = String::with_capacity(text.len() + 8 * vertices);
@@ -183,7 +237,7 @@ fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     (1..=vertices).for_each(|vertex| _ = write!(source, " {vertex}"));
     source.push('\n');
     let (mut vertex, mut face) = (0, 0);
-    for statement in &statements {
+    for statement in statements(text) {
         let line = statement.line;
         let words: Vec<&str> = statement.text.split_whitespace().collect();
         if statement.is_vertex() {
@@ -225,25 +279,25 @@ fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
 /// The text's `v` and `f` statements without comments, continued lines joined.
 ///
 /// Only these are continued: a path or comment may end in `\` and must not swallow the vertex on the next line.
-fn statements(text: &str) -> Vec<Statement<'_>> {
-    let mut statements = Vec::new();
+fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     // `tobj` would take a byte order mark for a part of the first word, and lose that vertex.
     let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines().zip(1..);
-    while let Some((line, number)) = lines.next() {
+    std::iter::from_fn(move || {
+        let is_statement = |&(line, _): &(&str, usize)| {
+            let line = bare(line);
+            let uncontinued = line.strip_suffix('\\').unwrap_or(line);
+            matches!(uncontinued.split_whitespace().next(), Some("v" | "f"))
+        };
+        let (line, number) = lines.find(is_statement)?;
         let mut text = Cow::Borrowed(bare(line));
-        let uncontinued = text.strip_suffix('\\').unwrap_or(&text);
-        if !matches!(uncontinued.split_whitespace().next(), Some("v" | "f")) {
-            continue;
-        }
         while text.ends_with('\\') {
             let joined = text.to_mut();
             joined.pop();
             joined.push(' ');
             joined.push_str(lines.next().map_or("", |(line, _)| bare(line)));
         }
-        statements.push(Statement { line: number, text });
-    }
-    statements
+        Some(Statement { line: number, text })
+    })
 }
 
 /// A line without its comment and the space around it.
@@ -330,3 +384,7 @@ fn write(mesh: &Mesh, file: Option<&Path>) -> Result<String, ObjError> {
     }
     Ok(text)
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/io_obj.rs"]
+mod tests;

@@ -43,6 +43,14 @@ pub enum Pc2Error {
         /// Number of vertices.
         vertices: usize,
     },
+    /// A write failed in the middle of a sample: what came of the file is no point cache, and cannot become one.
+    #[error("{}: sample {sample} was cut short when it could not be written; begin the cache anew", .file.display())]
+    CutShort {
+        /// The file.
+        file: PathBuf,
+        /// The sample, from 1.
+        sample: usize,
+    },
     /// Not as many samples as were announced.
     #[error("the cache was to hold {expected} samples, not {given}; write as many as PointCache::create was told")]
     Samples {
@@ -77,8 +85,9 @@ pub struct PointCache {
     file: AtomicFile,
     vertices: usize,
     samples: usize,
-    /// Samples given so far.
+    /// Samples given so far; whether the next was cut short.
     given: usize,
+    cut_short: bool,
 }
 
 impl PointCache {
@@ -91,7 +100,7 @@ impl PointCache {
         let header = header(vertices, samples)?;
         let begun = AtomicFile::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
         match begun {
-            Ok(file) => Ok(PointCache { path, file, vertices, samples, given: 0 }),
+            Ok(file) => Ok(PointCache { path, file, vertices, samples, given: 0, cut_short: false }),
             Err(reason) => Err(Pc2Error::Write { file: path, reason }),
         }
     }
@@ -100,8 +109,10 @@ impl PointCache {
     ///
     /// # Errors
     /// If there are more samples than announced, not one position for each vertex, one that is not finite, or no space
-    /// left. After the last the cache is spoiled: drop it.
+    /// left. What is refused is not written, and another sample may be given in its place; what the system could not write
+    /// may be there in part, so from then on every call is an error.
     pub fn push(&mut self, positions: &[Vec3]) -> Result<(), Pc2Error> {
+        self.check_whole()?;
         let sample = self.given + 1;
         if sample > self.samples {
             return Err(Pc2Error::Samples { given: sample, expected: self.samples });
@@ -115,9 +126,10 @@ impl PointCache {
             return Err(Pc2Error::Sample { sample, problem, vertices: self.vertices });
         }
         let mut numbers = positions.iter().flat_map(Vec3::to_array);
-        numbers
-            .try_for_each(|number| self.file.write_all(&number.to_le_bytes()))
-            .map_err(|reason| Pc2Error::Write { file: self.path.clone(), reason })?;
+        if let Err(reason) = numbers.try_for_each(|number| self.file.write_all(&number.to_le_bytes())) {
+            self.cut_short = true;
+            return Err(Pc2Error::Write { file: self.path.clone(), reason });
+        }
         self.given = sample;
         Ok(())
     }
@@ -125,13 +137,21 @@ impl PointCache {
     /// Puts the file in its place.
     ///
     /// # Errors
-    /// If samples are missing, or the system refuses.
+    /// If samples are missing, one was cut short, or the system refuses.
     pub fn finish(self) -> Result<(), Pc2Error> {
+        self.check_whole()?;
         if self.given < self.samples {
             return Err(Pc2Error::Samples { given: self.given, expected: self.samples });
         }
         let path = self.path;
         self.file.finish().map_err(|reason| Pc2Error::Write { file: path, reason })
+    }
+
+    fn check_whole(&self) -> Result<(), Pc2Error> {
+        match self.cut_short {
+            true => Err(Pc2Error::CutShort { file: self.path.clone(), sample: self.given + 1 }),
+            false => Ok(()),
+        }
     }
 }
 
