@@ -30,6 +30,8 @@ fn table() -> Vec<(&'static str, Mesh, Vec<u32>)> {
         positions: std::iter::once(Vec3::ZERO).chain((0..60).map(rim)).collect(),
         triangles: (1..60).map(|k| [0, k + 1, k]).collect(),
     };
+    // Squares of such lengths are the least numbers that single precision has, or none.
+    let tiny = |size: f32| Mesh { positions: fan.positions.iter().map(|&x| x * size).collect(), ..fan.clone() };
     let collinear = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let coincident = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
     let book = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0]];
@@ -54,7 +56,9 @@ fn table() -> Vec<(&'static str, Mesh, Vec<u32>)> {
         ("threads", mesh(&square, &[[0, 1, 1], [1, 3, 3], [3, 2, 2]]), vec![0]),
         ("a thread on a triangle", mesh(&square, &[[0, 2, 1], [1, 3, 3]]), vec![0]),
         ("a fan", fan.clone(), vec![1]),
-        ("a fan about its pin", fan, vec![0]),
+        ("a fan about its pin", fan.clone(), vec![0]),
+        ("a fan of 4e-23 m", tiny(4.4e-23), vec![1]),
+        ("a fan of 1e-38 m", tiny(1e-38), vec![1]),
         ("nothing pinned", grid, vec![]),
     ]
 }

@@ -1,13 +1,15 @@
-//! What a cloth takes: bytes a vertex, and a million vertices that build and step.
+//! What a cloth takes: bytes a vertex, a million vertices that build and step, and fans as large.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Levels, Mesh, Options, Quality};
 
 struct Weighing;
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
 
 #[global_allocator]
 static ALLOCATOR: Weighing = Weighing;
@@ -16,7 +18,8 @@ static ALLOCATOR: Weighing = Weighing;
 // SAFETY: every call is handed to the system's allocator as it came, and so is its answer.
 unsafe impl GlobalAlloc for Weighing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        HELD.fetch_add(layout.size(), Ordering::SeqCst);
+        let before = HELD.fetch_add(layout.size(), Ordering::SeqCst);
+        PEAK.fetch_max(before + layout.size(), Ordering::SeqCst);
         // SAFETY: the layout that this was called with, for which `GlobalAlloc::alloc` asks what `System.alloc` does.
         unsafe { System.alloc(layout) }
     }
@@ -49,6 +52,37 @@ fn bytes(n: u32, bending: f32, levels: Levels) -> f64 {
     held as f64 / f64::from(n * n)
 }
 
+/// Bytes a vertex of a fan about one hub, or about two, back to back on one rim: at most, and after a step.
+///
+/// What grows with the square of the degree takes twenty times as much at least.
+fn bytes_of_fan(rim: u32, hubs: u32, bending: f32, levels: Levels) -> [f64; 2] {
+    let turn = std::f32::consts::TAU / rim as f32;
+    let on_rim = |k: u32| Vec3::new((turn * k as f32).cos(), 0.0, (turn * k as f32).sin());
+    let next = |k: u32| (k + 1) % rim;
+    let fan = |hub: u32| (0..rim).map(move |k| if hub == 0 { [rim, next(k), k] } else { [rim + hub, k, next(k)] });
+    let mesh = Mesh {
+        positions: (0..rim).map(on_rim).chain((0..hubs).map(|hub| 0.1 * hub as f32 * Vec3::Y)).collect(),
+        triangles: (0..hubs).flat_map(fan).collect(),
+    };
+    let options = Options {
+        backend: Backend::Cpu,
+        quality: Quality::Substeps(2),
+        fabric: Fabric { bending, damping: 0.0, ..Fabric::default() },
+        levels,
+        pinned: vec![0],
+        ..Options::default()
+    };
+    let before = HELD.load(Ordering::SeqCst);
+    PEAK.store(before, Ordering::SeqCst);
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let report = deformer.step(1.0 / 60.0, &Attributes::default()).unwrap();
+    assert_eq!(report.levels > 0, levels != Levels::Off, "{levels:?}");
+    assert!(deformer.colors() < rim as usize + 8);
+    let held = HELD.load(Ordering::SeqCst);
+    assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite()));
+    [PEAK.load(Ordering::SeqCst), held].map(|bytes| (bytes - before) as f64 / f64::from(rim))
+}
+
 /// One test, so that no other allocates meanwhile. The figures are those of the module docs of `src/model/cloth.rs`.
 #[test]
 fn bytes_a_vertex() {
@@ -63,6 +97,18 @@ fn bytes_a_vertex() {
             let held = bytes(n, bending, levels);
             println!("{n} x {n}, {name}: {held:.0} bytes a vertex");
             assert!(held <= most, "{n} x {n}, {name}: {held:.0} bytes a vertex");
+        }
+    }
+    for (name, bending, levels, most) in [
+        ("edges alone", 0.0, Levels::Off, [1100.0, 1200.0]),
+        ("levels", 0.0, Levels::Count(9), [1100.0, 1250.0]),
+        ("bending", 1e-4, Levels::Off, [1300.0, 1800.0]),
+        ("levels and bending", 1e-4, Levels::Count(9), [1400.0, 1900.0]),
+    ] {
+        for (hubs, most) in (1..).zip(most) {
+            let [peak, held] = bytes_of_fan(200_000, hubs, bending, levels);
+            println!("a rim of 200000 about {hubs}, {name}: {held:.0} bytes a vertex, {peak:.0} on the way");
+            assert!(peak <= most, "a rim of 200000 about {hubs}, {name}: {peak:.0} bytes a vertex");
         }
     }
 }

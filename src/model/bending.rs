@@ -11,6 +11,7 @@
 use glam::Vec4;
 
 use crate::kernels::bending::{BendEntry, BendRow};
+use crate::kernels::distance::LEAST_LENGTH;
 use crate::model::csr::Csr;
 use crate::model::mesh::{self, EdgeIndex};
 
@@ -49,8 +50,9 @@ impl Bending {
             let x = triangle.map(at);
             let double_area = (x[1] - x[0]).cross(x[2] - x[0]).length();
             let longest = (0..3).map(|k| x[k].distance_squared(x[(k + 1) % 3])).fold(0.0, f64::max);
-            if double_area <= 1e-9 * longest {
-                continue; // no plane, no cotangents: it bends freely
+            // No plane and no cotangents, or too small for its curvature to be a number: it bends freely.
+            if double_area <= 1e-9 * longest || longest < f64::from(LEAST_LENGTH).powi(2) {
+                continue;
             }
             let dot = [0, 1, 2].map(|k| (x[(k + 1) % 3] - x[k]).dot(x[(k + 2) % 3] - x[k]));
             let cotangent = dot.map(|dot| dot / double_area);
@@ -120,6 +122,18 @@ impl Bending {
             0.5 * weight * y.length_squared()
         };
         self.weight.iter().enumerate().map(row).sum()
+    }
+
+    /// Adds the forces (N) of the energy's matrix for unit rigidity on displacements `q` (m) in one direction.
+    pub(crate) fn add_forces(&self, q: &[f64], forces: &mut [f64]) {
+        for (v, weight) in self.weight.iter().enumerate() {
+            let entries = self.entries.of(v as u32);
+            let moment = weight * entries.iter().map(|e| (q[e.other as usize] - q[v]) * f64::from(e.forward)).sum::<f64>();
+            for entry in entries {
+                forces[entry.other as usize] += moment * f64::from(entry.forward);
+            }
+            forces[v] -= moment * self.diagonal[v];
+        }
     }
 
     /// The rows for rigidity `bending` (N m) and retardation time `tau` (s) at substep `h` (s), and the number of vertices

@@ -38,13 +38,18 @@ pub(crate) struct Cloth {
     pub colors: Vec<Range<usize>>,
     /// Pinned vertices, in the order of the options.
     pub pinned: Vec<u32>,
-    /// Mass over area (kg/m²), and the longest side of the rest shape's box (m).
+    /// Mass over area (kg/m²).
     pub density: f64,
+    /// The rest shape's box, and the longest of its sides (m).
+    pub extents: DVec3,
     pub extent: f64,
     /// Longest edge (m).
     pub longest: f32,
     /// Membrane stiffness K (N/m).
     pub stretch: f64,
+    pub slivers: Slivers,
+    /// Whether it has any area.
+    pub is_sheet: bool,
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
@@ -61,6 +66,16 @@ pub(crate) struct Link {
     /// The same for K = 1 N/m.
     pub shape: f64,
 }
+
+/// Edges with triangles that are over a hundred times as long as they: `(A1 + A2)/l0²` above [`SLIVER`].
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Slivers {
+    pub edges: usize,
+    /// The one with the longest triangles for its length, by the mesh's indices.
+    pub worst: [u32; 2],
+}
+
+const SLIVER: f64 = 100.0;
 
 /// The triangles, and which of them each vertex belongs to.
 #[derive(Debug, Clone)]
@@ -100,23 +115,32 @@ impl Cloth {
         // Vertices without an edge have no say in how large the cloth is.
         let held: Vec<Vec3> = mesh_edges.iter().flatten().map(|&vertex| rest[rank[vertex as usize] as usize]).collect();
         let (low, high) = bounds(&held);
-        let extent = f64::from((high - low).max_element().max(0.0));
+        let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
+        let extent = extents.max_element();
         let longest = mesh_edges.iter().map(|ends| {
             let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
             a.distance(b)
         });
         let longest = longest.fold(0.0, f64::max);
         let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
-        for (index, ends) in mesh_edges.iter().enumerate() {
-            let [a, b] = ends.map(|vertex| rank[vertex as usize]);
+        let (mut slivers, mut worst_aspect) = (Slivers::default(), 0.0);
+        for (index, &named) in mesh_edges.iter().enumerate() {
+            let [a, b] = named.map(|vertex| rank[vertex as usize]);
             let ends = [a.min(b), a.max(b)];
             let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
             // Coincident ends have no direction; a length too short to see keeps the arithmetic finite.
             let length = length.max(1e-7 * longest).max(1e-12);
             // An edge without area (a thread, a flat sliver) is given that of a square of its length.
             let area = if side_area[index] > 0.0 { side_area[index] } else { length * length };
+            let aspect = area / (length * length);
+            if aspect > SLIVER {
+                slivers.edges += 1;
+                if aspect > worst_aspect {
+                    (slivers.worst, worst_aspect) = (named, aspect);
+                }
+            }
             let scale = options.edge_scale.as_ref().map_or(1.0, |scale| f64::from(scale[index]));
-            let shape = scale * area / (length * length);
+            let shape = scale * aspect;
             let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape });
         }
@@ -132,9 +156,12 @@ impl Cloth {
             colors,
             pinned,
             density,
+            extents,
             extent,
             longest: longest as f32,
             stretch: f64::from(options.fabric.stretch),
+            slivers,
+            is_sheet: area.iter().any(|&area| area > 0.0),
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: OnceLock::new(),
@@ -152,6 +179,14 @@ impl Cloth {
     }
 
     /// Sum of the inverse masses (1/kg) of an edge's ends.
+    /// How much of the cloth can hang on an edge: its extent (m) along the edge over its longest. A strip's width is held by the edges
+    /// across, and no more.
+    pub(crate) fn load_share(&self, link: &Link) -> f64 {
+        let [a, b] = link.ends.map(|vertex| self.rest[vertex as usize].truncate().as_dvec3());
+        let along = (b - a).normalize_or_zero().abs().dot(self.extents);
+        if self.extent > 0.0 { (along / self.extent).min(1.0) } else { 1.0 }
+    }
+
     pub(crate) fn weight(&self, link: &Link) -> f64 {
         link.ends.iter().map(|&vertex| f64::from(self.rest[vertex as usize].w)).sum()
     }
@@ -204,9 +239,8 @@ fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec
     links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
     let free = links.partition_point(is_free);
     let ends: Vec<[u32; 2]> = links[..free].iter().map(|link| link.ends).collect();
-    let coloring = coloring::color(&ends, rest);
-    let colors = Csr::new(coloring.colors, coloring.of.iter().zip(0..).map(|(&color, place)| (color, place)));
-    let sorted: Vec<Link> = colors.items.iter().map(|&place: &u32| links[place as usize]).collect();
+    let colors = coloring::color(&ends, rest).batches();
+    let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
     links[..free].copy_from_slice(&sorted);
     colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect()
 }

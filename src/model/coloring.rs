@@ -3,6 +3,8 @@
 //! The order is a property of stability, not only of speed: one sweep a substep is stable for any fixed coloring, while
 //! sweeping rows or tiles one after another explodes below the resolved substep. Never reverse or shuffle it between substeps.
 
+use std::collections::HashMap;
+
 use glam::Vec3;
 
 use crate::model::csr::Csr;
@@ -39,6 +41,13 @@ pub(crate) struct Coloring {
     pub colors: usize,
 }
 
+impl Coloring {
+    /// The edges of each color, in their order.
+    pub(crate) fn batches(&self) -> Csr<u32> {
+        Csr::new(self.colors, self.of.iter().copied().zip(0..))
+    }
+}
+
 /// Most edges at one vertex: no coloring has fewer colors.
 pub(crate) fn max_degree(edges: &[[u32; 2]], vertices: usize) -> usize {
     let mut degree = vec![0; vertices];
@@ -52,7 +61,9 @@ const DIRECTIONS: usize = 9 * 9 * 9;
 /// The edge's direction, the same for both ways along it, rounded so that parallel edges agree; numbered in the order of
 /// components.
 fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
-    let d = (positions[b as usize] - positions[a as usize]).normalize_or_zero();
+    // In double precision, which has the square of any edge's length.
+    let [a, b] = [a, b].map(|vertex| positions[vertex as usize].as_dvec3());
+    let d = (b - a).normalize_or_zero();
     let rounded = [d.x, d.y, d.z].map(|component| (4.0 * component).round() as i32);
     let [x, y, z] = rounded.max(rounded.map(|component| -component)).map(|component| (component + 4) as u32);
     (x * 9 + y) * 9 + z
@@ -62,20 +73,19 @@ fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
 ///
 /// A row of a grid's edges is given one color if it can be, so that they can be visited side by side.
 fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, most: usize, vertices: usize) -> Option<Coloring> {
-    let mut used = Used { first: vec![0; vertices], further: Vec::new() };
+    let mut used = Used::new(vertices);
     let mut of = vec![0; edges.len()];
     let mut colors = 0;
     for palette in palettes {
         let base = colors;
+        used.clear(palette.iter().flat_map(|&index| edges[index as usize]));
         let mut give = |row: &[u32]| {
             let ends = || row.iter().flat_map(|&index| edges[index as usize]);
-            let color = used.free(base, ends);
-            if color >= most {
-                return false;
-            }
+            let free = if let &[index] = row { Some(used.free(edges[index as usize])) } else { used.free_to_all(ends()) };
+            let Some(color) = free.filter(|&color| base + color < most) else { return false };
             ends().for_each(|vertex| used.take(color, vertex));
-            row.iter().for_each(|&index| of[index as usize] = color as u32);
-            colors = colors.max(color + 1);
+            row.iter().for_each(|&index| of[index as usize] = (base + color) as u32);
+            colors = colors.max(base + color + 1);
             true
         };
         let beside = |&one: &u32, &next: &u32| edges[one as usize].map(|vertex| vertex + 1) == edges[next as usize];
@@ -95,42 +105,69 @@ fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, mos
 /// Edges that are worth a color in common.
 const ROW: usize = 8;
 
-/// A bit for each color that a vertex has already; one word does for all but the wildest fans.
+/// The colors of a palette that each vertex has: a bit each, in words of 64. One word does for all but the wildest fans.
+///
+/// Beyond it a vertex has only the words that it has a color in, and says which are full: every vertex of a fan's rim has one color,
+/// which may be any of as many as there are vertices, and the hub has them all.
 struct Used {
     first: Vec<u64>,
-    further: Vec<Vec<u64>>,
+    /// Words from number 1 on, by vertex and number.
+    further: HashMap<(u32, u32), u64>,
+    /// The first of those that is not full, where it is not number 1.
+    open: HashMap<u32, u32>,
 }
 
 impl Used {
-    /// The first color from `base` on that none of these vertices has.
-    fn free<I: Iterator<Item = u32>>(&self, base: usize, vertices: impl Fn() -> I) -> usize {
-        (base / 64..)
-            .find_map(|word| {
-                let below = if word == base / 64 { (1 << (base % 64)) - 1 } else { 0 };
-                let free = !vertices().fold(below, |taken, vertex| taken | self.word(vertex as usize, word));
-                (free != 0).then(|| 64 * word + free.trailing_zeros() as usize)
+    fn new(vertices: usize) -> Used {
+        Used { first: vec![0; vertices], further: HashMap::new(), open: HashMap::new() }
+    }
+
+    /// Forgets the colors of the palette before, given the vertices of the next.
+    fn clear(&mut self, vertices: impl Iterator<Item = u32>) {
+        vertices.for_each(|vertex| self.first[vertex as usize] = 0);
+        self.further.clear();
+        self.open.clear();
+    }
+
+    /// The first color that neither end has.
+    fn free(&self, ends: [u32; 2]) -> usize {
+        if let Some(color) = self.free_to_all(ends.into_iter()) {
+            return color;
+        }
+        let open = ends.map(|end| self.open.get(&end).copied().unwrap_or(1));
+        (open[0].max(open[1])..)
+            .find_map(|number| {
+                let [a, b] = ends.map(|end| self.further.get(&(end, number)).copied().unwrap_or(0));
+                first_free(a | b).map(|color| 64 * number as usize + color)
             })
             .expect("a word past the last used color is free")
     }
 
-    fn word(&self, vertex: usize, word: usize) -> u64 {
-        match word {
-            0 => self.first[vertex],
-            _ => self.further.get(vertex).and_then(|words| words.get(word - 1)).copied().unwrap_or(0),
-        }
+    /// The first color that none of these has, if it is one of the first 64: rows of a grid need no others.
+    fn free_to_all(&self, vertices: impl Iterator<Item = u32>) -> Option<usize> {
+        first_free(vertices.fold(0, |taken, vertex| taken | self.first[vertex as usize]))
     }
 
     fn take(&mut self, color: usize, vertex: u32) {
-        let vertex = vertex as usize;
-        if color < 64 {
-            self.first[vertex] |= 1 << color;
+        let (number, bit) = ((color / 64) as u32, 1 << (color % 64));
+        if number == 0 {
+            self.first[vertex as usize] |= bit;
             return;
         }
-        self.further.resize_with(self.first.len(), Vec::new);
-        let words = &mut self.further[vertex];
-        words.resize(words.len().max(color / 64), 0);
-        words[color / 64 - 1] |= 1 << (color % 64);
+        let word = self.further.entry((vertex, number)).or_default();
+        *word |= bit;
+        if *word == u64::MAX {
+            let open = self.open.entry(vertex).or_insert(1);
+            while self.further.get(&(vertex, *open)) == Some(&u64::MAX) {
+                *open += 1;
+            }
+        }
     }
+}
+
+/// The first bit that is not set.
+fn first_free(taken: u64) -> Option<usize> {
+    (taken != u64::MAX).then(|| taken.trailing_ones() as usize)
 }
 
 #[cfg(test)]

@@ -65,10 +65,43 @@ fn opposite_edges_of_a_grid_are_visited_one_after_the_other() {
     assert_eq!(pairs, [[0, 1], [2, 3], [4, 5]]);
 }
 
+/// A power of two scales every position exactly, down to lengths whose squares no single number holds, and so no direction turns.
+#[test]
+fn a_mesh_of_any_size_has_the_same_colors() {
+    let mesh = Mesh::grid(20, 13, 1.0, 0.7);
+    let mut random = fastrand::Rng::with_seed(5);
+    let around = || Vec3::from_array([0; 3].map(|_: i32| (random.f32() - 0.5) * 2_f32.powi(12)).map(f32::round));
+    let star: Vec<Vec3> = std::iter::repeat_with(around).take(200).collect();
+    let spokes: Vec<[u32; 2]> = (1..200).map(|rim| [0, rim]).collect();
+    for (edges, positions) in [(mesh.edges(), mesh.positions), (spokes, star)] {
+        let expected = color(&edges, &positions).of;
+        for power in -115..=40 {
+            let scaled: Vec<Vec3> = positions.iter().map(|&x| x * 2_f32.powi(power)).collect();
+            assert!(color(&edges, &scaled).of == expected, "2^{power}");
+        }
+    }
+}
+
 #[test]
 fn a_fan_of_a_hundred_edges_needs_a_hundred_colors() {
     let edges: Vec<[u32; 2]> = (1..=100).map(|rim| [0, rim]).collect();
     assert_eq!(check(&edges, &[Vec3::ZERO; 101]), 100);
+}
+
+/// Fans of one hub and of two, their hubs numbered first and last: as many colors as the degree or hardly more, and in a moment.
+#[test]
+fn a_fan_of_very_many_edges_is_colored_at_once() {
+    let rim = 200_000;
+    let x = |k: u32| Vec3::new((k as f32 * 1e-4).cos(), 0.0, (k as f32 * 1e-4).sin());
+    let around: Vec<[u32; 2]> = (1..rim).map(|k| [k, k + 1]).collect();
+    for hubs in [&[0][..], &[rim + 1], &[0, rim + 1]] {
+        let spokes = hubs.iter().flat_map(|&hub| (1..=rim).map(move |k| [hub.min(k), hub.max(k)]));
+        let mut edges: Vec<[u32; 2]> = around.iter().copied().chain(spokes).collect();
+        edges.sort_unstable();
+        let positions: Vec<Vec3> = (0..rim + 2).map(|k| if (1..=rim).contains(&k) { x(k) } else { Vec3::ZERO }).collect();
+        let colors = check(&edges, &positions);
+        assert!((rim as usize..=rim as usize + 4).contains(&colors), "{hubs:?}: {colors} colors");
+    }
 }
 
 #[test]
