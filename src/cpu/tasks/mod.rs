@@ -1,7 +1,4 @@
 //! Tasks on several threads, and the arrays that they share.
 
-pub(crate) mod lists;
-#[cfg(debug_assertions)]
-mod race;
 pub(crate) mod scheduler;
 pub(crate) mod shared;

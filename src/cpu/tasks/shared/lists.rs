@@ -1,14 +1,14 @@
 //! Lists of places in shared arrays, compared with a bound when they are made.
 //!
-//! [`shared`](super::shared) compares the bound with an array's length, and then no place any more: what is in a list must stay below
-//! its bound.
+//! [`vectors`](super::vectors) asks for those inside an array ([`Rows::inside`], [`Places::inside`]), and then compares no place any
+//! more: what is in a list must stay below its bound.
 
 /// A list of rows, so many items one after another each, in arrays of at least `bound` items.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Rows {
-    pub(super) starts: Vec<u32>,
-    pub(super) length: usize,
-    pub(super) bound: usize,
+    starts: Vec<u32>,
+    length: usize,
+    bound: usize,
 }
 
 impl Rows {
@@ -34,13 +34,23 @@ impl Rows {
     pub(crate) fn of(&self, index: usize) -> u32 {
         self.starts[index]
     }
+
+    /// Where the rows begin, all of them inside an array of so many items.
+    ///
+    /// # Panics
+    /// If the array is shorter than the bound, or the rows are not of this length.
+    #[inline(always)]
+    pub(super) fn inside(&self, array_length: usize, length: usize) -> &[u32] {
+        assert!(self.bound <= array_length && self.length == length, "inside the array");
+        &self.starts
+    }
 }
 
 /// A list of places in arrays of at least `bound` items.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Places {
-    pub(super) items: Vec<u32>,
-    pub(super) bound: usize,
+    items: Vec<u32>,
+    bound: usize,
 }
 
 impl Places {
@@ -66,5 +76,15 @@ impl Places {
     #[inline(always)]
     pub(crate) fn of(&self, index: usize) -> u32 {
         self.items[index]
+    }
+
+    /// The places, all of them inside an array of so many items.
+    ///
+    /// # Panics
+    /// If the array is shorter than the bound.
+    #[inline(always)]
+    pub(super) fn inside(&self, array_length: usize) -> &[u32] {
+        assert!(self.bound <= array_length, "inside the array");
+        &self.items
     }
 }
