@@ -18,6 +18,7 @@ struct Params {
     sweeps: u32,
     relaxed: u32,
     levels: u32,
+    holds: u32,
 }
 
 struct Substep {

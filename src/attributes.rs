@@ -27,8 +27,12 @@ pub struct Attributes {
     /// Rate (1/s) at which a vertex's velocity tends to `wind`, whatever the triangles' shape: `dv/dt = -damping (v - wind)`.
     pub damping: f32,
     /// What the cloth rests on. A collider that moved since the last step moves evenly through this one; contact and
-    /// friction see its velocity (a plane's normal turns at once). Colliders are told apart by their place in the list, and
-    /// resolved in its order: a vertex pinched between two may end inside the first.
+    /// friction see its velocity (a plane's normal turns at once). Colliders are resolved in the list's order: a vertex pinched between
+    /// two may end inside the first.
+    ///
+    /// Which one of the last step a collider was is told by its [`id`](Collider::id). Those without one are told apart by their place among
+    /// those without one, as long as these are as many and of the same shapes in the same order as in the last step; otherwise all of them
+    /// arrive where they are, and move nothing: a collider that is left out for a frame does not lend its place, and a velocity, to the next.
     ///
     /// Round colliders are held off by 1.2 times the sagitta `l²/8R` of the cloth's longest edge `l`, so that edges, not only
     /// vertices, stay outside.
@@ -63,6 +67,11 @@ pub struct Collider {
     pub shape: Shape,
     /// Coulomb's coefficient of friction, 0 or above.
     pub friction: f32,
+    /// The same number in every step, by which it is known from step to step whatever else is in the list; no two may have the same.
+    /// `None`: known by its place (see [`Attributes::colliders`]).
+    pub id: Option<u64>,
+    /// It did not move here since the last step, it was put here, and so has no velocity in this step.
+    pub teleported: bool,
 }
 
 /// The surface of a [`Collider`].
@@ -108,19 +117,35 @@ impl Collider {
     /// A sphere: center (m), radius (m); friction 0.3.
     #[must_use]
     pub fn sphere(center: Vec3, radius: f32) -> Collider {
-        Collider { shape: Shape::Sphere { center, radius }, friction: Collider::FRICTION }
+        Collider::of(Shape::Sphere { center, radius })
     }
 
     /// A plane through `point` (m) with `normal` out of the solid; friction 0.3.
     #[must_use]
     pub fn plane(point: Vec3, normal: Vec3) -> Collider {
-        Collider { shape: Shape::Plane { point, normal }, friction: Collider::FRICTION }
+        Collider::of(Shape::Plane { point, normal })
     }
 
     /// A capsule around the segment from `a` to `b` (m), radius (m); friction 0.3.
     #[must_use]
     pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Collider {
-        Collider { shape: Shape::Capsule { a, b, radius }, friction: Collider::FRICTION }
+        Collider::of(Shape::Capsule { a, b, radius })
+    }
+
+    fn of(shape: Shape) -> Collider {
+        Collider { shape, friction: Collider::FRICTION, id: None, teleported: false }
+    }
+
+    /// The same collider, known by `id` from step to step.
+    #[must_use]
+    pub fn with_id(self, id: u64) -> Collider {
+        Collider { id: Some(id), ..self }
+    }
+
+    /// The same collider, put here in this step without a velocity.
+    #[must_use]
+    pub fn teleported(self) -> Collider {
+        Collider { teleported: true, ..self }
     }
 
     /// The same collider with another coefficient of friction.
@@ -173,6 +198,11 @@ impl Attributes {
         }
         for (index, collider) in self.colliders.iter().enumerate() {
             collider.validate(index)?;
+            let earlier = self.colliders[..index].iter().position(|other| other.id == collider.id);
+            if let (Some(id), Some(earlier)) = (collider.id, earlier) {
+                let remedy = format_args!("is the id of colliders[{earlier}] too; give each its own");
+                return Err(invalid(format_args!("colliders[{index}].id"), id, remedy));
+            }
         }
         let Some(targets) = &self.pin_targets else { return Ok(()) };
         if targets.len() != pins {

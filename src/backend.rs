@@ -5,14 +5,14 @@ use glam::Vec4;
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
-use crate::error::{BuildError, StepError};
+use crate::error::BuildError;
 use crate::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuEngine;
 #[cfg(feature = "gpu")]
 use crate::hybrid::Hybrid;
 use crate::model::cloth::Cloth;
-use crate::options::{Backend, Method, Options};
+use crate::options::{Backend, Options};
 use crate::step::plan::Plan;
 
 /// Where the state lives.
@@ -29,22 +29,6 @@ pub(crate) enum Engine {
 /// 128 x 128 and 16 cores 1.03, and .64 against .56 for 64 x 64.
 #[cfg(feature = "gpu")]
 const GPU_PAYS: usize = 16_384;
-
-impl Failure {
-    pub(crate) fn named(self, cloth: &Cloth, method: Method) -> StepError {
-        match self {
-            Failure::Unstable(vertex) => {
-                let remedy = match method {
-                    Method::SmallSteps | Method::Relaxation { .. } => "use a shorter dt, more substeps or smaller attributes",
-                    Method::Springs => "use more substeps (see Warning::ExplicitLimit), a softer fabric or SmallSteps",
-                };
-                StepError::Unstable { vertex: cloth.order[vertex] as usize, remedy }
-            }
-            #[cfg(feature = "gpu")]
-            Failure::Gpu(reason) => StepError::Gpu { reason },
-        }
-    }
-}
 
 impl Engine {
     #[cfg(not(feature = "gpu"))]

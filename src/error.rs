@@ -138,7 +138,7 @@ pub enum StepError {
         /// The first such vertex.
         vertex: usize,
         /// What helps.
-        remedy: &'static str,
+        remedy: String,
     },
     /// The GPU was lost or refused the work.
     #[error("the GPU failed: {reason}; make a new Deformer, or ask for the CPU")]

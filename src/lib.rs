@@ -28,7 +28,7 @@ mod simd;
 mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
-pub use deformer::Deformer;
+pub use deformer::{Deformer, Forecast};
 pub use device::Gpu;
 pub use error::{BuildError, StepError};
 pub use fabric::Fabric;

@@ -41,11 +41,14 @@ pub enum Method {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Quality {
-    /// This many substeps in each step.
+    /// This many substeps in 1/60 s, which gives the substep its length. A step of another `dt` takes as many as keep them no longer:
+    /// `ceil(60 dt n)`. Cloth that is too stiff for its substeps is as stretchy as they make it, and so it is equally stretchy in steps
+    /// of any length.
     Substeps(u32),
     /// As many as keep the worst stretch below this strain beyond the fabric's own, from a closed form:
     /// `S = S* sqrt(2 sigma / (K tolerance))`, `S*` the substeps that resolve the stiffness K, `sigma` five times the stress
-    /// `rho g L` of cloth hung at its full extent, plus the wind's. At least 20 in 1/60 s, at most 1.4 `S*`.
+    /// `rho g L` of cloth hung at its full extent, plus the wind's, on each edge as much as there is cloth along it. At least 20 in
+    /// 1/60 s, at most 1.4 `S*`.
     Strain(f32),
 }
 
@@ -128,12 +131,20 @@ pub enum Warning {
         /// Number of vertices.
         vertices: usize,
     },
-    /// Explicit springs run past their stability limit.
+    /// Explicit springs run past their stability limit: cloth that moves may shake itself to pieces.
     ExplicitLimit {
         /// Substeps taken.
         substeps: u32,
-        /// Substeps that would be stable.
+        /// Substeps that are stable however the cloth moves.
         needed: u32,
+    },
+    /// Some edges are a hundred times shorter than their triangles: so stiff that few substeps stretch them by many times their
+    /// length, which the strain that [`Quality::Strain`] promises leaves out. Merge their ends, or make the triangles rounder.
+    Slivers {
+        /// Number of such edges.
+        edges: usize,
+        /// The worst of them, by the mesh's vertices.
+        worst: [u32; 2],
     },
 }
 

@@ -59,7 +59,7 @@ unsafe impl GlobalAlloc for Counting {
 fn scene(method: Method, backend: Backend) -> (Deformer, impl FnMut(&mut Deformer)) {
     let n = 60;
     let fabric = Fabric { bending: 1e-5, damping: 0.03, ..Fabric::default() };
-    let substeps = if method == Method::Springs { 200 } else { 10 };
+    let substeps = if method == Method::Springs { 400 } else { 10 };
     let options =
         Options { backend, method, quality: Quality::Substeps(substeps), fabric, pinned: vec![0, n - 1], ..Options::default() };
     let mesh = Mesh::grid(n, n, 1.0, 1.0);

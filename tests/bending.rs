@@ -158,10 +158,9 @@ impl Strip {
     fn settle_as_cylinder(&self, gravity: f64, periods: f64) -> (f64, f64) {
         let omega = self.slowest(gravity);
         let Quality::Substeps(substeps) = self.options.quality else { unreachable!() };
-        let options = Options { quality: Quality::Substeps(1), ..self.options.clone() };
         let attributes =
             Attributes { gravity: Vec3::NEG_Y * gravity as f32, damping: 2.0 * omega as f32, ..Attributes::default() };
-        let mut cloth = Deformer::new(&self.mesh, options).unwrap();
+        let mut cloth = Deformer::new(&self.mesh, self.options.clone()).unwrap();
         for _ in 0..(60.0 * periods / omega * f64::from(substeps)) as u32 {
             let report = cloth.step(FRAME / substeps as f32, &attributes).unwrap();
             assert_eq!(report.warnings, [], "the whole rigidity acts");

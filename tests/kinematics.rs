@@ -31,7 +31,7 @@ fn pendulum(backend: Backend) {
     let mesh = Mesh { positions: vec![Vec3::ZERO, Vec3::X], triangles: vec![[0, 1, 1]] };
     let fabric = Fabric { stretch: f32::INFINITY, ..Fabric::default() };
     // Steps of a single substep of 1/1200 s (S = 20), so that the motion can be seen between frames.
-    let mut deformer = Deformer::new(&mesh, Options { fabric, pinned: vec![0], ..options(backend, 1) }).unwrap();
+    let mut deformer = Deformer::new(&mesh, Options { fabric, pinned: vec![0], ..options(backend, 20) }).unwrap();
     let dt = f64::from(FRAME / 20.0);
     let frames = 12 * 1200;
     let (mut last, mut crossings, mut amplitude) = (90_f64.to_radians(), Vec::new(), 0.0_f64);

@@ -150,7 +150,8 @@ fn levels_run_where_they_pay() {
     };
     assert_eq!(count(65, 20, |_| {}), 4);
     assert_eq!(count(129, 20, |_| {}), 5);
-    assert_eq!(count(65, 100, |_| {}), 0, "S* is 168");
+    assert_eq!(count(65, 120, |_| {}), 2, "S* is 168");
+    assert_eq!(count(65, 150, |_| {}), 0, "S* is 168");
     assert_eq!(count(12, 5, |_| {}), 0, "small");
     assert_eq!(count(65, 20, |options| options.levels = Levels::Off), 0);
     assert_eq!(count(65, 20, |options| options.levels = Levels::Count(2)), 2);
@@ -293,5 +294,5 @@ fn wrinkles_are_not_ironed() {
     let [exact, plain, levels] = [mean(170, Levels::Off), mean(20, Levels::Off), mean(20, Levels::Auto)];
     println!("folds: {exact:.2} m resolved, {plain:.2} m in few substeps, {levels:.2} m with levels");
     assert!((levels / exact - 1.0).abs() < 0.125, "{levels} m with levels, {exact} m resolved");
-    assert!(plain / exact < 0.85, "{plain} m without, {exact} m resolved");
+    assert!(plain < exact - 4.0 * (levels - exact).abs(), "{plain} m without, {levels} m with levels, {exact} m resolved");
 }

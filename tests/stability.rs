@@ -120,7 +120,7 @@ fn explicit_limit(backend: Backend) {
         let options = Options {
             backend,
             method: Method::Springs,
-            quality: Quality::Substeps(100),
+            quality: Quality::Substeps(1),
             fabric: Fabric { density: RHO, stretch: K, ..Fabric::default() },
             pinned: (0..n * n).filter(is_border).collect(),
             edge_scale: Some(mesh.edges().iter().map(|[i, j]| if j - i == n - 1 { diagonals } else { 1.0 }).collect()),
@@ -133,10 +133,11 @@ fn explicit_limit(backend: Backend) {
         let growth = |ratio: f32| {
             let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
             deformer.set_state(&mesh.positions, &start).unwrap();
-            for _ in 0..10 {
+            for _ in 0..1000 {
                 let still = Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
-                match deformer.step(ratio * limit * 100.0, &still) {
-                    Ok(report) => assert_eq!(report.warnings.is_empty(), ratio < 1.0, "{:?} at {ratio}", report.warnings),
+                match deformer.step(ratio * limit, &still) {
+                    // At rest the directions of the springs leave room that a cloth in motion does not have.
+                    Ok(report) => assert_eq!(report.warnings.is_empty(), ratio < 0.75, "{:?} at {ratio}", report.warnings),
                     Err(StepError::Unstable { .. }) => return f32::INFINITY,
                     Err(error) => panic!("{error}"),
                 }
@@ -146,7 +147,8 @@ fn explicit_limit(backend: Backend) {
                 Err(_) => f32::INFINITY,
             }
         };
-        let (below, above) = (growth(0.98), growth(1.02));
+        let (without_a_word, below, above) = (growth(0.7), growth(0.98), growth(1.02));
+        assert!(without_a_word < 10.0, "at 0.7 of {limit} s a jolt grows {without_a_word} times");
         assert!(below < 10.0, "at 0.98 of {limit} s a jolt grows {below} times");
         assert!(above > 1e3, "at 1.02 of {limit} s a jolt grows only {above} times");
     }
@@ -174,10 +176,10 @@ const STARTS: [Start; 6] = [
 ];
 
 /// Three seconds of HANG from a bad start: the largest rise of the energy after 1 s (J), and the mean strain at the end.
-fn stress(start: Start, options: &Options, mesh: &Mesh, substeps: f64) -> Result<(f64, f32), StepError> {
+fn stress(start: Start, seed: u64, options: &Options, mesh: &Mesh, substeps: f64) -> Result<(f64, f32), StepError> {
     let masses = options.mass.as_ref().expect("HANG has masses");
     let springs = resolved_at(1.0 / (60.0 * substeps), &springs(mesh, f64::from(K)), masses, &options.pinned);
-    let mut random = fastrand::Rng::with_seed(1);
+    let mut random = fastrand::Rng::with_seed(seed);
     let mut x = mesh.positions.clone();
     let mut v = vec![Vec3::ZERO; x.len()];
     for i in (0..x.len()).filter(|&i| !options.pinned.contains(&(i as u32))) {
@@ -216,7 +218,7 @@ fn bound(start: Start) -> f32 {
 fn survives(n: u32, substeps: u32, backend: Backend) {
     for start in STARTS {
         let (mesh, options) = hang(n, substeps, backend);
-        let (rise, strain) = stress(start, &options, &mesh, f64::from(substeps)).unwrap();
+        let (rise, strain) = stress(start, 1, &options, &mesh, f64::from(substeps)).unwrap();
         assert!(rise <= 0.0, "{start:?}, S = {substeps}: the energy rises by {rise} J");
         assert!(strain <= bound(start), "{start:?}, S = {substeps}: mean strain {strain}");
     }
@@ -232,18 +234,43 @@ fn stress_at_80_substeps() {
     survives(32, 80, Backend::Cpu);
 }
 
+/// The same from other random starts, every one out of a plane a little: `CLOTH_RUNS` of each scene (300 bound the share that fails by 1 %
+/// with a confidence of 95 %), or thirty. A failure names its seed.
+#[test]
+fn stress_from_random_starts() {
+    let runs = std::env::var("CLOTH_RUNS").map_or(30, |runs| runs.parse().expect("a number"));
+    for start in STARTS {
+        let (mut worst, mut failed) = ((f64::NEG_INFINITY, 0.0_f32), Vec::new());
+        for seed in 2..2 + runs {
+            let (mut mesh, options) = hang(12, 20, Backend::Cpu);
+            let mut random = fastrand::Rng::with_seed(seed);
+            mesh.positions.iter_mut().for_each(|x| x.y += 1e-5 * (random.f32() - 0.5));
+            let (rise, strain) =
+                stress(start, seed, &options, &mesh, 20.0).unwrap_or_else(|error| panic!("{start:?}, seed {seed}: {error}"));
+            worst = (worst.0.max(rise), worst.1.max(strain));
+            // Means of half a second differ by what a cloth that still swings does between them.
+            if rise > 0.01 * FALL || strain > bound(start) {
+                failed.push((seed, rise, strain));
+            }
+        }
+        println!("{start:?}: {runs} runs, energy rises by {:.1e} J at most, mean strain {:.1e}", worst.0, worst.1);
+        assert!(failed.is_empty(), "{start:?}: seeds, rises and strains {failed:?}");
+    }
+}
+
 fn stress_small(backend: Backend) {
     survives(12, 20, backend);
 }
 
-/// Explicit springs, well resolved at rest (five per cent inside their limit), fail every one.
+/// Explicit springs, five per cent inside the limit of a cloth in motion, fail every one: they fly apart, or gain many times their fall.
 #[test]
 fn springs_fail_under_stress() {
     for start in STARTS {
         let (mesh, options) = hang(32, 1, Backend::Cpu);
         let options = Options { method: Method::Springs, quality: Quality::default(), ..options };
-        match stress(start, &options, &mesh, 82.0) {
+        match stress(start, 1, &options, &mesh, 82.0) {
             Err(StepError::Unstable { .. }) => {}
+            Ok((rise, _)) if rise > FALL => {}
             other => panic!("{start:?}: {other:?}"),
         }
     }

@@ -173,3 +173,27 @@ fn cloths_that_share_a_pool_make_the_same_bits() {
         assert!(same, "{name}");
     }
 }
+
+/// What `Deformer::step` says of locks: on a pool of its own a step meets nobody who waits for one that the caller holds.
+#[test]
+#[cfg(not(miri))]
+fn a_lock_may_be_held_across_a_step_on_a_pool_of_its_own() {
+    use std::sync::{Arc, Mutex, mpsc};
+    use std::time::Duration;
+    let (stepped, done) = mpsc::channel();
+    // Not scoped: threads that wait for one another for ever are left behind.
+    std::thread::spawn(move || {
+        let [own, other] = [3, 2].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
+        let lock = Arc::new(Mutex::new(()));
+        let held = lock.lock().unwrap();
+        for _ in 0..100 {
+            let lock = Arc::clone(&lock);
+            other.spawn(move || drop(lock.lock()));
+        }
+        let (_, mesh, options) = &scenes()[0];
+        let moved = own.install(|| played(mesh, options, false)).len();
+        drop(held);
+        stepped.send(moved).unwrap();
+    });
+    assert_eq!(done.recv_timeout(Duration::from_secs(120)), Ok((SIDE * SIDE) as usize), "the step waits for the lock");
+}

@@ -6,7 +6,7 @@
 @group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
-    return project_coarse(d0, du, edge);
+    return coarse_impulse(d0, du, edge, params.holds != 0u);
 }
 
 @compute @workgroup_size(LANES)

@@ -34,7 +34,7 @@ fn sweep_coarse(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     let edge = edges[batch.first + k];
     let x_a = centers[edge.a];
     let x_b = centers[edge.b];
-    let impulse = project_coarse(x_a.xyz - x_b.xyz, corrected[edge.a].xyz - corrected[edge.b].xyz, edge);
+    let impulse = coarse_impulse(x_a.xyz - x_b.xyz, corrected[edge.a].xyz - corrected[edge.b].xyz, edge, params.holds != 0u);
     corrected[edge.a] += vec4f(impulse * x_a.w, 0.0);
     corrected[edge.b] -= vec4f(impulse * x_b.w, 0.0);
 }

@@ -19,6 +19,7 @@ use crate::options::Method;
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 
 /// The state of the cloth in memory, one value per vertex in the cloth's order, and what is kept for its steps.
 #[derive(Debug)]
@@ -36,8 +37,8 @@ pub(crate) struct Cpu {
     /// The edges of each round of the partition.
     edges: Vec<EdgeBatches>,
     schedule: Schedule,
-    /// What they were packed for: the bits of the substep (s), levels, threads; and what the schedule is of.
-    packed_for: Option<(u32, usize, usize)>,
+    /// What they were packed for: the length of the substep, levels, threads; and what the schedule is of.
+    packed_for: Option<(Length, usize, usize)>,
     scheduled_for: Option<Terms>,
     width: Width,
     /// As many threads as pay, or how many to step on instead.
@@ -125,7 +126,7 @@ impl Cpu {
             partition: partition.as_ref().expect("packed"),
             edges,
             forces: forces.share(plan, &x, &u, *width),
-            correction: coarse.share(&x, &u, *width),
+            correction: coarse.share(&x, &u, if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }, *width),
             integrator: Integrator { plan, x: &x, u: &u, good, lost: AtomicUsize::new(usize::MAX), width: *width },
             chunks: schedule.chunks.as_deref(),
             elsewhere,
@@ -151,7 +152,7 @@ impl Cpu {
     fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
         let (coefficients, cloth) = (plan.coefficients, plan.cloth);
         let levels = coefficients.levels.len();
-        let packed = Some((coefficients.h.to_bits(), levels, threads));
+        let packed = Some((coefficients.length, levels, threads));
         if self.packed_for != packed {
             if self.packed_for.is_none_or(|(_, _, before)| before != threads) {
                 self.coarse.forget();

@@ -7,8 +7,9 @@ use glam::Vec4;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::sweep::{Rule, sweep};
-use crate::cpu::tasks::lists::Places;
-use crate::cpu::tasks::shared::{Four, SharedArray, Task, View};
+use crate::cpu::tasks::shared::lists::Places;
+use crate::cpu::tasks::shared::vectors::Four;
+use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::{Level, MAX_LEVELS};
 use crate::simd::aligned::AlignedVec;
@@ -175,14 +176,20 @@ impl Coarse {
         items.map(move |item| self.levels[level].label.of(item as usize))
     }
 
-    /// The correction of displacements `u` that were predicted from `x`.
-    pub(crate) fn share<'a>(&'a mut self, x: &'a SharedArray<'a>, u: &'a SharedArray<'a>, width: Width) -> Correction<'a> {
+    /// The correction, by a rule, of displacements `u` that were predicted from `x`.
+    pub(crate) fn share<'a>(
+        &'a mut self,
+        x: &'a SharedArray<'a>,
+        u: &'a SharedArray<'a>,
+        rule: Rule,
+        width: Width,
+    ) -> Correction<'a> {
         let mut states = self.states.iter_mut();
         let arrays = std::array::from_fn(|_| {
             let State { x, change, u } = states.next()?;
             Some(Arrays { x: SharedArray::new(x.room()), change: SharedArray::new(change.room()), u: SharedArray::new(u.room()) })
         });
-        Correction { levels: &self.levels, fine: (x, u), arrays, width }
+        Correction { levels: &self.levels, fine: (x, u), arrays, rule, width }
     }
 }
 
@@ -199,6 +206,7 @@ pub(crate) struct Correction<'a> {
     levels: &'a [Aggregates],
     fine: (&'a SharedArray<'a>, &'a SharedArray<'a>),
     arrays: [Option<Arrays<'a>>; MAX_LEVELS],
+    rule: Rule,
     width: Width,
 }
 
@@ -252,7 +260,7 @@ impl Correction<'_> {
         if round == 0 && level + 1 < self.levels.len() {
             self.hand_down(task, level + 1, u, here.partition.tiles[piece].clone());
         }
-        sweep(&here.edges[round], piece, Rule::ProjectCoarse, x, u, self.width);
+        sweep(&here.edges[round], piece, self.rule, x, u, self.width);
         for vertex in here.partition.rounds[round][piece].vertices.iter().cloned().flatten() {
             change.set(vertex as usize, u.get(vertex as usize) - change.get(vertex as usize));
         }

@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
-use crate::cpu::tasks::lists::{Places, Rows};
+use crate::cpu::tasks::shared::lists::{Places, Rows};
 use crate::kernels::distance::Edge;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{MAX_LANES, vector_of_lane};
@@ -107,8 +107,10 @@ impl EdgeBatches {
             let start = packer.batches.batches.len();
             // Springs are forces: no edge is swept.
             let mut rest = if edges.is_empty() { &[] } else { piece.edges.as_slice() };
-            for (color, range) in colors.iter().enumerate() {
-                let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < range.end));
+            // Of a fan's many colors a piece has few.
+            while let Some(&next) = rest.first() {
+                let color = colors.partition_point(|range| range.end <= next as usize);
+                let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < colors[color].end));
                 rest = later;
                 edges_now.clear();
                 edges_now.extend(now.iter().map(|&place| edges[place as usize]));

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::cpu::tasks::lists::Places;
 use crate::cpu::tasks::shared::View;
+use crate::cpu::tasks::shared::lists::Places;
 use crate::kernels::bending::{BendEntry, BendRow};
 use crate::kernels::wind::Panel;
 use crate::model::bending::Bending;

@@ -15,6 +15,7 @@ use crate::options::Method;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Loop, Registers, Vector, Width};
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 
 /// Triangles that a task computes the air's force on.
 const GRAIN: usize = 1024;
@@ -30,7 +31,7 @@ pub(crate) struct ForceArrays {
     rings: RingBatches,
     panels: PanelBatches,
     /// For what they were packed: substep (its bits), bending, wind, lanes.
-    packed_for: Option<(u32, bool, bool, usize)>,
+    packed_for: Option<(Length, bool, bool, usize)>,
     /// Tiles that each task of [`Forces::panel_forces`] looks at.
     panel_tiles: Vec<Vec<u32>>,
 }
@@ -63,7 +64,7 @@ impl ForceArrays {
         fit(&mut self.pulls, if bending { vertices } else { 0 });
         fit(&mut self.couples, if bending && plan.damped() { vertices } else { 0 });
         fit(&mut self.panel_forces, if wind { plan.cloth.panels().panels.len() } else { 0 });
-        let scene = (plan.coefficients.h.to_bits(), bending, wind, width.lanes());
+        let scene = (plan.coefficients.length, bending, wind, width.lanes());
         if self.packed_for == Some(scene) {
             return;
         }

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{Vec3, Vec3A, Vec4};
 
-use crate::cpu::tasks::shared::{Four, SharedArray, Task, View};
+use crate::cpu::tasks::shared::vectors::Four;
+use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::Substep;

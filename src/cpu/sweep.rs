@@ -1,7 +1,8 @@
 //! The sweep: each edge moves its ends, as many edges at once as there are lanes.
 
 use crate::cpu::edge_batches::{Batch, EdgeBatches, Ends};
-use crate::cpu::tasks::shared::{Four, Pairs, View};
+use crate::cpu::tasks::shared::View;
+use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, Correction};
 use crate::simd::{self, Loop, Registers, Vector, Width};
 
@@ -12,12 +13,15 @@ pub(crate) enum Rule {
     Project,
     /// [`distance::project_coarse`].
     ProjectCoarse,
+    /// [`distance::hold_coarse`].
+    HoldCoarse,
     /// [`distance::relax_edge`].
     Relax,
 }
 
 const PROJECT: u8 = Rule::Project as u8;
 const PROJECT_COARSE: u8 = Rule::ProjectCoarse as u8;
+const HOLD_COARSE: u8 = Rule::HoldCoarse as u8;
 const RELAX: u8 = Rule::Relax as u8;
 
 /// Corrects the edges of one piece in order.
@@ -40,6 +44,7 @@ impl Loop for Sweep<'_> {
         match self.rule {
             Rule::Project => self.rows::<L, PROJECT>(),
             Rule::ProjectCoarse => self.rows::<L, PROJECT_COARSE>(),
+            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(),
             Rule::Relax => self.rows::<L, RELAX>(),
         }
     }
@@ -52,7 +57,7 @@ impl Sweep<'_> {
         // Plain loops: a closure given to an iterator is compiled without the instruction set that this function has.
         match ends {
             Ends::Rows => {
-                let (x, u) = (x.rows::<L>(&at.rows), u.rows::<L>(&at.rows));
+                let (x, u) = (x.rows::<L, 1>(&at.rows), u.rows::<L, 1>(&at.rows));
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + 1);
                     correct::<L, RULE, false>(factors, (x.row(a), x.row(b)), (u.row(a), u.row(b)));
@@ -60,7 +65,7 @@ impl Sweep<'_> {
                 }
             }
             Ends::Pairs => {
-                let (x, u) = (x.pairs::<L>(&at.pairs), u.pairs::<L>(&at.pairs));
+                let (x, u) = (x.rows::<L, 2>(&at.pairs), u.rows::<L, 2>(&at.pairs));
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     correct::<L, RULE, false>(factors, x.row(first), u.row(first));
                     first += 1;
@@ -78,42 +83,11 @@ impl Sweep<'_> {
     }
 }
 
-/// Both ends of as many edges as lanes, in four registers each.
-trait BothEnds<L> {
-    fn get(&self, k: usize) -> [L; 2];
-    fn set(&self, k: usize, ends: [L; 2]);
-}
-
-impl<L, A: Four<L>> BothEnds<L> for (A, A) {
-    #[inline(always)]
-    fn get(&self, k: usize) -> [L; 2] {
-        [self.0.get(k), self.1.get(k)]
-    }
-
-    #[inline(always)]
-    fn set(&self, k: usize, [a, b]: [L; 2]) {
-        self.0.set(k, a);
-        self.1.set(k, b);
-    }
-}
-
-impl<L: Registers> BothEnds<L> for Pairs<'_, L> {
-    #[inline(always)]
-    fn get(&self, k: usize) -> [L; 2] {
-        Pairs::get(self, k)
-    }
-
-    #[inline(always)]
-    fn set(&self, k: usize, ends: [L; 2]) {
-        Pairs::set(self, k, ends);
-    }
-}
-
-/// Corrects a row.
+/// Corrects a row, given both ends of its edges.
 ///
 /// Differences are of vectors side by side, so that one instruction applies the results of several edges.
 #[inline(always)]
-fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: impl BothEnds<L>, u: impl BothEnds<L>) {
+fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: impl Four<[L; 2]>, u: impl Four<[L; 2]>) {
     let inverse_rest = L::from_slice(&factors[..L::LANES]);
     let mut d0 = [L::splat(0.0); 4];
     let (mut du, mut ends) = (d0, [[d0[0]; 2]; 4]);
@@ -144,6 +118,7 @@ fn rule<L: Registers, const RULE: u8>(d0: Vector<L>, du: Vector<L>, inverse_rest
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
         PROJECT_COARSE => distance::project_coarse(d0, du, inverse_rest),
+        HOLD_COARSE => distance::hold_coarse(d0, du, inverse_rest),
         _ => distance::relax_edge(d0, du, inverse_rest),
     }
 }

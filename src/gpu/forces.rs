@@ -10,6 +10,7 @@ use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 
 /// The states' buffers and the force kernels. Each kernel can take any of the states.
 #[derive(Debug)]
@@ -37,7 +38,7 @@ pub(crate) struct Forces {
 struct Bending {
     rows: wgpu::Buffer,
     /// The substep that `rows` are for.
-    h: f32,
+    length: Length,
     moments: Stage,
     forces: Stage,
 }
@@ -94,11 +95,11 @@ impl Forces {
             *uniforms = self::uniforms(gpu, params, substeps);
         }
         if plan.bending {
-            let h = plan.coefficients.h;
+            let length = plan.coefficients.length;
             let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, states, u, uniforms, pins));
-            if bending.h.to_bits() != h.to_bits() {
+            if bending.length != length {
                 gpu.write(&bending.rows, 0, &plan.coefficients.bending);
-                bending.h = h;
+                bending.length = length;
             }
         }
         if plan.wind {
@@ -179,7 +180,7 @@ impl Bending {
         let forces_stage = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
             [&[Bind::Read(&state.x), Bind::Unused, Bind::Write(u), Bind::Unused], &lists[..]].concat()
         });
-        Bending { rows, h: plan.coefficients.h, moments: moments_stage, forces: forces_stage }
+        Bending { rows, length: plan.coefficients.length, moments: moments_stage, forces: forces_stage }
     }
 }
 

@@ -32,6 +32,9 @@ pub(crate) struct Params {
     pub relaxed: u32,
     /// Coarse levels in use.
     pub levels: u32,
+    /// 1 if coarse edges hold (`distance::hold_coarse`).
+    pub holds: u32,
+    pub padding: [u32; 3],
 }
 
 /// What differs from one substep to the next.

@@ -143,12 +143,10 @@ impl Edges<'_> {
         for pairs in groups {
             let made: Vec<Link> = pairs.iter().filter_map(|&pair| self.between(pair)).collect();
             let ends: Vec<[u32; 2]> = made.iter().map(|link| link.ends).collect();
-            let coloring = coloring::color(&ends, &centers);
-            for color in 0..coloring.colors as u32 {
-                let start = links.len();
-                links.extend(made.iter().zip(&coloring.of).filter(|&(_, &of)| of == color).map(|(link, _)| *link));
-                colors.push(start..links.len());
-            }
+            let batches = coloring::color(&ends, &centers).batches();
+            let first = links.len();
+            links.extend(batches.items.iter().map(|&place| made[place as usize]));
+            colors.extend(batches.spans.iter().map(|span| first + span.start as usize..first + span.end as usize));
         }
         (links, colors)
     }
@@ -179,6 +177,10 @@ impl Edges<'_> {
     }
 }
 
+/// An aggregate with more neighbors than this is no way from one of them to another: a fan's hub would join every two of its rim,
+/// where a dozen directions are plenty.
+const CROWDED: usize = 64;
+
 /// Pairs that are not neighbors but have two neighbors in common, one on either side: not across the end of a slit.
 pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u32; 2]> {
     let near = Csr::new(aggregates.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
@@ -186,9 +188,10 @@ pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u3
     for a in 0..aggregates.len() as u32 {
         // Which sides of the way to each aggregate two rings away have a common neighbor.
         let mut sides: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
-        for &between in near.of(a) {
+        for &between in near.of(a).iter().filter(|&&between| near.of(between).len() <= CROWDED) {
             for &b in near.of(between) {
-                if b <= a || near.of(a).contains(&b) {
+                // Neighbors ascend, as the pairs do.
+                if b <= a || near.of(a).binary_search(&b).is_ok() {
                     continue;
                 }
                 let [x, y, z] = [a, between, b].map(|aggregate| aggregates[aggregate as usize].center);

@@ -9,7 +9,7 @@
 //! 1. restrict by the mass-weighted average, `x_c = sum m_v x_v / m_c`, `u_c` likewise: the adjoint of piecewise constant
 //!    prolongation in the metric of the masses, so that the correction is a projection and gives no energy;
 //! 2. sweep once over the coarse edges, those that are stretched alone (cloth gives way to compression), along their direction
-//!    at the substep's start, with the shifted compliance;
+//!    at the substep's start, with the shifted compliance of what the fine edges leave of the stiffness: `1 - (S/S*)²` of it;
 //! 3. add to each vertex what its aggregate was corrected by.
 //!
 //! Weights are constant in an aggregate and aggregates are nested. So one pass over the vertices restricts to the finest level,
@@ -32,7 +32,13 @@
 //!
 //! # Limits
 //! Pins are the coarse cloth's own worst place, as they are the fine one's: the worst edge there is better by a few times only.
-//! Where the substeps resolve the stiffness, levels have nothing to add.
+//! Where the substeps resolve the stiffness, levels have nothing to add. Up to seven eighths of `S*` they do: a sheet of 64 by 64
+//! swings down with 3.6e-4 m of error at 112 substeps, and with 7.2e-4 m without them.
+//!
+//! Of cloth that does not resist bending coarse edges hold (`distance::hold_coarse`): in a hung sheet that they only pull, diagonals
+//! pull it narrower, fine edges across are pressed, and it flutters below an aggregate's size by 3 to 7 mm/s for ever. A compliance floor
+//! under the fine edges stills that as well, for a fifth to a half more error in motion and up to twice the strain; a coarse edge that
+//! holds irons what is flatter than three parts in a hundred, for a tenth more error at 40 substeps and none from 80 on.
 //!
 //! What the levels carry the fine edges need not, and so wrinkles smaller than an aggregate are held less taut. At rest nothing
 //! feeds them. In wind something does: the length that the fine edges still have too much of, half or less of what it

@@ -29,6 +29,20 @@ impl Motion {
         Motion { h, pins, ..Motion::default() }
     }
 
+    /// Where each collider moves here from; from where it is, if it is new.
+    fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
+        let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());
+        let shapes = |list: &'a [Collider]| unnamed(list).map(|collider| std::mem::discriminant(&collider.shape));
+        let mut last_unnamed = shapes(colliders).eq(shapes(&self.colliders)).then(|| unnamed(&self.colliders));
+        colliders.iter().map(move |now| {
+            let last = match now.id {
+                Some(_) => self.colliders.iter().find(|last| last.id == now.id),
+                None => last_unnamed.as_mut().and_then(Iterator::next),
+            };
+            (now, last.filter(|_| !now.teleported).unwrap_or(now))
+        })
+    }
+
     /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
     pub(crate) fn unit(&self) -> f32 {
         if self.h > 0.0 { self.h } else { 1.0 }
@@ -76,7 +90,7 @@ impl<'a> Plan<'a> {
         attributes: &Attributes,
         buffers: &'a mut PlanBuffers,
     ) -> Plan<'a> {
-        let h = coefficients.h;
+        let h = coefficients.length.h;
         let drag = f64::from(attributes.damping);
         // The kick spans from the middle of the last substep to the middle of this one; exact for linear drag.
         let substep = |index: u32| {
@@ -91,11 +105,9 @@ impl<'a> Plan<'a> {
                 end: (index + 1) as f32 / count as f32,
             }
         };
-        let colliders = attributes.colliders.iter().enumerate();
         buffers.bodies.clear();
-        buffers.bodies.extend(colliders.map(|(index, collider)| {
-            body(collider, motion.colliders.get(index).unwrap_or(collider), cloth.origin, cloth.longest)
-        }));
+        let followed = motion.followed(&attributes.colliders);
+        buffers.bodies.extend(followed.map(|(now, last)| body(now, last, cloth.origin, cloth.longest)));
         let targets = attributes.pin_targets.iter().flatten();
         let pin = |((&to, from), &vertex): ((&Vec3, &Vec3), &u32)| Pin {
             origin: from.to_array(),
@@ -131,6 +143,9 @@ impl<'a> Plan<'a> {
             sweeps,
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
             levels: coefficients.levels.len() as u32,
+            // A thread has no width across which anything could pull it together.
+            holds: u32::from(!bending && cloth.is_sheet),
+            padding: [0; 3],
         };
         Plan {
             cloth,
@@ -151,6 +166,11 @@ impl<'a> Plan<'a> {
     #[cfg(feature = "gpu")]
     pub(crate) fn has_forces(&self) -> bool {
         has_forces(self.bending, self.wind, self.method)
+    }
+
+    /// Whether coarse edges hold.
+    pub(crate) fn holds(&self) -> bool {
+        self.params.holds != 0
     }
 
     /// Whether bending is damped.

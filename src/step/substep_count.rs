@@ -3,12 +3,15 @@
 
 use crate::attributes::Attributes;
 use crate::error::StepError;
+use crate::fabric::Fabric;
 use crate::limits::MAX_SUBSTEPS;
-use crate::model::cloth::Cloth;
+use crate::model::cloth::{Cloth, Link};
 use crate::options::{Levels, Method, Options, Quality};
 
-/// Fewest substeps a second under `Quality::Strain`: 20 in a frame of 1/60 s.
-const LEAST_RATE: f64 = 20.0 * 60.0;
+/// What [`Quality`] counts substeps by: 1/60 s.
+const FRAMES: f64 = 60.0;
+/// Fewest substeps a second under `Quality::Strain`.
+const LEAST_RATE: f64 = 20.0 * FRAMES;
 /// Peak stress in motion over the static stress `rho g L`.
 const TRANSIENT: f64 = 5.0;
 
@@ -19,57 +22,93 @@ const SMALL: usize = 1000;
 /// Pressure of the wind over the cloth's weight from which levels show small wrinkles for stretch: see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
 
+/// How a step is divided.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Division {
+    pub substeps: u32,
+    pub length: Length,
+}
+
+/// The length of a substep, and of what it is compared with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Length {
+    /// The substep (s).
+    pub h: f32,
+    /// The longest substep (s) that the quality allows, whatever the step; `h` if that is nearly as long.
+    pub longest: f32,
+    /// `(S/S*)²`: the share of the stiffness that one sweep in the longest substep carries; 1 where it is resolved.
+    pub resolved: f64,
+}
+
+impl Length {
+    /// Of a substep of which nothing else is known.
+    #[cfg(test)]
+    pub(crate) fn of(h: f32) -> Length {
+        Length { h, longest: h, resolved: 0.0 }
+    }
+}
+
 /// What the closed forms need to know of a cloth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rates {
     /// Substeps a second that resolve the 95th percentile of the edges at K = 1 N/m.
     unit: f64,
+    /// The same, each edge weighed by how much of the cloth can hang on it.
+    loaded: f64,
     /// Substeps a second at the explicit limit; 0 unless the method is explicit.
     explicit: f64,
 }
 
 impl Rates {
-    pub(crate) fn new(cloth: &Cloth, method: Method) -> Rates {
-        let explicit = if method == Method::Springs { explicit_rate(cloth) } else { 0.0 };
-        Rates { unit: unit_rate(cloth), explicit }
+    pub(crate) fn new(cloth: &Cloth, options: &Options) -> Rates {
+        let explicit = if options.method == Method::Springs { explicit_rate(cloth, options.fabric) } else { 0.0 };
+        Rates { unit: unit_rate(cloth, |_| 1.0), loaded: unit_rate(cloth, |link| cloth.load_share(link)), explicit }
     }
 
-    /// Substeps for a step of `dt` (s).
+    /// How a step of `dt` (s) is divided: into as few substeps as are no longer than the quality allows. That length is the same
+    /// for steps of any length.
     ///
     /// Small steps: the worst strain below the resolved substep is `2 sigma/K (S*/S)²` with membrane stress `sigma`, so
     /// `S = S* sqrt(2 sigma / (K tau))`; K cancels, and the form holds for inextensible cloth. `sigma` is five times
     /// `rho g L` (motion, not rest) plus the wind's pressure times L. Springs: the explicit limit, five per cent inside.
     /// Relaxation has no such law; it takes one substep per 1/60 s.
-    pub(crate) fn substeps(&self, cloth: &Cloth, options: &Options, dt: f32, attributes: &Attributes) -> Result<u32, StepError> {
-        let dt = f64::from(dt);
-        let needed = match (options.quality, options.method) {
-            (Quality::Substeps(count), _) => f64::from(count),
-            (Quality::Strain(_), Method::Relaxation { .. }) => (60.0 * dt - 1e-3).ceil(),
-            (Quality::Strain(_), Method::Springs) => (1.05 * dt * self.explicit).ceil(),
+    pub(crate) fn divide(
+        &self,
+        cloth: &Cloth,
+        options: &Options,
+        dt: f32,
+        attributes: &Attributes,
+    ) -> Result<Division, StepError> {
+        // Substeps a second.
+        let rate = match (options.quality, options.method) {
+            (Quality::Substeps(count), _) => FRAMES * f64::from(count),
+            (Quality::Strain(_), Method::Relaxation { .. }) => FRAMES,
+            (Quality::Strain(_), Method::Springs) => (1.05 * self.explicit).max(1.0),
             (Quality::Strain(tolerance), Method::SmallSteps) => {
-                let gravity = attributes.gravity.as_dvec3().length();
-                let stress = TRANSIENT * (cloth.density * gravity + pressure(attributes)) * cloth.extent;
-                let rate = self.unit * (2.0 * stress / f64::from(tolerance)).sqrt();
+                let rate = self.loaded * (2.0 * stress(cloth, attributes) / f64::from(tolerance)).sqrt();
                 // Once the stiffness is resolved, and with a margin that is always stable, more substeps show no more.
-                let resolved = std::f64::consts::SQRT_2 * self.unit * f64::from(options.fabric.stretch).sqrt();
-                coarsened((rate.min(resolved).max(LEAST_RATE) * dt - 1e-3).ceil())
+                let resolved = std::f64::consts::SQRT_2 * self.resolving(cloth.stretch);
+                FRAMES * coarsened((rate.min(resolved).max(LEAST_RATE) / FRAMES - 1e-3).ceil())
             }
         };
         let sweeps = if let Method::Relaxation { iterations } = options.method { f64::from(iterations) } else { 1.0 };
-        let needed = needed.max(1.0);
-        if needed * sweeps <= f64::from(MAX_SUBSTEPS) {
-            Ok(needed as u32)
-        } else {
-            Err(StepError::TooManySubsteps { needed: needed * sweeps })
+        // A step that is longer than so many substeps by no more than rounding takes no more.
+        let needed = (f64::from(dt) * rate * (1.0 - 1e-6) - 1e-3).ceil().max(1.0);
+        if needed * sweeps > f64::from(MAX_SUBSTEPS) {
+            return Err(StepError::TooManySubsteps { needed: needed * sweeps });
         }
+        let (substeps, h) = (needed as u32, dt / needed as f32);
+        let longest = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
+        let resolving = self.resolving(cloth.stretch) * f64::from(longest);
+        Ok(Division { substeps, length: Length { h, longest, resolved: resolving.max(1.0).powi(-2) } })
     }
 
-    /// Coarse levels to ask for at substep `h` (s).
+    /// Coarse levels to ask for.
     ///
     /// Level l, its aggregates about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps; the first that is
     /// carries the whole load of an even cloth. One more, for next to nothing, carries that of corners and unstructured
-    /// meshes (two pins, 2000 vertices: 2.0e-3 mean strain with it, 3.2e-3 without). Where half of `S*` is taken, none pays.
-    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, h: f32, attributes: &Attributes) -> usize {
+    /// meshes (two pins, 2000 vertices: 2.0e-3 mean strain with it, 3.2e-3 without). From seven eighths of `S*` on none pays.
+    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, attributes: &Attributes) -> usize {
         if options.method != Method::SmallSteps {
             return 0;
         }
@@ -79,9 +118,9 @@ impl Rates {
             Levels::Auto => {
                 // Stiffer than what lets its own weight stretch the cloth by a ten-thousandth, there is nothing to resolve.
                 let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
-                let shortfall = self.unit * f64::from(options.fabric.stretch).min(useful).sqrt() * f64::from(h);
+                let shortfall = self.resolving(cloth.stretch.min(useful)) * f64::from(length.longest);
                 let gale = pressure(attributes) > GALE * cloth.density * STANDARD_GRAVITY;
-                if shortfall < 2.0 || cloth.rest.len() < SMALL || gale {
+                if shortfall < 1.15 || cloth.rest.len() < SMALL || gale {
                     return 0;
                 }
                 (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
@@ -94,6 +133,27 @@ impl Rates {
         let needed = f64::from(dt) * self.explicit;
         (needed > f64::from(substeps)).then_some(needed.ceil().min(f64::from(u32::MAX)) as u32)
     }
+
+    /// Substeps a second that explicit springs need.
+    pub(crate) fn explicit(&self) -> f64 {
+        self.explicit
+    }
+
+    /// Substeps a second that resolve a stiffness (N/m).
+    pub(crate) fn resolving(&self, stretch: f64) -> f64 {
+        self.unit * stretch.sqrt()
+    }
+
+    /// The worst strain beyond the fabric's own that the closed form expects of substeps of some length (s).
+    pub(crate) fn strain(&self, cloth: &Cloth, attributes: &Attributes, h: f32) -> f64 {
+        2.0 * stress(cloth, attributes) * (self.loaded * f64::from(h)).powi(2)
+    }
+}
+
+/// Membrane stress (N/m) in motion.
+fn stress(cloth: &Cloth, attributes: &Attributes) -> f64 {
+    let gravity = attributes.gravity.as_dvec3().length();
+    TRANSIENT * (cloth.density * gravity + pressure(attributes)) * cloth.extent
 }
 
 /// Pressure (Pa) of the wind on cloth that stands still across it.
@@ -107,9 +167,10 @@ fn coarsened(count: f64) -> f64 {
     (count / unit).ceil() * unit
 }
 
-/// Substeps a second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`.
-fn unit_rate(cloth: &Cloth) -> f64 {
-    let mut rates: Vec<f64> = cloth.swept().iter().map(|link| (link.shape * cloth.weight(link) / 2.0).sqrt()).collect();
+/// Substeps a second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, each edge weighed.
+fn unit_rate(cloth: &Cloth, weighed: impl Fn(&Link) -> f64) -> f64 {
+    let rate = |link: &Link| (link.shape * cloth.weight(link) / 2.0 * weighed(link)).sqrt();
+    let mut rates: Vec<f64> = cloth.swept().iter().map(rate).collect();
     if rates.is_empty() {
         return 0.0;
     }
@@ -117,28 +178,46 @@ fn unit_rate(cloth: &Cloth) -> f64 {
     *rates.select_nth_unstable_by(nearest, f64::total_cmp).1
 }
 
-/// Substeps a second at the limit of explicit leapfrog: `omega_max / 2`, `omega_max` by power iteration on the rest shape.
-pub(crate) fn explicit_rate(cloth: &Cloth) -> f64 {
-    let at = |vertex: u32| cloth.rest[vertex as usize].truncate().as_dvec3();
-    let links = cloth.swept();
-    let directions: Vec<_> = links.iter().map(|link| (at(link.ends[1]) - at(link.ends[0])).normalize_or_zero()).collect();
+/// Substeps a second at the limit of explicit leapfrog, however the cloth is stretched and folded.
+///
+/// A spring's stiffness is `k (n n^T + (1 - l0/l)(I - n n^T))`, never more than `k` in any direction. So `omega²` is at most the
+/// largest eigenvalue `s` of the graph's Laplacian weighed by k and the masses. At rest the directions make it less: on a grid with
+/// diagonals a cloth that moves needs a quarter more substeps than one that trembles. Bending adds its own largest eigenvalue `b`, and by its
+/// retardation time `tau` half of what velocities lag: `h² s + min(h² b + 2 h tau b, 2) <= 4`, where 2 is what its limiter leaves
+/// it (`Bending::rows`).
+fn explicit_rate(cloth: &Cloth, fabric: Fabric) -> f64 {
+    let stretch = largest_eigenvalue(cloth, |q, out| {
+        for link in cloth.swept() {
+            let [a, b] = link.ends.map(|vertex| vertex as usize);
+            let force = link.stiffness * (q[a] - q[b]);
+            out[a] += force;
+            out[b] -= force;
+        }
+    });
+    let limited = (0.5 * stretch).sqrt();
+    if fabric.bending == 0.0 {
+        return 0.5 * stretch.sqrt();
+    }
+    let bend = f64::from(fabric.bending) * largest_eigenvalue(cloth, |q, out| cloth.bending().add_forces(q, out));
+    let lag = f64::from(fabric.damping) * bend;
+    limited.min(0.25 * (lag + (lag * lag + 4.0 * (stretch + bend)).sqrt()))
+}
+
+/// The largest eigenvalue (1/s²) of a symmetric stiffness matrix times the inverse masses, by power iteration; `add_product` adds the
+/// matrix times a vector to another.
+fn largest_eigenvalue(cloth: &Cloth, add_product: impl Fn(&[f64], &mut [f64])) -> f64 {
     let root_weight: Vec<f64> = cloth.rest.iter().map(|x| f64::from(x.w).sqrt()).collect();
     // Any start with all wavelengths in it does; this one is the same every time.
-    let mut q: Vec<glam::DVec3> = (0..cloth.rest.len())
-        .map(|i| glam::DVec3::new(1.0, 1.3, 1.7) * if i % 2 == 0 { 1.0 } else { -1.0 } + (i as f64 * 0.7).sin())
-        .collect();
+    let mut q: Vec<f64> = (0..root_weight.len()).map(|i| if i % 2 == 0 { 1.7 } else { -1.7 } + (i as f64 * 0.7).sin()).collect();
     let mut eigenvalue = 0.0;
     for _ in 0..200 {
-        let norm = q.iter().map(|q| q.length_squared()).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
-        let mut next = vec![glam::DVec3::ZERO; q.len()];
-        for (link, &n) in links.iter().zip(&directions) {
-            let [a, b] = link.ends.map(|vertex| vertex as usize);
-            let force = n * link.stiffness * n.dot(q[a] * root_weight[a] - q[b] * root_weight[b]) / norm;
-            next[a] += force * root_weight[a];
-            next[b] -= force * root_weight[b];
-        }
-        eigenvalue = next.iter().map(|q| q.length_squared()).sum::<f64>().sqrt();
+        let norm = q.iter().map(|q| q * q).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+        q.iter_mut().zip(&root_weight).for_each(|(q, w)| *q *= w / norm);
+        let mut next = vec![0.0; q.len()];
+        add_product(&q, &mut next);
+        next.iter_mut().zip(&root_weight).for_each(|(q, w)| *q *= w);
+        eigenvalue = next.iter().map(|q| q * q).sum::<f64>().sqrt();
         q = next;
     }
-    eigenvalue.sqrt() / 2.0
+    eigenvalue
 }

@@ -15,6 +15,8 @@ pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32
         let (r, r0) = (square - 1.0, square0 - 1.0);
         let excess = r / 2.0 - r * r / 8.0 + r * r * r / 16.0;
         -inverse_weight * excess * (1.0 - r0 / 2.0 + 3.0 * r0 * r0 / 8.0) * d0
+    } else if square0.min(square) > 0.01 && square < 1.44 && d0.angle_between(d) < std::f32::consts::FRAC_PI_3 {
+        inverse_weight * (1.0 / inverse_rest - d.length()) * d0.normalize()
     } else {
         relax_edge(d0, du, inverse_rest, inverse_weight)
     }
@@ -22,6 +24,12 @@ pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32
 
 pub fn project_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
     if (d0 + du).length() * inverse_rest <= 1.0 { Vec3A::ZERO } else { project_edge(d0, du, inverse_rest, inverse_weight) }
+}
+
+pub fn hold_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
+    let slack = 1.0 - (d0 + du).length_squared() * inverse_rest * inverse_rest;
+    let share = (1.0 - slack.max(0.0) / 6.5e-4).max(0.0);
+    share * share * project_edge(d0, du, inverse_rest, inverse_weight)
 }
 
 pub fn relax_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {

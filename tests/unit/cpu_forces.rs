@@ -7,6 +7,7 @@ use crate::cpu::integrate::Integrator;
 use crate::model::cloth::Cloth;
 use crate::step::coefficients::Coefficients;
 use crate::step::plan::{Motion, PlanBuffers};
+use crate::step::substep_count::Length;
 use crate::{Attributes, Fabric, Mesh, Options};
 
 use crate::kernels::integrate::xyz;
@@ -124,7 +125,7 @@ fn every_width_predicts_as_the_oracle_does() {
             let cloth = Cloth::new(mesh, &options).unwrap();
             let h = 1.0 / 1200.0;
             let plan_of = |options: &Options, attributes: &Attributes, check: &dyn Fn(&Plan<'_>)| {
-                let coefficients = Coefficients::new(&cloth, &[], options, h);
+                let coefficients = Coefficients::new(&cloth, &[], options, Length::of(h));
                 let (mut lists, motion) = (PlanBuffers::default(), Motion { h, ..Motion::default() });
                 check(&Plan::new(&cloth, &[], options, &coefficients, &motion, 1, attributes, &mut lists));
             };

@@ -5,6 +5,7 @@ use crate::model::cloth::Cloth;
 use crate::simd::aligned::AlignedVec;
 use crate::step::coefficients::Coefficients;
 use crate::step::plan::{Motion, PlanBuffers};
+use crate::step::substep_count::Length;
 use crate::{Attributes, Collider, Mesh, Options};
 
 /// Vertices near bodies and far, slow and fast, together and one by one: the same bits.
@@ -13,7 +14,7 @@ fn what_is_told_to_be_clear_is_clear() {
     let options = Options { pinned: vec![3, 70], ..Options::default() };
     let cloth = Cloth::new(&Mesh::grid(64, 65, 1.0, 1.0), &options).unwrap();
     let h = 1.0 / 1200.0;
-    let coefficients = Coefficients::new(&cloth, &[], &options, h);
+    let coefficients = Coefficients::new(&cloth, &[], &options, Length::of(h));
     let at = |y: f32| glam::Vec3::new(0.2, y, -0.1);
     let bodies = [
         Collider::sphere(at(0.1), 0.3),

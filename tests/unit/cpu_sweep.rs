@@ -11,6 +11,7 @@ use crate::model::cloth::Cloth;
 use crate::oracle;
 use crate::simd::aligned::AlignedVec;
 use crate::step::coefficients::Coefficients;
+use crate::step::substep_count::Length;
 use crate::{Fabric, Mesh, Options};
 
 /// `u` after one sweep, edge by edge in color order.
@@ -18,6 +19,7 @@ fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<
     let impulse: fn(Vec3A, Vec3A, f32, f32) -> Vec3A = match rule {
         Rule::Project => oracle::project_edge,
         Rule::ProjectCoarse => oracle::project_coarse,
+        Rule::HoldCoarse => oracle::hold_coarse,
         Rule::Relax => oracle::relax_edge,
     };
     let mut u = start.to_vec();
@@ -57,11 +59,11 @@ fn every_width_sweeps_as_the_oracle_does() {
         let fabric = Fabric { stretch, ..Fabric::default() };
         let options = Options { fabric, pinned: vec![0, 36, 500], ..Options::default() };
         let cloth = Cloth::new(&mesh, &options).unwrap();
-        let edges = Coefficients::new(&cloth, &[], &options, 1.0 / 1200.0).edges;
+        let edges = Coefficients::new(&cloth, &[], &options, Length::of(1.0 / 1200.0)).edges;
         // Already stretched by some per cent at the start of the substep.
         let x: Vec<Vec4> = cloth.rest.iter().map(|x| *x + vector(0.0015).extend(0.0)).collect();
         let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
-        for rule in [Rule::Project, Rule::ProjectCoarse, Rule::Relax] {
+        for rule in [Rule::Project, Rule::ProjectCoarse, Rule::HoldCoarse, Rule::Relax] {
             let plain = swept_plainly(&x, &edges, &start, rule);
             let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);
             assert!(moved > 0.01 * size, "{size}: something is corrected");

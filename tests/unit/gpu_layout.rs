@@ -38,7 +38,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, holds }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Span { start, end }),
         layout!(Pin { origin, vertex, goal, padding }),
@@ -66,6 +66,10 @@ fn constants() -> Vec<(&'static str, Literal)> {
     vec![
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
+        ("FAR_TURN_GUARD", Literal::F32(crate::kernels::distance::FAR_TURN_GUARD)),
+        ("SHORT_GUARD", Literal::F32(crate::kernels::distance::SHORT_GUARD)),
+        ("LONG_GUARD", Literal::F32(crate::kernels::distance::LONG_GUARD)),
+        ("SLACK_BAND", Literal::F32(crate::kernels::distance::SLACK_BAND)),
         ("LEAST_LENGTH", Literal::F32(crate::kernels::distance::LEAST_LENGTH)),
         ("DEPENETRATION", Literal::F32(crate::kernels::contact::DEPENETRATION)),
         ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),

@@ -14,6 +14,7 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
 use crate::step::coefficients::Coefficients;
 use crate::step::plan::{Motion, Plan, PlanBuffers};
+use crate::step::substep_count::Length;
 
 /// A step (s) and its substeps.
 const DT: f32 = 1.0 / 60.0;
@@ -67,7 +68,7 @@ fn play_from(
     let mut hierarchy = Hierarchy::default();
     hierarchy.build(cloth, levels);
     let levels = hierarchy.finest(levels);
-    let coefficients = Coefficients::new(cloth, levels, options, DT / SUBSTEPS as f32);
+    let coefficients = Coefficients::new(cloth, levels, options, Length::of(DT / SUBSTEPS as f32));
     for frame in 0..FRAMES {
         let mut attributes = Attributes { damping: 0.5, ..Attributes::default() };
         let center = Vec3::new(0.1, -0.31 + 0.02 * f32::from(frame), 0.0);
@@ -86,7 +87,7 @@ fn play_from(
         if let Some(targets) = attributes.pin_targets {
             motion.pins = targets;
         }
-        motion.h = coefficients.h;
+        motion.h = coefficients.length.h;
         motion.colliders = attributes.colliders;
     }
     let mut state = (Vec::new(), Vec::new());
@@ -181,7 +182,7 @@ fn a_failed_step_is_undone_on_every_path() {
     let gpu = Gpu::shared(true).unwrap();
     let options = Options { pinned: vec![3], ..Options::default() };
     let cloth = Cloth::new(&Mesh::grid(20, 20, 1.0, 1.0), &options).unwrap();
-    let coefficients = Coefficients::new(&cloth, &[], &options, DT / SUBSTEPS as f32);
+    let coefficients = Coefficients::new(&cloth, &[], &options, Length::of(DT / SUBSTEPS as f32));
     let motion = Motion::after(&cloth, &cloth.rest, 0.0);
     for path in [Path::PerColor, Path::Tiled, Path::SingleWorkgroup] {
         let mut engine =

@@ -19,6 +19,7 @@ use crate::model::cloth::Cloth;
 use crate::model::csr::Span;
 use crate::multigrid::hierarchy::Level;
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 pub(crate) use level_table::LevelTable;
 use per_color::LevelsPerColor;
 use tiled::TiledLevels;
@@ -47,7 +48,7 @@ pub(crate) struct Multigrid {
     /// Where each level's aggregates start among those of all, and the end.
     starts: Vec<usize>,
     /// The substep that the edges are for.
-    h: Option<f32>,
+    length: Option<Length>,
     restrict_vertices: Stage,
     restrict_aggregates: Stage,
     sweep: Sweep,
@@ -106,7 +107,7 @@ impl Multigrid {
             Some(tiled) => Sweep::Tiled(tiled),
             None => Sweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
         };
-        Multigrid { levels: levels.len(), shift, items, starts, h: None, restrict_vertices, restrict_aggregates, sweep }
+        Multigrid { levels: levels.len(), shift, items, starts, length: None, restrict_vertices, restrict_aggregates, sweep }
     }
 
     /// How many levels are swept in tiles.
@@ -119,10 +120,10 @@ impl Multigrid {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if self.h == Some(plan.coefficients.h) {
+        if self.length == Some(plan.coefficients.length) {
             return;
         }
-        self.h = Some(plan.coefficients.h);
+        self.length = Some(plan.coefficients.length);
         match &mut self.sweep {
             Sweep::Tiled(tiled) => tiled.send_edges(gpu, &plan.coefficients.levels),
             Sweep::PerColor(per_color) => per_color.send_edges(gpu, &self.starts, &plan.coefficients.levels),

@@ -8,6 +8,7 @@ use crate::gpu::state::groups;
 use crate::kernels::distance::Edge;
 use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 
 /// Sweeps with a dispatch a color.
 #[derive(Debug)]
@@ -15,7 +16,7 @@ pub(crate) struct PerColor {
     colors: Vec<Batch>,
     edges: wgpu::Buffer,
     /// The substep that `edges` are for.
-    h: Option<f32>,
+    length: Option<Length>,
     project: Stage,
     contact: Stage,
 }
@@ -32,7 +33,7 @@ impl PerColor {
         let project = Stage::new(gpu, &forces.uniforms, entry, &bound);
         let entry = Entry { shader: shaders::CONTACT, name: "contact", constants: &[] };
         let contact = Stage::new(gpu, &forces.uniforms, entry, &PerColor::bound_by_contact(forces, bodies));
-        PerColor { colors, edges, h: None, project, contact }
+        PerColor { colors, edges, length: None, project, contact }
     }
 
     fn bound_by_contact<'a>(forces: &'a Forces, bodies: &'a Sent) -> Vec<Vec<Bind<'a>>> {
@@ -46,9 +47,9 @@ impl PerColor {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if self.h != Some(plan.coefficients.h) && plan.sweeps > 0 {
+        if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
             gpu.write(&self.edges, 0, &plan.coefficients.edges);
-            self.h = Some(plan.coefficients.h);
+            self.length = Some(plan.coefficients.length);
         }
     }
 

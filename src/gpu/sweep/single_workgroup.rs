@@ -9,6 +9,7 @@ use crate::gpu::tiles::{TileSize, Tiles};
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 
 /// Bytes of workgroup memory that a vertex takes, and an aggregate.
 const OF_VERTEX: usize = 12;
@@ -24,7 +25,7 @@ pub(crate) struct SingleWorkgroup {
     table: wgpu::Buffer,
     state: wgpu::Buffer,
     /// The substep that the table's edges are for.
-    h: Option<f32>,
+    length: Option<Length>,
     stage: Stage,
 }
 
@@ -62,7 +63,7 @@ impl SingleWorkgroup {
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, first_bad);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        Some(SingleWorkgroup { tiles, levels: level_table, table, state, h: None, stage })
+        Some(SingleWorkgroup { tiles, levels: level_table, table, state, length: None, stage })
     }
 
     fn bound<'a>(
@@ -95,11 +96,11 @@ impl SingleWorkgroup {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        let SingleWorkgroup { tiles, levels, table, h, .. } = self;
-        if *h == Some(plan.coefficients.h) {
+        let SingleWorkgroup { tiles, levels, table, length, .. } = self;
+        if *length == Some(plan.coefficients.length) {
             return;
         }
-        *h = Some(plan.coefficients.h);
+        *length = Some(plan.coefficients.length);
         tiles.send_edges(gpu, table, &plan.coefficients.edges);
         if let Some(levels) = levels {
             levels.send_edges(gpu, table, size_of_val(tiles.table.as_slice()), &plan.coefficients.levels);

@@ -7,6 +7,7 @@ use crate::gpu::stage::{Bind, Sent, Stage};
 use crate::gpu::state::{PING_PONG, State, groups};
 use crate::gpu::tiles::Tiles;
 use crate::step::plan::Plan;
+use crate::step::substep_count::Length;
 
 /// Sweeps of a substep in tiles.
 #[derive(Debug)]
@@ -14,7 +15,7 @@ pub(crate) struct Tiled {
     pub tiles: Tiles,
     table: wgpu::Buffer,
     /// The substep that the table's edges are for.
-    h: Option<f32>,
+    length: Option<Length>,
     /// The groups of [`PING_PONG`] that predict, then those that take what forces predicted.
     stage: Stage,
 }
@@ -24,7 +25,7 @@ impl Tiled {
         let table = gpu.filled("tiles", &tiles.table);
         let entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &tiles.constants(gpu) };
         let stage = Stage::new(gpu, &forces.uniforms, entry, &Tiled::bound(&table, forces, bodies, None));
-        Tiled { tiles, table, h: None, stage }
+        Tiled { tiles, table, length: None, stage }
     }
 
     fn bound<'a>(
@@ -62,9 +63,9 @@ impl Tiled {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if self.h != Some(plan.coefficients.h) && plan.sweeps > 0 {
+        if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
             self.tiles.send_edges(gpu, &self.table, &plan.coefficients.edges);
-            self.h = Some(plan.coefficients.h);
+            self.length = Some(plan.coefficients.length);
         }
     }
 

@@ -1,0 +1,189 @@
+//! The state as the caller has it: read from wherever it is, in the mesh's order, and set.
+
+use glam::{DVec3, Vec3, Vec4};
+
+use super::Deformer;
+use crate::attributes::Collider;
+#[cfg(feature = "gpu")]
+use crate::backend::Engine;
+use crate::error::StepError;
+#[cfg(feature = "gpu")]
+use crate::gpu::Surface;
+use crate::limits::MAX_POSITION;
+use crate::measure::Measure;
+use crate::step::plan::Motion;
+
+impl Deformer {
+    /// Positions (m), one per vertex, in the mesh's order. Reads back from the GPU when they changed.
+    ///
+    /// # Errors
+    /// If the GPU was lost, or the motion left the finite numbers since the last look.
+    pub fn positions(&mut self) -> Result<&[Vec3], StepError> {
+        self.show()?;
+        Ok(&self.positions)
+    }
+
+    /// Asks for the positions after the steps so far, without waiting: more steps may be queued behind, and
+    /// [`Deformer::requested_positions`] has them once they are there. What was asked for before and not taken is dropped.
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn request_positions(&mut self) -> Result<(), StepError> {
+        let under_way = self.engine.request();
+        let under_way = under_way.map_err(|failure| self.failed(failure))?;
+        self.arrived = !under_way;
+        if !under_way {
+            self.show()?;
+            self.requested.clone_from(&self.positions);
+        }
+        Ok(())
+    }
+
+    /// The positions (m) last asked for, one per vertex, in the mesh's order, once; `None` until they have arrived, and if
+    /// none were asked for. Never waits.
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn requested_positions(&mut self) -> Result<Option<&[Vec3]>, StepError> {
+        let (cloth, requested) = (&self.cloth, &mut self.requested);
+        let arrived = self.engine.arrived(|x| {
+            requested.resize(x.len(), Vec3::ZERO);
+            cloth.order.iter().zip(x).for_each(|(&vertex, x)| requested[vertex as usize] = x.truncate() + cloth.origin);
+        });
+        match arrived {
+            Ok(arrived) => self.arrived |= arrived,
+            Err(failure) => {
+                // The same failure is found where the state is read, which also says what the next step starts from.
+                self.show()?;
+                return Err(self.failed(failure));
+            }
+        }
+        Ok(std::mem::take(&mut self.arrived).then_some(&*self.requested))
+    }
+
+    /// Velocities (m/s), one per vertex, in the mesh's order, half a substep back (leapfrog).
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn velocities(&mut self) -> Result<&[Vec3], StepError> {
+        self.show()?;
+        Ok(&self.velocities)
+    }
+
+    /// Puts the cloth somewhere else: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are
+    /// held where this puts them; the rest shape stays the mesh's.
+    ///
+    /// # Errors
+    /// If a list has another length, or a value is not finite or beyond 1e15; the state is then as it was.
+    pub fn set_state(&mut self, positions: &[Vec3], velocities: &[Vec3]) -> Result<(), StepError> {
+        let vertices = self.cloth.rest.len();
+        for (name, list) in [("positions", positions), ("velocities", velocities)] {
+            let problem = if list.len() == vertices {
+                let index = list.iter().position(|value| !value.abs().cmple(Vec3::splat(MAX_POSITION)).all());
+                index.map(|index| format!("[{index}] is {}", list[index]))
+            } else {
+                Some(format!("{} values", list.len()))
+            };
+            if let Some(problem) = problem {
+                return Err(StepError::State { name, problem, vertices });
+            }
+        }
+        let cloth = &self.cloth;
+        let local = |vertex: u32| positions[vertex as usize] - cloth.origin;
+        let x: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(|(&vertex, rest)| local(vertex).extend(rest.w)).collect();
+        let velocity = |(&vertex, rest): (&u32, &Vec4)| match rest.w > 0.0 {
+            true => velocities[vertex as usize].extend(0.0),
+            false => Vec4::ZERO,
+        };
+        let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
+        self.motion = Motion::after(cloth, &x, 0.0);
+        self.engine.set(&x, &p);
+        self.shown = false;
+        Ok(())
+    }
+
+    /// Strain, energy and penetration of the current state.
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn measure(&mut self) -> Result<Measure, StepError> {
+        self.show()?;
+        let cloth = &self.cloth;
+        let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
+        let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
+        let colliders: Vec<Collider> = self.colliders.iter().map(|c| c.relative_to(cloth.origin)).collect();
+        Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.gravity, &colliders))
+    }
+
+    /// Waits until the steps so far are done, without reading anything back: for timing, and for renderers that share
+    /// `Deformer::position_buffer` with another queue. The CPU is always done.
+    ///
+    /// # Errors
+    /// If the GPU was lost.
+    pub fn wait(&self) -> Result<(), StepError> {
+        match &self.engine {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.wait().map_err(|failure| self.failed(failure)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The positions on the GPU, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): a `vec4<f32>` a vertex, xyz (m) less
+    /// [`Deformer::origin`], in the order of [`Deformer::vertex_order`]. `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
+    /// [`Deformer::surface`] has normals and indices as well.
+    #[cfg(feature = "gpu")]
+    #[must_use]
+    pub fn position_buffer(&self) -> Option<&wgpu::Buffer> {
+        match &self.engine {
+            Engine::Gpu(gpu) => Some(gpu.position_buffer()),
+            _ => None,
+        }
+    }
+
+    /// The cloth as a renderer on the same device draws it: positions, normals and indices, nothing through the CPU.
+    /// `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
+    ///
+    /// Submits the normals' computation behind the steps so far, so call it each frame; what is drawn from the buffers
+    /// must be submitted to the same queue, after this and before the next step. The first call builds what it needs; a
+    /// cloth that is never drawn pays nothing.
+    ///
+    /// # Errors
+    /// If the GPU was lost, or has no room.
+    #[cfg(feature = "gpu")]
+    pub fn surface(&mut self) -> Result<Option<Surface>, StepError> {
+        match &mut self.engine {
+            Engine::Gpu(gpu) => {
+                let surface = gpu.surface(&self.cloth);
+                surface.map(Some).map_err(|failure| self.failed(failure))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Brings `positions` and `velocities` up to date.
+    fn show(&mut self) -> Result<(), StepError> {
+        if self.shown {
+            return Ok(());
+        }
+        let cloth = &self.cloth;
+        let unit = self.motion.unit();
+        let (positions, velocities, local) = (&mut self.positions, &mut self.velocities, &mut self.local);
+        let mut last_h = 0.0;
+        let read = self.engine.read(|x, p| {
+            local.clear();
+            local.extend_from_slice(x);
+            last_h = p[0].w;
+            for (&vertex, (x, p)) in cloth.order.iter().zip(x.iter().zip(p)) {
+                positions[vertex as usize] = x.truncate() + cloth.origin;
+                velocities[vertex as usize] = p.truncate() / unit;
+            }
+        });
+        if let Err(failure) = read {
+            // The GPU has gone back to its last good state, and what the next step starts from goes with it.
+            self.motion = Motion::after(cloth, &self.local, last_h);
+            return Err(self.failed(failure));
+        }
+        self.shown = true;
+        Ok(())
+    }
+}

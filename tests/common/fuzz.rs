@@ -1,0 +1,223 @@
+//! What any bytes may do to the public doors: nothing but a clear error or a state of finite numbers. `fuzz/` hands these functions what
+//! libFuzzer finds, `tests/fuzz.rs` what chance does.
+
+#![allow(dead_code, unreachable_pub, reason = "each target of fuzz/ takes its own door")]
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError};
+
+/// Bytes as choices; zeros once they are spent.
+struct Choices<'a>(&'a [u8]);
+
+impl Choices<'_> {
+    fn byte(&mut self) -> u8 {
+        let Some((&first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        first
+    }
+
+    fn below(&mut self, count: u32) -> u32 {
+        u32::from(self.byte()) % count
+    }
+
+    /// Rarely.
+    fn seldom(&mut self) -> bool {
+        self.byte() >= 0xf4
+    }
+
+    /// A number that nobody would give on purpose.
+    fn hostile(&mut self) -> f32 {
+        const HOSTILE: [f32; 16] = [
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            0.0,
+            -0.0,
+            f32::MIN_POSITIVE,
+            1e-45,
+            4.4e-23,
+            1e-12,
+            -1.0,
+            1e5,
+            1e10,
+            1e15,
+            1e30,
+            f32::MAX,
+            f32::MIN,
+        ];
+        HOSTILE[self.below(16) as usize]
+    }
+
+    /// A number about as large as `usual`.
+    fn number(&mut self, usual: f32) -> f32 {
+        if self.seldom() { self.hostile() } else { usual * (0.5 + f32::from(self.byte()) / 256.0) }
+    }
+
+    fn vector(&mut self, usual: f32) -> Vec3 {
+        Vec3::from_array([0; 3].map(|_: i32| self.number(usual) - usual))
+    }
+}
+
+/// An OBJ file: the bytes themselves, or the words that they stand for.
+pub fn obj(data: &[u8]) {
+    const WORDS: [&str; 24] = [
+        "v ",
+        "f ",
+        "vt ",
+        "vn ",
+        "o a\n",
+        "g b\n",
+        "\n",
+        " ",
+        "\\\n",
+        "#",
+        "/",
+        "//",
+        "-1",
+        "1",
+        "2",
+        "3",
+        "4",
+        "0",
+        ".5",
+        "1e39",
+        "nan",
+        "-",
+        "99999999999",
+        "\r\n",
+    ];
+    let text = match data.split_first() {
+        Some((first, rest)) if first % 4 > 0 => rest.iter().map(|&byte| WORDS[byte as usize % WORDS.len()]).collect(),
+        _ => String::from_utf8_lossy(data).into_owned(),
+    };
+    let mesh = match Mesh::parse_obj(&text) {
+        Err(error) => return assert!(!error.to_string().is_empty()),
+        Ok(mesh) => mesh,
+    };
+    let Ok(written) = mesh.write_obj() else { return };
+    let again = Mesh::parse_obj(&written).expect("what was written is read");
+    assert_eq!((&again.positions, &again.triangles), (&mesh.positions, &mesh.triangles), "written and read again");
+    if mesh.positions.len() < 64
+        && let Ok(mut deformer) = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..Options::default() })
+    {
+        let stepped = deformer.step(1.0 / 60.0, &Attributes::default());
+        finite(&mut deformer, &stepped.map(|_| ()));
+    }
+}
+
+/// A mesh and options, then some steps under any attributes.
+pub fn scene(data: &[u8]) {
+    let choices = &mut Choices(data);
+    let (mesh, options) = mesh_and_options(choices);
+    let pins = options.pinned.len();
+    let mut deformer = match Deformer::new(&mesh, options) {
+        Ok(deformer) => deformer,
+        Err(error) => return assert!(error.to_string().len() > 20, "{error}"),
+    };
+    for _ in 0..3 {
+        let (dt, attributes) = (choices.number(1.0 / 60.0).min(0.2), attributes(choices, pins));
+        let before = deformer.positions().unwrap().to_vec();
+        let stepped = deformer.step(dt, &attributes).map(|_| ());
+        if stepped.is_err() {
+            assert_eq!(deformer.positions().unwrap(), before, "a step that failed leaves the state");
+        }
+        finite(&mut deformer, &stepped);
+    }
+}
+
+/// Calls in any order, beside a twin that is spared those that failed.
+pub fn calls(data: &[u8]) {
+    let choices = &mut Choices(data);
+    let mesh = Mesh::grid(2 + choices.below(3), 2 + choices.below(3), 1.0, 1.0);
+    let method = [Method::SmallSteps, Method::Relaxation { iterations: 2 }, Method::Springs][choices.below(3) as usize];
+    let fabric = Fabric { stretch: 50.0, bending: [0.0, 1e-4][choices.below(2) as usize], ..Fabric::default() };
+    let quality = Quality::Substeps(1 + choices.below(8));
+    let options = Options { backend: Backend::Cpu, method, fabric, quality, pinned: vec![0], ..Options::default() };
+    let [mut one, mut twin] = [(); 2].map(|()| Deformer::new(&mesh, options.clone()).expect("a plain scene is built"));
+    for _ in 0..6 {
+        match choices.below(6) {
+            0 => [&mut one, &mut twin].into_iter().for_each(Deformer::reset),
+            1 => {
+                let [x, v] = [1.0, 0.5].map(|size| mesh.positions.iter().map(|_| choices.vector(size)).collect::<Vec<_>>());
+                if one.set_state(&x, &v).is_ok() {
+                    twin.set_state(&x, &v).unwrap();
+                }
+            }
+            2 => {
+                let _ = one.forecast(choices.number(1.0 / 60.0).min(0.2), &attributes(choices, 1));
+                let _ = one.measure().unwrap();
+                one.request_positions().unwrap();
+            }
+            _ => {
+                let (dt, attributes) = (choices.number(1.0 / 60.0).min(0.2), attributes(choices, 1));
+                match one.step(dt, &attributes) {
+                    Ok(report) => assert_eq!(twin.step(dt, &attributes), Ok(report)),
+                    Err(error) => assert!(error.to_string().len() > 20, "{error}"),
+                }
+            }
+        }
+        assert_eq!(one.positions().unwrap(), twin.positions().unwrap(), "what failed left no trace");
+        assert_eq!(one.velocities().unwrap(), twin.velocities().unwrap(), "what failed left no trace");
+    }
+}
+
+fn finite(deformer: &mut Deformer, stepped: &Result<(), StepError>) {
+    if let Err(error) = stepped {
+        assert!(error.to_string().len() > 20, "{error}");
+    }
+    assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite()), "positions are numbers");
+    assert!(deformer.velocities().unwrap().iter().all(|v| v.is_finite()), "velocities are numbers");
+    let measure = deformer.measure().unwrap();
+    assert!(measure.mean_strain >= 0.0 && !measure.potential_energy.is_nan(), "{measure:?}");
+}
+
+fn mesh_and_options(choices: &mut Choices<'_>) -> (Mesh, Options) {
+    let vertices = 1 + choices.below(8);
+    let positions: Vec<Vec3> = (0..vertices).map(|_| choices.vector(1.0)).collect();
+    let corner = |choices: &mut Choices<'_>| if choices.seldom() { vertices } else { choices.below(vertices) };
+    let triangles = (0..choices.below(9)).map(|_| [0; 3].map(|_: i32| corner(choices))).collect();
+    let mesh = Mesh { positions, triangles };
+    let fabric = Fabric {
+        density: choices.number(0.2),
+        stretch: choices.number(1000.0),
+        bending: choices.number(1e-4),
+        damping: choices.number(0.03),
+    };
+    let method =
+        [Method::SmallSteps, Method::Relaxation { iterations: choices.below(4) }, Method::Springs][choices.below(3) as usize];
+    let quality = [Quality::Substeps(choices.below(9)), Quality::Strain(choices.number(0.1))][choices.below(2) as usize];
+    let levels = [Levels::Auto, Levels::Off, Levels::Count(3)][choices.below(3) as usize];
+    let pinned = (0..choices.below(3)).map(|_| corner(choices)).collect();
+    let mass = choices.seldom().then(|| (0..vertices).map(|_| choices.number(0.1)).collect());
+    let edge_scale = choices.seldom().then(|| mesh.edges().iter().map(|_| choices.number(1.0)).collect());
+    let options =
+        Options { backend: Backend::Cpu, method, quality, levels, fabric, pinned, mass, edge_scale, ..Options::default() };
+    (mesh, options)
+}
+
+fn attributes(choices: &mut Choices<'_>, pins: usize) -> Attributes {
+    let collider = |choices: &mut Choices<'_>| {
+        let collider = match choices.below(3) {
+            0 => Collider::sphere(choices.vector(1.0), choices.number(0.5)),
+            1 => Collider::plane(choices.vector(1.0), choices.vector(1.0)),
+            _ => Collider::capsule(choices.vector(1.0), choices.vector(1.0), choices.number(0.3)),
+        };
+        let collider = collider.with_friction(choices.number(0.3));
+        match choices.below(4) {
+            0 => collider.teleported(),
+            1 => collider.with_id(u64::from(choices.byte() % 4)),
+            _ => collider,
+        }
+    };
+    let colliders = (0..choices.below(3)).map(|_| collider(choices)).collect();
+    let led = choices.below(3) == 0;
+    Attributes {
+        gravity: choices.vector(9.81),
+        wind: choices.vector(3.0),
+        air_density: choices.number(1.2),
+        damping: choices.number(0.1),
+        colliders,
+        pin_targets: led.then(|| (0..pins).map(|_| choices.vector(1.0)).collect()),
+        ..Attributes::default()
+    }
+}

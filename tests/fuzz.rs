@@ -1,0 +1,29 @@
+//! Bytes by chance at the public doors, `CLOTH_CASES` of each kind or some thousands; `fuzz/` has the same doors for libFuzzer.
+
+#[path = "common/fuzz.rs"]
+mod fuzz;
+
+/// Runs a door on bytes of a seed each, so that a failure names its own.
+fn by_chance(door: fn(&[u8])) {
+    let cases = std::env::var("CLOTH_CASES").map_or(20_000, |cases| cases.parse().expect("a number"));
+    for seed in 0..cases {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let bytes: Vec<u8> = (0..random.usize(0..256)).map(|_| random.u8(..)).collect();
+        assert!(std::panic::catch_unwind(|| door(&bytes)).is_ok(), "seed {seed}: {bytes:?}");
+    }
+}
+
+#[test]
+fn obj() {
+    by_chance(fuzz::obj);
+}
+
+#[test]
+fn scene() {
+    by_chance(fuzz::scene);
+}
+
+#[test]
+fn calls() {
+    by_chance(fuzz::calls);
+}
