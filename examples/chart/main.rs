@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use cloth_deformer::{Backend, Deformer, Levels, Mesh, Method, Options};
 
 use crate::arguments::Arguments;
+use crate::command::say;
 use crate::draw::{Axis, Chart, Curve, Line, Look, Marker};
 use crate::measure::{Effort, Row, Setting};
 use crate::scene::{Scene, Truth};
@@ -35,17 +36,7 @@ mod reference;
 mod scene;
 
 fn main() -> ExitCode {
-    let failure = match Arguments::read() {
-        Ok(Ok(arguments)) => run(&arguments).err(),
-        Ok(Err(help)) => {
-            say(help.to_string().trim_end());
-            None
-        }
-        Err(failure) => Some(failure),
-    };
-    let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
-    eprintln!("error: {}", message.split_whitespace().collect::<Vec<_>>().join(" "));
-    ExitCode::from(code)
+    command::run(Arguments::read(), run)
 }
 
 /// Why the program ends early: an exit code and one line.
@@ -307,9 +298,4 @@ fn save(out: &Path, name: &str, chart: &Chart, table: &str) -> Result<(), Failur
         written.map_err(|error| Failure::input(format_args!("{}: {error}; name a writable --out", path.display())))?;
     }
     Ok(())
-}
-
-/// A line on stdout. A reader that went away is no reason to stop.
-fn say(line: &str) {
-    let _ = writeln!(std::io::stdout(), "{line}");
 }

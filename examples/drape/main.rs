@@ -9,7 +9,7 @@
 use std::{
     fmt::Display,
     fs,
-    io::{self, IsTerminal, Write},
+    io::{self, IsTerminal},
     mem,
     process::ExitCode,
     sync::{
@@ -24,6 +24,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
     arguments::Arguments,
+    command::{say, warn},
     output::Output,
     report::{Frame, Report},
     scene::Scene,
@@ -41,18 +42,7 @@ mod scene;
 const CELLS: u32 = 12;
 
 fn main() -> ExitCode {
-    // Returning, rather than leaving from within, drops what is half written: it takes its temporary files along.
-    let failure = match Arguments::read() {
-        Ok(Ok(arguments)) => run(&arguments).err(),
-        Ok(Err(help)) => {
-            say(help.to_string().trim_end());
-            None
-        }
-        Err(failure) => Some(failure),
-    };
-    let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
-    warn("error", &message);
-    ExitCode::from(code)
+    command::run(Arguments::read(), run)
 }
 
 /// Why the program ends early: an exit code and one line.
@@ -66,7 +56,7 @@ impl Failure {
     const INPUT: u8 = 2;
     const UNSTABLE: u8 = 3;
     const GPU: u8 = 4;
-    /// 128 + SIGINT, as a shell reports it.
+    /// 128 + SIGINT, as a shell reports it; a request to terminate or a hangup is told by the same.
     const INTERRUPTED: u8 = 130;
 
     fn new(code: u8, message: impl Display) -> Failure {
@@ -98,15 +88,17 @@ impl Failure {
 
 /// The whole program, from top to bottom.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .map_err(|error| Failure::input(format_args!("cannot listen for Ctrl-C: {error}")))?;
-
+    output::check_apart(arguments)?;
     let Scene { name, mesh, options, attributes } = Scene::new(arguments)?;
     let dt = arguments.dt();
     let method = options.method;
     let mut deformer = Deformer::new(&mesh, options).map_err(|error| Failure::build(&name, &error))?;
+
+    // From here on there are files that a signal must not leave half written; until here it ends the program at once.
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
+        .map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))?;
 
     // Whatever cannot be written is found out now, not after the simulation.
     fs::create_dir_all(&arguments.out).map_err(|error| {
@@ -122,6 +114,11 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut report = Report::new(&deformer, method, &mesh);
     let mut cells: Vec<(u32, Vec<Vec3>)> = Vec::new();
     let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
+    // What the scene asks too much of is said before the first frame.
+    for warning in deformer.forecast(dt, &attributes).map_err(|error| Failure::step(1, &error))?.warnings {
+        warned.push(mem::discriminant(&warning));
+        warn("warning", &describe(warning, 60.0 * dt));
+    }
     let progress = progress(arguments);
     let mut shape = mesh;
     for frame in 1..=arguments.frames {
@@ -138,7 +135,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
                 // Once each: a limit met in one frame is met in most of those that follow.
                 if !warned.contains(&mem::discriminant(&warning)) {
                     warned.push(mem::discriminant(&warning));
-                    progress.suspend(|| warn("warning", &describe(warning)));
+                    progress.suspend(|| warn("warning", &describe(warning, 60.0 * dt)));
                 }
             }
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
@@ -184,8 +181,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn save(mesh: &Mesh, arguments: &Arguments, frame: u32) -> Result<(), Failure> {
-    let path = arguments.out.join(format!("frame_{frame:04}.obj"));
-    mesh.save_obj(path).map_err(Failure::input)
+    mesh.save_obj(arguments.out.join(output::frame_name(frame))).map_err(Failure::input)
 }
 
 /// A bar on a terminal, nothing elsewhere.
@@ -209,25 +205,21 @@ fn is_shown(frame: u32, frames: u32) -> bool {
     (0..cells).any(|cell| (cell * last + steps / 2) / steps == index)
 }
 
-fn describe(warning: Warning) -> String {
+/// `sixtieths`: how many times 1/60 s a step is, by which `--substeps` counts.
+fn describe(warning: Warning, sixtieths: f32) -> String {
     match warning {
         Warning::BendingLimited { vertices } => {
             format!("bending is softened at {vertices} vertices to stay stable; more --substeps would bring it all")
         }
         Warning::ExplicitLimit { substeps, needed } => {
-            format!("springs are unstable at {substeps} substeps; take --substeps {needed}, or --method small-steps")
+            let enough = (needed as f32 / sixtieths).ceil();
+            format!("springs are unstable at {substeps} substeps a frame; take --substeps {enough}, or --method small-steps")
+        }
+        Warning::Slivers { edges, worst: [a, b] } => {
+            format!(
+                "{edges} edges are a hundred times shorter than their triangles, the worst between vertices {a} and {b}; merge their ends"
+            )
         }
         other => format!("{other:?}"),
     }
-}
-
-/// A line on stdout. A reader that went away is no reason to stop.
-fn say(line: &str) {
-    let _ = writeln!(io::stdout(), "{line}");
-}
-
-/// One line on stderr, whatever line breaks a file name or a driver's message brought along.
-fn warn(kind: &str, message: &str) {
-    let line: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    let _ = writeln!(io::stderr(), "{kind}: {}", line.join(" "));
 }

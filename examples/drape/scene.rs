@@ -1,5 +1,7 @@
 //! The scene the arguments describe: the cloth, what it is made of, and what it falls on.
 
+use std::path::Path;
+
 use cloth_deformer::{Attributes, Collider, Mesh, Options, Quality, glam::Vec3};
 
 use crate::{
@@ -23,7 +25,7 @@ pub(crate) struct Scene {
 impl Scene {
     pub(crate) fn new(arguments: &Arguments) -> Result<Scene, Failure> {
         let (name, mesh) = match &arguments.mesh {
-            Some(path) => (path.display().to_string(), Mesh::load_obj(path).map_err(Failure::input)?),
+            Some(path) => (path.display().to_string(), load(path)?),
             None => ("the towel".to_owned(), towel()),
         };
         let quality = match (arguments.substeps, arguments.strain) {
@@ -48,6 +50,15 @@ impl Scene {
         }
         Ok(Scene { name, mesh, options, attributes })
     }
+}
+
+/// A mesh from a file. Points without a face are no cloth: each would fall by itself.
+fn load(path: &Path) -> Result<Mesh, Failure> {
+    let mesh = Mesh::load_obj(path).map_err(Failure::input)?;
+    if mesh.triangles.is_empty() {
+        return Err(Failure::input(format_args!("{}: no faces; give at least one line `f a b c`", path.display())));
+    }
+    Ok(mesh)
 }
 
 /// The cloth of the 2013 plug-in's scene, spread out above the sphere: wide enough for its corners to reach the floor.
