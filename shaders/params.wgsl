@@ -18,6 +18,7 @@ struct Params {
     sweeps: u32,
     relaxed: u32,
     levels: u32,
+    drift: vec3f,
     holds: u32,
 }
 

@@ -11,8 +11,9 @@ use crate::failure::Failure;
 use crate::gpu::GpuEngine;
 #[cfg(feature = "gpu")]
 use crate::hybrid::Hybrid;
+use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
-use crate::options::{Backend, Options};
+use crate::options::{Backend, Options, Quality};
 use crate::step::plan::Plan;
 
 /// Where the state lives.
@@ -50,7 +51,9 @@ impl Engine {
         let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
         Ok(match options.backend {
             Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
-            Backend::Auto if cloth.rest.len() < GPU_PAYS => Engine::Cpu(Box::new(Cpu::new(cloth))),
+            Backend::Auto if cloth.rest.len() < GPU_PAYS || matches!(options.quality, Quality::Budget(_)) => {
+                Engine::Cpu(Box::new(Cpu::new(cloth)))
+            }
             Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
                 Ok(gpu) => Engine::Gpu(Box::new(gpu)),
                 Err(_) => Engine::Cpu(Box::new(Cpu::new(cloth))),
@@ -66,23 +69,37 @@ impl Engine {
         })
     }
 
-    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+    /// Whether a quality can be had here.
+    pub(crate) fn check(&self, quality: Quality) -> Result<(), BuildError> {
+        match (self, quality) {
+            #[cfg(feature = "gpu")]
+            (Engine::Gpu(_), Quality::Budget(time)) => Err(BuildError::Value {
+                name: "quality: Budget".to_owned(),
+                value: time.to_string(),
+                remedy: "is not for Backend::Gpu, whose steps are not waited for; take Hold, or Cpu or Hybrid",
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// One step; the newest statistics there are, if the plan asks for any.
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<Option<Statistics>, Failure> {
         match self {
-            Engine::Cpu(cpu) => cpu.step(plan, None).map_err(Failure::Unstable),
+            Engine::Cpu(cpu) => cpu.step(plan, None).map_err(Failure::Unstable).map(|()| cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.step(plan),
+            Engine::Hybrid(hybrid) => hybrid.step(plan).map(|()| hybrid.cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.step(plan),
+            Engine::Gpu(gpu) => gpu.step(plan).and_then(|()| gpu.statistics()),
         }
     }
 
     /// A step of each: those on a GPU together, the others one after another.
-    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<(), Failure>> {
+    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<Option<Statistics>, Failure>> {
         #[cfg(feature = "gpu")]
         let mut together = Vec::new();
         let mut done = Vec::new();
         for (index, (engine, plan)) in jobs.into_iter().enumerate() {
-            done.push(Ok(()));
+            done.push(Ok(None));
             match engine {
                 #[cfg(feature = "gpu")]
                 Engine::Gpu(gpu) => together.push((index, &mut **gpu, plan)),
@@ -90,8 +107,11 @@ impl Engine {
             }
         }
         #[cfg(feature = "gpu")]
-        for (index, failure) in GpuEngine::step_all(&mut together) {
-            done[index] = Err(failure);
+        let failures = GpuEngine::step_all(&mut together);
+        #[cfg(feature = "gpu")]
+        for (index, gpu, _) in together {
+            let failure = failures.iter().find(|(failed, _)| *failed == index);
+            done[index] = failure.map_or_else(|| gpu.statistics(), |(_, failure)| Err(failure.clone()));
         }
         done
     }

@@ -4,9 +4,15 @@
 #[cfg(feature = "bench")]
 mod bench;
 mod forecast;
+mod quality;
+mod sleep;
 mod state;
 
 pub use forecast::Forecast;
+use sleep::Stillness;
+
+use std::collections::VecDeque;
+use std::time::Instant;
 
 use glam::{Vec3, Vec4};
 
@@ -14,14 +20,33 @@ use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
 use crate::error::{BuildError, StepError};
 use crate::failure::Failure;
+use crate::kernels::statistics::Statistics;
 use crate::limits::MIN_TIME_STEP;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
-use crate::options::{Backend, Options, StepReport};
+use crate::options::{Backend, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
+use crate::step::controller::Controller;
+use crate::step::load::Load;
+use crate::step::pace::Pace;
 use crate::step::plan::{Motion, Plan, PlanBuffers};
-use crate::step::substep_count::{Division, Rates};
+use crate::step::substep_count::{Division, FRAMES, Rates};
+
+/// What a step takes.
+#[derive(Debug, Clone, Copy)]
+struct Taken {
+    /// Its length (s).
+    dt: f32,
+    load: Load,
+    /// What decided on it.
+    controller: Controller,
+    /// Substeps a second that the quality came to.
+    rate: f64,
+    division: Division,
+    /// Coarse levels it asks for.
+    levels: usize,
+}
 
 /// A cloth in motion.
 pub struct Deformer {
@@ -35,6 +60,14 @@ pub struct Deformer {
     /// For the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
+    /// What decides on the substeps, and what steps that were not judged yet took.
+    controller: Controller,
+    unjudged: VecDeque<Taken>,
+    /// The newest statistics there are.
+    seen: Option<Statistics>,
+    /// How long substeps take, where there is a budget for them.
+    pace: Pace,
+    still: Stillness,
     buffers: PlanBuffers,
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
@@ -68,6 +101,7 @@ impl Deformer {
         let cloth = Cloth::new(mesh, &options)?;
         let rates = Rates::new(&cloth, &options);
         let engine = Engine::new(&cloth, &options)?;
+        engine.check(options.quality)?;
         let motion = Motion::after(&cloth, &cloth.rest, 0.0);
         let local = cloth.rest.clone();
         let velocities = vec![Vec3::ZERO; mesh.positions.len()];
@@ -81,6 +115,11 @@ impl Deformer {
             asked: 0,
             coefficients: None,
             motion,
+            controller: Controller::default(),
+            unjudged: VecDeque::new(),
+            seen: None,
+            pace: Pace::default(),
+            still: Stillness::default(),
             buffers: PlanBuffers::default(),
             positions,
             velocities,
@@ -104,10 +143,13 @@ impl Deformer {
     /// If `dt` or an attribute is out of its range, or the motion left the finite numbers; the state is then as it was.
     /// On the GPU the last is found when the state is next read: it is then that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
-        let substeps = self.ready(dt, attributes)?;
-        let (engine, plan) = self.job(substeps, attributes);
+        let Some(taken) = self.ready(dt, attributes)? else { return Ok(self.slept()) };
+        // Without a budget nobody looks at a clock, which not every machine has.
+        let start = matches!(self.options.quality, Quality::Budget(_)).then(Instant::now);
+        let (engine, plan) = self.job(&taken, attributes);
         let stepped = engine.step(&plan);
-        self.stepped(stepped, dt, substeps, attributes)
+        start.into_iter().for_each(|start| self.pace.note(start.elapsed().as_secs_f64(), taken.division.substeps));
+        self.stepped(stepped, taken, attributes)
     }
 
     /// Advances each of a crowd by `dt` (s), with its own attributes: `step_all(crowd.iter_mut().map(|one| (one, &all)), dt)`.
@@ -125,73 +167,90 @@ impl Deformer {
         let mut crowd: Vec<_> = crowd.into_iter().collect();
         let ready: Vec<_> = crowd.iter_mut().map(|(one, attributes)| one.ready(dt, attributes)).collect();
         let jobs = crowd.iter_mut().zip(&ready);
-        let jobs = jobs.filter_map(|((one, attributes), substeps)| Some(one.job(*substeps.as_ref().ok()?, attributes)));
+        let jobs = jobs.filter_map(|((one, attributes), ready)| Some(one.job(ready.as_ref().ok()?.as_ref()?, attributes)));
         let mut stepped = Engine::step_all(jobs.collect()).into_iter();
         let each = crowd.into_iter().zip(ready);
-        each.map(|((one, attributes), substeps)| {
-            let substeps = substeps?;
-            one.stepped(stepped.next().unwrap_or(Ok(())), dt, substeps, attributes)
+        each.map(|((one, attributes), ready)| match ready? {
+            Some(taken) => one.stepped(stepped.next().unwrap_or(Ok(None)), taken, attributes),
+            None => Ok(one.slept()),
         })
         .collect()
     }
 
-    /// Checks a step; returns how it is divided, and how many coarse levels it asks for.
-    fn divided(&self, dt: f32, attributes: &Attributes) -> Result<(Division, usize), StepError> {
+    /// Checks a step; returns what it takes.
+    fn taken(&self, dt: f32, attributes: &Attributes) -> Result<Taken, StepError> {
         if !(dt >= MIN_TIME_STEP && dt.is_finite()) {
             return Err(StepError::TimeStep { dt });
         }
         attributes.validate(self.cloth.pinned.len())?;
-        let division = self.rates.divide(&self.cloth, &self.options, dt, attributes)?;
-        Ok((division, self.rates.levels(&self.cloth, &self.options, division.length, attributes)))
+        let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref());
+        let controller = self.controlled(dt, &load);
+        let rate = self.rates.rate(&self.options, controller.count());
+        let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
+        let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
+        Ok(Taken { dt, load, controller, rate, division, levels })
     }
 
-    /// Checks a step and brings the coefficients up to date; returns its substeps.
-    fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<u32, StepError> {
-        let (Division { substeps, length }, levels) = self.divided(dt, attributes)?;
+    /// Checks a step and brings the coefficients up to date; returns what it takes, or nothing if the cloth sleeps through it.
+    fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<Taken>, StepError> {
+        let taken = self.taken(dt, attributes)?;
+        if self.sleeps(attributes) {
+            return Ok(None);
+        }
+        let (length, levels) = (taken.division.length, taken.levels);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
             self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, length));
             self.asked = levels;
         }
-        Ok(substeps)
+        Ok(Some(taken))
     }
 
     /// What the engine is to do, and the engine.
-    fn job<'a>(&'a mut self, substeps: u32, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
+    fn job<'a>(&'a mut self, taken: &Taken, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
+        let observed = self.is_observed();
         let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
-        let levels = self.hierarchy.finest(self.asked);
+        let (levels, substeps) = (self.hierarchy.finest(self.asked), taken.division.substeps);
         let plan =
             Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.buffers);
+        let plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
         (&mut self.engine, plan)
     }
 
     /// Notes what a step leaves to the next.
     fn stepped(
         &mut self,
-        stepped: Result<(), Failure>,
-        dt: f32,
-        substeps: u32,
+        stepped: Result<Option<Statistics>, Failure>,
+        taken: Taken,
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
-        stepped.map_err(|failure| self.failed(failure))?;
+        let seen = stepped.map_err(|failure| self.failed(failure))?;
+        let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending_limited));
         let (levels, limited) = used.unwrap_or_default();
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
+        self.motion.led(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
-        if let Some(targets) = &attributes.pin_targets {
-            self.motion.pins.clear();
-            self.motion.pins.extend(targets.iter().map(|&target| target - self.cloth.origin));
-        }
         self.shown = false;
-        Ok(StepReport { substeps, levels, warnings: self.warnings(dt, substeps, limited) })
+        let mut warnings = self.warnings(dt, substeps, limited);
+        let stretch = self.judged(taken, seen, &mut warnings);
+        self.watch_for_sleep(dt, attributes, seen.as_ref());
+        let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
+        Ok(StepReport { substeps, in_a_sixtieth, levels, stretch, asleep: false, warnings })
+    }
+
+    /// What a step comes to that the cloth sleeps through.
+    fn slept(&self) -> StepReport {
+        StepReport { asleep: true, ..StepReport::default() }
     }
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.
     pub fn reset(&mut self) {
         self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
         (self.colliders, self.gravity) = (Vec::new(), Vec3::ZERO);
+        self.forget();
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
         self.shown = false;
     }

@@ -209,14 +209,14 @@ impl Gpu {
     }
 
     /// Copies buffers into `staging`, one behind the other.
-    pub(crate) fn copy_to(&self, staging: &wgpu::Buffer, buffers: &[&wgpu::Buffer]) {
+    pub(crate) fn copy_to(&self, staging: &wgpu::Buffer, buffers: &[&wgpu::Buffer]) -> wgpu::SubmissionIndex {
         let mut encoder = self.encoder();
         let mut offset = 0;
         for buffer in buffers {
             encoder.copy_buffer_to_buffer(buffer, 0, staging, offset, buffer.size());
             offset += buffer.size();
         }
-        self.queue().submit([encoder.finish()]);
+        self.queue().submit([encoder.finish()])
     }
 
     /// Copies buffers into `staging`, one behind the other, waits, and shows the bytes to `look`.

@@ -3,6 +3,7 @@
 use crate::device::Gpu;
 use crate::error::BuildError;
 use crate::fabric::Fabric;
+use crate::kernels::statistics::SLOW;
 use crate::limits::MAX_SUBSTEPS;
 
 /// Where the work is done. All three give the same motion.
@@ -45,11 +46,32 @@ pub enum Quality {
     /// `ceil(60 dt n)`. Cloth that is too stiff for its substeps is as stretchy as they make it, and so it is equally stretchy in steps
     /// of any length.
     Substeps(u32),
-    /// As many as keep the worst stretch below this strain beyond the fabric's own, from a closed form:
-    /// `S = S* sqrt(2 sigma / (K tolerance))`, `S*` the substeps that resolve the stiffness K, `sigma` five times the stress
-    /// `rho g L` of cloth hung at its full extent, plus the wind's, on each edge as much as there is cloth along it. At least 20 in
-    /// 1/60 s, at most 1.4 `S*`.
+    /// 99 per cent of the cloth's area is stretched by at most this much beyond the fabric's own, in every step:
+    /// [`Quality::Hold`] with that share.
     Strain(f32),
+    /// As few substeps as hold most of the cloth's area to a stretch, chosen anew in every step: before it from what acts on the cloth
+    /// (gravity, wind, how fast it moves, how pins and colliders are moved), by the law `S = S* sqrt(2 sigma f / (K stretch))`, `S*`
+    /// the substeps that resolve the stiffness K; after it by what was measured, which corrects the factor f. At least 5 in 1/60 s, at
+    /// most 1.4 `S*`. Where that was not enough in a step, [`Warning::StrainMissed`] says by how much, and why.
+    ///
+    /// The choice is the same on any number of threads. On the GPU what is measured is three steps old: a step never waits for another
+    /// that was submitted since. [`StepReport::in_a_sixtieth`], given to [`Quality::Substeps`], repeats a step bit for bit.
+    /// For [`Method::SmallSteps`].
+    Hold {
+        /// Stretch, `l/l0 - 1`, beyond the fabric's own under the same load; 0.03 is three per cent.
+        stretch: f32,
+        /// Share of the area, 0.5 to 1, each edge being counted with the area of its triangles.
+        share: f32,
+    },
+    /// As many substeps as are done in this time (ms) a step, told from how long those before took, but no more than 1.4 `S*`. No motion is
+    /// repeated by it, for no two runs take the same time; [`StepReport::in_a_sixtieth`] repeats one. Not on the GPU, whose steps are
+    /// submitted and not waited for. For [`Method::SmallSteps`].
+    Budget(f32),
+}
+
+impl Quality {
+    /// Share of the area that [`Quality::Strain`] is a promise for.
+    pub(crate) const MOST_OF_THE_AREA: f32 = 0.99;
 }
 
 impl Default for Quality {
@@ -73,6 +95,25 @@ pub enum Levels {
     Count(u32),
 }
 
+/// When a cloth falls asleep: it then stays as it is, at no cost, until an attribute changes.
+///
+/// A plain struct, to be written with `..Sleep::default()`: slower than 1 mm/s on average and 5 mm/s anywhere, for half a second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sleep {
+    /// Root of the mean square of the vertices' speeds (m/s), at most 0.01.
+    pub mean_speed: f32,
+    /// Speed (m/s) of the fastest vertex.
+    pub speed: f32,
+    /// How long (s) it must have been so slow, under attributes that did not change.
+    pub after: f32,
+}
+
+impl Default for Sleep {
+    fn default() -> Sleep {
+        Sleep { mean_speed: 0.001, speed: 0.005, after: 0.5 }
+    }
+}
+
 /// What is fixed when a [`Deformer`](crate::Deformer) is made.
 ///
 /// A plain struct. Write what differs from the default, and the next version's fields do not break you:
@@ -94,6 +135,8 @@ pub struct Options {
     pub quality: Quality,
     /// What carries stress farther than an edge in one substep.
     pub levels: Levels,
+    /// When it stops to move and to cost anything; `None`: never.
+    pub sleep: Option<Sleep>,
     /// What the cloth is made of.
     pub fabric: Fabric,
     /// A device of the caller's, for `Deformer::position_buffer`; `None`: one is requested when needed.
@@ -116,10 +159,45 @@ pub struct Options {
 pub struct StepReport {
     /// Substeps taken.
     pub substeps: u32,
+    /// Substeps that 1/60 s would have been given, which is what [`Quality::Substeps`] counts.
+    pub in_a_sixtieth: u32,
     /// Coarse levels in each of them.
     pub levels: u32,
+    /// How the cloth was stretched, if the quality is a promise about it, or the cloth may sleep. On the GPU as it was three steps ago;
+    /// `None` until there is anything.
+    pub stretch: Option<Stretch>,
+    /// The cloth slept through the step and is as it was: see [`Options::sleep`].
+    pub asleep: bool,
     /// What the caller should know.
     pub warnings: Vec<Warning>,
+}
+
+/// How a cloth is stretched: of its edges `max(0, l/l0 - 1)`, each counted with the area of its triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Stretch {
+    /// Mean over the area.
+    pub mean: f32,
+    /// What the promised share of the area does not exceed (99 per cent if none is promised), to within a sixteenth.
+    pub share: f32,
+    /// The worst edge's.
+    pub worst: f32,
+}
+
+/// Why a strain was not kept: see [`Warning::StrainMissed`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Cause {
+    /// The cloth's own weight and motion.
+    Motion,
+    /// Pins were jerked.
+    Pins,
+    /// A collider moved fast beside the cloth.
+    Collider,
+    /// The wind blew.
+    Wind,
+    /// So much of the area is at edges that are a hundred times shorter than their triangles.
+    Slivers,
 }
 
 /// Something a step met that is worth knowing.
@@ -137,6 +215,15 @@ pub enum Warning {
         substeps: u32,
         /// Substeps that are stable however the cloth moves.
         needed: u32,
+    },
+    /// More of the cloth than promised was stretched farther than promised, beyond the fabric's own.
+    StrainMissed {
+        /// How far the promised share of the area was stretched beyond the fabric's own.
+        stretch: f32,
+        /// How far it was to be stretched at most.
+        promised: f32,
+        /// What acted most on the cloth in that step.
+        cause: Cause,
     },
     /// Some edges are a hundred times shorter than their triangles: so stiff that few substeps stretch them by many times their
     /// length, which the strain that [`Quality::Strain`] promises leaves out. Merge their ends, or make the triangles rounder.
@@ -156,10 +243,27 @@ impl Options {
             Quality::Substeps(count) if !(1..=MAX_SUBSTEPS).contains(&count) => {
                 return refuse("quality: Substeps", count.to_string(), "must be 1 to 65536");
             }
-            Quality::Strain(tolerance) if !(tolerance > 0.0 && tolerance.is_finite()) => {
-                return refuse("quality: Strain", tolerance.to_string(), "must be finite and above 0; 0.03 is three per cent");
+            Quality::Strain(stretch) | Quality::Hold { stretch, .. } if !(stretch > 0.0 && stretch.is_finite()) => {
+                return refuse("quality: stretch", stretch.to_string(), "must be finite and above 0; 0.03 is three per cent");
+            }
+            Quality::Hold { share, .. } if !(0.5..=1.0).contains(&share) => {
+                return refuse("quality: Hold share", share.to_string(), "must be 0.5 to 1; 0.99 is what Strain holds");
+            }
+            Quality::Budget(time) if !(time > 0.0 && time.is_finite()) => {
+                return refuse("quality: Budget", time.to_string(), "must be finite and above 0 ms");
             }
             _ => {}
+        }
+        if let Some(sleep) = self.sleep {
+            let speeds = [("sleep: mean_speed", sleep.mean_speed, SLOW), ("sleep: speed", sleep.speed, f32::MAX)];
+            for (name, value, most) in speeds {
+                if !(value > 0.0 && value <= most) {
+                    return refuse(name, value.to_string(), "must be above 0 m/s, a mean speed at most 0.01");
+                }
+            }
+            if !(sleep.after >= 0.0 && sleep.after.is_finite()) {
+                return refuse("sleep: after", sleep.after.to_string(), "must be finite and 0 s or above");
+            }
         }
         match self.method {
             Method::Relaxation { iterations } if !(1..=MAX_SUBSTEPS).contains(&iterations) => {

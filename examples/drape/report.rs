@@ -34,6 +34,8 @@ pub(crate) struct Frame {
     substeps: u32,
     mean_strain: f32,
     max_strain: f32,
+    /// What 99 % of the area is stretched by at most.
+    stretch_share: f32,
     /// Kinetic and potential energy (J).
     energy: f64,
     /// Depth of the deepest vertex in a collider (m).
@@ -43,10 +45,19 @@ pub(crate) struct Frame {
 impl Frame {
     /// `None` if a figure is not finite: JSON has no such number, and a stable cloth has none either.
     pub(crate) fn new(number: u32, seconds: f64, substeps: u32, measure: Measure) -> Option<Frame> {
-        let Measure { mean_strain, max_strain, kinetic_energy, potential_energy, penetration, .. } = measure;
+        let Measure { mean_strain, max_strain, stretch_share, kinetic_energy, potential_energy, penetration, .. } = measure;
         let energy = kinetic_energy + potential_energy;
-        let finite = energy.is_finite() && [mean_strain, max_strain, penetration].into_iter().all(f32::is_finite);
-        finite.then_some(Frame { number, ms: 1e3 * seconds, substeps, mean_strain, max_strain, energy, penetration })
+        let finite = energy.is_finite() && [mean_strain, max_strain, stretch_share, penetration].into_iter().all(f32::is_finite);
+        finite.then_some(Frame {
+            number,
+            ms: 1e3 * seconds,
+            substeps,
+            mean_strain,
+            max_strain,
+            stretch_share,
+            energy,
+            penetration,
+        })
     }
 }
 

@@ -10,10 +10,12 @@ use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::forces::ForceArrays;
 use crate::cpu::integrate::Integrator;
 use crate::cpu::partition::{Partition, Piece};
+use crate::cpu::statistics::Observed;
 use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::threads::ThreadChoice;
+use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::simd::Width;
@@ -77,7 +79,7 @@ impl Cpu {
     /// Forgets that the processor can do more at once than this.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn narrow(&mut self, width: Width) {
-        (self.width, self.packed_for) = (width, None);
+        (self.width, self.packed_for, self.edges) = (width, None, Vec::new());
         self.forces = ForceArrays::default();
         self.coarse.forget();
     }
@@ -103,6 +105,14 @@ impl Cpu {
         }
         self.revert();
         Err(lost)
+    }
+
+    /// Of the state that a step led to, if its plan asks for any.
+    pub(crate) fn statistics(&self, plan: &Plan<'_>) -> Option<Statistics> {
+        let gauges = plan.gauges?;
+        let alone = self.choice.as_ref().is_none_or(|choice| choice.threads() == 1);
+        let Cpu { x, p, width, .. } = self;
+        Some(Observed { x, u: p, drift: plan.params.drift.into(), h: plan.params.h, width: *width }.statistics(gauges, alone))
     }
 
     /// Back to where the last step began.
@@ -159,13 +169,16 @@ impl Cpu {
                 (self.scheduled_for, self.choice) = (None, None);
             }
             self.packed_for = packed;
-            // The old ones first, or memory would hold both.
-            self.edges = Vec::new();
             let (inverse_mass, lanes) = (cloth.inverse_mass(), self.width.lanes());
             let partition =
                 self.partition.get_or_insert_with(|| Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len()));
-            let pack = |pieces: &Vec<Piece>| EdgeBatches::new(pieces, &coefficients.edges, &cloth.colors, &inverse_mass, lanes);
-            self.edges = partition.rounds.iter().map(pack).collect();
+            if self.edges.is_empty() {
+                let pack =
+                    |pieces: &Vec<Piece>| EdgeBatches::new(pieces, &coefficients.edges, &cloth.colors, &inverse_mass, lanes);
+                self.edges = partition.rounds.iter().map(pack).collect();
+            } else {
+                self.edges.iter_mut().for_each(|round| round.reweigh(&coefficients.edges, &inverse_mass));
+            }
             self.coarse.pack(plan.levels, &coefficients.levels, self.width, threads);
         }
         let partition = self.partition.as_ref().expect("made above");

@@ -104,7 +104,9 @@ impl Aggregates {
     }
 
     fn pack(&mut self, level: &Level, edges: &[Edge], width: Width) {
-        self.edges = Vec::new();
+        if !self.edges.is_empty() {
+            return self.edges.iter_mut().for_each(|round| round.reweigh(edges, &self.inverse_mass));
+        }
         let pack = |pieces: &Vec<Piece>| EdgeBatches::new(pieces, edges, &level.colors, &level.inverse_mass, width.lanes());
         self.edges = self.partition.rounds.iter().map(pack).collect();
     }

@@ -58,14 +58,22 @@ pub(crate) struct EdgeBatches {
     lanes: usize,
     /// What [`Batch::factors`] are slices of.
     factors: AlignedVec,
+    /// Lane by lane, the place of the edge whose factors those are; [`NO_SHARE`] more where it has no share.
+    places: Vec<u32>,
     at: EndLists,
     batches: Vec<RowsAlike>,
     /// The batches of each piece.
     of: Vec<Range<usize>>,
 }
 
+/// An edge with its place in the list that it is from.
+type Placed = (u32, Edge);
+
 /// An edge, and whether it counts.
-type Lane = (Edge, bool);
+type Lane = (Placed, bool);
+
+/// Added to the place of an edge that another lane has.
+const NO_SHARE: u32 = 1 << 31;
 
 impl Ends {
     /// End 0 or 1 of a lane's edge.
@@ -102,7 +110,7 @@ impl EdgeBatches {
         let mut packer = Packer { inverse_mass, batches };
         // The piece and color that last visited a vertex.
         let mut visited = vec![(usize::MAX, usize::MAX); vertices];
-        let mut edges_now: Vec<Edge> = Vec::new();
+        let mut edges_now: Vec<Placed> = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
             let start = packer.batches.batches.len();
             // Springs are forces: no edge is swept.
@@ -113,8 +121,8 @@ impl EdgeBatches {
                 let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < colors[color].end));
                 rest = later;
                 edges_now.clear();
-                edges_now.extend(now.iter().map(|&place| edges[place as usize]));
-                for end in edges_now.iter().flat_map(|edge| [edge.a, edge.b]) {
+                edges_now.extend(now.iter().map(|&place| (place, edges[place as usize])));
+                for end in edges_now.iter().flat_map(|(_, edge)| [edge.a, edge.b]) {
                     let before = std::mem::replace(&mut visited[end as usize], (index, color));
                     assert!(before != (index, color), "vertex {end} has two edges of a color");
                 }
@@ -124,10 +132,23 @@ impl EdgeBatches {
             packer.batches.of.push(start..end);
         }
         packer.batches.factors.trim();
+        packer.batches.places.shrink_to_fit();
         packer.batches.at.rows.trim();
         packer.batches.at.pairs.trim();
         packer.batches.at.listed.trim();
         packer.batches
+    }
+
+    /// Takes the same edges for substeps of another length.
+    pub(crate) fn reweigh(&mut self, edges: &[Edge], inverse_mass: &[f32]) {
+        let factors: &mut [f32] = bytemuck::cast_slice_mut(&mut self.factors);
+        for (row, places) in factors.chunks_exact_mut(3 * self.lanes).zip(self.places.chunks_exact(self.lanes)) {
+            for (lane, &place) in places.iter().enumerate() {
+                let counts = place < NO_SHARE;
+                let edge = &edges[(place & !NO_SHARE) as usize];
+                [row[self.lanes + lane], row[2 * self.lanes + lane]] = shares(edge, counts, inverse_mass);
+            }
+        }
     }
 
     /// The batches of one piece, in order.
@@ -142,6 +163,11 @@ impl EdgeBatches {
     }
 }
 
+/// What share of the correction each end of an edge takes.
+fn shares(edge: &Edge, counts: bool, inverse_mass: &[f32]) -> [f32; 2] {
+    [edge.a, edge.b].map(|end| if counts { edge.inverse_weight * inverse_mass[end as usize] } else { 0.0 })
+}
+
 struct Packer<'a> {
     inverse_mass: &'a [f32],
     batches: EdgeBatches,
@@ -149,14 +175,14 @@ struct Packer<'a> {
 
 impl Packer<'_> {
     /// The edges of one color, which may come in any order: rows first, then what is left over. Batches from `open` on may grow.
-    fn color(&mut self, edges: &mut [Edge], open: usize) {
+    fn color(&mut self, edges: &mut [Placed], open: usize) {
         let lanes = self.batches.lanes;
         // Edges of one row have one offset, and come one after another.
-        let offset = |edge: &Edge| edge.b.wrapping_sub(edge.a);
-        edges.sort_unstable_by_key(|edge| (offset(edge), edge.a));
-        let step = |edge: &Edge| if offset(edge) == 1 { 2 } else { 1 };
-        let follows = |one: &Edge, next: &Edge| offset(one) == offset(next) && next.a - one.a == step(one);
-        let mut apart: Vec<Edge> = Vec::new();
+        let offset = |(_, edge): &Placed| edge.b.wrapping_sub(edge.a);
+        edges.sort_unstable_by_key(|edge| (offset(edge), edge.1.a));
+        let step = |edge: &Placed| if offset(edge) == 1 { 2 } else { 1 };
+        let follows = |one: &Placed, next: &Placed| offset(one) == offset(next) && next.1.a - one.1.a == step(one);
+        let mut apart: Vec<Placed> = Vec::new();
         for run in edges.chunk_by(follows) {
             if run.len() < lanes {
                 apart.extend(run);
@@ -172,7 +198,7 @@ impl Packer<'_> {
                 });
             }
         }
-        apart.sort_unstable_by_key(|edge| (edge.a, edge.b));
+        apart.sort_unstable_by_key(|(_, edge)| (edge.a, edge.b));
         for edges in apart.chunks(lanes) {
             self.push(Ends::Listed, open, |lane| (edges[lane.min(edges.len() - 1)], true));
         }
@@ -180,8 +206,9 @@ impl Packer<'_> {
 
     /// Adds a row, given by its lanes, to the last batch of those from `open` on, or a new one.
     fn push(&mut self, ends: Ends, open: usize, lane: impl Fn(usize) -> Lane) {
-        let EdgeBatches { lanes, factors, at, batches, .. } = &mut self.batches;
-        let (lanes, row) = (*lanes, 4 * factors.len() / (3 * *lanes));
+        let EdgeBatches { lanes, factors, places, at, batches, .. } = &mut self.batches;
+        let (lanes, row) = (*lanes, places.len() / *lanes);
+        let edge = |k: usize| lane(k).0.1;
         let first = match ends {
             Ends::Rows => at.rows.len(),
             Ends::Pairs => at.pairs.len(),
@@ -192,19 +219,19 @@ impl Packer<'_> {
             _ => batches.push(RowsAlike { ends, rows: row..row + 1, first }),
         }
         match ends {
-            Ends::Rows => [lane(0).0.a, lane(0).0.b].into_iter().for_each(|end| at.rows.push(end)),
-            Ends::Pairs => at.pairs.push(lane(0).0.a),
+            Ends::Rows => [edge(0).a, edge(0).b].into_iter().for_each(|end| at.rows.push(end)),
+            Ends::Pairs => at.pairs.push(edge(0).a),
             Ends::Listed => {
-                at.listed.extend((0..lanes).map(|k| lane(k).0.a));
-                at.listed.extend((0..lanes).map(|k| lane(k).0.b));
+                at.listed.extend((0..lanes).map(|k| edge(k).a));
+                at.listed.extend((0..lanes).map(|k| edge(k).b));
             }
         }
         let spelled = |k: usize| [0, 1].map(|end| ends.end(at, first, lanes, end, k));
-        debug_assert!((0..lanes).all(|k| spelled(k) == [lane(k).0.a, lane(k).0.b]), "{ends:?}");
-        let inverse_mass = self.inverse_mass;
-        let share = |(edge, counts): Lane, end: u32| if counts { edge.inverse_weight * inverse_mass[end as usize] } else { 0.0 };
-        factors.push(lanes, |k| lane(k).0.inverse_rest);
-        factors.push(lanes, |k| share(lane(k), lane(k).0.a));
-        factors.push(lanes, |k| share(lane(k), lane(k).0.b));
+        debug_assert!((0..lanes).all(|k| spelled(k) == [edge(k).a, edge(k).b]), "{ends:?}");
+        let share = |k: usize, end: usize| shares(&edge(k), lane(k).1, self.inverse_mass)[end];
+        factors.push(lanes, |k| edge(k).inverse_rest);
+        factors.push(lanes, |k| share(k, 0));
+        factors.push(lanes, |k| share(k, 1));
+        places.extend((0..lanes).map(|k| lane(k).0.0 | if lane(k).1 { 0 } else { NO_SHARE }));
     }
 }

@@ -10,6 +10,7 @@ mod force_batches;
 mod forces;
 mod integrate;
 mod partition;
+mod statistics;
 mod substep;
 mod sweep;
 mod tasks;

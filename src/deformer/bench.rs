@@ -69,8 +69,8 @@ impl Deformer {
     /// As [`Deformer::step`].
     #[cfg(feature = "gpu")]
     pub fn run_forces(&mut self, dt: f32, attributes: &Attributes, repeats: u32) -> Result<(), StepError> {
-        let substeps = self.ready(dt, attributes)?;
-        let (engine, plan) = self.job(substeps, attributes);
+        let Some(taken) = self.ready(dt, attributes)? else { return Ok(()) };
+        let (engine, plan) = self.job(&taken, attributes);
         let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
         let run = hybrid.run_forces(&plan, repeats);
         run.map_err(|reason| StepError::Gpu { reason })

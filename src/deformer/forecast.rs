@@ -1,6 +1,6 @@
 //! What a step will be, known before it is taken, and what it warns of.
 
-use super::Deformer;
+use super::{Deformer, Taken};
 use crate::attributes::Attributes;
 use crate::error::StepError;
 use crate::failure::Failure;
@@ -8,6 +8,9 @@ use crate::model::cloth::Slivers;
 use crate::options::{Method, Warning};
 use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::Division;
+
+/// Peak stress in motion over that of cloth hung at its full extent.
+const TRANSIENT: f64 = 5.0;
 
 /// What a step of some length under some attributes will be, from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
@@ -39,10 +42,10 @@ impl Deformer {
     /// # Errors
     /// As [`Deformer::step`] before the step is taken.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
-        let (Division { substeps, length }, levels) = self.divided(dt, attributes)?;
+        let Taken { load, division: Division { substeps, length }, levels, .. } = self.taken(dt, attributes)?;
         let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending_limited;
         let strain = match self.options.method {
-            Method::SmallSteps => self.rates.strain(&self.cloth, attributes, length.longest),
+            Method::SmallSteps => self.rates.strain(TRANSIENT * load.stress(&self.cloth), f64::from(length.longest)),
             Method::Springs => 0.0,
             Method::Relaxation { .. } => f64::NAN,
         };

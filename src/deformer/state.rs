@@ -98,6 +98,7 @@ impl Deformer {
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
         self.motion = Motion::after(cloth, &x, 0.0);
         self.engine.set(&x, &p);
+        self.forget();
         self.shown = false;
         Ok(())
     }

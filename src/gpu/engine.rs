@@ -10,12 +10,14 @@ use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
 use crate::gpu::stage::Sent;
 use crate::gpu::state::{PING_PONG, ping_pong};
+use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::contact::Body;
+use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
 use crate::options::Method;
@@ -47,6 +49,9 @@ pub(crate) struct GpuEngine {
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
     commit: Commit,
     readback: Readback,
+    /// Made when statistics are first asked for; and whether the last step's are.
+    counter: Option<Counter>,
+    counts: bool,
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
     /// What the last step came to.
@@ -103,6 +108,8 @@ impl GpuEngine {
                 single_workgroup: None,
                 commit,
                 readback,
+                counter: None,
+                counts: false,
                 normals: None,
                 stats: GpuStats::default(),
             };
@@ -204,8 +211,26 @@ impl GpuEngine {
             (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, Sweep::Tiled(tiled), _) => tiled.prepare(gpu, plan),
         }
+        self.prepare_counter(plan);
         self.stats = self.count(plan, path);
         path
+    }
+
+    /// Makes ready to count, if the step is to be.
+    fn prepare_counter(&mut self, plan: &Plan<'_>) {
+        let GpuEngine { gpu, forces, counter, counts, .. } = self;
+        *counts = plan.gauges.is_some();
+        match plan.gauges {
+            Some(gauges) => counter.get_or_insert_with(|| Counter::new(gpu, forces, gauges)).clear(gpu),
+            None => counter.iter_mut().for_each(Counter::forget),
+        }
+    }
+
+    /// Sends for the statistics of the step that was submitted, if it asks for any; returns those that have come.
+    pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
+        let GpuEngine { gpu, counter, counts, .. } = self;
+        let Some(counter) = counter.as_mut().filter(|_| *counts) else { return Ok(None) };
+        gpu.checked(|| counter.send_for(gpu)).map_err(Failure::Gpu)
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
@@ -230,9 +255,10 @@ impl GpuEngine {
     /// Encodes a step.
     fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) {
         if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
-            let pass = submission.room_for(1);
+            let pass = submission.room_for(1 + Counter::DISPATCHES);
             self.forces.bind_substep(pass, 0);
             single.encode(pass);
+            self.counter().into_iter().for_each(|counter| counter.encode(pass));
             return;
         }
         let last = plan.substeps.len() - 1;
@@ -253,9 +279,15 @@ impl GpuEngine {
                 }
             }
         }
-        let pass = submission.room_for(commit::DISPATCHES);
+        let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
         self.forces.bind_substep(pass, last);
         self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth.rest.len());
+        self.counter().into_iter().for_each(|counter| counter.encode(pass));
+    }
+
+    /// What counts the step, if it is to be counted.
+    fn counter(&self) -> Option<&Counter> {
+        self.counter.as_ref().filter(|_| self.counts)
     }
 
     /// Dispatches of a substep.
@@ -304,6 +336,7 @@ impl GpuEngine {
         self.gpu.write(&state.x, 0, x);
         self.gpu.write(&state.p, 0, p);
         self.commit.clear(&self.gpu);
+        self.counter.iter_mut().for_each(Counter::forget);
     }
 
     /// Waits for what was submitted.

@@ -1,6 +1,8 @@
 //! The start of a substep: what is predicted, and the forces that the scene has. A term that is absent has no kernel and no
 //! buffer.
 
+use glam::Vec4;
+
 use crate::device::{Entry, Gpu, Shader};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
@@ -79,6 +81,11 @@ impl Forces {
             wind,
             springs,
         })
+    }
+
+    /// Vertices that the buffers are of.
+    pub(crate) fn vertices(&self) -> usize {
+        self.u.size() as usize / size_of::<Vec4>()
     }
 
     /// Uploads what this step has, and makes the kernels that it is the first to need. True if [`Forces::all_substeps`] is

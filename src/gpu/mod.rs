@@ -12,7 +12,7 @@
 //! copies and is committed at its end if all of it is within bounds, so a step that fails leaves the cloth as it was.
 //!
 //! Imports run down this list and never back: `shaders` and `stage` (a kernel and its buffers), `state` and `tiles`, the stages
-//! of a substep (`forces`, `multigrid`, `sweep`, `commit`), what goes out (`readback`, `surface`), `engine`.
+//! of a substep (`forces`, `multigrid`, `sweep`, `commit`), what goes out (`readback`, `statistics`, `surface`), `engine`.
 
 mod commit;
 mod engine;
@@ -25,6 +25,7 @@ mod readback;
 pub(crate) mod shaders;
 mod stage;
 mod state;
+mod statistics;
 mod stats;
 mod submission;
 mod surface;

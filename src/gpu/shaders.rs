@@ -35,6 +35,7 @@ shaders! {
     LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
     LEVELS_IN_WORKGROUP: "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
     LEVELS_PER_COLOR: "distance" "stages/levels_per_color";
+    STATISTICS: "limits" "statistics" "stages/statistics";
     NORMALS: "stages/normals";
     EXCHANGE: "stages/exchange";
 }

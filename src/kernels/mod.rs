@@ -11,4 +11,5 @@ pub(crate) mod distance;
 pub(crate) mod integrate;
 pub(crate) mod params;
 pub(crate) mod spring;
+pub(crate) mod statistics;
 pub(crate) mod wind;

@@ -32,9 +32,10 @@ pub(crate) struct Params {
     pub relaxed: u32,
     /// Coarse levels in use.
     pub levels: u32,
+    /// How far (m) the pins are led in a substep, on average.
+    pub drift: [f32; 3],
     /// 1 if coarse edges hold (`distance::hold_coarse`).
     pub holds: u32,
-    pub padding: [u32; 3],
 }
 
 /// What differs from one substep to the next.

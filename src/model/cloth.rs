@@ -10,12 +10,14 @@ use glam::{DVec3, Vec3, Vec4};
 
 use crate::error::BuildError;
 use crate::kernels::spring::Spring;
+use crate::kernels::statistics::StrainGauge;
 use crate::kernels::wind::Panel;
 use crate::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::bending::Bending;
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::mesh::{EdgeIndex, Mesh, sides};
+use crate::model::strain_gauges::strain_gauges;
 use crate::model::vertex_order;
 use crate::options::Options;
 
@@ -53,6 +55,7 @@ pub(crate) struct Cloth {
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
+    gauges: OnceLock<Vec<StrainGauge>>,
 }
 
 /// An edge of the cloth.
@@ -165,6 +168,7 @@ impl Cloth {
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: OnceLock::new(),
+            gauges: OnceLock::new(),
         })
     }
 
@@ -178,7 +182,6 @@ impl Cloth {
         self.rest.iter().map(|x| x.w).collect()
     }
 
-    /// Sum of the inverse masses (1/kg) of an edge's ends.
     /// How much of the cloth can hang on an edge: its extent (m) along the edge over its longest. A strip's width is held by the edges
     /// across, and no more.
     pub(crate) fn load_share(&self, link: &Link) -> f64 {
@@ -187,6 +190,7 @@ impl Cloth {
         if self.extent > 0.0 { (along / self.extent).min(1.0) } else { 1.0 }
     }
 
+    /// Sum of the inverse masses (1/kg) of an edge's ends.
     pub(crate) fn weight(&self, link: &Link) -> f64 {
         link.ends.iter().map(|&vertex| f64::from(self.rest[vertex as usize].w)).sum()
     }
@@ -230,6 +234,11 @@ impl Cloth {
     /// The rows of the bending energy; built for a fabric that resists bending.
     pub(crate) fn bending(&self) -> &Bending {
         self.bending.get_or_init(|| Bending::new(&self.rest, &self.triangles))
+    }
+
+    /// The gauges on its edges; built when strain is to be kept.
+    pub(crate) fn gauges(&self) -> &[StrainGauge] {
+        self.gauges.get_or_init(|| strain_gauges(self))
     }
 }
 

@@ -6,4 +6,5 @@ pub(crate) mod coloring;
 pub(crate) mod csr;
 pub(crate) mod disjoint_sets;
 pub(crate) mod mesh;
+pub(crate) mod strain_gauges;
 pub(crate) mod vertex_order;

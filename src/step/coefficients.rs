@@ -93,9 +93,12 @@ const MANY: f64 = 100.0;
 fn floor(link: &Link, weight: f64, length: Length) -> f64 {
     let longest = f64::from(length.longest);
     let substeps = 1.0 / (60.0 * longest);
+    if substeps <= MANY {
+        return 0.0;
+    }
     // (S/S*)² of this edge.
     let resolved = 2.0 / (link.stiffness * longest * longest * weight);
-    0.5 * (1.0 - resolved).max(0.0).powi(2) * (1.0 - MANY / substeps).max(0.0)
+    0.5 * (1.0 - resolved).max(0.0).powi(2) * (1.0 - MANY / substeps)
 }
 
 /// Which edges are part of a chain, whose order of visits has no say in stability: none needs a floor.

@@ -1,5 +1,8 @@
 //! A step as numbers, before any backend runs.
 
 pub(crate) mod coefficients;
+pub(crate) mod controller;
+pub(crate) mod load;
+pub(crate) mod pace;
 pub(crate) mod plan;
 pub(crate) mod substep_count;

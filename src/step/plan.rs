@@ -6,6 +6,7 @@ use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::contact::{self, Body};
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
+use crate::kernels::statistics::StrainGauge;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
@@ -20,6 +21,8 @@ pub(crate) struct Motion {
     pub colliders: Vec<Collider>,
     /// Where it left the pins (m), local.
     pub pins: Vec<Vec3>,
+    /// How it led them there (m/s); none if it led none.
+    pub pin_velocities: Vec<Vec3>,
 }
 
 impl Motion {
@@ -30,7 +33,7 @@ impl Motion {
     }
 
     /// Where each collider moves here from; from where it is, if it is new.
-    fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
+    pub(crate) fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
         let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());
         let shapes = |list: &'a [Collider]| unnamed(list).map(|collider| std::mem::discriminant(&collider.shape));
         let mut last_unnamed = shapes(colliders).eq(shapes(&self.colliders)).then(|| unnamed(&self.colliders));
@@ -41,6 +44,16 @@ impl Motion {
             };
             (now, last.filter(|_| !now.teleported).unwrap_or(now))
         })
+    }
+
+    /// Notes where a step of `dt` (s) led the pins.
+    pub(crate) fn led(&mut self, cloth: &Cloth, targets: Option<&[Vec3]>, dt: f32) {
+        self.pin_velocities.clear();
+        for (pin, target) in self.pins.iter_mut().zip(targets.unwrap_or_default()) {
+            let to = *target - cloth.origin;
+            self.pin_velocities.push((to - *pin) / dt);
+            *pin = to;
+        }
     }
 
     /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
@@ -75,6 +88,8 @@ pub(crate) struct Plan<'a> {
     /// The force terms that the scene has; springs are the method.
     pub bending: bool,
     pub wind: bool,
+    /// By what the cloth's strain and speed are told after the step, if they are asked for.
+    pub gauges: Option<&'a [StrainGauge]>,
 }
 
 impl<'a> Plan<'a> {
@@ -145,7 +160,7 @@ impl<'a> Plan<'a> {
             levels: coefficients.levels.len() as u32,
             // A thread has no width across which anything could pull it together.
             holds: u32::from(!bending && cloth.is_sheet),
-            padding: [0; 3],
+            drift: [0.0; 3],
         };
         Plan {
             cloth,
@@ -159,7 +174,16 @@ impl<'a> Plan<'a> {
             method: options.method,
             bending,
             wind,
+            gauges: None,
         }
+    }
+
+    /// The same step, after which statistics are asked for.
+    pub(crate) fn observed(self, motion: &Motion, dt: f32, attributes: &Attributes) -> Plan<'a> {
+        let targets = attributes.pin_targets.as_deref().unwrap_or_default();
+        let led: Vec3 = targets.iter().zip(&motion.pins).map(|(&target, &pin)| target - self.cloth.origin - pin).sum();
+        let drift = led / targets.len().max(1) as f32 * (self.params.h / dt);
+        Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
     }
 
     /// Whether there are forces that differ from vertex to vertex.

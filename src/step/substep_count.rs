@@ -1,5 +1,4 @@
-//! Substeps from closed forms: what resolves the stiffness, what keeps the strain below a tolerance, and what explicit
-//! springs can bear.
+//! Substeps from closed forms: what resolves the stiffness, what keeps a strain, and what explicit springs can bear.
 
 use crate::attributes::Attributes;
 use crate::error::StepError;
@@ -7,13 +6,10 @@ use crate::fabric::Fabric;
 use crate::limits::MAX_SUBSTEPS;
 use crate::model::cloth::{Cloth, Link};
 use crate::options::{Levels, Method, Options, Quality};
+use crate::step::load::pressure;
 
 /// What [`Quality`] counts substeps by: 1/60 s.
-const FRAMES: f64 = 60.0;
-/// Fewest substeps a second under `Quality::Strain`.
-const LEAST_RATE: f64 = 20.0 * FRAMES;
-/// Peak stress in motion over the static stress `rho g L`.
-const TRANSIENT: f64 = 5.0;
+pub(crate) const FRAMES: f64 = 60.0;
 
 /// Acceleration of free fall (m/s²) that levels are chosen for.
 const STANDARD_GRAVITY: f64 = 9.81;
@@ -65,32 +61,21 @@ impl Rates {
         Rates { unit: unit_rate(cloth, |_| 1.0), loaded: unit_rate(cloth, |link| cloth.load_share(link)), explicit }
     }
 
-    /// How a step of `dt` (s) is divided: into as few substeps as are no longer than the quality allows. That length is the same
-    /// for steps of any length.
-    ///
-    /// Small steps: the worst strain below the resolved substep is `2 sigma/K (S*/S)²` with membrane stress `sigma`, so
-    /// `S = S* sqrt(2 sigma / (K tau))`; K cancels, and the form holds for inextensible cloth. `sigma` is five times
-    /// `rho g L` (motion, not rest) plus the wind's pressure times L. Springs: the explicit limit, five per cent inside.
-    /// Relaxation has no such law; it takes one substep per 1/60 s.
-    pub(crate) fn divide(
-        &self,
-        cloth: &Cloth,
-        options: &Options,
-        dt: f32,
-        attributes: &Attributes,
-    ) -> Result<Division, StepError> {
-        // Substeps a second.
-        let rate = match (options.quality, options.method) {
+    /// Substeps a second that the quality comes to; `count` is what [`Controller`](crate::step::controller::Controller) chose in 1/60 s,
+    /// where it is its to choose. Springs take their limit, five per cent inside. Relaxation has no law to choose by; it takes one
+    /// substep per 1/60 s.
+    pub(crate) fn rate(&self, options: &Options, count: f64) -> f64 {
+        match (options.quality, options.method) {
             (Quality::Substeps(count), _) => FRAMES * f64::from(count),
-            (Quality::Strain(_), Method::Relaxation { .. }) => FRAMES,
-            (Quality::Strain(_), Method::Springs) => (1.05 * self.explicit).max(1.0),
-            (Quality::Strain(tolerance), Method::SmallSteps) => {
-                let rate = self.loaded * (2.0 * stress(cloth, attributes) / f64::from(tolerance)).sqrt();
-                // Once the stiffness is resolved, and with a margin that is always stable, more substeps show no more.
-                let resolved = std::f64::consts::SQRT_2 * self.resolving(cloth.stretch);
-                FRAMES * coarsened((rate.min(resolved).max(LEAST_RATE) / FRAMES - 1e-3).ceil())
-            }
-        };
+            (_, Method::SmallSteps) => FRAMES * count,
+            (_, Method::Relaxation { .. }) => FRAMES,
+            (_, Method::Springs) => (1.05 * self.explicit).max(1.0),
+        }
+    }
+
+    /// How a step of `dt` (s) is divided: into as few substeps as are no longer than those of a rate (1/s). That length is the same
+    /// for steps of any length.
+    pub(crate) fn divide(&self, cloth: &Cloth, options: &Options, dt: f32, rate: f64) -> Result<Division, StepError> {
         let sweeps = if let Method::Relaxation { iterations } = options.method { f64::from(iterations) } else { 1.0 };
         // A step that is longer than so many substeps by no more than rounding takes no more.
         let needed = (f64::from(dt) * rate * (1.0 - 1e-6) - 1e-3).ceil().max(1.0);
@@ -144,27 +129,16 @@ impl Rates {
         self.unit * stretch.sqrt()
     }
 
-    /// The worst strain beyond the fabric's own that the closed form expects of substeps of some length (s).
-    pub(crate) fn strain(&self, cloth: &Cloth, attributes: &Attributes, h: f32) -> f64 {
-        2.0 * stress(cloth, attributes) * (self.loaded * f64::from(h)).powi(2)
+    /// The strain beyond the fabric's own that a membrane stress (N/m) leaves with unresolved substeps of some length (s):
+    /// `(2 sigma/K) (S*/S)²`, in which K cancels, so that it holds for inextensible cloth.
+    pub(crate) fn strain(&self, stress: f64, h: f64) -> f64 {
+        2.0 * stress * (self.loaded * h).powi(2)
     }
-}
 
-/// Membrane stress (N/m) in motion.
-fn stress(cloth: &Cloth, attributes: &Attributes) -> f64 {
-    let gravity = attributes.gravity.as_dvec3().length();
-    TRANSIENT * (cloth.density * gravity + pressure(attributes)) * cloth.extent
-}
-
-/// Pressure (Pa) of the wind on cloth that stands still across it.
-fn pressure(attributes: &Attributes) -> f64 {
-    0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * attributes.wind.as_dvec3().length_squared()
-}
-
-/// Rounded up to five binary digits, so that a breeze does not change the substep every frame.
-fn coarsened(count: f64) -> f64 {
-    let unit = (count / 16.0).log2().floor().exp2().max(1.0);
-    (count / unit).ceil() * unit
+    /// Substeps a second that leave so much [`Rates::strain`].
+    pub(crate) fn keeping(&self, stress: f64, strain: f64) -> f64 {
+        self.loaded * (2.0 * stress / strain).sqrt()
+    }
 }
 
 /// Substeps a second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, each edge weighed.

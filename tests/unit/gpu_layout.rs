@@ -18,6 +18,7 @@ use crate::kernels::distance::Edge;
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::kernels::spring::Spring;
+use crate::kernels::statistics::{self, Statistics, StrainGauge};
 use crate::kernels::wind::Panel;
 use crate::limits::MAX_POSITION;
 use crate::model::csr::Span;
@@ -38,7 +39,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, holds }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Span { start, end }),
         layout!(Pin { origin, vertex, goal, padding }),
@@ -48,6 +49,8 @@ fn structs() -> Vec<Layout> {
         layout!(Spring { other, rest, stiffness }),
         layout!(Edge { a, b, inverse_rest, inverse_weight }),
         layout!(Batch { first, count }),
+        layout!(StrainGauge { ends, inverse_rest, weight }),
+        layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind }),
     ]
@@ -80,6 +83,15 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("NO_EDGE", Literal::U32(NO_EDGE)),
         ("NO_LABEL", Literal::U32(NO_EDGE)),
         ("NONE", Literal::U32(NONE)),
+        ("CLASSES", Literal::U32(statistics::CLASSES as u32)),
+        ("BITS", Literal::U32(statistics::BITS)),
+        ("LEAST_STRETCH", Literal::F32(statistics::LEAST_STRETCH)),
+        ("LEAST_SPEED", Literal::F32(statistics::LEAST_SPEED)),
+        ("WHOLE", Literal::U32(statistics::WHOLE)),
+        ("ONE", Literal::F32(statistics::ONE)),
+        ("MOST", Literal::F32(statistics::MOST)),
+        ("SLOW", Literal::F32(statistics::SLOW)),
+        ("SLOW_PARTS", Literal::F32(statistics::SLOW_PARTS)),
     ]
 }
 

@@ -10,6 +10,7 @@ fn a_full_literal_does_not_depend_on_a_feature() {
         method: Method::SmallSteps,
         quality: Quality::Strain(0.03),
         levels: Levels::Auto,
+        sleep: None,
         fabric: Fabric::default(),
         gpu: None,
         pinned: Vec::new(),

@@ -1,0 +1,70 @@
+// Once a step, if it is asked for: statistics of the state that it led to.
+
+@group(1) @binding(0) var<storage, read> gauges: array<StrainGauge>;
+@group(1) @binding(1) var<storage, read> x: array<vec4f>;
+@group(1) @binding(2) var<storage, read> p: array<vec4f>;
+@group(1) @binding(3) var<storage, read_write> statistics: Statistics;
+
+// What a workgroup counts, before it is added to what the others do: all of them would wait for a few classes.
+var<workgroup> stretches: array<atomic<u32>, CLASSES>;
+var<workgroup> speeds: array<atomic<u32>, CLASSES>;
+var<workgroup> sums: array<vec2f, WORKGROUP>;
+
+@compute @workgroup_size(WORKGROUP)
+fn count(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    for (var bin = lane; bin < CLASSES; bin += WORKGROUP) {
+        atomicStore(&stretches[bin], 0u);
+        atomicStore(&speeds[bin], 0u);
+    }
+    workgroupBarrier();
+    var sum = vec2f(0.0);
+    let all = groups.x * groups.y * WORKGROUP;
+    var worst = 0.0;
+    for (var i = item(id, groups); i < arrayLength(&gauges); i += all) {
+        let gauge = gauges[i];
+        let stretched = stretch(length(x[gauge.ends.x].xyz - x[gauge.ends.y].xyz), gauge.inverse_rest);
+        atomicAdd(&stretches[class_of(stretched, LEAST_STRETCH)], gauge.weight);
+        sum.x += f32(gauge.weight) * min(stretched, MOST);
+        worst = max(worst, stretched);
+    }
+    var fastest = 0.0;
+    var low = vec3f(MAX_POSITION);
+    var high = vec3f(-MAX_POSITION);
+    for (var i = item(id, groups); i < params.vertices; i += all) {
+        low = min(low, x[i].xyz);
+        high = max(high, x[i].xyz);
+        if x[i].w > 0.0 {
+            let speed = length(p[i].xyz - params.drift) / params.h;
+            atomicAdd(&speeds[class_of(speed, LEAST_SPEED)], 1u);
+            sum.y += min(speed * speed, SLOW * SLOW);
+            fastest = max(fastest, speed);
+        }
+    }
+    atomicMax(&statistics.worst_stretch, bitcast<u32>(worst));
+    atomicMax(&statistics.fastest, bitcast<u32>(fastest));
+    for (var axis = 0u; axis < 3u; axis++) {
+        atomicMin(&statistics.low[axis], ordered(low[axis]));
+        atomicMax(&statistics.high[axis], ordered(high[axis]));
+    }
+    sums[lane] = sum;
+    workgroupBarrier();
+    for (var bin = lane; bin < CLASSES; bin += WORKGROUP) {
+        let stretched = atomicLoad(&stretches[bin]);
+        let fast = atomicLoad(&speeds[bin]);
+        if stretched > 0u { atomicAdd(&statistics.stretch[bin], stretched); }
+        if fast > 0u { atomicAdd(&statistics.speed[bin], fast); }
+    }
+    // Half of the lanes, a quarter ..: always the same order.
+    for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
+        if lane < half { sums[lane] += sums[lane + half]; }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        atomicAdd(&statistics.mean_stretch, u32(sums[0].x * (ONE / f32(WHOLE)) + 0.5));
+        atomicAdd(&statistics.slow, u32(sums[0].y * (SLOW_PARTS / (SLOW * SLOW)) + 0.5));
+    }
+}

@@ -1,0 +1,46 @@
+// What a moving cloth is judged by: how far its area is stretched, and how fast it moves. All sums are of integers, so that they are
+// the same in any order.
+
+const CLASSES: u32 = 128u;
+const BITS: u32 = 20u;
+const LEAST_STRETCH: f32 = 0.000244140625;
+const LEAST_SPEED: f32 = 0.0009765625;
+const WHOLE: u32 = 1073741824u;
+const ONE: f32 = 67108864.0;
+const MOST: f32 = 32.0;
+const SLOW: f32 = 0.01;
+const SLOW_PARTS: f32 = 128.0;
+
+struct StrainGauge {
+    ends: vec2u,
+    inverse_rest: f32,
+    weight: u32,
+}
+
+struct Statistics {
+    stretch: array<atomic<u32>, CLASSES>,
+    speed: array<atomic<u32>, CLASSES>,
+    mean_stretch: atomic<u32>,
+    worst_stretch: atomic<u32>,
+    slow: atomic<u32>,
+    fastest: atomic<u32>,
+    low: array<atomic<u32>, 3>,
+    high: array<atomic<u32>, 3>,
+}
+
+// The class of a stretch or a speed: eight to an octave from the least on, as the number's own bits have them.
+fn class_of(value: f32, least: f32) -> u32 {
+    let before = (bitcast<u32>(least) >> BITS) - 1u;
+    return min(max(bitcast<u32>(value) >> BITS, before) - before, CLASSES - 1u);
+}
+
+// How far an edge of some length [m] is stretched, 0 if it is not.
+fn stretch(length: f32, inverse_rest: f32) -> f32 {
+    return max(length * inverse_rest, 1.0) - 1.0;
+}
+
+// A number whose order among others is that of `value`.
+fn ordered(value: f32) -> u32 {
+    let bits = bitcast<u32>(value);
+    return select(bits | 0x80000000u, ~bits, (bits >> 31u) == 1u);
+}

@@ -1,0 +1,146 @@
+//! Statistics of a state in memory.
+
+use glam::{Vec3A, Vec4};
+use rayon::prelude::*;
+
+use crate::kernels::integrate::xyz;
+use crate::kernels::statistics::{
+    LEAST_SPEED, LEAST_STRETCH, MOST, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, ordered, stretch,
+};
+use crate::simd::{self, Loop, MAX_LANES, Registers, Width, vector_of_lane};
+
+/// Gauges, or vertices, that a task takes.
+const GRAIN: usize = 4096;
+/// Those whose lengths are computed before they are sorted into classes.
+const BLOCK: usize = 256;
+
+/// A state, as statistics take it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Observed<'a> {
+    /// Positions (m), w the inverse mass.
+    pub x: &'a [Vec4],
+    /// Displacements (m) over the last substep.
+    pub u: &'a [Vec4],
+    /// That of the pins, on average (m).
+    pub drift: Vec3A,
+    /// The substep (s).
+    pub h: f32,
+    pub width: Width,
+}
+
+impl Observed<'_> {
+    /// Its statistics; `alone`: by this thread, without a word to others.
+    pub(crate) fn statistics(&self, gauges: &[StrainGauge], alone: bool) -> Statistics {
+        let of_gauges = |gauges| self.stretches(gauges);
+        let of_vertices = |(x, u)| Observed { x, u, ..*self }.speeds();
+        let together = |a: Statistics, b: Statistics| a.with(&b);
+        if alone {
+            let vertices = self.x.chunks(GRAIN).zip(self.u.chunks(GRAIN));
+            return gauges.chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).fold(Statistics::NONE, together);
+        }
+        let vertices = self.x.par_chunks(GRAIN).zip(self.u.par_chunks(GRAIN));
+        gauges.par_chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).reduce(|| Statistics::NONE, together)
+    }
+
+    fn stretches(&self, gauges: &[StrainGauge]) -> Statistics {
+        let mut seen = Statistics::NONE;
+        let (mut sum, mut worst) = (0.0_f32, 0.0_f32);
+        for gauges in gauges.chunks(BLOCK) {
+            let mut lengths = [0.0; BLOCK];
+            simd::run(self.width, EdgeLengths { x: self.x, gauges, lengths: &mut lengths });
+            for (&length, gauge) in lengths.iter().zip(gauges) {
+                let stretch = stretch(length, gauge.inverse_rest);
+                seen.stretch[class_of(stretch, LEAST_STRETCH)] += gauge.weight;
+                sum += gauge.weight as f32 * stretch.min(MOST);
+                worst = worst.max(stretch);
+            }
+        }
+        seen.mean_stretch = (sum * (ONE / WHOLE as f32)).round() as u32;
+        seen.worst_stretch = worst.to_bits();
+        seen
+    }
+
+    fn speeds(&self) -> Statistics {
+        let mut seen = Statistics::NONE;
+        let (mut sum, mut fastest) = (0.0_f32, 0.0_f32);
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for (x, u) in self.x.chunks(BLOCK).zip(self.u.chunks(BLOCK)) {
+            let mut lengths = [0.0; BLOCK];
+            simd::run(self.width, Lengths { u, drift: self.drift.extend(0.0), lengths: &mut lengths });
+            for (&length, &x) in lengths.iter().zip(x) {
+                let at = xyz(x);
+                (low, high) = (low.min(at), high.max(at));
+                // Pins are led, and have no say.
+                let (speed, counts) = if x.w > 0.0 { (length / self.h, 1) } else { (0.0, 0) };
+                seen.speed[class_of(speed, LEAST_SPEED)] += counts;
+                sum += (speed * speed).min(SLOW * SLOW);
+                fastest = fastest.max(speed);
+            }
+        }
+        seen.slow = (sum * (SLOW_PARTS / (SLOW * SLOW))).round() as u32;
+        seen.fastest = fastest.to_bits();
+        (seen.low, seen.high) = (low.to_array().map(ordered), high.to_array().map(ordered));
+        seen
+    }
+}
+
+/// The lengths (m) of edges.
+struct EdgeLengths<'a> {
+    x: &'a [Vec4],
+    gauges: &'a [StrainGauge],
+    lengths: &'a mut [f32],
+}
+
+impl Loop for EdgeLengths<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        for (gauges, lengths) in self.gauges.chunks(L::LANES).zip(self.lengths.chunks_mut(L::LANES)) {
+            let mut d = [L::splat(0.0); 4];
+            for k in 0..4 {
+                let (mut a, mut b) = ([Vec4::ZERO; 4], [Vec4::ZERO; 4]);
+                for j in 0..L::VECTORS {
+                    // The last lanes repeat the last gauge.
+                    let gauge = &gauges[(k * L::VECTORS + j).min(gauges.len() - 1)];
+                    (a[j], b[j]) = (self.x[gauge.ends[0] as usize], self.x[gauge.ends[1] as usize]);
+                }
+                d[k] = L::from_vectors(a) - L::from_vectors(b);
+            }
+            store_lengths(d, lengths);
+        }
+    }
+}
+
+/// The lengths (m) of displacements beyond a drift.
+struct Lengths<'a> {
+    u: &'a [Vec4],
+    drift: Vec4,
+    lengths: &'a mut [f32],
+}
+
+impl Loop for Lengths<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        for (u, lengths) in self.u.chunks(L::LANES).zip(self.lengths.chunks_mut(L::LANES)) {
+            let mut d = [L::repeat(self.drift); 4];
+            for k in 0..4 {
+                let mut a = [Vec4::ZERO; 4];
+                for j in 0..L::VECTORS {
+                    a[j] = u[(k * L::VECTORS + j).min(u.len() - 1)];
+                }
+                d[k] = L::from_vectors(a) - d[k];
+            }
+            store_lengths(d, lengths);
+        }
+    }
+}
+
+/// Stores the lengths of as many vectors as lanes, in the order of the vectors.
+#[inline(always)]
+fn store_lengths<L: Registers>(vectors: [L; 4], lengths: &mut [f32]) {
+    let d = L::transpose(vectors);
+    let by_lane = d.dot(d).sqrt().to_vectors();
+    let by_lane: [f32; MAX_LANES] = bytemuck::cast(by_lane);
+    for lane in 0..L::LANES {
+        lengths[vector_of_lane(lane, L::LANES)] = by_lane[lane];
+    }
+}

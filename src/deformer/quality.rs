@@ -1,0 +1,86 @@
+//! How a promise about strain is kept: what decides on the substeps of the next step, and how the last one is judged.
+
+use super::{Deformer, Taken};
+use crate::error::BuildError;
+use crate::kernels::statistics::Statistics;
+use crate::options::{Cause, Method, Options, Quality, Stretch, Warning};
+use crate::step::controller::{Controller, LEAST, Promise, excess, most};
+use crate::step::load::Load;
+use crate::step::substep_count::FRAMES;
+
+impl Deformer {
+    /// Changes the quality from the next step on. What the cloth has been learned to do is kept.
+    ///
+    /// # Errors
+    /// If a number of it is out of its range; the quality is then as it was.
+    pub fn set_quality(&mut self, quality: Quality) -> Result<(), BuildError> {
+        let options = Options { quality, ..self.options.clone() };
+        options.check_numbers()?;
+        self.engine.check(quality)?;
+        self.options = options;
+        self.wake();
+        Ok(())
+    }
+
+    /// What is promised about strain, if the method can keep it.
+    pub(super) fn promise(&self) -> Option<Promise> {
+        Promise::of(self.options.quality).filter(|_| self.options.method == Method::SmallSteps)
+    }
+
+    /// Whether statistics are wanted after a step.
+    pub(super) fn is_observed(&self) -> bool {
+        self.promise().is_some() || self.options.sleep.is_some()
+    }
+
+    /// What decides on a step of `dt` (s).
+    pub(super) fn controlled(&self, dt: f32, load: &Load) -> Controller {
+        match (self.promise(), self.options.quality) {
+            (Some(promise), _) => self.controller.next(&self.rates, &self.cloth, promise, load, dt),
+            (None, Quality::Budget(time)) => {
+                // Counted in 1/60 s, as all qualities are.
+                let steps = f64::from(dt) * FRAMES;
+                let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
+                let most = most(&self.rates, &self.cloth);
+                self.controller.with_count(fitting.map_or(LEAST, |substeps| (substeps / steps).clamp(1.0, most)))
+            }
+            _ => self.controller,
+        }
+    }
+
+    /// Forgets what was learned from the motion, and wakes the cloth.
+    pub(super) fn forget(&mut self) {
+        (self.controller, self.seen) = (Controller::default(), None);
+        self.unjudged.clear();
+        self.wake();
+    }
+
+    /// Judges the step that there are new statistics of, and learns from it.
+    pub(super) fn judged(&mut self, taken: Taken, seen: Option<Statistics>, warnings: &mut Vec<Warning>) -> Option<Stretch> {
+        self.controller = taken.controller;
+        if !self.is_observed() {
+            self.unjudged.clear();
+            return None;
+        }
+        self.unjudged.push_back(taken);
+        let seen = seen?;
+        let taken = self.unjudged.pop_front()?;
+        let promise = self.promise();
+        if let Some(promise) = promise {
+            warnings.extend(self.learned(&taken, promise, &seen));
+        }
+        self.seen = Some(seen);
+        let share = seen.stretch_of(f64::from(promise.map_or(Quality::MOST_OF_THE_AREA, |promise| promise.share)));
+        Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
+    }
+
+    /// Learns from a step; warns if it broke the promise.
+    fn learned(&mut self, taken: &Taken, promise: Promise, seen: &Statistics) -> Option<Warning> {
+        let Taken { dt, load, division, .. } = taken;
+        let excess = excess(&self.cloth, load, seen, promise.share);
+        self.controller.learn(&self.rates, &self.cloth, load, excess, division.length.longest, *dt);
+        let missed = excess > f64::from(promise.stretch);
+        let slivers = self.cloth.slivers.edges as f32 > (1.0 - promise.share) * self.cloth.links.len() as f32;
+        let cause = if slivers { Cause::Slivers } else { load.cause(&self.cloth) };
+        missed.then_some(Warning::StrainMissed { stretch: excess as f32, promised: promise.stretch, cause })
+    }
+}

@@ -1,0 +1,46 @@
+//! A cloth that has come to rest sleeps until something changes.
+
+use super::Deformer;
+use crate::attributes::Attributes;
+use crate::kernels::statistics::Statistics;
+
+/// For how long a cloth has been still, and under what.
+#[derive(Debug, Default)]
+pub(super) struct Stillness {
+    /// What acted on it in the last step.
+    attributes: Attributes,
+    /// For how long (s) those have not changed and it has hardly moved.
+    time: f32,
+}
+
+impl Deformer {
+    /// Whether the cloth would sleep through a step under `attributes`.
+    pub(super) fn sleeps(&self, attributes: &Attributes) -> bool {
+        let Some(sleep) = self.options.sleep else { return false };
+        self.still.time > sleep.after && self.still.attributes == *attributes
+    }
+
+    /// Notes a step of `dt` (s), and how fast the cloth moves.
+    pub(super) fn watch_for_sleep(&mut self, dt: f32, attributes: &Attributes, seen: Option<&Statistics>) {
+        let Some(sleep) = self.options.sleep else { return };
+        let moves = |seen: &Statistics| seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
+        let Stillness { attributes: last, time } = &mut self.still;
+        *time = if last != attributes || seen.is_none_or(moves) { 0.0 } else { *time + dt };
+        if last != attributes {
+            // A list keeps its memory: a step allocates nothing.
+            let mut colliders = std::mem::take(&mut last.colliders);
+            colliders.clone_from(&attributes.colliders);
+            let mut pin_targets = last.pin_targets.take();
+            match (&mut pin_targets, &attributes.pin_targets) {
+                (Some(to), Some(from)) => to.clone_from(from),
+                (to, from) => to.clone_from(from),
+            }
+            *last = Attributes { colliders, pin_targets, ..*attributes };
+        }
+    }
+
+    /// Wakes it.
+    pub(super) fn wake(&mut self) {
+        self.still.time = 0.0;
+    }
+}

@@ -1,0 +1,94 @@
+//! Statistics of a state on the GPU: counted behind a step, looked at some steps later.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::device::{Entry, Gpu};
+use crate::gpu::forces::Forces;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Stage, WORKGROUP};
+use crate::kernels::statistics::{Statistics, StrainGauge};
+
+/// Steps that statistics are late: as many may be queued before one waits for another. It is always as many, so that a motion can be
+/// repeated.
+const LATE: usize = 3;
+/// Most workgroups that count: each adds what it counted to what the others did.
+const MOST_WORKGROUPS: usize = 256;
+
+/// The stage that counts, and what is on its way back.
+#[derive(Debug)]
+pub(crate) struct Counter {
+    stage: Stage,
+    counted: wgpu::Buffer,
+    /// Items to count.
+    items: usize,
+    under_way: VecDeque<UnderWay>,
+    /// Buffers that were looked at.
+    free: Vec<wgpu::Buffer>,
+}
+
+#[derive(Debug)]
+struct UnderWay {
+    staging: wgpu::Buffer,
+    submission: wgpu::SubmissionIndex,
+    /// Whether the buffer could be mapped; told by whoever polls the device.
+    mapped: Arc<AtomicBool>,
+}
+
+impl Counter {
+    pub(crate) fn new(gpu: &Gpu, forces: &Forces, gauges: &[StrainGauge]) -> Counter {
+        let counted = gpu.buffer("statistics", size_of::<Statistics>() as u64);
+        let items = gauges.len().max(forces.vertices());
+        let gauges = gpu.filled("strain gauges", gauges);
+        let state = &forces.states[0];
+        let bound = [&gauges, &state.x, &state.p].map(Bind::Read).into_iter().chain([Bind::Write(&counted)]).collect();
+        let entry = Entry { shader: shaders::STATISTICS, name: "count", constants: &[] };
+        let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        Counter { stage, counted, items, under_way: VecDeque::new(), free: Vec::new() }
+    }
+
+    /// Dispatches of a count.
+    pub(crate) const DISPATCHES: usize = 1;
+
+    /// Forgets what the step before counted, ahead of what is submitted next.
+    pub(crate) fn clear(&self, gpu: &Gpu) {
+        gpu.write(&self.counted, 0, &[Statistics::NONE]);
+    }
+
+    /// Encodes a count of the cloth's own state.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MOST_WORKGROUPS));
+    }
+
+    /// Sends for what was counted behind what is submitted, and returns what was three steps before: waits for that step if need be.
+    pub(crate) fn send_for(&mut self, gpu: &Gpu) -> Result<Option<Statistics>, String> {
+        let size = self.counted.size();
+        let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
+        let submission = gpu.copy_to(&staging, &[&self.counted]);
+        let mapped = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&mapped);
+        staging.map_async(wgpu::MapMode::Read, .., move |result| told.store(result.is_ok(), Ordering::Release));
+        self.under_way.push_back(UnderWay { staging, submission, mapped });
+        if self.under_way.len() <= LATE {
+            return Ok(None);
+        }
+        let Some(UnderWay { staging, submission, mapped }) = self.under_way.pop_front() else { return Ok(None) };
+        gpu.poll(wgpu::PollType::Poll)?;
+        if !mapped.load(Ordering::Acquire) {
+            gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
+        }
+        if !mapped.load(Ordering::Acquire) {
+            return Err("the statistics of a step could not be mapped".to_owned());
+        }
+        let seen = staging.get_mapped_range(..).map(|bytes| bytemuck::pod_read_unaligned(&bytes));
+        staging.unmap();
+        self.free.push(staging);
+        seen.map(Some).map_err(|error| error.to_string())
+    }
+
+    /// Forgets what is under way.
+    pub(crate) fn forget(&mut self) {
+        self.under_way.clear();
+    }
+}

@@ -1,0 +1,121 @@
+//! What acts on a cloth during a step, as far as it can stretch it.
+
+use glam::Vec3;
+
+use crate::attributes::{Attributes, Collider, Shape};
+use crate::kernels::statistics::{Statistics, unordered};
+use crate::model::cloth::Cloth;
+use crate::options::Cause;
+use crate::step::plan::Motion;
+
+/// The accelerations, speeds and pressures that membrane stress follows from.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Load {
+    /// Gravity (m/s²).
+    pub gravity: f64,
+    /// The pin that is jerked most: change of its velocity over the step (m/s²).
+    pub pins: f64,
+    /// The 95th percentile of the free vertices' speed relative to the pins (m/s).
+    pub cloth_speed: f64,
+    /// The fastest collider within reach (m/s).
+    pub collider_speed: f64,
+    /// Pressure (Pa) of the wind on cloth that stands still across it.
+    pub pressure: f64,
+}
+
+impl Load {
+    /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, v the larger of both speeds, L the cloth's extent.
+    pub(crate) fn stress(&self, cloth: &Cloth) -> f64 {
+        self.stress_without_wind(cloth) + self.pressure * cloth.extent
+    }
+
+    /// Without the wind's part, of which little is felt as long as the cloth gives way to it.
+    pub(crate) fn stress_without_wind(&self, cloth: &Cloth) -> f64 {
+        let speed = self.cloth_speed.max(self.collider_speed);
+        cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
+    }
+
+    /// What of it is the most.
+    pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
+        let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
+        let terms = [
+            (Cause::Motion, weighed(self.gravity, self.cloth_speed)),
+            (Cause::Pins, weighed(self.pins, 0.0)),
+            (Cause::Collider, weighed(0.0, self.collider_speed)),
+            (Cause::Wind, self.pressure * cloth.extent),
+        ];
+        terms.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Cause::Motion, |(cause, _)| cause)
+    }
+
+    /// Of a step of `dt` (s) under `attributes` after `motion`, `seen` being the last statistics there are.
+    pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> Load {
+        Load {
+            gravity: attributes.gravity.as_dvec3().length(),
+            pins: pin_acceleration(cloth, motion, attributes, dt),
+            cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
+            collider_speed: collider_speed(cloth, motion, attributes, dt, seen),
+            pressure: pressure(attributes),
+        }
+    }
+}
+
+/// Pressure (Pa) of the wind on cloth that stands still across it.
+pub(crate) fn pressure(attributes: &Attributes) -> f64 {
+    0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * attributes.wind.as_dvec3().length_squared()
+}
+
+/// The largest second difference of the pins' places over `dt²` (m/s²): pins that were led and are led no more stop dead.
+fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32) -> f64 {
+    let targets = attributes.pin_targets.as_deref().unwrap_or_default();
+    let velocity = |slot: usize| targets.get(slot).map_or(Vec3::ZERO, |&target| (target - cloth.origin - motion.pins[slot]) / dt);
+    let before = |slot: usize| motion.pin_velocities.get(slot).copied().unwrap_or_default();
+    let led = targets.len().max(motion.pin_velocities.len());
+    let change = (0..led).map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);
+    f64::from(change) / f64::from(dt)
+}
+
+/// Speed (m/s) of the fastest collider that could touch the cloth during the step.
+fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
+    let moved = motion.followed(&attributes.colliders).map(|(now, last)| (now, travel(&now.shape, &last.shape)));
+    let is_near = |collider: &Collider, travel: f32| {
+        seen.is_none_or(|seen| {
+            let reach = STEPS_AHEAD * (f32::from_bits(seen.fastest) * dt + travel);
+            let [low, high] = [seen.low, seen.high].map(unordered);
+            gap(&collider.relative_to(cloth.origin).shape, low, high) <= reach
+        })
+    };
+    let near = moved.filter(|&(now, travel)| travel > 0.0 && is_near(now, travel));
+    f64::from(near.map(|(_, travel)| travel).fold(0.0, f32::max)) / f64::from(dt)
+}
+
+/// Steps that statistics may be old, on the GPU, and one more until there are others.
+const STEPS_AHEAD: f32 = 4.0;
+
+/// How far (m) a surface moves at most from `last` to `now`; 0 if they are of different kinds.
+fn travel(now: &Shape, last: &Shape) -> f32 {
+    match (now, last) {
+        (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
+            to.distance(*from) + (r1 - r0).abs()
+        }
+        (Shape::Capsule { a, b, radius: r1 }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
+            a.distance(*a0).max(b.distance(*b0)) + (r1 - r0).abs()
+        }
+        (Shape::Plane { point: to, normal }, Shape::Plane { point: from, .. }) => {
+            (*to - *from).dot(normal.normalize_or_zero()).abs()
+        }
+        _ => 0.0,
+    }
+}
+
+/// Distance (m) between a surface and a box, at most.
+fn gap(shape: &Shape, low: Vec3, high: Vec3) -> f32 {
+    let between = |first: Vec3, last: Vec3| (low - last).max(first - high).max(Vec3::ZERO).length();
+    match *shape {
+        Shape::Sphere { center, radius } => between(center, center) - radius,
+        Shape::Capsule { a, b, radius } => between(a.min(b), a.max(b)) - radius,
+        Shape::Plane { point, normal } => {
+            let lowest = Vec3::select(normal.cmpge(Vec3::ZERO), low, high);
+            (lowest - point).dot(normal.normalize_or_zero())
+        }
+    }
+}
