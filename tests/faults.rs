@@ -292,7 +292,7 @@ fn springs_at_their_own_limit_last() {
 #[test]
 fn a_forecast_comes_true() {
     let (mesh, options) = hang(64, 20, Backend::Cpu);
-    for (quality, levels) in [(Quality::Substeps(20), 4), (Quality::Substeps(160), 0), (Quality::Strain(0.05), 2)] {
+    for (quality, levels) in [(Quality::Substeps(20), 4), (Quality::Substeps(160), 0), (Quality::Strain(0.05), 4)] {
         let mut deformer = Deformer::new(&mesh, Options { quality, ..options.clone() }).unwrap();
         let forecast = deformer.forecast(FRAME, &Attributes::default()).unwrap();
         let report = deformer.step(FRAME, &Attributes::default()).unwrap();

@@ -232,6 +232,10 @@ impl Packer<'_> {
         factors.push(lanes, |k| edge(k).inverse_rest);
         factors.push(lanes, |k| share(k, 0));
         factors.push(lanes, |k| share(k, 1));
+        if places.capacity() < places.len() + lanes {
+            // Doubled, it would be the most that building takes.
+            places.reserve_exact(places.len() / 8 + 64 * lanes);
+        }
         places.extend((0..lanes).map(|k| lane(k).0.0 | if lane(k).1 { 0 } else { NO_SHARE }));
     }
 }

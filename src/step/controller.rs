@@ -75,6 +75,11 @@ impl Controller {
         self.count
     }
 
+    /// The strain beyond the fabric's own that is expected of substeps of at most `longest` (s).
+    pub(crate) fn expected(&self, rates: &Rates, cloth: &Cloth, load: &Load, longest: f32) -> f64 {
+        self.factor * rates.strain(load.stress(cloth), f64::from(longest))
+    }
+
     /// With another number of substeps in 1/60 s.
     pub(crate) fn with_count(&self, count: f64) -> Controller {
         Controller { count, ..*self }
