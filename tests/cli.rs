@@ -173,7 +173,7 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
 
     // Order is a property of the text: a parser may sort.
     let keys = ["adapter", "backend", "method", "vertices", "edges", "colours", "frames"];
-    let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "energy", "penetration"];
+    let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "stretch_share", "energy", "penetration"];
     let places = |keys: &[&str], text: &str| -> Vec<usize> {
         keys.iter().map(|key| text.find(&format!("\"{key}\":")).unwrap_or_else(|| panic!("no {key} in {text}"))).collect()
     };
