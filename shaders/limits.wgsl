@@ -1,6 +1,6 @@
 // Which numbers a state may hold.
 
-// What `first_bad` is while every vertex is within bounds.
+// What the first vertex out of bounds is while there is none.
 const NONE: u32 = 0xffffffffu;
 
 // Farther out [m] squares soon overflow; NaN and infinity are farther still. Compared by its bits, in which magnitudes

@@ -20,6 +20,10 @@ struct Params {
     levels: u32,
     drift: vec3f,
     holds: u32,
+    edges: u32,
+    per_length: f32,
+    per_mass: f32,
+    longest: f32,
 }
 
 struct Substep {

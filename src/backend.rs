@@ -10,6 +10,8 @@ use crate::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuEngine;
 #[cfg(feature = "gpu")]
+use crate::gpu_fault::{Excess, GpuFault};
+#[cfg(feature = "gpu")]
 use crate::hybrid::Hybrid;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
@@ -48,7 +50,19 @@ impl Engine {
             Some(gpu) => Ok(gpu.clone()),
             None => Gpu::shared(software),
         };
-        let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
+        let refuse = |backend| {
+            move |fault| match fault {
+                GpuFault::Lost => {
+                    let gpu = options.gpu.as_ref().map_or("the GPU", Gpu::name).to_owned();
+                    BuildError::GpuLost { backend, gpu }
+                }
+                GpuFault::Memory(reason) => BuildError::GpuMemory { backend, reason },
+                GpuFault::Limit(Excess { thing, needed, limit, allowed }) => {
+                    BuildError::GpuLimit { backend, thing, needed, limit, allowed }
+                }
+                GpuFault::Other(reason) => BuildError::NoGpu { backend, reason },
+            }
+        };
         Ok(match options.backend {
             Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
             Backend::Auto if cloth.rest.len() < GPU_PAYS || matches!(options.quality, Quality::Budget(_)) => {
@@ -85,7 +99,7 @@ impl Engine {
     /// One step; the newest statistics there are, if the plan asks for any.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<Option<Statistics>, Failure> {
         match self {
-            Engine::Cpu(cpu) => cpu.step(plan, None).map_err(Failure::Unstable).map(|()| cpu.statistics(plan)),
+            Engine::Cpu(cpu) => cpu.step(plan, None).map(|()| cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
             Engine::Hybrid(hybrid) => hybrid.step(plan).map(|()| hybrid.cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
@@ -102,7 +116,10 @@ impl Engine {
             done.push(Ok(None));
             match engine {
                 #[cfg(feature = "gpu")]
-                Engine::Gpu(gpu) => together.push((index, &mut **gpu, plan)),
+                Engine::Gpu(gpu) => match gpu.is_whole() {
+                    Ok(()) => together.push((index, &mut **gpu, plan)),
+                    Err(failure) => done[index] = Err(failure),
+                },
                 engine => done[index] = engine.step(&plan),
             }
         }
@@ -114,6 +131,16 @@ impl Engine {
             done[index] = failure.map_or_else(|| gpu.statistics(), |(_, failure)| Err(failure.clone()));
         }
         done
+    }
+
+    /// Whether it is known by now that a step failed, which its result did not say; never waits.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU says so at once"))]
+    pub(crate) fn told(&mut self) -> Result<bool, Failure> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.told(),
+            _ => Ok(false),
+        }
     }
 
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {

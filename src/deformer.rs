@@ -32,6 +32,7 @@ use crate::step::load::Load;
 use crate::step::pace::Pace;
 use crate::step::plan::{Motion, Plan, PlanBuffers};
 use crate::step::substep_count::{Division, FRAMES, Rates};
+use crate::step::watch::{Led, Watch};
 
 /// What a step takes.
 #[derive(Debug, Clone, Copy)]
@@ -68,6 +69,10 @@ pub struct Deformer {
     /// How long substeps take, where there is a budget for them.
     pace: Pace,
     still: Stillness,
+    /// What the motion is judged by: as it is, and as it will be after a good step; and the bounds of the last.
+    watch: Watch,
+    meeting: (Watch, Led),
+    bounds: (f32, f32),
     buffers: PlanBuffers,
     /// What the caller was shown last, in the mesh's order.
     positions: Vec<Vec3>,
@@ -103,6 +108,7 @@ impl Deformer {
         let engine = Engine::new(&cloth, &options)?;
         engine.check(options.quality)?;
         let motion = Motion::after(&cloth, &cloth.rest, 0.0);
+        let watch = Watch::new(&cloth, &options);
         let local = cloth.rest.clone();
         let velocities = vec![Vec3::ZERO; mesh.positions.len()];
         let positions = mesh.positions.clone();
@@ -120,6 +126,9 @@ impl Deformer {
             seen: None,
             pace: Pace::default(),
             still: Stillness::default(),
+            watch,
+            meeting: (watch, Led::default()),
+            bounds: (f32::MAX, f32::MAX),
             buffers: PlanBuffers::default(),
             positions,
             velocities,
@@ -140,8 +149,9 @@ impl Deformer {
     /// their own and enter it from a thread that is in no other pool: `pool.install(|| cloth.step(dt, &attributes))`.
     ///
     /// # Errors
-    /// If `dt` or an attribute is out of its range, or the motion left the finite numbers; the state is then as it was.
-    /// On the GPU the last is found when the state is next read: it is then that of the last good step.
+    /// If `dt` or an attribute is out of its range, or the motion ran away ([`StepError::Unstable`]); the state is then as it was.
+    /// On the GPU the last is found when the state is next read, or by one of the next steps, about sixteen later at most, which is then not
+    /// taken: the state is that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
         let Some(taken) = self.ready(dt, attributes)? else { return Ok(self.slept()) };
         // Without a budget nobody looks at a clock, which not every machine has.
@@ -193,6 +203,7 @@ impl Deformer {
 
     /// Checks a step and brings the coefficients up to date; returns what it takes, or nothing if the cloth sleeps through it.
     fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<Taken>, StepError> {
+        self.look_back()?;
         let taken = self.taken(dt, attributes)?;
         if self.sleeps(attributes) {
             return Ok(None);
@@ -213,7 +224,10 @@ impl Deformer {
         let (levels, substeps) = (self.hierarchy.finest(self.asked), taken.division.substeps);
         let plan =
             Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.buffers);
-        let plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
+        let mut plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
+        self.meeting = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(taken.dt));
+        self.bounds = self.meeting.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
+        self.watch.tell(&mut plan.params, self.bounds);
         (&mut self.engine, plan)
     }
 
@@ -228,13 +242,14 @@ impl Deformer {
         let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending_limited));
         let (levels, limited) = used.unwrap_or_default();
+        self.watch = self.meeting.0;
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.led(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(dt, substeps, limited);
+        let mut warnings = self.warnings(dt, substeps, limited, self.meeting.1);
         let stretch = self.judged(taken, seen, &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
@@ -249,6 +264,7 @@ impl Deformer {
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.
     pub fn reset(&mut self) {
         self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
+        self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);
         (self.colliders, self.gravity) = (Vec::new(), Vec3::ZERO);
         self.forget();
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);

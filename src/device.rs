@@ -1,11 +1,14 @@
 //! A device to compute on, and what is made and done on it: buffers, pipelines, reads, waits.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
+
+use crate::gpu_fault::{Excess, GpuFault};
 
 /// A wgpu device and queue to compute on. Cheap to clone.
 ///
@@ -51,8 +54,13 @@ struct Found {
 /// How long a thread that waits for the device stays awake: one that sleeps is woken .05 to .3 ms late.
 const AWAKE: Duration = Duration::from_millis(4);
 
+thread_local! {
+    /// What [`Gpu::make`] refused since [`Gpu::checked`] began: on its own thread, as wgpu's error scopes are.
+    static REFUSED: Cell<Option<Excess>> = const { Cell::new(None) };
+}
+
 impl Found {
-    fn request() -> Result<Found, String> {
+    fn request() -> Result<Found, GpuFault> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
@@ -70,7 +78,8 @@ impl Found {
             required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
             ..wgpu::DeviceDescriptor::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| GpuFault::from(error.to_string()))?;
         let lost = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&lost);
         device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
@@ -113,7 +122,7 @@ impl Gpu {
     /// The best adapter of this machine: a real GPU, or, if `software` may stand in, the software driver.
     ///
     /// Asked for once in a program and shared: a driver hands out only so many devices. Asked for again if it was lost.
-    pub(crate) fn shared(software: bool) -> Result<Gpu, String> {
+    pub(crate) fn shared(software: bool) -> Result<Gpu, GpuFault> {
         static FOUND: Mutex<Option<Found>> = Mutex::new(None);
         let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
         if found.as_ref().is_none_or(|found| found.lost.load(Ordering::Relaxed)) {
@@ -121,19 +130,98 @@ impl Gpu {
         }
         match found.as_ref() {
             Some(found) if software || !found.software => Ok(found.gpu.clone()),
-            _ => Err("the only adapter is a software driver".to_owned()),
+            _ => Err("the only adapter is a software driver".into()),
         }
     }
 
-    /// Runs `work` and turns what the device would report as uncaptured (validation, memory) into an error.
-    pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    /// Runs `work` and turns into an error what the device would report as uncaptured (validation, memory), what [`Gpu::make`] refused, and
+    /// what it could not do because the device is lost, which wgpu keeps to itself.
+    pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
         let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
         let [validation, memory, internal] = filters.map(|filter| self.device().push_error_scope(filter));
+        REFUSED.set(None);
         let result = work();
         let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
-        match errors.into_iter().flatten().next() {
-            Some(error) => Err(error.to_string().replace('\n', " ")),
+        // Of several the first cause: what was refused or did not fit is then missed by what comes after.
+        let refused = REFUSED.take().map(GpuFault::Limit);
+        let error = refused
+            .or_else(|| errors.into_iter().flatten().next().map(GpuFault::from))
+            .or_else(|| result.as_ref().err().cloned());
+        match error {
             None => result,
+            Some(fault @ (GpuFault::Limit(_) | GpuFault::Memory(_))) => Err(fault),
+            Some(fault) => Err(if self.is_lost() { GpuFault::Lost } else { fault }),
+        }
+    }
+
+    /// Fails if [`Gpu::make`] refused something since [`Gpu::checked`] began: what would use it must not run.
+    pub(crate) fn refused() -> Result<(), GpuFault> {
+        REFUSED.get().map_or(Ok(()), |excess| Err(GpuFault::Limit(excess)))
+    }
+
+    /// Whether the device is lost. wgpu tells it to a callback, of which a device has one, and that is its owner's; but a lost device also
+    /// refuses at once to map.
+    pub(crate) fn is_lost(&self) -> bool {
+        let scope = self.device().push_error_scope(wgpu::ErrorFilter::Validation);
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some("probe"),
+            size: 4,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        };
+        let refused = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&refused);
+        let probe = self.device().create_buffer(&descriptor);
+        probe.map_async(wgpu::MapMode::Read, .., move |mapped| told.store(mapped.is_err(), Ordering::Relaxed));
+        let is_lost = refused.load(Ordering::Relaxed);
+        drop(pollster::block_on(scope.pop()));
+        is_lost
+    }
+
+    /// Why something could not be mapped.
+    pub(crate) fn unmapped(&self, thing: &str) -> GpuFault {
+        if self.is_lost() { GpuFault::Lost } else { format!("{thing} could not be mapped").into() }
+    }
+
+    /// The most bytes that a storage buffer may have, by the name of the limit.
+    fn most_bytes(&self) -> (&'static str, u64) {
+        let wgpu::Limits { max_storage_buffer_binding_size, max_buffer_size, .. } = self.device().limits();
+        let limits = [("max_storage_buffer_binding_size", max_storage_buffer_binding_size), ("max_buffer_size", max_buffer_size)];
+        if limits[0].1 < limits[1].1 { limits[0] } else { limits[1] }
+    }
+
+    /// The most bytes that a table may have.
+    pub(crate) fn most_table_bytes(&self) -> usize {
+        usize::try_from(self.most_bytes().1).unwrap_or(usize::MAX)
+    }
+
+    /// Fails if the device is lost, cannot do what every stage needs, or has no room for a storage buffer of `bytes`.
+    pub(crate) fn meets(&self, thing: &'static str, bytes: u64) -> Result<(), GpuFault> {
+        let limits = self.device().limits();
+        let (limit, allowed) = self.most_bytes();
+        let needs = [
+            (thing, bytes, limit, allowed),
+            (
+                "storage buffers of a stage",
+                8,
+                "max_storage_buffers_per_shader_stage",
+                limits.max_storage_buffers_per_shader_stage.into(),
+            ),
+            (
+                "threads of a workgroup",
+                64,
+                "max_compute_invocations_per_workgroup",
+                limits.max_compute_invocations_per_workgroup.into(),
+            ),
+            ("threads of a workgroup", 64, "max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x.into()),
+            ("workgroups", 65_535, "max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension.into()),
+        ];
+        if self.is_lost() {
+            return Err(GpuFault::Lost);
+        }
+        match needs.into_iter().find(|&(_, needed, _, allowed)| needed > allowed) {
+            Some((thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
+            None => Ok(()),
         }
     }
 
@@ -143,31 +231,41 @@ impl Gpu {
     }
 
     /// A storage buffer of `size` bytes, zero.
-    pub(crate) fn buffer(&self, label: &str, size: u64) -> wgpu::Buffer {
+    pub(crate) fn buffer(&self, label: &'static str, size: u64) -> wgpu::Buffer {
         self.buffer_for(label, size, wgpu::BufferUsages::empty())
     }
 
     /// A storage buffer of `size` bytes, zero, that a renderer may use as well.
-    pub(crate) fn buffer_for(&self, label: &str, size: u64, renderer: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub(crate) fn buffer_for(&self, label: &'static str, size: u64, renderer: wgpu::BufferUsages) -> wgpu::Buffer {
         use wgpu::BufferUsages;
         self.make(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | renderer)
     }
 
     /// A storage buffer with these values; an item of zeros if there are none.
-    pub(crate) fn filled<T: Pod>(&self, label: &str, values: &[T]) -> wgpu::Buffer {
+    pub(crate) fn filled<T: Pod>(&self, label: &'static str, values: &[T]) -> wgpu::Buffer {
         let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);
         self.write(&buffer, 0, values);
         buffer
     }
 
     /// A buffer to map and read.
-    pub(crate) fn staging(&self, label: &str, size: u64) -> wgpu::Buffer {
+    pub(crate) fn staging(&self, label: &'static str, size: u64) -> wgpu::Buffer {
         self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    /// A buffer of any kind.
-    pub(crate) fn make(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    /// A buffer of any kind. One that is larger than the device takes is not made: [`Gpu::checked`] says so, and what stands for it is
+    /// never used.
+    pub(crate) fn make(&self, label: &'static str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+        let (limit, allowed) = match usage.contains(wgpu::BufferUsages::STORAGE) {
+            true => self.most_bytes(),
+            false => ("max_buffer_size", self.device().limits().max_buffer_size),
+        };
+        if size > allowed {
+            let first = REFUSED.get().unwrap_or(Excess { thing: label, needed: size, limit, allowed });
+            REFUSED.set(Some(first));
+        }
+        let size = if size > allowed { wgpu::COPY_BUFFER_ALIGNMENT } else { size };
         self.device().create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
 
@@ -225,7 +323,7 @@ impl Gpu {
         staging: &wgpu::Buffer,
         buffers: &[&wgpu::Buffer],
         look: impl FnOnce(&[u8]) -> T,
-    ) -> Result<T, String> {
+    ) -> Result<T, GpuFault> {
         self.checked(|| {
             self.copy_to(staging, buffers);
             let (send, receive) = std::sync::mpsc::channel();
@@ -234,15 +332,18 @@ impl Gpu {
                 let _ = send.send(mapped);
             });
             self.wait()?;
-            receive.recv().map_err(|error| error.to_string())?.map_err(|error| error.to_string())?;
-            let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| error.to_string());
+            receive
+                .recv()
+                .map_err(|error| GpuFault::from(error.to_string()))?
+                .map_err(|error| GpuFault::from(error.to_string()))?;
+            let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| GpuFault::from(error.to_string()));
             staging.unmap();
             seen
         })
     }
 
     /// Waits for what was submitted.
-    pub(crate) fn wait(&self) -> Result<(), String> {
+    pub(crate) fn wait(&self) -> Result<(), GpuFault> {
         let begin = Instant::now();
         while begin.elapsed() < AWAKE {
             if self.poll(wgpu::PollType::Poll)?.is_queue_empty() {
@@ -254,12 +355,12 @@ impl Gpu {
     }
 
     /// Sees what is done, and calls back whoever asked.
-    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<wgpu::PollStatus, String> {
+    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<wgpu::PollStatus, GpuFault> {
         // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
         let poll = || self.device().poll(how);
         match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
-            Ok(polled) => polled.map_err(|error| error.to_string()),
-            Err(_) => Err("the device was lost".to_owned()),
+            Ok(polled) => polled.map_err(|error| GpuFault::from(error.to_string())),
+            Err(_) => Err(GpuFault::Lost),
         }
     }
 }

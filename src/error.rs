@@ -81,6 +81,38 @@ pub enum BuildError {
         /// What the driver or the build said.
         reason: String,
     },
+    /// The device was lost before or while the cloth was built on it.
+    #[error("no GPU for {backend}: {gpu} was lost; make a new device, or ask for the CPU")]
+    GpuLost {
+        /// The backend.
+        backend: &'static str,
+        /// The device.
+        gpu: String,
+    },
+    /// The device has no memory left.
+    #[error("no GPU for {backend}: out of memory ({reason}); free some, split the mesh, or ask for the CPU")]
+    GpuMemory {
+        /// The backend.
+        backend: &'static str,
+        /// What the driver said.
+        reason: String,
+    },
+    /// The device does not take so much.
+    #[error(
+        "no GPU for {backend}: {thing}: {needed}, but {limit} of the device is {allowed}; request a device with more, split the mesh, or ask for the CPU"
+    )]
+    GpuLimit {
+        /// The backend.
+        backend: &'static str,
+        /// What is too much.
+        thing: &'static str,
+        /// How much it is: bytes of a buffer, or a number.
+        needed: u64,
+        /// The limit, by its name in `wgpu::Limits`.
+        limit: &'static str,
+        /// What the device has.
+        allowed: u64,
+    },
 }
 
 /// Why [`Deformer::step`](crate::Deformer::step) or a read of the state failed. The state is what it was before.
@@ -132,18 +164,79 @@ pub enum StepError {
         /// Substeps that the closed form asks for.
         needed: f64,
     },
-    /// The state stopped being finite during the step.
-    #[error("unstable: vertex {vertex} left all bounds (1e15 m, or not a number); {remedy}")]
+    /// The motion ran away during a step; the state is that of the step before.
+    #[error("unstable: {cause}, in step {frame}; {remedy}")]
     Unstable {
-        /// The first such vertex.
+        /// The first vertex out of bounds, the first that is too fast, or an end of the edge.
         vertex: usize,
+        /// What went wrong.
+        cause: Instability,
+        /// The step, counted from 1 since the cloth was made, reset or put somewhere.
+        frame: u32,
         /// What helps.
         remedy: String,
     },
-    /// The GPU was lost or refused the work.
+    /// The device was lost, and with it the state of every cloth on it; those elsewhere go on. Found at once by what waits for the device or
+    /// reads from it, and by a step at most sixteen steps later.
+    #[error("{gpu} was lost, and the cloth's state with it; make a new Deformer on a new device, or on the CPU")]
+    GpuLost {
+        /// The device.
+        gpu: String,
+    },
+    /// The device has no memory left for what the step is the first to need.
+    #[error("the GPU is out of memory ({reason}); free some and make a new Deformer, or ask for the CPU")]
+    GpuMemory {
+        /// What the driver said.
+        reason: String,
+    },
+    /// What the step is the first to need is more than the device takes.
+    #[error("{thing}: {needed}, but {limit} of the GPU is {allowed}; make a new Deformer on a device with more, or on the CPU")]
+    GpuLimit {
+        /// What is too much.
+        thing: &'static str,
+        /// How much it is: bytes of a buffer, or a number.
+        needed: u64,
+        /// The limit, by its name in `wgpu::Limits`.
+        limit: &'static str,
+        /// What the device has.
+        allowed: u64,
+    },
+    /// The GPU refused the work.
     #[error("the GPU failed: {reason}; make a new Deformer, or ask for the CPU")]
     Gpu {
         /// What the driver said.
         reason: String,
+    },
+}
+
+/// How a motion ran away. The bounds are eight times what everything in the scene together explains, so that a wild motion passes
+/// none: see [`StepError::Unstable`].
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Instability {
+    /// A vertex is farther out than 1e15 m, or nowhere.
+    #[error("vertex {vertex} left all bounds (1e15 m, or not a number)")]
+    NotFinite {
+        /// The first such vertex.
+        vertex: usize,
+    },
+    /// The cloth has more kinetic energy than gravity, air, pins, colliders, its elasticity and what it was given can have brought.
+    #[error(
+        "the cloth, vertex {vertex} among others, moves faster than {speed} m/s (root mean square), eight times what gravity, wind, pins, colliders and elasticity explain"
+    )]
+    Energy {
+        /// The first vertex that is faster.
+        vertex: usize,
+        /// The bound on the cloth's speed (m/s): the root of twice its kinetic energy over its mass.
+        speed: f32,
+    },
+    /// An edge is longer than all of the cloth, many times over. A step looks at a few of the edges, the next at the next, so that every one is
+    /// seen once in 128 steps.
+    #[error("edge {}-{} is longer than {length} m, eight times the cloth with all that its weight and speed stretch it by", ends[0], ends[1])]
+    Edge {
+        /// Its ends.
+        ends: [u32; 2],
+        /// The bound on its length (m).
+        length: f32,
     },
 }

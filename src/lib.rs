@@ -12,6 +12,8 @@ mod failure;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]
+mod gpu_fault;
+#[cfg(feature = "gpu")]
 mod hybrid;
 mod io;
 mod kernels;
@@ -30,7 +32,7 @@ mod step;
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::{Deformer, Forecast};
 pub use device::Gpu;
-pub use error::{BuildError, StepError};
+pub use error::{BuildError, Instability, StepError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(all(feature = "gpu", feature = "bench"))]

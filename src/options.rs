@@ -233,6 +233,27 @@ pub enum Warning {
         /// The worst of them, by the mesh's vertices.
         worst: [u32; 2],
     },
+    /// A pin is led farther in a substep than an edge is long, which is as far as a sweep carries it on: the edges at it are stretched by more
+    /// than their length while it lasts. Lead it more slowly, or take more substeps; [`Attributes`](crate::Attributes) that jump have
+    /// `set_state`.
+    PinOutruns {
+        /// Its place in [`Options::pinned`].
+        pin: usize,
+        /// Its speed (m/s).
+        speed: f32,
+        /// The speed (m/s) of an edge a substep.
+        carried: f32,
+    },
+    /// A collider moves farther in a substep than an edge is long, wherever the cloth is: it tunnels through nothing, but what it meets is
+    /// stretched. Move it more slowly, take more substeps, or say that it was [`teleported`](crate::Collider::teleported).
+    ColliderOutruns {
+        /// Its place in [`Attributes::colliders`](crate::Attributes::colliders).
+        collider: usize,
+        /// Its speed (m/s).
+        speed: f32,
+        /// The speed (m/s) of an edge a substep.
+        carried: f32,
+    },
 }
 
 impl Options {

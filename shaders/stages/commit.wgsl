@@ -5,21 +5,56 @@
 @group(1) @binding(1) var<storage, read> p_made: array<vec4f>;
 @group(1) @binding(2) var<storage, read_write> x: array<vec4f>;
 @group(1) @binding(3) var<storage, read_write> p: array<vec4f>;
-// The first vertex that is not; all ones if none.
-@group(1) @binding(4) var<storage, read_write> first_bad: atomic<u32>;
+@group(1) @binding(4) var<storage, read_write> found: Found;
+// The ends of every edge that is swept.
+@group(1) @binding(5) var<storage, read> ends: array<vec2u>;
+
+// Shares of the allowed kinetic energy.
+var<workgroup> shares: array<f32, WORKGROUP>;
+
+// Edges that a step looks at.
+fn edges_each() -> u32 {
+    return max((params.edges + TURNS - 1u) / TURNS, min(LEAST, params.edges));
+}
 
 @compute @workgroup_size(WORKGROUP)
-fn check(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn check(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let i = item(id, groups);
-    if i < params.vertices && !(is_bounded(x_made[i].xyz) && is_bounded(p_made[i].xyz)) {
-        atomicMin(&first_bad, i);
+    let looks = found.stopped == 0u;
+    var share = 0.0;
+    if looks && i < params.vertices {
+        share = energy_share(p_made[i].xyz, free_mass(x_made[i].w));
+        look_at_vertex(i, x_made[i].xyz, p_made[i].xyz, share);
+    }
+    if looks && i < edges_each() {
+        let k = (found.next + i) % params.edges;
+        if is_long(x_made[ends[k].x].xyz - x_made[ends[k].y].xyz) {
+            atomicMin(&found.long, k);
+        }
+    }
+    shares[lane] = share;
+    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
+        workgroupBarrier();
+        if lane < width {
+            shares[lane] += shares[lane + width];
+        }
+    }
+    if lane == 0u && shares[0] > 0.0 {
+        add_energy(shares[0]);
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn commit(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i < params.vertices && atomicLoad(&first_bad) == NONE {
+    if i == 0u {
+        end_of_watch(params.edges, edges_each());
+    }
+    if i < params.vertices && !has_failed() {
         x[i] = x_made[i];
         p[i] = p_made[i];
     }

@@ -11,7 +11,7 @@ override NUMBERS: u32 = 192u;
 @group(1) @binding(5) var<storage, read_write> p: array<vec4f>;
 // Of vertices: positions and inverse masses, then, while the levels are swept, displacements.
 @group(1) @binding(6) var<storage, read_write> state: array<vec4f>;
-@group(1) @binding(7) var<storage, read_write> first_bad: atomic<u32>;
+@group(1) @binding(7) var<storage, read_write> found: Found;
 
 // Displacements of the vertices, and nothing beside: room for 4096 of them in 48 KiB. While the levels are swept it is
 // theirs: centers, inverse masses, displacements as corrected and as predicted.
@@ -131,6 +131,29 @@ fn correct_on_levels(lane: u32) {
     workgroupBarrier();
 }
 
+// Every vertex, and the edges of one color, the next step those of the next.
+fn look(lane: u32) {
+    var share = 0.0;
+    for (var v = lane; v < params.vertices; v += LANES) {
+        let of_vertex = energy_share(displacement(v), free_mass(state[v].w));
+        look_at_vertex(v, state[v].xyz, displacement(v), of_vertex);
+        share += of_vertex;
+    }
+    if share > 0.0 {
+        add_energy(share);
+    }
+    let color = found.next % max(COLORS, 1u);
+    for (var k = lane; COLORS > 0u && k < WIDTH; k += LANES) {
+        let stored = fetch(edges_of(0u), color, k);
+        if stored.ends == NO_EDGE {
+            continue;
+        }
+        if is_long(state[stored.ends & 0xffffu].xyz - state[stored.ends >> 16u].xyz) {
+            atomicMin(&found.long, IN_TABLE | (color * WIDTH + k));
+        }
+    }
+}
+
 @compute @workgroup_size(LANES)
 fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
     let all = params.vertices;
@@ -167,13 +190,16 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
         }
         meet_at_state();
     }
-    for (var v = lane; v < all; v += LANES) {
-        if !(is_bounded(state[v].xyz) && is_bounded(displacement(v))) {
-            atomicMin(&first_bad, v);
-        }
+    if found.stopped == 0u {
+        look(lane);
     }
     meet_at_state();
-    if atomicLoad(&first_bad) != NONE {
+    let failed = has_failed();
+    meet_at_state();
+    if lane == 0u {
+        end_of_watch(COLORS, 1u);
+    }
+    if failed {
         return;
     }
     for (var v = lane; v < all; v += LANES) {

@@ -1,6 +1,5 @@
 //! The state of a cloth in memory, and a step of it.
 
-use std::sync::atomic::AtomicUsize;
 use std::time::Instant;
 
 use glam::Vec4;
@@ -15,6 +14,8 @@ use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::threads::ThreadChoice;
+use crate::cpu::watch::Found;
+use crate::failure::{Cause, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Method;
@@ -33,6 +34,8 @@ pub(crate) struct Cpu {
     /// Where `x` and `p` go back to if the step fails.
     x_good: AlignedVec,
     p_good: AlignedVec,
+    /// Good steps since the state was set.
+    steps: u32,
     forces: ForceArrays,
     coarse: Coarse,
     partition: Option<Partition>,
@@ -61,6 +64,7 @@ impl Cpu {
             p: zero.clone(),
             x_good: zero.clone(),
             p_good: zero,
+            steps: 0,
             forces: ForceArrays::default(),
             coarse: Coarse::default(),
             partition: None,
@@ -94,17 +98,19 @@ impl Cpu {
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.x.copy_from_slice(x);
         self.p.copy_from_slice(p);
+        self.steps = 0;
     }
 
-    /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Names a vertex that leaves the
-    /// bounds; the state is then as it was.
-    pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), usize> {
-        let lost = self.run(plan, elsewhere);
-        if lost == usize::MAX {
-            return Ok(());
+    /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Says what is wrong if the motion
+    /// runs away; the state is then as it was.
+    pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), Failure> {
+        let step = self.steps.saturating_add(1);
+        if let Some(cause) = self.run(plan, elsewhere) {
+            self.revert();
+            return Err(Failure::Unstable { cause, step });
         }
-        self.revert();
-        Err(lost)
+        self.steps = step;
+        Ok(())
     }
 
     /// Of the state that a step led to, if its plan asks for any.
@@ -121,8 +127,8 @@ impl Cpu {
         self.p.copy_from_slice(&self.p_good);
     }
 
-    /// The substeps of a step; the first vertex that leaves the bounds, or `usize::MAX`.
-    fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> usize {
+    /// The substeps of a step, and what is wrong with where they lead.
+    fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Option<Cause> {
         let pool = rayon::current_num_threads();
         self.pack(plan, elsewhere.is_some(), pool);
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
@@ -137,11 +143,12 @@ impl Cpu {
             edges,
             forces: forces.share(plan, &x, &u, *width),
             correction: coarse.share(&x, &u, if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }, *width),
-            integrator: Integrator { plan, x: &x, u: &u, good, lost: AtomicUsize::new(usize::MAX), width: *width },
+            integrator: Integrator { plan, x: &x, u: &u, good, found: Found::nothing(), width: *width },
             chunks: schedule.chunks.as_deref(),
             elsewhere,
             rule: rule(plan.method),
             workers: threads,
+            step: self.steps,
         };
         let Schedule { passes, graph, .. } = schedule;
         let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
@@ -149,13 +156,15 @@ impl Cpu {
         #[cfg(feature = "bench")]
         if self.loop_by_loop {
             graph.run_pass_by_pass(turns, &work);
-            return stepper.integrator.lost.into_inner();
+            let found = stepper.integrator.found;
+            return found.verdict(&plan.params, &self.x, &self.p);
         }
         // A pool of one has no choice, and perhaps no clock.
         let start = (pool > 1).then(Instant::now);
         graph.run(turns, threads, &work);
         start.into_iter().for_each(|start| choice.note(start.elapsed().as_secs_f64() / f64::from(turns)));
-        stepper.integrator.lost.into_inner()
+        let found = stepper.integrator.found;
+        found.verdict(&plan.params, &self.x, &self.p)
     }
 
     /// Makes ready for substeps of the plan's length and its terms.

@@ -1,15 +1,16 @@
 //! The end of a substep: contact and the move; and where no force but the ambient acceleration acts, the start of the next.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{Vec3, Vec3A, Vec4};
 
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
+use crate::cpu::watch::Found;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::Substep;
+use crate::kernels::watch::energy_share;
 use crate::limits::MAX_POSITION;
 use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
@@ -24,8 +25,8 @@ pub(crate) struct Integrator<'a> {
     pub u: &'a SharedArray<'a>,
     /// Both, where the step began.
     pub good: [SharedArray<'a>; 2],
-    /// The first vertex that left the bounds.
-    pub lost: AtomicUsize,
+    /// What is wrong with the state at the step's end.
+    pub found: Found,
     pub width: Width,
 }
 
@@ -36,7 +37,7 @@ pub(crate) enum Then<'a> {
     Wait,
     /// It falls on: its displacement in the next substep is predicted.
     Fall(&'a Substep),
-    /// It ends the step: is it within bounds?
+    /// It ends the step: is it within bounds, and how much does it move?
     Check,
 }
 
@@ -69,6 +70,7 @@ impl Integrator<'_> {
 
     /// [`Integrator::advance`] of one vertex after another.
     fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
+        let (params, mut energy) = (&self.plan.params, 0.0);
         for i in vertices {
             let (from, by) = (x.get(i), u.get(i));
             let w = from.w;
@@ -90,13 +92,19 @@ impl Integrator<'_> {
                     let bounded = |v: Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
                     // NaN is not below the limit either.
                     if !(bounded(to) && bounded(by.extend(0.0))) {
-                        self.lost.fetch_min(i, Ordering::Relaxed);
+                        self.found.lose(i);
                     }
+                    let mass = if w > 0.0 { self.plan.cloth.mass[i] } else { 0.0 };
+                    let share = |p: f32| energy_share(p, mass, params.per_length, params.per_mass);
+                    energy += share(by.x) + share(by.y) + share(by.z);
                     by.extend(0.0)
                 }
             };
             x.set(i, to);
             u.set(i, on);
+        }
+        if energy > 0.0 {
+            self.found.add(energy);
         }
     }
 }
@@ -170,16 +178,26 @@ impl Loop for Advance<'_> {
         };
         let fourth = zero.lt(L::repeat(Vec4::W));
         let most = L::splat(MAX_POSITION);
+        let (masses, params) = (&integrator.plan.cloth.mass, &integrator.plan.params);
+        let [per_length, per_mass] = [params.per_length, params.per_mass].map(L::splat);
+        let mut energy = zero;
         let mut first = self.vertices.start;
         while self.vertices.end - first >= L::LANES {
             let (x_row, u_row) = (x.row::<L>(first as u32), u.row::<L>(first as u32));
             let mut clear = bodies.is_empty() || self.is_clear::<L>(first);
             if clear && matches!(then, Then::Check) {
+                let mut here = zero;
                 for k in 0..4 {
                     let (from, by) = (x_row.get(k), u_row.get(k));
                     let to = L::select(fourth, zero, from + by);
-                    clear &= L::all(L::and(to.abs().lt(most), L::select(fourth, zero, by).abs().lt(most)));
+                    let by = L::select(fourth, zero, by);
+                    clear &= L::all(L::and(to.abs().lt(most), by.abs().lt(most)));
+                    // The masses are there to be multiplied by: to divide by their inverses takes longer than all the rest.
+                    let masses = L::repeat_each(&masses[first + k * L::VECTORS..][..L::VECTORS]);
+                    let moves = L::select(zero.lt(from.w()), by, zero);
+                    here = here + energy_share(moves, masses, per_length, per_mass);
                 }
+                energy = if clear { energy + here } else { energy };
             }
             if clear {
                 for k in 0..4 {
@@ -195,6 +213,9 @@ impl Loop for Advance<'_> {
                 integrator.advance_each(x, u, first..first + L::LANES, substep, then);
             }
             first += L::LANES;
+        }
+        if matches!(then, Then::Check) {
+            integrator.found.add(energy.sum().element_sum());
         }
         integrator.advance_each(x, u, first..self.vertices.end, substep, then);
     }

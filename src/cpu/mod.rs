@@ -15,6 +15,7 @@ mod substep;
 mod sweep;
 mod tasks;
 mod threads;
+mod watch;
 
 pub(crate) use backend::Cpu;
 #[cfg(feature = "gpu")]

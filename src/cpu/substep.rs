@@ -342,6 +342,8 @@ pub(crate) struct Stepper<'a> {
     /// How edges are corrected, if they are not forces.
     pub rule: Option<Rule>,
     pub workers: usize,
+    /// Good steps before this one.
+    pub step: u32,
 }
 
 impl Stepper<'_> {
@@ -382,7 +384,14 @@ impl Stepper<'_> {
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
             Stage::Sweep(round) => self.sweep(task, round, part),
-            Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
+            Stage::Move(round) => {
+                let piece = &self.partition.rounds[round][part];
+                if index + 1 == self.plan.substeps.len() {
+                    let (State { x, u }, longest) = (self.state(task), self.plan.params.longest);
+                    self.integrator.found.look_at_edges(self.plan.cloth, piece, self.step, x, u, longest);
+                }
+                self.advance(task, &piece.vertices, index);
+            }
         }
     }
 

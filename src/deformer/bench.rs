@@ -73,6 +73,6 @@ impl Deformer {
         let (engine, plan) = self.job(&taken, attributes);
         let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
         let run = hybrid.run_forces(&plan, repeats);
-        run.map_err(|reason| StepError::Gpu { reason })
+        run.map_err(|fault| self.failed(crate::failure::Failure::Gpu(fault)))
     }
 }

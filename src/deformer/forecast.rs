@@ -2,12 +2,15 @@
 
 use super::{Deformer, Taken};
 use crate::attributes::Attributes;
-use crate::error::StepError;
-use crate::failure::Failure;
+use crate::error::{Instability, StepError};
+use crate::failure::{Cause, Failure};
+#[cfg(feature = "gpu")]
+use crate::gpu_fault::{Excess, GpuFault};
 use crate::model::cloth::Slivers;
 use crate::options::{Method, Warning};
 use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::Division;
+use crate::step::watch::Led;
 
 /// What a step of some length under some attributes will be, from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
@@ -49,42 +52,78 @@ impl Deformer {
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
-        let warnings = self.warnings(dt, substeps, limited);
+        let (_, led) = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(dt));
+        let warnings = self.warnings(dt, substeps, limited, led);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
 
-    /// What a step of some substeps warns of, bending being softened at `limited` vertices.
-    pub(super) fn warnings(&self, dt: f32, substeps: u32, limited: usize) -> Vec<Warning> {
+    /// What a step of some substeps warns of, bending being softened at `limited` vertices and this much led this fast.
+    pub(super) fn warnings(&self, dt: f32, substeps: u32, limited: usize, led: Led) -> Vec<Warning> {
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });
         let Slivers { edges, worst, .. } = self.cloth.slivers;
         let slivers = (edges > 0).then_some(Warning::Slivers { edges, worst });
-        [limited, needed, slivers].into_iter().flatten().collect()
+        // A sweep hands on what it is pulled by from edge to edge, an edge's length in a substep.
+        let carried = f64::from(self.cloth.longest) * f64::from(substeps) / f64::from(dt);
+        let outrun = |speed: f64| (speed > carried).then_some([speed as f32, carried as f32]);
+        let pin = outrun(led.pin.1).filter(|_| self.options.method != Method::Springs);
+        let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: led.pin.0, speed, carried });
+        let collider = outrun(led.collider.1).filter(|_| self.cloth.longest > 0.0);
+        let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: led.collider.0, speed, carried });
+        [limited, needed, slivers, pin, collider].into_iter().flatten().collect()
     }
 
     /// A failure in the caller's terms.
     pub(super) fn failed(&self, failure: Failure) -> StepError {
         match failure {
-            Failure::Unstable(vertex) => {
-                // In 1/60 s, as Quality counts.
-                let h = self.coefficients.as_ref().map_or(0.0, |used| f64::from(used.length.h));
-                let (substeps, needed) = ((1.0 / (60.0 * h)).round(), (self.rates.explicit() / 60.0).ceil());
-                let remedy = match self.options.method {
-                    Method::Springs if substeps < needed => format!(
-                        "{substeps} substeps in 1/60 s are too few for explicit springs, which need {needed} here; take as many, a softer fabric or SmallSteps"
-                    ),
-                    Method::Springs => {
-                        "explicit springs do not last through every motion; take more substeps, gentler attributes or SmallSteps"
-                            .to_owned()
+            Failure::Unstable { cause, step } => {
+                let named = |vertex: u32| self.cloth.order[vertex as usize];
+                let (speed, length) = self.bounds;
+                let (vertex, cause) = match cause {
+                    Cause::Lost(vertex) => {
+                        (named(vertex as u32), Instability::NotFinite { vertex: named(vertex as u32) as usize })
                     }
-                    _ => "use a shorter dt, more substeps or smaller attributes".to_owned(),
+                    Cause::Energy(vertex) => {
+                        (named(vertex as u32), Instability::Energy { vertex: named(vertex as u32) as usize, speed })
+                    }
+                    Cause::Edge(place) => {
+                        let ends = self.cloth.links[place].ends.map(named);
+                        (ends[0], Instability::Edge { ends, length })
+                    }
                 };
-                StepError::Unstable { vertex: self.cloth.order[vertex] as usize, remedy }
+                StepError::Unstable { vertex: vertex as usize, cause, frame: step, remedy: self.remedy(cause) }
             }
             #[cfg(feature = "gpu")]
-            Failure::Gpu(reason) => StepError::Gpu { reason },
+            Failure::Gpu(fault) => match fault {
+                GpuFault::Lost => StepError::GpuLost { gpu: self.adapter().unwrap_or_default().to_owned() },
+                GpuFault::Memory(reason) => StepError::GpuMemory { reason },
+                GpuFault::Limit(Excess { thing, needed, limit, allowed }) => {
+                    StepError::GpuLimit { thing, needed, limit, allowed }
+                }
+                GpuFault::Other(reason) => StepError::Gpu { reason },
+            },
+        }
+    }
+
+    /// What helps against an instability.
+    fn remedy(&self, cause: Instability) -> String {
+        // In 1/60 s, as Quality counts.
+        let h = self.coefficients.as_ref().map_or(0.0, |used| f64::from(used.length.h));
+        let (substeps, needed) = ((1.0 / (60.0 * h)).round(), (self.rates.explicit() / 60.0).ceil());
+        match (self.options.method, cause) {
+            (Method::Springs, _) if substeps < needed => format!(
+                "{substeps} substeps in 1/60 s are too few for explicit springs, which need {needed} here; take as many, a softer fabric or SmallSteps"
+            ),
+            (_, Instability::Edge { .. }) => {
+                "lead pins and colliders no farther apart than the cloth reaches, or put it there with set_state".to_owned()
+            }
+            (Method::Springs, _) => {
+                "explicit springs do not last through every motion; take more substeps, gentler attributes or SmallSteps"
+                    .to_owned()
+            }
+            _ => "use a shorter dt, more substeps or smaller attributes".to_owned(),
         }
     }
 }

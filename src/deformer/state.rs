@@ -97,6 +97,7 @@ impl Deformer {
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
         self.motion = Motion::after(cloth, &x, 0.0);
+        self.watch = self.watch.placed(cloth, &x, &p);
         self.engine.set(&x, &p);
         self.forget();
         self.shown = false;
@@ -159,6 +160,16 @@ impl Deformer {
             }
             _ => Ok(None),
         }
+    }
+
+    /// Fails if the GPU has told by now that a step before failed, and goes back to the state that it has.
+    pub(super) fn look_back(&mut self) -> Result<(), StepError> {
+        let told = self.engine.told();
+        if told.map_err(|failure| self.failed(failure))? {
+            self.shown = false;
+            self.show()?;
+        }
+        Ok(())
     }
 
     /// Brings `positions` and `velocities` up to date.

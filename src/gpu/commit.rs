@@ -1,48 +1,60 @@
-//! The end of a step: what its last substep made becomes the cloth's state if all of it is within bounds.
+//! The end of a step: what its last substep made becomes the cloth's state if the watch finds nothing wrong with it.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage};
 use crate::gpu::state::State;
+use crate::gpu::watch::Found;
+use crate::model::cloth::Cloth;
+use crate::step::watch::TURNS;
 
-/// What `first_bad` is while every vertex is within bounds: `NONE` of `limits.wgsl`.
-pub(crate) const NONE: u32 = u32::MAX;
 /// Dispatches of a commit.
 pub(crate) const DISPATCHES: usize = 2;
 
 /// The stages that check and commit, with a group for each state but the cloth's own.
 #[derive(Debug)]
 pub(crate) struct Commit {
-    /// The first vertex that is out of bounds, or [`NONE`].
-    pub first_bad: wgpu::Buffer,
+    /// A [`Found`].
+    pub found: wgpu::Buffer,
     check: Stage,
     keep: Stage,
 }
 
 impl Commit {
-    pub(crate) fn new(gpu: &Gpu, forces: &Forces) -> Commit {
-        let first_bad = gpu.buffer("first_bad", 4);
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, forces: &Forces) -> Commit {
+        let found = gpu.buffer("found", size_of::<Found>() as u64);
+        // An edge without stiffness holds nothing together: it is none, from a vertex to itself.
+        let ends = cloth.swept().iter().map(|link| if link.stiffness > 0.0 { link.ends } else { [link.ends[0]; 2] });
+        let ends = gpu.filled("ends", &ends.collect::<Vec<[u32; 2]>>());
         let (own, made) = (&forces.states[0], &forces.states[1..]);
         let stage = |name, kept: [Bind<'_>; 2]| {
-            let bound =
-                made.iter().map(|State { x, p }| vec![Bind::Read(x), Bind::Read(p), kept[0], kept[1], Bind::Write(&first_bad)]);
+            let bound = made.iter().map(|State { x, p }| {
+                let looked_at = if name == "check" { Bind::Read(&ends) } else { Bind::Unused };
+                vec![Bind::Read(x), Bind::Read(p), kept[0], kept[1], Bind::Write(&found), looked_at]
+            });
             let bound: Vec<_> = bound.collect();
             Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::COMMIT, name, constants: &[] }, &bound)
         };
         let check = stage("check", [Bind::Unused; 2]);
         let keep = stage("commit", [Bind::Write(&own.x), Bind::Write(&own.p)]);
-        Commit { first_bad, check, keep }
+        Commit { found, check, keep }
     }
 
-    /// Forgets what was out of bounds.
-    pub(crate) fn clear(&self, gpu: &Gpu) {
-        gpu.write(&self.first_bad, 0, &[NONE]);
+    /// Forgets what was found, and the steps so far.
+    pub(crate) fn begin(&self, gpu: &Gpu) {
+        gpu.write(&self.found, 0, &[Found::NOTHING]);
+    }
+
+    /// Forgets a failure.
+    pub(crate) fn go_on(&self, gpu: &Gpu, found: Found) {
+        gpu.write(&self.found, 0, &[Found { steps: found.steps, next: found.next, ..Found::NOTHING }]);
     }
 
     /// Encodes the commit of state number `made`.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, made: usize, vertices: usize) {
-        self.check.dispatch(pass, made - 1, &[], vertices);
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, made: usize, cloth: &Cloth) {
+        let vertices = cloth.rest.len();
+        self.check.dispatch(pass, made - 1, &[], vertices.max(cloth.swept().len().div_ceil(TURNS)));
         self.keep.dispatch(pass, made - 1, &[], vertices);
     }
 }

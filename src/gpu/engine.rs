@@ -4,7 +4,7 @@ use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::failure::Failure;
-use crate::gpu::commit::{self, Commit, NONE};
+use crate::gpu::commit::{self, Commit};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
@@ -16,6 +16,8 @@ use crate::gpu::submission::Submission;
 use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
+use crate::gpu::watch::{Found, Report};
+use crate::gpu_fault::GpuFault;
 use crate::kernels::contact::Body;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
@@ -52,10 +54,13 @@ pub(crate) struct GpuEngine {
     /// Made when statistics are first asked for; and whether the last step's are.
     counter: Option<Counter>,
     counts: bool,
+    report: Report,
     /// Made when the cloth is first drawn.
     normals: Option<Normals>,
     /// What the last step came to.
     stats: GpuStats,
+    /// Why a step could not be made ready: what it built by half must not be used by another.
+    broken: Option<GpuFault>,
 }
 
 /// How a substep's edges are swept, unless a step is done by a single workgroup.
@@ -74,7 +79,7 @@ pub(crate) enum Path {
 }
 
 impl GpuEngine {
-    pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, String> {
+    pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, GpuFault> {
         let vertices = cloth.rest.len();
         let path = match method {
             _ if vertices <= SMALL => Path::SingleWorkgroup,
@@ -82,11 +87,12 @@ impl GpuEngine {
             _ => Path::PerColor,
         };
         let room = gpu.workgroup_memory() / IN_TILE;
-        GpuEngine::with_path(gpu, cloth, method, path, TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room })
+        let size = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
+        GpuEngine::with_path(gpu, cloth, method, path, size)
     }
 
     /// With the best path up to `path`.
-    pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, String> {
+    pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, GpuFault> {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 2)?;
             let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
@@ -96,9 +102,10 @@ impl GpuEngine {
                 Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, tiles, &forces, &bodies)),
                 None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
             };
-            let commit = Commit::new(&gpu, &forces);
-            let readback = Readback::new(&gpu, &forces.states[0], &commit.first_bad);
+            let commit = Commit::new(&gpu, cloth, &forces);
+            let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
             let mut engine = GpuEngine {
+                report: Report::new(&gpu),
                 gpu,
                 forces,
                 bodies,
@@ -112,6 +119,7 @@ impl GpuEngine {
                 counts: false,
                 normals: None,
                 stats: GpuStats::default(),
+                broken: None,
             };
             if path == Path::SingleWorkgroup {
                 engine.make_single_workgroup(cloth, method, &[]);
@@ -134,7 +142,7 @@ impl GpuEngine {
         let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
         let there = single_workgroup.as_ref().is_some_and(|single| single.levels() == levels.len());
         if !there && method != Method::Springs {
-            let made = SingleWorkgroup::new(gpu, cloth, levels, forces, bodies, &commit.first_bad);
+            let made = SingleWorkgroup::new(gpu, cloth, levels, forces, bodies, &commit.found);
             *single_workgroup = made.or(single_workgroup.take());
         }
     }
@@ -142,14 +150,28 @@ impl GpuEngine {
     /// Submits one step; returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
-        gpu.checked(|| {
+        self.is_whole()?;
+        let stepped = gpu.checked(|| {
             let path = self.prepare(plan, false);
+            Gpu::refused()?;
             let mut submission = Submission::new(&gpu);
             self.encode(&mut submission, plan, path);
-            submission.submit();
+            let due = self.report.is_due();
+            submission.submit_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
+            self.report.ask(due);
             Ok(())
-        })
-        .map_err(Failure::Gpu)
+        });
+        stepped.map_err(|fault| self.break_off(fault))
+    }
+
+    /// Fails if a step before could not be made ready.
+    pub(crate) fn is_whole(&self) -> Result<(), Failure> {
+        self.broken.clone().map_or(Ok(()), |fault| Err(Failure::Gpu(fault)))
+    }
+
+    fn break_off(&mut self, fault: GpuFault) -> Failure {
+        self.broken = Some(fault.clone());
+        Failure::Gpu(fault)
     }
 
     /// Submits a step of each, those on one device together; returns before they are done. The failures, by the number
@@ -164,9 +186,19 @@ impl GpuEngine {
             let gpu = together[0].1.gpu.clone();
             let submitted = gpu.checked(|| {
                 let mut submission = Submission::new(&gpu);
-                let paths: Vec<Path> = together.iter_mut().map(|(_, engine, plan)| engine.prepare(plan, crowd)).collect();
+                let mut paths = Vec::new();
+                for (_, engine, plan) in together.iter_mut() {
+                    paths.push(engine.prepare(plan, crowd));
+                    // What fails one of them fails this step of all; the others can be stepped again.
+                    Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
+                }
                 together.iter().zip(paths).for_each(|((_, engine, plan), path)| engine.encode(&mut submission, plan, path));
-                submission.submit();
+                let due: Vec<bool> = together.iter_mut().map(|(_, engine, _)| engine.report.is_due()).collect();
+                submission.submit_with(|encoder| {
+                    let due = together.iter().zip(&due);
+                    due.for_each(|((_, engine, _), &due)| engine.report.copy(encoder, &engine.commit.found, due));
+                });
+                together.iter_mut().zip(due).for_each(|((_, engine, _), due)| engine.report.ask(due));
                 Ok(())
             });
             if let Err(reason) = submitted {
@@ -203,7 +235,7 @@ impl GpuEngine {
                 Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, shift),
             }
             if let Some(single) = single_workgroup {
-                single.rebind(gpu, forces, bodies, &commit.first_bad);
+                single.rebind(gpu, forces, bodies, &commit.found);
             }
         }
         match (path, sweep, single_workgroup) {
@@ -281,7 +313,7 @@ impl GpuEngine {
         }
         let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
         self.forces.bind_substep(pass, last);
-        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth.rest.len());
+        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth);
         self.counter().into_iter().for_each(|counter| counter.encode(pass));
     }
 
@@ -335,35 +367,48 @@ impl GpuEngine {
         let state = &self.forces.states[0];
         self.gpu.write(&state.x, 0, x);
         self.gpu.write(&state.p, 0, p);
-        self.commit.clear(&self.gpu);
+        self.commit.begin(&self.gpu);
         self.counter.iter_mut().for_each(Counter::forget);
     }
 
     /// Waits for what was submitted.
     pub(crate) fn wait(&self) -> Result<(), Failure> {
-        self.gpu.wait().map_err(Failure::Gpu)
+        self.gpu.wait().map_err(Failure::Gpu)?;
+        if self.gpu.is_lost() { Err(Failure::Gpu(GpuFault::Lost)) } else { Ok(()) }
     }
 
     /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
-        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.first_bad, look);
-        let first_bad = seen.map_err(Failure::Gpu)?;
-        if first_bad != NONE {
-            self.commit.clear(&self.gpu);
+        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, look);
+        let found = seen.map_err(Failure::Gpu)?;
+        let good = self.verdict(found);
+        if good.is_err() {
+            self.commit.go_on(&self.gpu, found);
         }
-        good(first_bad)
+        good
+    }
+
+    /// Fails if that was found of the last steps.
+    fn verdict(&self, found: Found) -> Result<(), Failure> {
+        found.verdict(|place| self.single_workgroup.as_ref().map_or(0, |single| single.edge(place)))
+    }
+
+    /// Whether steps are known by now to have failed.
+    pub(crate) fn told(&mut self) -> Result<bool, Failure> {
+        let found = self.report.arrived(&self.gpu).map_err(Failure::Gpu)?;
+        Ok(found.is_some_and(|found| self.verdict(found).is_err()))
     }
 
     /// Asks for the positions, in place of what was asked for before.
     pub(crate) fn request(&mut self) -> Result<(), Failure> {
         let x = &self.forces.states[0].x;
-        self.readback.request(&self.gpu, x, &self.commit.first_bad).map_err(Failure::Gpu)
+        self.readback.request(&self.gpu, x, &self.commit.found).map_err(Failure::Gpu)
     }
 
     /// Shows what was asked for to `look`, once, if it is there: whether it was.
     pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self.readback.arrived(&self.gpu, look).map_err(Failure::Gpu)? {
-            Some(first_bad) => good(first_bad).map(|()| true),
+            Some(found) => self.verdict(found).map(|()| true),
             None => Ok(false),
         }
     }
@@ -378,9 +423,4 @@ impl GpuEngine {
         })
         .map_err(Failure::Gpu)
     }
-}
-
-/// Fails if a vertex was out of bounds.
-fn good(first_bad: u32) -> Result<(), Failure> {
-    if first_bad == NONE { Ok(()) } else { Err(Failure::Unstable(first_bad as usize)) }
 }

@@ -7,6 +7,7 @@ use crate::device::{Entry, Gpu, Shader};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::State;
+use crate::gpu_fault::GpuFault;
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
@@ -47,15 +48,13 @@ struct Bending {
 
 impl Forces {
     /// With this many states beside the cloth's own.
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize) -> Result<Forces, String> {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize) -> Result<Forces, GpuFault> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
-        // Of the buffers that the cloth may come to need, the largest: bending's moments, its entries, springs, edges.
-        let needed = (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64);
-        let limits = gpu.device().limits();
-        let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        if needed > largest {
-            return Err(format!("the cloth needs buffers of {needed} bytes, the device binds {largest} at most"));
-        }
+        // Of the buffers that the cloth may come to need later, the largest: bending's moments, springs, panels.
+        gpu.meets(
+            "the cloth's largest buffer",
+            (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
+        )?;
         let u = gpu.buffer("u", size);
         let x = gpu.buffer_for("x", size, wgpu::BufferUsages::VERTEX);
         let mut states = vec![State { x, p: gpu.buffer("p", size) }];

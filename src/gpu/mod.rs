@@ -9,10 +9,11 @@
 //! the [`forces`] of bending and wind, and the coarse levels ([`multigrid`]). Inside of a dispatch a color costs .2 us if
 //! its edges are there when it is their turn, and twice that if a lane has to wait for memory: see
 //! `shaders/stages/sweep.wgsl`. A mesh that cannot be cut takes a dispatch a color ([`sweep::PerColor`]). A step works on
-//! copies and is committed at its end if all of it is within bounds, so a step that fails leaves the cloth as it was.
+//! copies and is committed at its end if the [`watch`] finds nothing wrong with it, so a step that fails leaves the cloth as it was.
 //!
 //! Imports run down this list and never back: `shaders` and `stage` (a kernel and its buffers), `state` and `tiles`, the stages
-//! of a substep (`forces`, `multigrid`, `sweep`, `commit`), what goes out (`readback`, `statistics`, `surface`), `engine`.
+//! of a substep (`forces`, `multigrid`, `sweep`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`),
+//! `engine`.
 
 mod commit;
 mod engine;
@@ -34,6 +35,7 @@ mod sweep;
 #[path = "../../tests/unit/gpu_paths.rs"]
 mod tests;
 mod tiles;
+mod watch;
 
 pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;

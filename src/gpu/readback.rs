@@ -7,6 +7,8 @@ use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::gpu::state::State;
+use crate::gpu::watch::Found;
+use crate::gpu_fault::GpuFault;
 
 /// What has become of a request.
 const UNDER_WAY: u8 = 0;
@@ -29,33 +31,33 @@ struct Request {
 }
 
 impl Readback {
-    pub(crate) fn new(gpu: &Gpu, state: &State, first_bad: &wgpu::Buffer) -> Readback {
-        let size = state.x.size() + state.p.size() + first_bad.size();
+    pub(crate) fn new(gpu: &Gpu, state: &State, found: &wgpu::Buffer) -> Readback {
+        let size = state.x.size() + state.p.size() + found.size();
         Readback { staging: gpu.staging("state", size), request: None }
     }
 
-    /// Waits for the state and shows it to `look`; returns the first bad vertex.
+    /// Waits for the state and shows it to `look`; returns what steps found.
     pub(crate) fn read(
         &self,
         gpu: &Gpu,
         state: &State,
-        first_bad: &wgpu::Buffer,
+        found: &wgpu::Buffer,
         look: impl FnOnce(&[Vec4], &[Vec4]),
-    ) -> Result<u32, String> {
-        gpu.read(&self.staging, &[&state.x, &state.p, first_bad], |bytes| {
-            let (state, first_bad) = bytes.split_at(bytes.len() - size_of::<u32>());
+    ) -> Result<Found, GpuFault> {
+        gpu.read(&self.staging, &[&state.x, &state.p, found], |bytes| {
+            let (state, found) = bytes.split_at(bytes.len() - size_of::<Found>());
             let state: &[Vec4] = bytemuck::cast_slice(state);
             let (x, p) = state.split_at(state.len() / 2);
             look(x, p);
-            bytemuck::pod_read_unaligned(first_bad)
+            bytemuck::pod_read_unaligned(found)
         })
     }
 
     /// Asks for the positions behind what is submitted, in place of what was asked for before.
-    pub(crate) fn request(&mut self, gpu: &Gpu, x: &wgpu::Buffer, first_bad: &wgpu::Buffer) -> Result<(), String> {
+    pub(crate) fn request(&mut self, gpu: &Gpu, x: &wgpu::Buffer, found: &wgpu::Buffer) -> Result<(), GpuFault> {
         gpu.checked(|| {
-            let staging = gpu.staging("positions", x.size() + first_bad.size());
-            gpu.copy_to(&staging, &[x, first_bad]);
+            let staging = gpu.staging("positions", x.size() + found.size());
+            gpu.copy_to(&staging, &[x, found]);
             let progress = Arc::new(AtomicU8::new(UNDER_WAY));
             let told = Arc::clone(&progress);
             staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
@@ -66,21 +68,21 @@ impl Readback {
         })
     }
 
-    /// Shows the positions asked for to `look`, once, if they have arrived; then returns the first bad vertex.
-    pub(crate) fn arrived(&mut self, gpu: &Gpu, look: impl FnOnce(&[Vec4])) -> Result<Option<u32>, String> {
+    /// Shows the positions asked for to `look`, once, if they have arrived; then returns what steps found.
+    pub(crate) fn arrived(&mut self, gpu: &Gpu, look: impl FnOnce(&[Vec4])) -> Result<Option<Found>, GpuFault> {
         let Some(Request { staging, progress }) = &self.request else { return Ok(None) };
         gpu.poll(wgpu::PollType::Poll)?;
-        let first_bad = match progress.load(Ordering::Acquire) {
+        let found = match progress.load(Ordering::Acquire) {
             UNDER_WAY => return Ok(None),
             ARRIVED => {
-                let bytes = staging.get_mapped_range(..).map_err(|error| error.to_string())?;
-                let (x, first_bad) = bytes.split_at(bytes.len() - size_of::<u32>());
+                let bytes = staging.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
+                let (x, found) = bytes.split_at(bytes.len() - size_of::<Found>());
                 look(bytemuck::cast_slice(x));
-                bytemuck::pod_read_unaligned(first_bad)
+                bytemuck::pod_read_unaligned(found)
             }
-            _ => return Err("the positions asked for could not be mapped".to_owned()),
+            _ => return Err(gpu.unmapped("the positions asked for")),
         };
         self.request = None;
-        Ok(Some(first_bad))
+        Ok(Some(found))
     }
 }

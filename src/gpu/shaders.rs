@@ -28,9 +28,9 @@ shaders! {
     CONTACT: "distance" "contact" "stages/move" "stages/contact";
     TILE: "integrate" "distance" "contact"
         "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/move" "stages/tile";
-    SINGLE_WORKGROUP: "integrate" "distance" "contact" "limits"
-        "stages/sweep" "stages/tiles" "stages/levels" "stages/move" "stages/single_workgroup";
-    COMMIT: "limits" "stages/commit";
+    SINGLE_WORKGROUP: "integrate" "distance" "contact" "limits" "watch"
+        "stages/watch" "stages/sweep" "stages/tiles" "stages/levels" "stages/move" "stages/single_workgroup";
+    COMMIT: "limits" "watch" "stages/watch" "stages/commit";
     RESTRICT: "integrate" "stages/motion" "stages/restrict";
     LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
     LEVELS_IN_WORKGROUP: "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";

@@ -8,6 +8,7 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage, WORKGROUP};
+use crate::gpu_fault::GpuFault;
 use crate::kernels::statistics::{Statistics, StrainGauge};
 
 /// Steps that statistics are late: as many may be queued before one waits for another. It is always as many, so that a motion can be
@@ -62,7 +63,7 @@ impl Counter {
     }
 
     /// Sends for what was counted behind what is submitted, and returns what was three steps before: waits for that step if need be.
-    pub(crate) fn send_for(&mut self, gpu: &Gpu) -> Result<Option<Statistics>, String> {
+    pub(crate) fn send_for(&mut self, gpu: &Gpu) -> Result<Option<Statistics>, GpuFault> {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
         let submission = gpu.copy_to(&staging, &[&self.counted]);
@@ -79,12 +80,12 @@ impl Counter {
             gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
         }
         if !mapped.load(Ordering::Acquire) {
-            return Err("the statistics of a step could not be mapped".to_owned());
+            return Err(gpu.unmapped("the statistics"));
         }
         let seen = staging.get_mapped_range(..).map(|bytes| bytemuck::pod_read_unaligned(&bytes));
         staging.unmap();
         self.free.push(staging);
-        seen.map(Some).map_err(|error| error.to_string())
+        seen.map(Some).map_err(|error| GpuFault::from(error.to_string()))
     }
 
     /// Forgets what is under way.

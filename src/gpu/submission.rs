@@ -30,7 +30,13 @@ impl<'a> Submission<'a> {
     }
 
     pub(crate) fn submit(self) {
+        self.submit_with(|_| ());
+    }
+
+    /// With copies behind the dispatches.
+    pub(crate) fn submit_with(mut self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) {
         drop(self.pass);
+        copies(&mut self.encoder);
         self.gpu.queue().submit([self.encoder.finish()]);
     }
 }

@@ -45,6 +45,8 @@ pub(crate) struct TileSize {
     /// Vertices of its own that a tile has at most, and that it may hold.
     pub own: usize,
     pub room: usize,
+    /// Bytes that the table may have.
+    pub bytes: usize,
 }
 
 /// A tile as it is found: its vertices, its own first, and its edges of each color.
@@ -67,7 +69,8 @@ struct Source<'a> {
 }
 
 impl Tiles {
-    /// Cuts the cloth into tiles. `None` if that cannot be done, as for a fan of many edges, or not be done well.
+    /// Cuts the cloth into tiles. `None` if that cannot be done, as for a fan of many edges, or not be done well. Every tile has room for as many
+    /// edges of every color as any has of one, so that a vertex of a hundred edges makes the tables of all as wide as it has colors.
     pub(crate) fn new(rest: &[Vec4], links: &[Link], colors: &[Range<usize>], most: TileSize) -> Option<Tiles> {
         let pairs = links.iter().enumerate().flat_map(|(edge, link)| link.ends.map(|end| (end, edge as u32)));
         let around = Csr::new(rest.len(), pairs);
@@ -80,15 +83,14 @@ impl Tiles {
         let tiles: Vec<Tile> = tiles?.into_iter().flatten().collect();
         let held: usize = tiles.iter().map(|tile| tile.vertices.len()).sum();
         // So much recomputed is no gain any more.
-        (held <= 16 * rest.len().max(256)).then(|| Tiles::lay_out(&tiles, rest.len(), links, colors.len()))
+        let fits = size_of::<u32>() * words(&tiles, colors.len()).iter().sum::<usize>() <= most.bytes;
+        (fits && held <= 16 * rest.len().max(256)).then(|| Tiles::lay_out(&tiles, rest.len(), links, colors.len()))
     }
 
     fn lay_out(tiles: &[Tile], vertices: usize, links: &[Link], colors: usize) -> Tiles {
         let count = tiles.len();
-        let largest = tiles.iter().map(|tile| tile.vertices.len()).max().unwrap_or(0);
-        let widest = tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).max().unwrap_or(0);
-        let edges = count * (1 + 2 * largest);
-        let words = count * colors * 3 * widest;
+        let (largest, widest) = (largest(tiles), widest(tiles));
+        let [edges, words] = words(tiles, colors);
         let mut table = vec![NO_EDGE; edges + words];
         let mut sources = vec![NO_EDGE; words];
         let mut place = vec![0; vertices];
@@ -140,6 +142,12 @@ impl Tiles {
         gpu.write(buffer, size_of::<u32>() * self.edges, &self.table[self.edges..]);
     }
 
+    /// The place of edge number `k % widest` of color `k / widest` of the first tile.
+    pub(crate) fn edge(&self, k: usize) -> usize {
+        let width = self.widest.max(1);
+        self.sources[3 * width * (k / width) + width + k % width] as usize
+    }
+
     /// What `stages/tiles.wgsl` is told.
     pub(crate) fn constants(&self, gpu: &Gpu) -> [(&'static str, f64); 5] {
         [
@@ -151,6 +159,21 @@ impl Tiles {
         ]
         .map(|(name, value)| (name, value as f64))
     }
+}
+
+/// Most vertices that a tile holds.
+fn largest(tiles: &[Tile]) -> usize {
+    tiles.iter().map(|tile| tile.vertices.len()).max().unwrap_or(0)
+}
+
+/// Most edges of a color that a tile has.
+fn widest(tiles: &[Tile]) -> usize {
+    tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).max().unwrap_or(0)
+}
+
+/// Words of the table of so many colors: what comes before the edges, and those.
+fn words(tiles: &[Tile], colors: usize) -> [usize; 2] {
+    [tiles.len() * (1 + 2 * largest(tiles)), tiles.len() * colors * 3 * widest(tiles)]
 }
 
 /// Cuts a set of vertices across its longest extent until each piece has at most `most`.

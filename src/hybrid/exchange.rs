@@ -15,6 +15,7 @@ use glam::{Vec3, Vec4};
 use crate::cpu::{MappedVectors, Task};
 use crate::device::{Entry, Gpu};
 use crate::gpu::{Bind, Forces, Stage, shaders};
+use crate::gpu_fault::GpuFault;
 use crate::step::plan::Plan;
 
 /// How long a callback may take once the device is done.
@@ -119,7 +120,7 @@ impl Exchange {
     }
 
     /// Maps the buffers.
-    pub(crate) fn open(&mut self, gpu: &Gpu) -> Result<Mapped, String> {
+    pub(crate) fn open(&mut self, gpu: &Gpu) -> Result<Mapped, GpuFault> {
         self.close();
         self.ask();
         self.receive(gpu)
@@ -155,7 +156,7 @@ impl Exchange {
     }
 
     /// Waits until the buffers are back.
-    pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Mapped, String> {
+    pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Mapped, GpuFault> {
         gpu.wait()?;
         // Another thread that waits for the device may be about to call back for this one.
         let start = Instant::now();
@@ -164,10 +165,10 @@ impl Exchange {
             gpu.poll(wgpu::PollType::Poll)?;
         }
         if self.ready.load(Ordering::Acquire) != BOTH {
-            return Err("the device could not map its buffers".to_owned());
+            return Err(gpu.unmapped("its buffers"));
         }
-        let outbox = self.outbox.get_mapped_range_mut(..).map_err(|error| error.to_string())?;
-        let inbox = self.inbox.get_mapped_range(..).map_err(|error| error.to_string())?;
+        let outbox = self.outbox.get_mapped_range_mut(..).map_err(|error| GpuFault::from(error.to_string()))?;
+        let inbox = self.inbox.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
         let is_aligned = bytemuck::try_cast_slice::<u8, Vec3>(&inbox).is_ok();
         let outbox = MappedVectors::new(outbox).filter(|_| is_aligned).ok_or("the device maps buffers at odd addresses")?;
         Ok(Mapped { outbox, inbox, vertices: self.vertices as usize })

@@ -41,6 +41,7 @@ use crate::cpu::{Cpu, Elsewhere, SharedArray, State, Task};
 use crate::device::Gpu;
 use crate::failure::Failure;
 use crate::gpu::Forces;
+use crate::gpu_fault::GpuFault;
 use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::{Params, Substep};
@@ -60,6 +61,8 @@ pub(crate) struct Hybrid {
     pub every: usize,
     /// What the GPU is told of the substeps, one an exchange.
     told: Vec<Substep>,
+    /// Why a step could not be made ready: what it built by half must not be used by another.
+    broken: Option<GpuFault>,
     pub cpu: Cpu,
 }
 
@@ -70,18 +73,28 @@ struct Exchanges<'a> {
     exchange: &'a mut Exchange,
     next: Option<wgpu::CommandBuffer>,
     /// Why there are no more.
-    failed: Option<String>,
+    failed: Option<GpuFault>,
 }
 
 impl Hybrid {
-    pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, String> {
+    pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, GpuFault> {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 0)?;
             // The inverse masses; the rest of it is sent.
             gpu.write(&forces.states[0].x, 0, &cloth.rest);
             let in_place = gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
             let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), [in_place; 2]);
-            Ok(Hybrid { gpu, forces, exchange, mapped: None, sent: None, every: 1, told: Vec::new(), cpu: Cpu::new(cloth) })
+            Ok(Hybrid {
+                gpu,
+                forces,
+                exchange,
+                mapped: None,
+                sent: None,
+                every: 1,
+                told: Vec::new(),
+                broken: None,
+                cpu: Cpu::new(cloth),
+            })
         })
     }
 
@@ -99,8 +112,9 @@ impl Hybrid {
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let sent = self.sent.take();
         if !plan.has_forces() {
-            return self.cpu.step(plan, None).map_err(Failure::Unstable);
+            return self.cpu.step(plan, None);
         }
+        self.broken.clone().map_or(Ok(()), |fault| Err(Failure::Gpu(fault)))?;
         self.sent = Some(self.exchanged(plan, sent)?);
         Ok(())
     }
@@ -115,7 +129,7 @@ impl Hybrid {
 
     /// Runs the kernels of a substep's forces this often, and waits.
     #[cfg(feature = "bench")]
-    pub(crate) fn run_forces(&mut self, plan: &Plan<'_>, repeats: u32) -> Result<(), String> {
+    pub(crate) fn run_forces(&mut self, plan: &Plan<'_>, repeats: u32) -> Result<(), GpuFault> {
         let Hybrid { gpu, forces, .. } = self;
         gpu.checked(|| {
             forces.prepare(gpu, plan, false);
@@ -131,7 +145,7 @@ impl Hybrid {
 
     /// A step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
     fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Payload>) -> Result<Payload, Failure> {
-        let Hybrid { gpu, forces, exchange, mapped, every, told, cpu, .. } = self;
+        let Hybrid { gpu, forces, exchange, mapped, every, told, broken, cpu, .. } = self;
         let (every, count) = ((*every).clamp(1, plan.substeps.len()), plan.substeps.len());
         // Forces alone: what carries over is the CPU's, and so are the pins.
         told.clear();
@@ -150,13 +164,14 @@ impl Hybrid {
         let complete = payload(true);
         let opened = gpu.checked(|| {
             forces.prepare(gpu, &alone, false);
+            Gpu::refused()?;
             let mapped = match mapped.take() {
                 Some(mapped) => mapped,
                 None => exchange.open(gpu)?,
             };
             Ok((mapped, exchange.encode(gpu, forces, &alone, 0, complete)))
         });
-        let (first, next) = opened.map_err(Failure::Gpu)?;
+        let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone())).map_err(Failure::Gpu)?;
         // Empty while the buffers are away; only the exchange, beside which no task runs, puts something else there.
         let mut slot = [Some(first)];
         let slot = SharedArray::new(&mut slot);
@@ -210,7 +225,7 @@ impl Hybrid {
         match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
             None => {
                 *mapped = slot.into_inner()[0].take();
-                stepped.map(|()| complete).map_err(Failure::Unstable)
+                stepped.map(|()| complete)
             }
             Some(reason) => {
                 cpu.revert();

@@ -36,6 +36,13 @@ pub(crate) struct Params {
     pub drift: [f32; 3],
     /// 1 if coarse edges hold (`distance::hold_coarse`).
     pub holds: u32,
+    /// Edges that are swept.
+    pub edges: u32,
+    /// What the watch compares with (`kernels::watch`): one over the displacement (m) in a substep at the fastest speed that the scene
+    /// explains, one over the free mass (kg), and the longest edge (m) that it does.
+    pub per_length: f32,
+    pub per_mass: f32,
+    pub longest: f32,
 }
 
 /// What differs from one substep to the next.

@@ -6,3 +6,4 @@ pub(crate) mod load;
 pub(crate) mod pace;
 pub(crate) mod plan;
 pub(crate) mod substep_count;
+pub(crate) mod watch;

@@ -160,7 +160,10 @@ impl<'a> Plan<'a> {
             levels: coefficients.levels.len() as u32,
             // A thread has no width across which anything could pull it together.
             holds: u32::from(!bending && cloth.is_sheet),
-            drift: [0.0; 3],
+            edges: cloth.swept().len() as u32,
+            // Nothing is too fast or too long until [`Watch`](crate::step::watch::Watch) says so.
+            longest: f32::MAX,
+            ..Params::default()
         };
         Plan {
             cloth,

@@ -88,8 +88,8 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
         each_tile(&|tile| forces.bend(&task, tile, substep));
     } else {
         let none: [&mut [Vec4]; 2] = [&mut [], &mut []];
-        let (good, lost) = (none.map(SharedArray::new), std::sync::atomic::AtomicUsize::new(0));
-        let integrator = Integrator { plan, x: &shared_x, u: &shared_u, good, lost, width };
+        let (good, found) = (none.map(SharedArray::new), crate::cpu::watch::Found::nothing());
+        let integrator = Integrator { plan, x: &shared_x, u: &shared_u, good, found, width };
         each_tile(&|tile| integrator.fall(&task, tile, substep));
     }
     if plan.wind {

@@ -131,7 +131,7 @@ fn every_path_agrees_with_the_cpu() {
             assert!(moved > 0.01, "{name}: moved by {moved} m");
             let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
             // The smallest room holds the second level alone, so the first is cut into tiles.
-            let sizes = [(40, room), (30, 320), (200, room)].map(|(own, room)| TileSize { own, room });
+            let sizes = [(40, room), (30, 320), (200, room)].map(|(own, room)| TileSize { own, room, bytes: usize::MAX });
             let paths = [(Path::PerColor, sizes[0]), (Path::Tiled, sizes[0]), (Path::Tiled, sizes[1]), (Path::Tiled, sizes[2])];
             for (path, size) in paths.into_iter().chain([(Path::SingleWorkgroup, sizes[0])]) {
                 let engine = GpuEngine::with_path(gpu.clone(), &cloth, method, path, size).unwrap();
@@ -163,7 +163,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     assert!(apart(&x, &plain) > 1e-4 * apart(&x, &cloth.rest), "levels matter here");
     let of_level: Vec<usize> = Hierarchy::new(&cloth).levels.iter().map(|level| level.inverse_mass.len()).collect();
     for (room, in_tiles) in [(of_level[0] - 1, Some(1)), (10, None)] {
-        let size = TileSize { own: 100, room: 700 };
+        let size = TileSize { own: 100, room: 700, bytes: usize::MAX };
         let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
         engine.room = room;
         let mut engine = Engine::Gpu(Box::new(engine));
@@ -185,8 +185,14 @@ fn a_failed_step_is_undone_on_every_path() {
     let coefficients = Coefficients::new(&cloth, &[], &options, Length::of(DT / SUBSTEPS as f32));
     let motion = Motion::after(&cloth, &cloth.rest, 0.0);
     for path in [Path::PerColor, Path::Tiled, Path::SingleWorkgroup] {
-        let mut engine =
-            GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, path, TileSize { own: 60, room: 500 }).unwrap();
+        let mut engine = GpuEngine::with_path(
+            gpu.clone(),
+            &cloth,
+            Method::SmallSteps,
+            path,
+            TileSize { own: 60, room: 500, bytes: usize::MAX },
+        )
+        .unwrap();
         let mut step = |gravity: Vec3, read: bool| {
             let attributes = Attributes { gravity, ..Attributes::default() };
             let mut buffers = PlanBuffers::default();
@@ -211,7 +217,8 @@ fn tiles_hold_all_that_their_own_vertices_depend_on() {
     for (mesh, own) in [(Mesh::grid(40, 37, 1.0, 1.0), 64), (mesh(33, 29), 50), (mesh(5, 4), 7)] {
         let cloth = Cloth::new(&mesh, &Options { pinned: vec![0], ..Options::default() }).unwrap();
         let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
-        let tiles = Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own, room: 400 }).unwrap();
+        let tiles =
+            Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own, room: 400, bytes: usize::MAX }).unwrap();
         // Any rule that depends on order: here each edge mixes what its ends know.
         let mix = |a: u64, b: u64| (a.rotate_left(7) ^ b.wrapping_mul(0x9e37_79b9_7f4a_7c15), b.rotate_left(11) ^ a);
         let start = |v: u32| u64::from(v) + 1;
@@ -252,6 +259,6 @@ fn a_fan_that_no_tile_holds_is_refused() {
         mesh.triangles.extend((k > 0).then_some([0, k, k + 1]));
     }
     let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
-    assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 200 }).is_none());
-    assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 400 }).is_some());
+    assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 200, bytes: usize::MAX }).is_none());
+    assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 400, bytes: usize::MAX }).is_some());
 }

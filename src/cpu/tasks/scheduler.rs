@@ -8,6 +8,11 @@
 //! 6 us, and a step has hundreds of passes; and all wait for the slowest each time. Here workers join once a step, and take tasks by
 //! a flag each, their own share first so that a tile stays in one core's cache. Whoever is there does the work: a worker that comes
 //! late, or never because the caller's pool is busy, is waited for by nobody, only a task that it took.
+//!
+//! Workers come by `rayon::join`, which waits for those who came by doing whatever else the pool has to do, the caller's tasks among it:
+//! `Deformer::step` warns of locks for that. What does not wait so, `rayon::spawn`, wants memory for each worker of each step and closures that
+//! outlive the step, and so unsafe code to lend them the cloth; and a step that would not end before a worker that is under way has to wait
+//! for it one way or another.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};

@@ -35,7 +35,12 @@ impl TiledLevels {
         let first_together = (0..levels.len()).find(|&level| end - starts[level] <= room).unwrap_or(levels.len());
         let mut in_tiles = Vec::new();
         for (index, level) in levels[..first_together].iter().enumerate() {
-            let mut tiles = Tiles::new(&rest[index], &level.links, &level.colors, TileSize { own: OWN, room })?;
+            let mut tiles = Tiles::new(
+                &rest[index],
+                &level.links,
+                &level.colors,
+                TileSize { own: OWN, room, bytes: gpu.most_table_bytes() },
+            )?;
             let above = levels.get(index + 1);
             let label = |item: u32| above.map_or(NO_EDGE, |above| starts[index + 1] as u32 + above.label[item as usize]);
             tiles.set_labels(label, starts[index] as u32);

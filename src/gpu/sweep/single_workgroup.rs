@@ -37,14 +37,14 @@ impl SingleWorkgroup {
         levels: &[Level],
         forces: &Forces,
         bodies: &Sent,
-        first_bad: &wgpu::Buffer,
+        found: &wgpu::Buffer,
     ) -> Option<SingleWorkgroup> {
         let room = gpu.workgroup_memory() / OF_VERTEX;
         let aggregates: usize = levels.iter().map(|level| level.inverse_mass.len()).sum();
         if cloth.rest.len() > room || OF_AGGREGATE * aggregates > gpu.workgroup_memory() {
             return None;
         }
-        let size = TileSize { own: room, room };
+        let size = TileSize { own: room, room, bytes: gpu.most_table_bytes() };
         let tiles = Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size);
         let mut tiles = tiles.filter(|tiles| tiles.count == 1)?;
         if let Some(finest) = levels.first() {
@@ -61,7 +61,7 @@ impl SingleWorkgroup {
         let numbers = [("NUMBERS", (3 * tiles.largest).max(10 * aggregates) as f64)];
         let constants = [&tiles.constants(gpu)[..], &coarse, &numbers].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
-        let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, first_bad);
+        let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
         Some(SingleWorkgroup { tiles, levels: level_table, table, state, length: None, stage })
     }
@@ -71,7 +71,7 @@ impl SingleWorkgroup {
         state: &'a wgpu::Buffer,
         forces: &'a Forces,
         bodies: &'a Sent,
-        first_bad: &'a wgpu::Buffer,
+        found: &'a wgpu::Buffer,
     ) -> Vec<Bind<'a>> {
         vec![
             Bind::Read(table),
@@ -81,12 +81,12 @@ impl SingleWorkgroup {
             Bind::Write(&forces.states[0].x),
             Bind::Write(&forces.states[0].p),
             Bind::Write(state),
-            Bind::Write(first_bad),
+            Bind::Write(found),
         ]
     }
 
-    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, first_bad: &wgpu::Buffer) {
-        let bound = SingleWorkgroup::bound(&self.table, &self.state, forces, bodies, first_bad);
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, found: &wgpu::Buffer) {
+        let bound = SingleWorkgroup::bound(&self.table, &self.state, forces, bodies, found);
         self.stage.rebind(gpu, &[bound]);
     }
 
@@ -117,6 +117,11 @@ impl SingleWorkgroup {
     /// Bytes of a step, those that stay on the chip counted once.
     pub(crate) fn bytes(&self) -> usize {
         self.table.size() as usize + 2 * self.state.size() as usize
+    }
+
+    /// The place of an edge that the shader names by its place in the table.
+    pub(crate) fn edge(&self, place: usize) -> usize {
+        self.tiles.edge(place)
     }
 
     /// Encodes a step.

@@ -1,0 +1,20 @@
+// What a watch looks for at the end of a step. The reasons are in src/kernels/watch.rs.
+
+const MOST_SQUARE: f32 = 1e30;
+
+// Of a vertex with inverse mass `w`, 0 for a pin, which goes where it is led.
+fn free_mass(w: f32) -> f32 {
+    if w == 0.0 {
+        return 0.0;
+    }
+    return 1.0 / w;
+}
+
+fn energy_share(p: vec3f, mass: f32) -> f32 {
+    let ratio = p * params.per_length;
+    return min(dot(ratio, ratio), MOST_SQUARE) * (mass * params.per_mass);
+}
+
+fn is_long(d: vec3f) -> bool {
+    return length(d) > params.longest;
+}

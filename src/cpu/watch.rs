@@ -1,0 +1,70 @@
+//! What a step's tasks find at its end: vertices out of bounds, edges that are too long, and how much the cloth moves.
+
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+use glam::Vec4;
+
+use crate::cpu::partition::Piece;
+use crate::cpu::tasks::shared::View;
+use crate::failure::Cause;
+use crate::kernels::integrate::xyz;
+use crate::kernels::params::Params;
+use crate::kernels::watch::is_long;
+use crate::model::cloth::Cloth;
+use crate::step::watch::{LEAST, TURNS};
+
+/// All of the allowed kinetic energy in integers, so that the order in which tasks add to it changes nothing.
+const WHOLE: f64 = (1_u64 << 40) as f64;
+
+/// What the tasks of a step found.
+#[derive(Debug)]
+pub(crate) struct Found {
+    /// The first vertex out of bounds, and the first edge that is too long; `usize::MAX` if none.
+    lost: AtomicUsize,
+    long: AtomicUsize,
+    energy: AtomicU64,
+}
+
+impl Found {
+    pub(crate) fn nothing() -> Found {
+        Found { lost: AtomicUsize::new(usize::MAX), long: AtomicUsize::new(usize::MAX), energy: AtomicU64::new(0) }
+    }
+
+    /// A vertex is out of bounds.
+    pub(crate) fn lose(&self, vertex: usize) {
+        self.lost.fetch_min(vertex, Ordering::Relaxed);
+    }
+
+    /// Adds a share of the allowed kinetic energy.
+    pub(crate) fn add(&self, share: f32) {
+        self.energy.fetch_add((f64::from(share.min(1.0)) * WHOLE) as u64, Ordering::Relaxed);
+    }
+
+    /// Looks at one part in [`TURNS`] of a piece's edges, in each step another, as they will be when the vertices have moved.
+    pub(crate) fn look_at_edges(&self, cloth: &Cloth, piece: &Piece, step: u32, x: View<'_>, u: View<'_>, longest: f32) {
+        let each = piece.edges.len().div_ceil(TURNS).max(LEAST);
+        let turns = piece.edges.len().div_ceil(each).max(1);
+        let Some(edges) = piece.edges.chunks(each).nth(step as usize % turns) else { return };
+        for &place in edges {
+            let link = &cloth.links[place as usize];
+            let [a, b] = link.ends.map(|end| xyz(x.get(end as usize)) + xyz(u.get(end as usize)));
+            // One without stiffness holds nothing together.
+            if link.stiffness > 0.0 && is_long(a - b, longest) {
+                self.long.fetch_min(place as usize, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// What is wrong with a step, if anything, given the state that it made.
+    pub(crate) fn verdict(self, params: &Params, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
+        let (lost, long) = (self.lost.into_inner(), self.long.into_inner());
+        if lost < usize::MAX {
+            return Some(Cause::Lost(lost));
+        }
+        if self.energy.into_inner() as f64 >= WHOLE {
+            let is_fast = |(x, u): (&Vec4, &Vec4)| x.w > 0.0 && (xyz(*u) * params.per_length).length_squared() > 1.0;
+            return Some(Cause::Energy(x.iter().zip(u).position(is_fast).unwrap_or(0)));
+        }
+        (long < usize::MAX).then_some(Cause::Edge(long))
+    }
+}

@@ -1,0 +1,163 @@
+//! What a GPU may do to a program that steps cloth on it: refuse, run full, go away. All of it is said by name, and the program goes on.
+#![cfg(feature = "gpu")]
+
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, BuildError, Collider, Deformer, Gpu, Levels, Mesh, Options, Quality, StepError, wgpu};
+use common::{FRAME, rms};
+
+/// A device of one's own with these limits, on whatever adapter there is.
+fn device(name: &str, change: impl FnOnce(&mut wgpu::Limits)) -> Gpu {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let mut required_limits = wgpu::Limits::default();
+    change(&mut required_limits);
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..wgpu::DeviceDescriptor::default() };
+    let (device, queue) = pollster::block_on(adapters[0].request_device(&descriptor)).expect("every adapter has as little");
+    Gpu::new(device, queue, name.to_owned())
+}
+
+fn on(gpu: &Gpu, backend: Backend) -> Options {
+    Options { backend, gpu: Some(gpu.clone()), pinned: vec![0], quality: Quality::Substeps(2), ..Options::default() }
+}
+
+fn air() -> Attributes {
+    Attributes { air_density: 1.2, wind: Vec3::X, ..Attributes::default() }
+}
+
+/// A step, or one of the next, fails.
+fn failing(deformer: &mut Deformer) -> StepError {
+    (0..24).find_map(|_| deformer.step(FRAME, &air()).err()).expect("it is said within sixteen steps")
+}
+
+#[test]
+fn a_lost_device_is_named_and_others_go_on() {
+    let (lost, sound) = (device("the first", |_| ()), device("the second", |_| ()));
+    let mesh = Mesh::grid(12, 12, 1.0, 1.0);
+    let build = |gpu: &Gpu, backend| Deformer::new(&mesh, on(gpu, backend)).unwrap();
+    let [mut read, mut stepped, mut waited, mut asked] = [(); 4].map(|()| build(&lost, Backend::Gpu));
+    let [mut mixed, mut idle] = [(); 2].map(|()| build(&lost, Backend::Hybrid));
+    let [mut other, mut twin] = [(); 2].map(|()| build(&sound, Backend::Gpu));
+    for deformer in [&mut read, &mut stepped, &mut waited, &mut asked, &mut mixed, &mut other, &mut twin] {
+        deformer.step(FRAME, &air()).unwrap();
+    }
+    let before = mixed.positions().unwrap().to_vec();
+    lost.device().destroy();
+
+    let named = |error: StepError| {
+        assert_eq!(error, StepError::GpuLost { gpu: "the first".to_owned() });
+        assert!(error.to_string().contains("make a new Deformer"), "{error}");
+    };
+    named(read.positions().unwrap_err());
+    named(failing(&mut stepped));
+    named(stepped.step(FRAME, &air()).unwrap_err());
+    named(waited.wait().unwrap_err());
+    let late = asked.request_positions().and_then(|()| asked.requested_positions().map(|_| ()));
+    named(late.unwrap_err());
+    named(failing(&mut mixed));
+    assert_eq!(mixed.positions().unwrap(), before, "its state is in memory, and as it was");
+    // Without forces the hybrid asks nothing of its device.
+    idle.step(FRAME, &Attributes::default()).unwrap();
+    // Nothing of what a lost device is asked for panics.
+    let _ = (read.surface(), read.measure(), read.velocities());
+    read.reset();
+
+    let together = Deformer::step_all([(&mut read, &air()), (&mut other, &air())], FRAME);
+    assert!(together[1].is_ok(), "{together:?}");
+    twin.step(FRAME, &air()).unwrap();
+    for _ in 0..3 {
+        [&mut other, &mut twin].into_iter().for_each(|one| drop(one.step(FRAME, &air()).unwrap()));
+    }
+    assert_eq!(other.positions().unwrap(), twin.positions().unwrap(), "the other device is unharmed");
+
+    for backend in [Backend::Gpu, Backend::Hybrid] {
+        let error = Deformer::new(&mesh, on(&lost, backend)).unwrap_err();
+        assert!(matches!(&error, BuildError::GpuLost { gpu, .. } if gpu == "the first"), "{error}");
+    }
+    // Large enough for a GPU to pay.
+    let auto = Deformer::new(&Mesh::grid(130, 130, 1.0, 1.0), on(&lost, Backend::Auto)).unwrap();
+    assert_eq!(auto.backend(), Backend::Cpu);
+}
+
+#[test]
+fn a_buffer_beyond_a_limit_is_refused_by_name() {
+    let small = device("a small one", |limits| limits.max_storage_buffer_binding_size = 1 << 20);
+    let mesh = Mesh::grid(200, 200, 1.0, 1.0);
+    for backend in [Backend::Gpu, Backend::Hybrid] {
+        let error = Deformer::new(&mesh, on(&small, backend)).unwrap_err();
+        println!("{error}");
+        let BuildError::GpuLimit { needed, limit, allowed, .. } = error else { panic!("{error}") };
+        // A triangle takes 16 bytes, an edge 24 as a spring seen from both ends.
+        assert_eq!((needed, limit, allowed), (24 * 119_201, "max_storage_buffer_binding_size", 1 << 20));
+        let said = error.to_string();
+        assert!(["2860824", "1048576", limit, "split the mesh", "CPU"].iter().all(|part| said.contains(part)), "{said}");
+    }
+    let mut auto = Deformer::new(&mesh, on(&small, Backend::Auto)).unwrap();
+    assert_eq!(auto.backend(), Backend::Cpu);
+    auto.step(FRAME, &Attributes::default()).unwrap();
+    // The same device does what it has room for.
+    let fits = Mesh::grid(20, 20, 1.0, 1.0);
+    Deformer::new(&fits, on(&small, Backend::Gpu)).unwrap().step(FRAME, &Attributes::default()).unwrap();
+
+    let poor = device("a poor one", |limits| limits.max_storage_buffers_per_shader_stage = 4);
+    let error = Deformer::new(&fits, on(&poor, Backend::Gpu)).unwrap_err();
+    let BuildError::GpuLimit { needed: 8, limit, allowed: 4, .. } = error else { panic!("{error}") };
+    assert_eq!(limit, "max_storage_buffers_per_shader_stage");
+}
+
+/// What only some steps need is refused by those: ten thousand colliders, 64 bytes each.
+#[test]
+fn what_a_step_is_the_first_to_need_may_be_too_much() {
+    let small = device("a small one", |limits| limits.max_storage_buffer_binding_size = 1 << 18);
+    let mesh = Mesh::grid(20, 20, 1.0, 1.0);
+    let [mut deformer, mut bare] = [(); 2].map(|()| Deformer::new(&mesh, on(&small, Backend::Gpu)).unwrap());
+    let colliders = (0..10_000).map(|k| Collider::sphere(Vec3::new(0.0, -10.0, k as f32), 0.1)).collect();
+    let crowded = Attributes { colliders, ..Attributes::default() };
+    let before = {
+        deformer.step(FRAME, &Attributes::default()).unwrap();
+        deformer.positions().unwrap().to_vec()
+    };
+    for attributes in [&crowded, &crowded, &Attributes::default()] {
+        let error = deformer.step(FRAME, attributes).unwrap_err();
+        println!("{error}");
+        let StepError::GpuLimit { thing: "bodies", needed, limit, allowed } = error else { panic!("{error}") };
+        assert!(needed >= 640_000 && allowed == 1 << 18 && limit == "max_storage_buffer_binding_size", "{error}");
+        assert_eq!(deformer.positions().unwrap(), before, "the state is as it was");
+    }
+    // Nor does it stand in the way of one that asks for less, alone or beside it.
+    let crowd = [(&mut deformer, &crowded), (&mut bare, &Attributes::default())];
+    let together = Deformer::step_all(crowd, FRAME);
+    assert!(matches!(together[0], Err(StepError::GpuLimit { .. })) && together[1].is_ok(), "{together:?}");
+    assert_eq!(bare.positions().unwrap(), before);
+}
+
+/// A hundred edges at one vertex are a hundred colors, for which every tile's table had room: 554 MB in a sheet of 256 x 256, refused
+/// by most devices. A dispatch a color needs no tables.
+#[test]
+fn a_vertex_of_a_hundred_edges_is_swept_color_by_color() {
+    let n = 70_u32;
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let (hub, first) = (mesh.positions.len() as u32, mesh.positions.len() as u32 + 1);
+    mesh.positions.push(Vec3::new(0.0, 0.1, 0.8));
+    for k in 0..100 {
+        let angle = k as f32 * 0.06;
+        mesh.positions.push(Vec3::new(0.2 * angle.cos(), 0.1, 0.8 + 0.2 * angle.sin()));
+        mesh.triangles.extend((k > 0).then_some([hub, first + k - 1, first + k]));
+    }
+    // And one corner of it hangs on the sheet.
+    mesh.triangles.push([n * n - 1, n * n - 2, first]);
+    let small = device("of few bytes", |limits| limits.max_storage_buffer_binding_size = 2 << 20);
+    let options = Options { levels: Levels::Off, ..on(&small, Backend::Gpu) };
+    let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
+    let mut exact = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options }).unwrap();
+    assert!(exact.colors() >= 100, "{} colors", exact.colors());
+    for one in [&mut deformer, &mut exact] {
+        (0..2).for_each(|_| drop(one.step(FRAME, &Attributes::default()).unwrap()));
+    }
+    let dispatches = deformer.gpu_stats().unwrap().dispatches;
+    assert!(dispatches > 2 * 100, "{dispatches} dispatches: one a color, and more");
+    let moved = rms(exact.positions().unwrap(), &mesh.positions);
+    let apart = rms(exact.positions().unwrap(), deformer.positions().unwrap());
+    assert!(apart <= 2e-5 * moved, "{apart} m apart of {moved} m");
+}

@@ -1,0 +1,35 @@
+//! Tests of `src/gpu_fault.rs`, from inside: what no software driver can be made to say.
+
+use super::*;
+use crate::device::Gpu;
+
+/// A full memory is told from a refusal, by its kind and not by its words.
+#[test]
+fn a_full_memory_is_named() {
+    let full = wgpu::Error::OutOfMemory { source: "not enough\nroom".into() };
+    let GpuFault::Memory(reason) = GpuFault::from(full) else { panic!("it is full") };
+    assert!(!reason.contains('\n'), "one line: {reason}");
+    let source = "out of memory".into();
+    let refused = wgpu::Error::Validation { source, description: "out of memory".to_owned() };
+    assert!(matches!(GpuFault::from(refused), GpuFault::Other(_)));
+}
+
+/// Of a refusal and what the device says of it in turn, the refusal is told; another thread's, and one that was told, are not.
+#[test]
+fn a_refusal_is_told_once_where_it_was_met() {
+    let gpu = Gpu::shared(true).unwrap();
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let too_much = gpu.most_table_bytes() as u64 + 4;
+    let met = gpu.checked(|| {
+        let elsewhere = std::thread::scope(|scope| scope.spawn(|| gpu.checked(|| Ok(()))).join().unwrap());
+        assert_eq!(elsewhere, Ok(()));
+        let buffer = gpu.make("a table", too_much, usage);
+        gpu.write(&buffer, 0, &[0_u32; 64]);
+        let elsewhere = std::thread::scope(|scope| scope.spawn(|| gpu.checked(Gpu::refused)).join().unwrap());
+        assert_eq!(elsewhere, Ok(()));
+        Ok(())
+    });
+    let Err(GpuFault::Limit(Excess { thing: "a table", needed, allowed, .. })) = met else { panic!("{met:?}") };
+    assert_eq!((needed, allowed), (too_much.next_multiple_of(4), too_much - 4));
+    assert_eq!(gpu.checked(|| Ok(())), Ok(()));
+}
