@@ -20,6 +20,8 @@ struct Params {
     levels: u32,
     drift: vec3f,
     holds: u32,
+    tethers: u32,
+    load: f32,
 }
 
 struct Substep {

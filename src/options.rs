@@ -114,6 +114,19 @@ impl Default for Sleep {
     }
 }
 
+/// What holds the cloth near a lone pin, or two side by side, whose few edges carry all that hangs on them: see
+/// "How it works". For [`Method::SmallSteps`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Tethers {
+    /// Where the substeps do not resolve the stiffness each vertex near a lone pin is kept within its distance along the cloth, by a
+    /// share that fades with it (long range attachments: Kim, Chentanez & Müller 2012). Nothing is built for a cloth without such a pin.
+    #[default]
+    Auto,
+    /// None: nothing is built or run.
+    Off,
+}
+
 /// What is fixed when a [`Deformer`](crate::Deformer) is made.
 ///
 /// A plain struct. Write what differs from the default, and the next version's fields do not break you:
@@ -137,6 +150,8 @@ pub struct Options {
     pub levels: Levels,
     /// When it stops to move and to cost anything; `None`: never.
     pub sleep: Option<Sleep>,
+    /// What holds the cloth near a lone pin.
+    pub tethers: Tethers,
     /// What the cloth is made of.
     pub fabric: Fabric,
     /// A device of the caller's, for `Deformer::position_buffer`; `None`: one is requested when needed.

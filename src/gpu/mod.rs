@@ -33,6 +33,7 @@ mod sweep;
 #[cfg(test)]
 #[path = "../../tests/unit/gpu_paths.rs"]
 mod tests;
+mod tethers;
 mod tiles;
 
 pub(crate) use engine::GpuEngine;

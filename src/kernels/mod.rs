@@ -12,4 +12,5 @@ pub(crate) mod integrate;
 pub(crate) mod params;
 pub(crate) mod spring;
 pub(crate) mod statistics;
+pub(crate) mod tether;
 pub(crate) mod wind;

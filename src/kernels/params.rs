@@ -36,6 +36,11 @@ pub(crate) struct Params {
     pub drift: [f32; 3],
     /// 1 if coarse edges hold (`distance::hold_coarse`).
     pub holds: u32,
+    /// 1 if tethers are in use.
+    pub tethers: u32,
+    /// Acceleration (m/s²) whose load lengthens them.
+    pub load: f32,
+    pub padding: [u32; 2],
 }
 
 /// What differs from one substep to the next.
