@@ -85,7 +85,8 @@ impl Default for Quality {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
-    /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh is small, or the wind's pressure is ten
+    /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh has fewer than 1000 vertices and is short of
+    /// that by less than six times, or the wind's pressure is ten
     /// times the cloth's weight (5 m/s for 0.2 kg/m²), where they would show small wrinkles for stretch.
     #[default]
     Auto,

@@ -30,7 +30,9 @@ fn jittered(n: u32, size: f32) -> Mesh {
         triangles.copy_from_slice(&[[a, b - 1, b], [a, b, a + 1]]);
     }
     let mut jitter = || size / n as f32 * (random.f32() - 0.5);
-    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(jitter(), 0.0, jitter()));
+    // Its outline stays straight, or straight lines would leave it.
+    let inside = mesh.positions.iter_mut().filter(|x| x.x.abs().max(x.z.abs()) < 0.499);
+    inside.for_each(|x| *x += Vec3::new(jitter(), 0.0, jitter()));
     mesh
 }
 
