@@ -86,7 +86,7 @@ impl Default for Quality {
 #[non_exhaustive]
 pub enum Levels {
     /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh has fewer than 1000 vertices and is short of
-    /// that by less than six times, or the wind's pressure is ten
+    /// that by less than eight times, or the wind's pressure is ten
     /// times the cloth's weight (5 m/s for 0.2 kg/m²), where they would show small wrinkles for stretch.
     #[default]
     Auto,

@@ -15,7 +15,7 @@ pub(crate) const FRAMES: f64 = 60.0;
 const STANDARD_GRAVITY: f64 = 9.81;
 /// Vertices below which levels cost more than they bring, unless so many times as many substeps would resolve the stiffness.
 const SMALL: usize = 1000;
-const FAR: f64 = 6.0;
+const FAR: f64 = 8.0;
 /// Pressure of the wind over the cloth's weight from which levels show small wrinkles for stretch: see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
 
@@ -94,7 +94,7 @@ impl Rates {
     /// Level l, its aggregates about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps; the first that is
     /// carries the whole load of an even cloth. One more, for next to nothing, carries that of corners and unstructured
     /// meshes (two pins, 2000 vertices: 2.0e-3 mean strain with it, 3.2e-3 without). From seven eighths of `S*` on none pays; in
-    /// small cloths from a sixth on, where they would take as long as more substeps that do better (an inextensible strip of 65 links
+    /// small cloths from an eighth on, where they would take as long as more substeps that do better (an inextensible strip of 65 links
     /// by both ends hangs .38 % too deep with them at 20 substeps, and 1.41 % without; .072 % and .046 % at 80).
     pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, attributes: &Attributes) -> usize {
         if options.method != Method::SmallSteps {
