@@ -24,6 +24,8 @@ struct Params {
     per_length: f32,
     per_mass: f32,
     longest: f32,
+    tethers: u32,
+    load: f32,
 }
 
 struct Substep {

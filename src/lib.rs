@@ -43,6 +43,6 @@ pub use io::obj::ObjError;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;
 pub use model::mesh::Mesh;
-pub use options::{Backend, Cause, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Warning};
+pub use options::{Backend, Cause, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -85,7 +85,8 @@ impl Default for Quality {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
-    /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh is small, or the wind's pressure is ten
+    /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh has fewer than 1000 vertices and is short of
+    /// that by less than eight times, or the wind's pressure is ten
     /// times the cloth's weight (5 m/s for 0.2 kg/m²), where they would show small wrinkles for stretch.
     #[default]
     Auto,
@@ -114,6 +115,19 @@ impl Default for Sleep {
     }
 }
 
+/// What holds the cloth near a lone pin, or two side by side, whose few edges carry all that hangs on them: see
+/// "How it works". For [`Method::SmallSteps`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Tethers {
+    /// Where the substeps do not resolve the stiffness each vertex near a lone pin is kept within its distance along the cloth, by a
+    /// share that fades with it (long range attachments: Kim, Chentanez & Müller 2012). Nothing is built for a cloth without such a pin.
+    #[default]
+    Auto,
+    /// None: nothing is built or run.
+    Off,
+}
+
 /// What is fixed when a [`Deformer`](crate::Deformer) is made.
 ///
 /// A plain struct. Write what differs from the default, and the next version's fields do not break you:
@@ -137,6 +151,8 @@ pub struct Options {
     pub levels: Levels,
     /// When it stops to move and to cost anything; `None`: never.
     pub sleep: Option<Sleep>,
+    /// What holds the cloth near a lone pin.
+    pub tethers: Tethers,
     /// What the cloth is made of.
     pub fabric: Fabric,
     /// A device of the caller's, for `Deformer::position_buffer`; `None`: one is requested when needed.

@@ -4,7 +4,9 @@
 mod common;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError};
+use cloth_deformer::{
+    Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError, Tethers,
+};
 use common::{FRAME, play};
 
 /// A scene with one thing in it.
@@ -37,7 +39,7 @@ fn scene(name: &'static str) -> Scene {
 /// One scene for each stage, and one with all of them.
 fn scenes() -> Vec<Scene> {
     let all = ["gravity", "damping", "bending", "bending damping", "wind", "springs", "project", "relax", "sphere", "plane"];
-    let all = all.into_iter().chain(["capsule", "swept", "pins", "everything"]);
+    let all = all.into_iter().chain(["capsule", "swept", "pins", "tethers", "everything"]);
     all.map(|name| {
         let mut scene = scene(name);
         if name == "swept" {
@@ -47,11 +49,18 @@ fn scenes() -> Vec<Scene> {
         if name == "bending damping" {
             scene.options.fabric.bending = 1e-3;
         }
+        // A cloth whose stiffness is not resolved.
+        if name == "tethers" || name == "everything" {
+            (scene.options.fabric.stretch, scene.options.tethers) = (1e5, Tethers::Off);
+        }
         scene.without = Some(Box::new(scene.clone()));
         let is = |wanted: &str| name == wanted || name == "everything";
         let attributes = &mut scene.attributes;
         if is("gravity") {
             attributes.gravity = Vec3::new(1.0, -9.81, 2.0);
+        }
+        if is("tethers") {
+            scene.options.tethers = Tethers::Auto;
         }
         if is("damping") {
             (attributes.damping, attributes.wind) = (2.0, Vec3::new(1.0, 2.0, 3.0));

@@ -296,3 +296,34 @@ fn wrinkles_are_not_ironed() {
     assert!((levels / exact - 1.0).abs() < 0.125, "{levels} m with levels, {exact} m resolved");
     assert!(plain < exact - 4.0 * (levels - exact).abs(), "{plain} m without, {levels} m with levels, {exact} m resolved");
 }
+
+/// An inextensible strip of 65 links by both ends: a closed form says how deep it hangs. More substeps are never worse, and levels pay
+/// for so few vertices too.
+#[test]
+fn a_short_strip_hangs_as_deep_as_it_should() {
+    let n = 66;
+    let mesh = Mesh::grid(n, 2, 1.0, 1.0 / (n - 1) as f32);
+    let pinned = vec![0, n - 1, n, 2 * n - 1];
+    let fabric = Fabric { density: RHO, stretch: f32::INFINITY, bending: 0.0, damping: 0.0 };
+    let mut last = f64::INFINITY;
+    for (substeps, has_levels, bound) in [(10, true, 1e-2), (20, true, 5e-3), (40, true, 2.5e-3), (80, false, 1e-3)] {
+        let quality = Quality::Substeps(substeps);
+        let options = Options { backend: Backend::Cpu, fabric, quality, pinned: pinned.clone(), ..Options::default() };
+        let mut deformer = Deformer::new(&mesh, options).unwrap();
+        for frame in 0..600 {
+            // The ends come as near as .6 of its length.
+            let span = 1.0 - 0.4 * (frame as f32 / 100.0).min(1.0);
+            let led = |&v: &u32| mesh.positions[v as usize] * Vec3::new(span, 1.0, 1.0);
+            let pin_targets = Some(pinned.iter().map(led).collect());
+            let attributes = Attributes { damping: 4.0, pin_targets, ..Attributes::default() };
+            let report = deformer.step(FRAME, &attributes).unwrap();
+            assert_eq!(report.levels > 0, has_levels, "S = {substeps}");
+        }
+        let sag = deformer.positions().unwrap().iter().map(|x| f64::from(-x.y)).fold(0.0, f64::max);
+        // The catenary's, of length 1 over .6.
+        let off = (sag / 0.36278 - 1.0).abs();
+        println!("S = {substeps}: {:.3} % too deep", 100.0 * off);
+        assert!(off < bound && off < last, "S = {substeps}: {off} off, {last} with fewer");
+        last = off;
+    }
+}

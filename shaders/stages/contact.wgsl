@@ -1,4 +1,4 @@
-// The end of a substep, a dispatch of its own: contact and the move.
+// The end of a substep, a dispatch of its own: tethers, contact and the move.
 // p.w keeps the substep that p was made in: a state that is gone back to brings its own.
 
 @group(1) @binding(0) var<storage, read> x: array<vec4f>;
@@ -6,6 +6,11 @@
 @group(1) @binding(2) var<storage, read> bodies: array<Body>;
 @group(1) @binding(3) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> p_out: array<vec4f>;
+@group(1) @binding(5) var<storage, read> tethers: array<Tether>;
+
+fn tether_of(v: u32) -> Tether {
+    return tethers[v];
+}
 
 @compute @workgroup_size(WORKGROUP)
 fn contact(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -14,7 +19,7 @@ fn contact(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
         return;
     }
     let x_i = x[i];
-    let path = after_contact(x_i, u[i].xyz, substep);
+    let path = after_contact(i, x_i, u[i].xyz, substep);
     x_out[i] = vec4f(path.x + path.u, x_i.w);
     p_out[i] = vec4f(path.u, params.h);
 }

@@ -184,7 +184,7 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
         }
         for (var v = lane; v < all; v += LANES) {
             let x_v = state[v];
-            let path = after_contact(x_v, displacement(v), now);
+            let path = after_contact(v, x_v, displacement(v), now);
             state[v] = vec4f(path.x + path.u, x_v.w);
             set_displacement(v, path.u);
         }

@@ -44,7 +44,7 @@ fn substep_of_tile(
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(tile, k);
         let x_v = tile_x[k];
-        let path = after_contact(x_v, tile_u[k].xyz, substep);
+        let path = after_contact(v, x_v, tile_u[k].xyz, substep);
         x_out[v] = vec4f(path.x + path.u, x_v.w);
         p_out[v] = vec4f(path.u, params.h);
     }

@@ -13,6 +13,7 @@ use crate::cpu::statistics::Observed;
 use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
+use crate::cpu::tethers::{TetherBatches, Tethering};
 use crate::cpu::threads::ThreadChoice;
 use crate::cpu::watch::Found;
 use crate::failure::{Cause, Failure};
@@ -41,6 +42,8 @@ pub(crate) struct Cpu {
     partition: Option<Partition>,
     /// The edges of each round of the partition.
     edges: Vec<EdgeBatches>,
+    /// Its tethers, if any are in use.
+    tethers: Vec<TetherBatches>,
     schedule: Schedule,
     /// What they were packed for: the length of the substep, levels, threads; and what the schedule is of.
     packed_for: Option<(Length, usize, usize)>,
@@ -69,6 +72,7 @@ impl Cpu {
             coarse: Coarse::default(),
             partition: None,
             edges: Vec::new(),
+            tethers: Vec::new(),
             schedule: Schedule::default(),
             packed_for: None,
             scheduled_for: None,
@@ -133,7 +137,7 @@ impl Cpu {
         self.pack(plan, elsewhere.is_some(), pool);
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
-        let Cpu { x, p, x_good, p_good, forces, coarse, edges, schedule, partition, width, .. } = self;
+        let Cpu { x, p, x_good, p_good, forces, coarse, edges, tethers, schedule, partition, width, .. } = self;
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
         let stepper = Stepper {
@@ -141,6 +145,8 @@ impl Cpu {
             terms: self.scheduled_for.expect("packed"),
             partition: partition.as_ref().expect("packed"),
             edges,
+            tethers,
+            tethering: Tethering { plan, x: &x, u: &u, width: *width },
             forces: forces.share(plan, &x, &u, *width),
             correction: coarse.share(&x, &u, if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }, *width),
             integrator: Integrator { plan, x: &x, u: &u, good, found: Found::nothing(), width: *width },
@@ -188,6 +194,9 @@ impl Cpu {
             } else {
                 self.edges.iter_mut().for_each(|round| round.reweigh(&coefficients.edges, &inverse_mass));
             }
+            let held = &coefficients.tethers;
+            let pack = |pieces: &Vec<Piece>| TetherBatches::new(pieces, held, cloth.rest.len(), lanes);
+            self.tethers = if held.is_empty() { Vec::new() } else { partition.rounds.iter().map(pack).collect() };
             self.coarse.pack(plan.levels, &coefficients.levels, self.width, threads);
         }
         let partition = self.partition.as_ref().expect("made above");
@@ -198,6 +207,7 @@ impl Cpu {
             springs: plan.method == Method::Springs && !exchanged,
             pins: !plan.pins.is_empty(),
             levels,
+            tethers: !self.tethers.is_empty(),
             threads,
         };
         self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);

@@ -14,6 +14,7 @@ mod statistics;
 mod substep;
 mod sweep;
 mod tasks;
+mod tethers;
 mod threads;
 mod watch;
 

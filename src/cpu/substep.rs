@@ -10,6 +10,7 @@ use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::scheduler::{Graph, PassTasks};
 use crate::cpu::tasks::shared::{Task, View};
+use crate::cpu::tethers::{TetherBatches, Tethering};
 use crate::simd::MAX_LANES;
 use crate::step::plan::Plan;
 
@@ -38,6 +39,8 @@ pub(crate) enum Stage {
     Correct,
     /// Edges, in one round of the partition.
     Sweep(usize),
+    /// Vertices whose edges are all swept are held by their tethers, after a round of the partition.
+    Tether(usize),
     /// Vertices whose edges are all swept meet the colliders and move. Where no force acts they are predicted to fall on.
     Move(usize),
 }
@@ -54,6 +57,7 @@ pub(crate) struct Terms {
     /// Pins are led.
     pub pins: bool,
     pub levels: usize,
+    pub tethers: bool,
     pub threads: usize,
 }
 
@@ -94,9 +98,11 @@ fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
         }
         stages.push(Stage::Correct);
     }
-    // Sweep the edges; then contact, and the move.
+    // Sweep the edges; then tethers, contact, and the move.
     for round in 0..partition.rounds.len() {
-        stages.extend([Stage::Sweep(round), Stage::Move(round)]);
+        stages.push(Stage::Sweep(round));
+        stages.extend(terms.tethers.then_some(Stage::Tether(round)));
+        stages.push(Stage::Move(round));
     }
     stages
 }
@@ -125,7 +131,7 @@ impl Stage {
             Stage::PanelForces => Over::Triangles,
             Stage::Restrict(level) => Over::Aggregates(level),
             Stage::SweepLevel(level, round) => Over::PiecesOfLevel(level, round),
-            Stage::Sweep(round) | Stage::Move(round) if round > 0 => Over::Borders(round),
+            Stage::Sweep(round) | Stage::Tether(round) | Stage::Move(round) if round > 0 => Over::Borders(round),
             _ => Over::Tiles,
         }
     }
@@ -334,6 +340,8 @@ pub(crate) struct Stepper<'a> {
     pub terms: Terms,
     pub partition: &'a Partition,
     pub edges: &'a [EdgeBatches],
+    pub tethers: &'a [TetherBatches],
+    pub tethering: Tethering<'a>,
     pub forces: Forces<'a>,
     pub correction: Correction<'a>,
     pub integrator: Integrator<'a>,
@@ -355,7 +363,7 @@ impl Stepper<'_> {
         for &stage in pass {
             let is_due = match stage {
                 Stage::Sweep(_) => true,
-                Stage::Move(_) => ends,
+                Stage::Tether(_) | Stage::Move(_) => ends,
                 _ => begins,
             };
             if is_due {
@@ -384,6 +392,7 @@ impl Stepper<'_> {
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
             Stage::Sweep(round) => self.sweep(task, round, part),
+            Stage::Tether(round) => self.tethering.hold(task, &self.tethers[round], part, substep),
             Stage::Move(round) => {
                 let piece = &self.partition.rounds[round][part];
                 if index + 1 == self.plan.substeps.len() {

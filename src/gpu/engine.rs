@@ -99,7 +99,7 @@ impl GpuEngine {
             let tiled = path != Path::PerColor && method == Method::SmallSteps;
             let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
             let sweep = match tiles.flatten() {
-                Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, tiles, &forces, &bodies)),
+                Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, &forces, &bodies)),
                 None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
             };
             let commit = Commit::new(&gpu, cloth, &forces);
@@ -228,7 +228,7 @@ impl GpuEngine {
             }
             multigrid.as_mut().into_iter().for_each(|multigrid| multigrid.prepare(gpu, plan));
         }
-        if bodies.send(gpu, plan.bodies) | moved {
+        if bodies.send(gpu, plan.bodies_and_anchors) | moved {
             let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
             match sweep {
                 Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),

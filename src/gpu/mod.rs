@@ -34,6 +34,7 @@ mod sweep;
 #[cfg(test)]
 #[path = "../../tests/unit/gpu_paths.rs"]
 mod tests;
+mod tethers;
 mod tiles;
 mod watch;
 

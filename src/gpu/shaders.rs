@@ -25,11 +25,11 @@ shaders! {
     WIND: "wind" "stages/wind";
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";
-    CONTACT: "distance" "contact" "stages/move" "stages/contact";
-    TILE: "integrate" "distance" "contact"
-        "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/move" "stages/tile";
-    SINGLE_WORKGROUP: "integrate" "distance" "contact" "limits" "watch"
-        "stages/watch" "stages/sweep" "stages/tiles" "stages/levels" "stages/move" "stages/single_workgroup";
+    CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
+    TILE: "integrate" "distance" "tether" "contact"
+        "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
+    SINGLE_WORKGROUP: "integrate" "distance" "tether" "contact" "limits" "watch"
+        "stages/watch" "stages/sweep" "stages/tiles" "stages/levels" "stages/tethers" "stages/move" "stages/single_workgroup";
     COMMIT: "limits" "watch" "stages/watch" "stages/commit";
     RESTRICT: "integrate" "stages/motion" "stages/restrict";
     LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";

@@ -12,5 +12,6 @@ pub(crate) mod integrate;
 pub(crate) mod params;
 pub(crate) mod spring;
 pub(crate) mod statistics;
+pub(crate) mod tether;
 pub(crate) mod watch;
 pub(crate) mod wind;

@@ -43,6 +43,11 @@ pub(crate) struct Params {
     pub per_length: f32,
     pub per_mass: f32,
     pub longest: f32,
+    /// 1 if tethers are in use.
+    pub tethers: u32,
+    /// Acceleration (m/s²) whose load lengthens them.
+    pub load: f32,
+    pub padding: [u32; 2],
 }
 
 /// What differs from one substep to the next.

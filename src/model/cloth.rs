@@ -18,8 +18,9 @@ use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::mesh::{EdgeIndex, Mesh, sides};
 use crate::model::strain_gauges::strain_gauges;
+use crate::model::tethers::Tethers;
 use crate::model::vertex_order;
-use crate::options::Options;
+use crate::options::{self, Method, Options};
 
 /// A cloth in its own vertex order and local coordinates.
 #[derive(Debug)]
@@ -52,6 +53,8 @@ pub(crate) struct Cloth {
     pub slivers: Slivers,
     /// Whether it has any area.
     pub is_sheet: bool,
+    /// If any pin is alone and they are wanted.
+    pub tethers: Option<Tethers>,
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
@@ -68,6 +71,8 @@ pub(crate) struct Link {
     pub stiffness: f64,
     /// The same for K = 1 N/m.
     pub shape: f64,
+    /// What of it the fabric's stiffness is scaled by here.
+    pub scale: f32,
 }
 
 /// Edges with triangles that are over a hundred times as long as they: `(A1 + A2)/l0²` above [`SLIVER`].
@@ -142,14 +147,14 @@ impl Cloth {
                     (slivers.worst, worst_aspect) = (named, aspect);
                 }
             }
-            let scale = options.edge_scale.as_ref().map_or(1.0, |scale| f64::from(scale[index]));
-            let shape = scale * aspect;
+            let scale = options.edge_scale.as_ref().map_or(1.0, |scale| scale[index]);
+            let shape = f64::from(scale) * aspect;
             let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
-            links.push(Link { ends, rest: length as f32, stiffness, shape });
+            links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
-        Ok(Cloth {
+        let mut cloth = Cloth {
             order,
             origin,
             rest,
@@ -169,7 +174,12 @@ impl Cloth {
             springs: OnceLock::new(),
             bending: OnceLock::new(),
             gauges: OnceLock::new(),
-        })
+            tethers: None,
+        };
+        if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
+            cloth.tethers = Tethers::new(&cloth);
+        }
+        Ok(cloth)
     }
 
     /// The edges that the sweep visits: all but those between two pins.

@@ -1,4 +1,4 @@
-//! What never changes while the cloth moves: the mesh, its masses, edges and their colors, bending rows.
+//! What never changes while the cloth moves: the mesh, its masses, edges and their colors, bending rows, tethers.
 
 pub(crate) mod bending;
 pub(crate) mod cloth;
@@ -7,4 +7,5 @@ pub(crate) mod csr;
 pub(crate) mod disjoint_sets;
 pub(crate) mod mesh;
 pub(crate) mod strain_gauges;
+pub(crate) mod tethers;
 pub(crate) mod vertex_order;

@@ -31,7 +31,8 @@
 //! Stiffness is that of the fabric along the edge, free to contract across it, so that cloth soft in shear stays so.
 //!
 //! # Limits
-//! Pins are the coarse cloth's own worst place, as they are the fine one's: the worst edge there is better by a few times only.
+//! Pins are the coarse cloth's own worst place, as they are the fine one's: the worst edge there is better by a few times only. Lone pins
+//! have tethers for that ([`model::tethers`](crate::model::tethers)).
 //! Where the substeps resolve the stiffness, levels have nothing to add. Up to seven eighths of `S*` they do: a sheet of 64 by 64
 //! swings down with 3.6e-4 m of error at 112 substeps, and with 7.2e-4 m without them.
 //!
@@ -46,8 +47,8 @@
 //! 7.7e-3 against 1.7e-2, and 18 m of folds against 13, where 8 m are right; at 30 m/s it is a waffle of aggregates. Smooth
 //! weights make no difference. So no levels are chosen in a gale; what helps there is substeps.
 //!
-//! Tethers (long-range attachments: Kim, Chentanez & Müller 2012) are not built beside the levels. Cheaper by a tenth of a
-//! substep, they leave 6.5e-3 of strain and 0.057 m of error where levels leave 2.4e-3 and 0.006 m (a sheet of 129 hung
+//! Tethers (long range attachments: Kim, Chentanez & Müller 2012) do not take the levels' place. Those of the whole sheet, cheaper by a
+//! tenth of a substep, leave 6.5e-3 of strain and 0.057 m of error where levels leave 2.4e-3 and 0.006 m (a sheet of 129 hung
 //! by an edge, 20 substeps; 6.8e-2 and 0.20 m with neither), and need pins.
 
 use std::ops::Range;

@@ -2,7 +2,9 @@
 
 use crate::kernels::bending::BendRow;
 use crate::kernels::distance::Edge;
+use crate::kernels::tether::Tether;
 use crate::model::cloth::{Cloth, Link};
+use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
 use crate::step::substep_count::Length;
@@ -16,6 +18,8 @@ pub(crate) struct Coefficients {
     pub edges: Vec<Edge>,
     /// Coarse edges of each level in use, the finest first.
     pub levels: Vec<Vec<Edge>>,
+    /// Tethers, by vertex; none where there are no lone pins, or the stiffness is resolved.
+    pub tethers: Vec<(u32, Tether)>,
     /// Rows of the bending energy; empty without bending.
     pub bending: Vec<BendRow>,
     /// Vertices whose bending had to be softened.
@@ -56,8 +60,27 @@ impl Coefficients {
         } else {
             (Vec::new(), 0)
         };
-        Coefficients { length, edges, levels, bending, bending_limited }
+        let tethers = tethers(cloth, length);
+        Coefficients { length, edges, levels, tethers, bending, bending_limited }
     }
+}
+
+/// Substeps in 1/60 s from which tethers reach less far.
+const FULL_REACH: f64 = 20.0;
+
+/// The tethers of vertices that any share is left for. They reach as far as what the sweep leaves too long: the less, the more substeps.
+fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
+    let substeps = 1.0 / (60.0 * f64::from(length.longest));
+    let reach = REACH * cloth.extent * (FULL_REACH / substeps).min(1.0);
+    let left = 1.0 - length.resolved;
+    let tether = |held: &Held| {
+        let share = left * (1.0 - f64::from(held.distance) / reach);
+        // Finite, or none of it would be no number.
+        let slack = (f64::from(held.give) / cloth.stretch).min(1e9) as f32;
+        let Held { vertex, anchor, distance, .. } = *held;
+        (share > 0.0).then_some((vertex, Tether { anchor, length: distance, slack, share: share as f32 }))
+    };
+    cloth.tethers.iter().flat_map(|tethers| &tethers.held).filter_map(tether).collect()
 }
 
 fn edge(link: &Link, inverse_weight: f64) -> Edge {

@@ -64,6 +64,11 @@ pub(crate) fn pressure(attributes: &Attributes) -> f64 {
     0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * attributes.wind.as_dvec3().length_squared()
 }
 
+/// The acceleration (m/s²) that gravity and wind load the cloth by.
+pub(crate) fn acceleration(cloth: &Cloth, attributes: &Attributes) -> f64 {
+    attributes.gravity.as_dvec3().length() + pressure(attributes) / cloth.density
+}
+
 /// The largest second difference of the pins' places over `dt²` (m/s²): pins that were led and are led no more stop dead.
 fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();

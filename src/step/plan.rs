@@ -11,6 +11,7 @@ use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
 use crate::step::coefficients::Coefficients;
+use crate::step::load::acceleration;
 
 /// What the next step must know of the last.
 #[derive(Debug, Clone, Default)]
@@ -66,6 +67,7 @@ impl Motion {
 #[derive(Debug, Default)]
 pub(crate) struct PlanBuffers {
     substeps: Vec<Substep>,
+    /// Colliders, and behind them the anchors of tethers.
     bodies: Vec<Body>,
     pins: Vec<Pin>,
 }
@@ -80,6 +82,9 @@ pub(crate) struct Plan<'a> {
     pub params: Params,
     pub substeps: &'a [Substep],
     pub bodies: &'a [Body],
+    /// The same, and behind them the pins that tethers hang on: points that travel.
+    pub bodies_and_anchors: &'a [Body],
+    pub anchors: &'a [Body],
     /// In the order of their vertices.
     pub pins: &'a [Pin],
     /// Sweeps over the edges in each substep.
@@ -123,6 +128,15 @@ impl<'a> Plan<'a> {
         buffers.bodies.clear();
         let followed = motion.followed(&attributes.colliders);
         buffers.bodies.extend(followed.map(|(now, last)| body(now, last, cloth.origin, cloth.longest)));
+        let bodies = buffers.bodies.len();
+        if let Some(tethers) = cloth.tethers.as_ref().filter(|_| !coefficients.tethers.is_empty()) {
+            let anchor = |&place: &u32| {
+                let from = motion.pins[place as usize];
+                let to = attributes.pin_targets.as_ref().map_or(from, |targets| targets[place as usize] - cloth.origin);
+                Body { a: from.to_array(), a_travel: (to - from).to_array(), ..Body::default() }
+            };
+            buffers.bodies.extend(tethers.anchors.iter().map(anchor));
+        }
         let targets = attributes.pin_targets.iter().flatten();
         let pin = |((&to, from), &vertex): ((&Vec3, &Vec3), &u32)| Pin {
             origin: from.to_array(),
@@ -150,7 +164,7 @@ impl<'a> Plan<'a> {
             lift: attributes.lift,
             fraction: 1.0 / count as f32,
             vertices: cloth.rest.len() as u32,
-            bodies: buffers.bodies.len() as u32,
+            bodies: bodies as u32,
             pins: buffers.pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
             predicted: u32::from(has_forces(bending, wind, options.method) || !buffers.pins.is_empty()),
@@ -161,6 +175,8 @@ impl<'a> Plan<'a> {
             // A thread has no width across which anything could pull it together.
             holds: u32::from(!bending && cloth.is_sheet),
             edges: cloth.swept().len() as u32,
+            tethers: u32::from(!coefficients.tethers.is_empty()),
+            load: acceleration(cloth, attributes) as f32,
             // Nothing is too fast or too long until [`Watch`](crate::step::watch::Watch) says so.
             longest: f32::MAX,
             ..Params::default()
@@ -171,7 +187,9 @@ impl<'a> Plan<'a> {
             coefficients,
             params,
             substeps: &buffers.substeps,
-            bodies: &buffers.bodies,
+            bodies: &buffers.bodies[..bodies],
+            bodies_and_anchors: &buffers.bodies,
+            anchors: &buffers.bodies[bodies..],
             pins: &buffers.pins,
             sweeps,
             method: options.method,

@@ -38,6 +38,16 @@ pub fn relax_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) 
     inverse_weight * (1.0 / inverse_rest - length) / length * d
 }
 
+/// What a tether moves its vertex by, which is `d0` from the pin and moves by `du` from it.
+pub fn tethered(d0: Vec3A, du: Vec3A, reach: f32, share: f32) -> Vec3A {
+    let d = d0 + du;
+    if d.length() <= reach {
+        return Vec3A::ZERO;
+    }
+    let is_sound = d0.length() > 0.1 * reach && d0.angle_between(d) < std::f32::consts::FRAC_PI_3;
+    share * (reach - d.length()) * if is_sound { d0 } else { d }.normalize()
+}
+
 /// What a vertex's bending row pulls by, and the couple of its damping, given its neighbors: where they are from it, how fast that
 /// changes, and their coefficients.
 pub fn bend_moment(ring: &[(Vec3A, Vec3A, f32)], stiffness: f32, tau: f32) -> [Vec3A; 2] {

@@ -126,7 +126,7 @@ fn every_width_predicts_as_the_oracle_does() {
             let h = 1.0 / 1200.0;
             let plan_of = |options: &Options, attributes: &Attributes, check: &dyn Fn(&Plan<'_>)| {
                 let coefficients = Coefficients::new(&cloth, &[], options, Length::of(h));
-                let (mut lists, motion) = (PlanBuffers::default(), Motion { h, ..Motion::default() });
+                let (mut lists, motion) = (PlanBuffers::default(), Motion::after(&cloth, &cloth.rest, h));
                 check(&Plan::new(&cloth, &[], options, &coefficients, &motion, 1, attributes, &mut lists));
             };
             let most = |a: &[Vec4], b: &[Vec4]| {

@@ -30,7 +30,8 @@ fn what_is_told_to_be_clear_is_clear() {
             _ => Collider::sphere(at(0.3), 0.25),
         };
         let attributes = Attributes { colliders: vec![body], ..Attributes::default() };
-        let (mut lists, motion) = (PlanBuffers::default(), Motion { h, colliders: vec![before], ..Motion::default() });
+        let (mut lists, motion) =
+            (PlanBuffers::default(), Motion { colliders: vec![before], ..Motion::after(&cloth, &cloth.rest, h) });
         let plan = Plan::new(&cloth, &[], &options, &coefficients, &motion, 2, &attributes, &mut lists);
         let mut random = fastrand::Rng::with_seed(8);
         let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));

@@ -19,6 +19,7 @@ use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::kernels::spring::Spring;
 use crate::kernels::statistics::{self, Statistics, StrainGauge};
+use crate::kernels::tether::Tether;
 use crate::kernels::wind::Panel;
 use crate::limits::MAX_POSITION;
 use crate::model::csr::Span;
@@ -39,7 +40,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest, tethers, load }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Found { lost, long, fast, energy, hot, stopped, steps, next }),
         layout!(Span { start, end }),
@@ -49,6 +50,7 @@ fn structs() -> Vec<Layout> {
         layout!(Panel { corners, mass }),
         layout!(Spring { other, rest, stiffness }),
         layout!(Edge { a, b, inverse_rest, inverse_weight }),
+        layout!(Tether { anchor, length, slack, share }),
         layout!(Batch { first, count }),
         layout!(StrainGauge { ends, inverse_rest, weight }),
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
@@ -75,6 +77,8 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("LONG_GUARD", Literal::F32(crate::kernels::distance::LONG_GUARD)),
         ("SLACK_BAND", Literal::F32(crate::kernels::distance::SLACK_BAND)),
         ("LEAST_LENGTH", Literal::F32(crate::kernels::distance::LEAST_LENGTH)),
+        ("TETHER_TURN_GUARD", Literal::F32(crate::kernels::tether::TETHER_TURN_GUARD)),
+        ("TETHER_SHORT_GUARD", Literal::F32(crate::kernels::tether::TETHER_SHORT_GUARD)),
         ("DEPENETRATION", Literal::F32(crate::kernels::contact::DEPENETRATION)),
         ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),
         ("SWEEP_STEPS", Literal::U32(crate::kernels::contact::SWEEP_STEPS)),

@@ -11,6 +11,7 @@ fn a_full_literal_does_not_depend_on_a_feature() {
         quality: Quality::Strain(0.03),
         levels: Levels::Auto,
         sleep: None,
+        tethers: Tethers::Auto,
         fabric: Fabric::default(),
         gpu: None,
         pinned: Vec::new(),

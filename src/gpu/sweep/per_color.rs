@@ -5,6 +5,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, Bind, Sent, Stage, batches, slot};
 use crate::gpu::state::groups;
+use crate::gpu::tethers;
 use crate::kernels::distance::Edge;
 use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
@@ -15,7 +16,9 @@ use crate::step::substep_count::Length;
 pub(crate) struct PerColor {
     colors: Vec<Batch>,
     edges: wgpu::Buffer,
-    /// The substep that `edges` are for.
+    /// If there are any.
+    tethers: Option<wgpu::Buffer>,
+    /// The substep that both are for.
     length: Option<Length>,
     project: Stage,
     contact: Stage,
@@ -31,24 +34,30 @@ impl PerColor {
         });
         let entry = Entry { shader: shaders::PROJECT, name: "project", constants: &[] };
         let project = Stage::new(gpu, &forces.uniforms, entry, &bound);
+        let size = tethers::size(cloth);
+        let tethers = (size > 0).then(|| gpu.buffer("tethers", size as u64));
         let entry = Entry { shader: shaders::CONTACT, name: "contact", constants: &[] };
-        let contact = Stage::new(gpu, &forces.uniforms, entry, &PerColor::bound_by_contact(forces, bodies));
-        PerColor { colors, edges, length: None, project, contact }
+        let contact = Stage::new(gpu, &forces.uniforms, entry, &PerColor::bound_by_contact(forces, bodies, tethers.as_ref()));
+        PerColor { colors, edges, tethers, length: None, project, contact }
     }
 
-    fn bound_by_contact<'a>(forces: &'a Forces, bodies: &'a Sent) -> Vec<Vec<Bind<'a>>> {
+    fn bound_by_contact<'a>(forces: &'a Forces, bodies: &'a Sent, tethers: Option<&'a wgpu::Buffer>) -> Vec<Vec<Bind<'a>>> {
         groups(&forces.states, |from, to| {
-            vec![Bind::Read(&from.x), Bind::Read(&forces.u), Bind::Read(&bodies.buffer), Bind::Write(&to.x), Bind::Write(&to.p)]
+            let read = [&from.x, &forces.u, &bodies.buffer].map(Bind::Read);
+            // Without tethers another is bound, not read.
+            let tethers = Bind::Read(tethers.unwrap_or(&forces.u));
+            [&read[..], &[Bind::Write(&to.x), Bind::Write(&to.p), tethers]].concat()
         })
     }
 
     pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent) {
-        self.contact.rebind(gpu, &PerColor::bound_by_contact(forces, bodies));
+        self.contact.rebind(gpu, &PerColor::bound_by_contact(forces, bodies, self.tethers.as_ref()));
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
         if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
             gpu.write(&self.edges, 0, &plan.coefficients.edges);
+            self.tethers.iter().for_each(|buffer| tethers::send(gpu, plan, buffer, 0));
             self.length = Some(plan.coefficients.length);
         }
     }

@@ -5,6 +5,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::LevelTable;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Sent, Stage};
+use crate::gpu::tethers;
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
@@ -21,8 +22,9 @@ pub(crate) struct SingleWorkgroup {
     tiles: Tiles,
     /// The levels in use, if any.
     levels: Option<LevelTable>,
-    /// The tile, then the levels, then their aggregates' inverse masses.
+    /// The tile, then the levels, then their aggregates' inverse masses, then from a byte on the tethers, if there are any.
     table: wgpu::Buffer,
+    tethers: usize,
     state: wgpu::Buffer,
     /// The substep that the table's edges are for.
     length: Option<Length>,
@@ -54,16 +56,19 @@ impl SingleWorkgroup {
         let mut table = tiles.table.clone();
         level_table.iter().for_each(|levels| table.extend(&levels.table));
         table.extend(levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()));
+        let tethers = size_of_val(table.as_slice());
+        table.resize(table.len() + tethers::size(cloth) / size_of::<u32>(), 0);
         let table = gpu.filled("single workgroup", &table);
         let state = gpu.buffer("state in work", 2 * size_of_val(cloth.rest.as_slice()) as u64);
 
         let coarse = LevelTable::constants(level_table.as_ref(), tiles.table.len());
         let numbers = [("NUMBERS", (3 * tiles.largest).max(10 * aggregates) as f64)];
-        let constants = [&tiles.constants(gpu)[..], &coarse, &numbers].concat();
+        let at = [("TETHERS", (tethers / size_of::<u32>()) as f64)];
+        let constants = [&tiles.constants(gpu)[..], &coarse, &numbers, &at].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        Some(SingleWorkgroup { tiles, levels: level_table, table, state, length: None, stage })
+        Some(SingleWorkgroup { tiles, levels: level_table, table, tethers, state, length: None, stage })
     }
 
     fn bound<'a>(
@@ -96,12 +101,13 @@ impl SingleWorkgroup {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        let SingleWorkgroup { tiles, levels, table, length, .. } = self;
+        let SingleWorkgroup { tiles, levels, table, tethers, length, .. } = self;
         if *length == Some(plan.coefficients.length) {
             return;
         }
         *length = Some(plan.coefficients.length);
         tiles.send_edges(gpu, table, &plan.coefficients.edges);
+        tethers::send(gpu, plan, table, *tethers);
         if let Some(levels) = levels {
             levels.send_edges(gpu, table, size_of_val(tiles.table.as_slice()), &plan.coefficients.levels);
         }

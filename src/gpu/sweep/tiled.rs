@@ -5,7 +5,9 @@ use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Sent, Stage};
 use crate::gpu::state::{PING_PONG, State, groups};
+use crate::gpu::tethers;
 use crate::gpu::tiles::Tiles;
+use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -13,6 +15,7 @@ use crate::step::substep_count::Length;
 #[derive(Debug)]
 pub(crate) struct Tiled {
     pub tiles: Tiles,
+    /// The tiles, then the tethers if there are any.
     table: wgpu::Buffer,
     /// The substep that the table's edges are for.
     length: Option<Length>,
@@ -21,9 +24,12 @@ pub(crate) struct Tiled {
 }
 
 impl Tiled {
-    pub(crate) fn new(gpu: &Gpu, tiles: Tiles, forces: &Forces, bodies: &Sent) -> Tiled {
-        let table = gpu.filled("tiles", &tiles.table);
-        let entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &tiles.constants(gpu) };
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, forces: &Forces, bodies: &Sent) -> Tiled {
+        let bytes = size_of_val(tiles.table.as_slice());
+        let table = gpu.buffer("tiles", (bytes + tethers::size(cloth)) as u64);
+        gpu.write(&table, 0, &tiles.table);
+        let constants = [&tiles.constants(gpu)[..], &[("TETHERS", tiles.table.len() as f64)]].concat();
+        let entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &constants };
         let stage = Stage::new(gpu, &forces.uniforms, entry, &Tiled::bound(&table, forces, bodies, None));
         Tiled { tiles, table, length: None, stage }
     }
@@ -65,6 +71,7 @@ impl Tiled {
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
         if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
             self.tiles.send_edges(gpu, &self.table, &plan.coefficients.edges);
+            tethers::send(gpu, plan, &self.table, size_of_val(self.tiles.table.as_slice()));
             self.length = Some(plan.coefficients.length);
         }
     }

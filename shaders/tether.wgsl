@@ -1,0 +1,25 @@
+// How far from a pin a vertex may be. The reasons are in src/kernels/tether.rs.
+
+struct Tether {
+    anchor: u32,
+    length: f32,
+    slack: f32,
+    share: f32,
+}
+
+const TETHER_TURN_GUARD: f32 = 0.5;
+const TETHER_SHORT_GUARD: f32 = 0.1;
+
+// What a tether moves its vertex by, which is `d0` from the pin when the substep begins and moves by `du` from it.
+fn tethered(d0: vec3f, du: vec3f, reach: f32, share: f32) -> vec3f {
+    let d = d0 + du;
+    let l = length(d);
+    if l <= reach {
+        return vec3f();
+    }
+    let l0 = length(d0);
+    if dot(d0, d) > TETHER_TURN_GUARD * l0 * l && l0 > TETHER_SHORT_GUARD * reach {
+        return d0 * (-share * (l - reach) / l0);
+    }
+    return d * (-share * (l - reach) / max(l, LEAST_LENGTH));
+}

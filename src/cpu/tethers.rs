@@ -1,0 +1,111 @@
+//! Tethers: each vertex that has one by itself, as many at once as there are lanes.
+
+use std::ops::Range;
+
+use crate::cpu::partition::Piece;
+use crate::cpu::tasks::shared::lists::Places;
+use crate::cpu::tasks::shared::vectors::Four;
+use crate::cpu::tasks::shared::{SharedArray, Task, View};
+use crate::kernels::params::Substep;
+use crate::kernels::tether::{Tether, anchor_path, tethered};
+use crate::simd::aligned::AlignedVec;
+use crate::simd::{self, Loop, Registers, Width};
+use crate::step::plan::Plan;
+
+/// The tethers of a list of pieces, packed for lanes that hang on one pin. A lane without a vertex of its own repeats another.
+#[derive(Debug, Default)]
+pub(crate) struct TetherBatches {
+    vertices: Places,
+    /// Lane by lane of each batch: all lengths, all slacks, all shares.
+    numbers: AlignedVec,
+    /// The pin of each batch.
+    anchors: Vec<u32>,
+    /// The batches of each piece.
+    of: Vec<Range<usize>>,
+}
+
+impl TetherBatches {
+    /// Packs `tethers`, which ascend by vertex, for the pieces that are done with their vertices.
+    pub(crate) fn new(pieces: &[Piece], tethers: &[(u32, Tether)], vertices: usize, lanes: usize) -> TetherBatches {
+        let mut batches = TetherBatches { vertices: Places::new(vertices), ..TetherBatches::default() };
+        for piece in pieces {
+            let first = batches.anchors.len();
+            let within = |range: &Range<u32>| {
+                let place = |end: u32| tethers.partition_point(|&(vertex, _)| vertex < end);
+                &tethers[place(range.start)..place(range.end)]
+            };
+            let mut own: Vec<(u32, Tether)> = piece.vertices.iter().flat_map(within).copied().collect();
+            own.sort_by_key(|(_, tether)| tether.anchor);
+            for alike in own.chunk_by(|(_, a), (_, b)| a.anchor == b.anchor) {
+                alike.chunks(lanes).for_each(|together| batches.push(together, lanes));
+            }
+            batches.of.push(first..batches.anchors.len());
+        }
+        batches.vertices.trim();
+        batches.numbers.trim();
+        batches
+    }
+
+    fn push(&mut self, together: &[(u32, Tether)], lanes: usize) {
+        let lane = |lane: usize| &together[lane.min(together.len() - 1)];
+        self.anchors.push(together[0].1.anchor);
+        self.vertices.extend((0..lanes).map(|k| lane(k).0));
+        self.numbers.push(lanes, |k| lane(k).1.length);
+        self.numbers.push(lanes, |k| lane(k).1.slack);
+        self.numbers.push(lanes, |k| lane(k).1.share);
+    }
+}
+
+/// The state that tethers look at, and what they correct.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tethering<'a> {
+    pub plan: &'a Plan<'a>,
+    pub x: &'a SharedArray<'a>,
+    pub u: &'a SharedArray<'a>,
+    pub width: Width,
+}
+
+impl Tethering<'_> {
+    /// Corrects the vertices that a piece is done with.
+    pub(crate) fn hold(&self, task: &Task, batches: &TetherBatches, piece: usize, substep: &Substep) {
+        let Tethering { plan, x, u, width } = *self;
+        let (x, u) = (x.within(task), u.within(task));
+        simd::run(width, Hold { batches, range: batches.of[piece].clone(), x, u, plan, substep });
+    }
+}
+
+struct Hold<'t> {
+    batches: &'t TetherBatches,
+    range: Range<usize>,
+    x: View<'t>,
+    u: View<'t>,
+    plan: &'t Plan<'t>,
+    substep: &'t Substep,
+}
+
+impl Loop for Hold<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Hold { batches, x, u, plan, substep, .. } = self;
+        let (x, u) = (x.at(&batches.vertices), u.at(&batches.vertices));
+        let numbers: &[f32] = bytemuck::cast_slice(&batches.numbers);
+        let load = L::splat(plan.params.load);
+        for batch in self.range {
+            let first = batch * L::LANES;
+            let (lengths, others) = numbers[3 * first..3 * first + 3 * L::LANES].split_at(L::LANES);
+            let (slacks, shares) = others.split_at(L::LANES);
+            let [from, step] = anchor_path::<L>(&plan.anchors[batches.anchors[batch] as usize], substep, plan.params.fraction);
+            let (at, by) = (x.vectors::<L>(first), u.vectors::<L>(first));
+            let reach = load.mul_add(L::from_slice(slacks), L::from_slice(lengths));
+            let held = L::vectors(by + tethered(at - from, by - step, reach, L::from_slice(shares)));
+            let row = u.row::<L>(first);
+            for (k, held) in held.into_iter().enumerate() {
+                row.set(k, held);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/cpu_tethers.rs"]
+mod tests;
