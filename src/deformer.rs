@@ -226,7 +226,7 @@ impl Deformer {
     ) -> Result<StepReport, StepError> {
         let seen = stepped.map_err(|failure| self.failed(failure))?;
         let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
-        let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending_limited));
+        let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);

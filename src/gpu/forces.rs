@@ -105,7 +105,7 @@ impl Forces {
             let length = plan.coefficients.length;
             let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, states, u, uniforms, pins));
             if bending.length != length {
-                gpu.write(&bending.rows, 0, &plan.coefficients.bending);
+                gpu.write(&bending.rows, 0, &plan.coefficients.bending.rows);
                 bending.length = length;
             }
         }
@@ -176,7 +176,7 @@ impl Forces {
 impl Bending {
     fn new(gpu: &Gpu, plan: &Plan<'_>, states: &[State], u: &wgpu::Buffer, uniforms: &Group, pins: &Sent) -> Bending {
         let entries = &plan.cloth.bending().entries;
-        let rows = gpu.filled("bend rows", &plan.coefficients.bending);
+        let rows = gpu.filled("bend rows", &plan.coefficients.bending.rows);
         let spans = gpu.filled("bend spans", &entries.spans);
         let entries = gpu.filled("bend entries", &entries.items);
         let moments = gpu.buffer("moments", 2 * u.size());
