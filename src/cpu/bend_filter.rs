@@ -61,7 +61,6 @@ impl Filter<'_> {
             ways: self.ways.within(task),
             resisted: (!self.resisted.is_empty()).then(|| self.resisted.within(task)),
             pass: self.passes.get(pass)?,
-            is_last: pass + 1 == self.passes.len(),
         })
     }
 }
@@ -75,7 +74,6 @@ pub(crate) struct Pass<'t> {
     ways: View<'t>,
     resisted: Option<View<'t>>,
     pass: &'t BendPass,
-    is_last: bool,
 }
 
 impl Pass<'_> {
@@ -125,7 +123,7 @@ pub(crate) struct BendAgain<'t> {
 impl Loop for BendAgain<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendAgain { rings, pass: Pass { pulls, curvatures, changes, ways, resisted, pass, is_last }, .. } = self;
+        let BendAgain { rings, pass: Pass { pulls, curvatures, changes, ways, resisted, pass }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let own = ways.vectors::<L>(first);
@@ -135,6 +133,7 @@ impl Loop for BendAgain<'_> {
             }
             let (moment, change) = (pulls.vectors(first), changes.vectors(first));
             let [moment, change] = next_moment(moment, change, y, rings.group(group).stiffness, pass);
+            let is_last = pass.last != 0;
             match resisted.filter(|_| is_last) {
                 Some(resisted) => pulls.set_vectors(first, moment + resisted.vectors(first)),
                 None => pulls.set_vectors(first, moment),

@@ -7,10 +7,12 @@ use crate::device::{Entry, Gpu, Shader};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::State;
+use crate::kernels::bending::BendPass;
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
+use crate::step::bending::{BendRows, MOST_PASSES};
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -41,7 +43,12 @@ struct Bending {
     rows: wgpu::Buffer,
     /// The substep that `rows` are for.
     length: Length,
+    /// The slots of [`BendPass`]es, one if there is no filter.
+    passes: wgpu::Buffer,
+    count: usize,
     moments: Stage,
+    /// The stages of another pass, if there are several: vertices give way, rows take their moments again.
+    again: Option<[Stage; 2]>,
     forces: Stage,
 }
 
@@ -102,11 +109,12 @@ impl Forces {
             *uniforms = self::uniforms(gpu, params, substeps);
         }
         if plan.bending {
-            let length = plan.coefficients.length;
+            // The first filter takes room that was not there.
+            let is_wide = |bending: &Bending| bending.again.is_some() || plan.coefficients.bending.passes.is_empty();
+            self.bending = self.bending.take().filter(is_wide);
             let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, states, u, uniforms, pins));
-            if bending.length != length {
-                gpu.write(&bending.rows, 0, &plan.coefficients.bending.rows);
-                bending.length = length;
+            if bending.length != plan.coefficients.length {
+                bending.send(gpu, plan);
             }
         }
         if plan.wind {
@@ -140,14 +148,16 @@ impl Forces {
 
     /// Dispatches of a substep.
     pub(crate) fn dispatches(plan: &Plan<'_>) -> usize {
-        1 + usize::from(plan.bending) + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
+        let again = if plan.bending { plan.coefficients.bending.passes.len().saturating_sub(1) } else { 0 };
+        1 + usize::from(plan.bending) + 2 * again + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
     }
 
     /// Bytes that a substep's forces read and write, if what is gathered is read once.
     pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
         let vertices = plan.cloth.rest.len();
-        let bending =
-            if plan.bending { 2 * size_of_val(plan.cloth.bending().entries.items.as_slice()) + 140 * vertices } else { 0 };
+        let entries = || size_of_val(plan.cloth.bending().entries.items.as_slice());
+        let again = plan.coefficients.bending.passes.len().saturating_sub(1);
+        let bending = if plan.bending { 2 * (1 + again) * entries() + (140 + 136 * again) * vertices } else { 0 };
         let wind = if plan.wind { 28 * plan.cloth.triangles.len() + 72 * vertices } else { 0 };
         let springs = if plan.method == Method::Springs { 24 * plan.cloth.swept().len() + 48 * vertices } else { 0 };
         48 * vertices + bending + wind + springs
@@ -160,7 +170,10 @@ impl Forces {
         match self.bending.as_ref().filter(|_| plan.bending) {
             None => self.predict.dispatch(pass, from, &[], all),
             Some(bending) => {
-                bending.moments.dispatch(pass, from, &[], all);
+                bending.moments.dispatch(pass, from, &slot(0), all);
+                for (number, stages) in (1..bending.count).zip(bending.again.iter().cycle()) {
+                    stages.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
+                }
                 bending.forces.dispatch(pass, from, &[], vertices);
             }
         }
@@ -176,18 +189,42 @@ impl Forces {
 impl Bending {
     fn new(gpu: &Gpu, plan: &Plan<'_>, states: &[State], u: &wgpu::Buffer, uniforms: &Group, pins: &Sent) -> Bending {
         let entries = &plan.cloth.bending().entries;
+        let filtered = !plan.coefficients.bending.passes.is_empty();
         let rows = gpu.filled("bend rows", &plan.coefficients.bending.rows);
         let spans = gpu.filled("bend spans", &entries.spans);
         let entries = gpu.filled("bend entries", &entries.items);
-        let moments = gpu.buffer("moments", 2 * u.size());
+        let moments = gpu.buffer("moments", if filtered { 6 } else { 2 } * u.size());
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let passes = gpu.make("bend passes", (MOST_PASSES * SLOT) as u64, usage);
         let lists = [Bind::Read(&rows), Bind::Read(&spans), Bind::Read(&entries), Bind::Write(&moments)];
+        let bend_pass = [Bind::Dynamic(&passes, size_of::<BendPass>())];
         let moments_stage = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
-            [&bound_by_predict(state, u, pins)[..], &lists].concat()
+            [&bound_by_predict(state, u, pins)[..], &lists, &bend_pass].concat()
+        });
+        let again = ["give_way", "bend_again"].map(|name| {
+            stage(gpu, uniforms, shaders::BEND, name, states, |state| {
+                let x = if name == "give_way" { Bind::Read(&state.x) } else { Bind::Unused };
+                [&[x, Bind::Unused, Bind::Unused, Bind::Unused], &lists[..], &bend_pass].concat()
+            })
         });
         let forces_stage = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
             [&[Bind::Read(&state.x), Bind::Unused, Bind::Write(u), Bind::Unused], &lists[..]].concat()
         });
-        Bending { rows, length: plan.coefficients.length, moments: moments_stage, forces: forces_stage }
+        let again = filtered.then_some(again);
+        let length = plan.coefficients.length;
+        let mut bending = Bending { rows, length, passes, count: 0, moments: moments_stage, again, forces: forces_stage };
+        bending.send(gpu, plan);
+        bending
+    }
+
+    /// Sends what depends on the length of the substep.
+    fn send(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+        let BendRows { rows, passes, .. } = &plan.coefficients.bending;
+        let (mut slots, none) = (Vec::new(), [BendPass::default()]);
+        fill_slots(&mut slots, if passes.is_empty() { &none } else { passes });
+        gpu.write(&self.rows, 0, rows);
+        gpu.write(&self.passes, 0, &slots);
+        (self.length, self.count) = (plan.coefficients.length, passes.len());
     }
 }
 

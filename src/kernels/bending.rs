@@ -37,6 +37,8 @@ pub(crate) struct BendPass {
     pub gain: f32,
     /// What a vertex of unit inverse mass gives way by to a unit of force (s²). Below 0: the force of a moment is against it.
     pub way: f32,
+    /// 1 if it is the last.
+    pub last: u32,
 }
 
 /// What a vertex's ring does around it, gathered neighbor by neighbor.

@@ -28,7 +28,7 @@ use crate::kernels::bending::{BendPass, BendRow};
 use crate::model::bending::Bending;
 
 /// Passes, at most.
-const MOST: usize = 16;
+pub(crate) const MOST_PASSES: usize = 16;
 
 /// Share of the vertices' rigidity that may be lost without a word.
 const LOST: f64 = 0.05;
@@ -82,7 +82,7 @@ fn passes(needed: &[f64], damped: bool) -> usize {
     }
     let nearest = (bent.len() - 1) * 95 / 100;
     let z = *bent.select_nth_unstable_by(nearest, f64::total_cmp).1;
-    (1..MOST).find(|&count| limit(count, damped) >= z).unwrap_or(MOST)
+    (1..MOST_PASSES).find(|&count| limit(count, damped) >= z).unwrap_or(MOST_PASSES)
 }
 
 /// The largest `h² g` that so many passes carry. A single one has no filter for its damping, which takes half of it.
@@ -109,7 +109,7 @@ fn filter(count: usize, h: f64) -> Vec<BendPass> {
             0 => (0.0, 1.5 * step / theta.cosh()),
             _ => (chebyshev(k - 1) / chebyshev(k + 1), 3.0 * step * chebyshev(k) / chebyshev(k + 1)),
         };
-        BendPass { carry: carry as f32, gain: gain as f32, way: (-2.0 / 3.0 * h * h) as f32 }
+        BendPass { carry: carry as f32, gain: gain as f32, way: (-2.0 / 3.0 * h * h) as f32, last: u32::from(k + 1 == count) }
     };
     (0..count).map(pass).collect()
 }
