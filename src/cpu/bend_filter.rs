@@ -60,7 +60,7 @@ impl Filter<'_> {
             changes: self.changes.within(task),
             ways: self.ways.within(task),
             resisted: (!self.resisted.is_empty()).then(|| self.resisted.within(task)),
-            pass: self.passes.get(pass)?,
+            numbers: self.passes.get(pass)?,
         })
     }
 }
@@ -73,14 +73,14 @@ pub(crate) struct Pass<'t> {
     changes: View<'t>,
     ways: View<'t>,
     resisted: Option<View<'t>>,
-    pass: &'t BendPass,
+    numbers: &'t BendPass,
 }
 
 impl Pass<'_> {
     /// The first pass over a group of rows, of curvature `y`; `resisted` is what damping is to add.
     #[inline(always)]
     pub(crate) fn begin<L: Registers>(&self, first: usize, y: Vector<L>, stiffness: L, resisted: Option<Vector<L>>) {
-        let [moment, change] = next_moment(Vector::zero(), Vector::zero(), y, stiffness, self.pass);
+        let [moment, change] = next_moment(Vector::zero(), Vector::zero(), y, stiffness, self.numbers);
         self.curvatures.set_vectors(first, y);
         self.pulls.set_vectors(first, moment);
         self.changes.set_vectors(first, change);
@@ -100,7 +100,7 @@ pub(crate) struct GiveWay<'t> {
 impl Loop for GiveWay<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let GiveWay { rings, pass: Pass { pulls, ways, pass, .. }, .. } = self;
+        let GiveWay { rings, pass: Pass { pulls, ways, numbers, .. }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
@@ -108,7 +108,7 @@ impl Loop for GiveWay<'_> {
             for near in rings.neighbors(group) {
                 force = rings.gather(pulls, near).mul_add(rings.backward(near), force);
             }
-            ways.set_vectors(first, force * (inverse_mass * L::splat(pass.way)));
+            ways.set_vectors(first, force * (inverse_mass * L::splat(numbers.way)));
         }
     }
 }
@@ -123,7 +123,7 @@ pub(crate) struct BendAgain<'t> {
 impl Loop for BendAgain<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendAgain { rings, pass: Pass { pulls, curvatures, changes, ways, resisted, pass }, .. } = self;
+        let BendAgain { rings, pass: Pass { pulls, curvatures, changes, ways, resisted, numbers }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let own = ways.vectors::<L>(first);
@@ -132,8 +132,8 @@ impl Loop for BendAgain<'_> {
                 y = (rings.gather(ways, near) - own).mul_add(rings.forward(near), y);
             }
             let (moment, change) = (pulls.vectors(first), changes.vectors(first));
-            let [moment, change] = next_moment(moment, change, y, rings.group(group).stiffness, pass);
-            let is_last = pass.last != 0;
+            let [moment, change] = next_moment(moment, change, y, rings.group(group).stiffness, numbers);
+            let is_last = numbers.last != 0;
             match resisted.filter(|_| is_last) {
                 Some(resisted) => pulls.set_vectors(first, moment + resisted.vectors(first)),
                 None => pulls.set_vectors(first, moment),

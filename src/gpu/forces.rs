@@ -4,17 +4,15 @@
 use glam::Vec4;
 
 use crate::device::{Entry, Gpu, Shader};
+use crate::gpu::bending::{Bending, Bound};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::State;
-use crate::kernels::bending::BendPass;
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
-use crate::step::bending::{BendRows, MOST_PASSES};
 use crate::step::plan::Plan;
-use crate::step::substep_count::Length;
 
 /// The states' buffers and the force kernels. Each kernel can take any of the states.
 #[derive(Debug)]
@@ -33,23 +31,11 @@ pub(crate) struct Forces {
     pub all_substeps: Sent,
     pub pins: Sent,
     predict: Stage,
-    bending: Option<Bending>,
+    /// Whether bending may be done in tiles; tests forbid it.
+    pub bend_in_tiles: bool,
+    pub(super) bending: Option<Bending>,
     wind: Option<Stage>,
     springs: Option<Stage>,
-}
-
-#[derive(Debug)]
-struct Bending {
-    rows: wgpu::Buffer,
-    /// The substep that `rows` are for.
-    length: Length,
-    /// The slots of [`BendPass`]es, one if there is no filter.
-    passes: wgpu::Buffer,
-    count: usize,
-    moments: Stage,
-    /// The stages of another pass, if there are several: vertices give way, rows take their moments again.
-    again: Option<[Stage; 2]>,
-    forces: Stage,
 }
 
 impl Forces {
@@ -84,6 +70,7 @@ impl Forces {
             all_substeps,
             pins,
             predict,
+            bend_in_tiles: true,
             bending,
             wind,
             springs,
@@ -98,7 +85,7 @@ impl Forces {
     /// Uploads what this step has, and makes the kernels that it is the first to need. True if [`Forces::all_substeps`] is
     /// another buffer than before.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool) -> bool {
-        let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, .. } = self;
+        let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, bend_in_tiles, .. } = self;
         params.send(gpu, std::slice::from_ref(&plan.params));
         pins.send(gpu, plan.pins);
         if all {
@@ -109,13 +96,10 @@ impl Forces {
             *uniforms = self::uniforms(gpu, params, substeps);
         }
         if plan.bending {
-            // The first filter takes room that was not there.
-            let is_wide = |bending: &Bending| bending.again.is_some() || plan.coefficients.bending.passes.is_empty();
-            self.bending = self.bending.take().filter(is_wide);
-            let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, states, u, uniforms, pins));
-            if bending.length != plan.coefficients.length {
-                bending.send(gpu, plan);
-            }
+            let bound = Bound { states, u, uniforms, pins };
+            self.bending = self.bending.take().filter(|bending| bending.suits(plan));
+            let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, bound, *bend_in_tiles));
+            bending.prepare(gpu, plan);
         }
         if plan.wind {
             self.wind.get_or_insert_with(|| {
@@ -147,9 +131,9 @@ impl Forces {
     }
 
     /// Dispatches of a substep.
-    pub(crate) fn dispatches(plan: &Plan<'_>) -> usize {
-        let again = if plan.bending { plan.coefficients.bending.passes.len().saturating_sub(1) } else { 0 };
-        1 + usize::from(plan.bending) + 2 * again + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
+    pub(crate) fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        let bending = self.bending.as_ref().filter(|_| plan.bending).map_or(1, Bending::dispatches);
+        bending + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
     }
 
     /// Bytes that a substep's forces read and write, if what is gathered is read once.
@@ -166,16 +150,9 @@ impl Forces {
     /// Encodes the forces of one substep that starts from state number `from`.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
-        let all = vertices + plan.pins.len();
         match self.bending.as_ref().filter(|_| plan.bending) {
-            None => self.predict.dispatch(pass, from, &[], all),
-            Some(bending) => {
-                bending.moments.dispatch(pass, from, &slot(0), all);
-                for (number, stages) in (1..bending.count).zip(bending.again.iter().cycle()) {
-                    stages.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
-                }
-                bending.forces.dispatch(pass, from, &[], vertices);
-            }
+            None => self.predict.dispatch(pass, from, &[], vertices + plan.pins.len()),
+            Some(bending) => bending.encode(pass, plan, from),
         }
         if let Some(wind) = self.wind.as_ref().filter(|_| plan.wind) {
             wind.dispatch(pass, from, &[], vertices);
@@ -186,50 +163,8 @@ impl Forces {
     }
 }
 
-impl Bending {
-    fn new(gpu: &Gpu, plan: &Plan<'_>, states: &[State], u: &wgpu::Buffer, uniforms: &Group, pins: &Sent) -> Bending {
-        let entries = &plan.cloth.bending().entries;
-        let filtered = !plan.coefficients.bending.passes.is_empty();
-        let rows = gpu.filled("bend rows", &plan.coefficients.bending.rows);
-        let spans = gpu.filled("bend spans", &entries.spans);
-        let entries = gpu.filled("bend entries", &entries.items);
-        let moments = gpu.buffer("moments", if filtered { 6 } else { 2 } * u.size());
-        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let passes = gpu.make("bend passes", (MOST_PASSES * SLOT) as u64, usage);
-        let lists = [Bind::Read(&rows), Bind::Read(&spans), Bind::Read(&entries), Bind::Write(&moments)];
-        let bend_pass = [Bind::Dynamic(&passes, size_of::<BendPass>())];
-        let moments_stage = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
-            [&bound_by_predict(state, u, pins)[..], &lists, &bend_pass].concat()
-        });
-        let again = ["give_way", "bend_again"].map(|name| {
-            stage(gpu, uniforms, shaders::BEND, name, states, |state| {
-                let x = if name == "give_way" { Bind::Read(&state.x) } else { Bind::Unused };
-                [&[x, Bind::Unused, Bind::Unused, Bind::Unused], &lists[..], &bend_pass].concat()
-            })
-        });
-        let forces_stage = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
-            [&[Bind::Read(&state.x), Bind::Unused, Bind::Write(u), Bind::Unused], &lists[..]].concat()
-        });
-        let again = filtered.then_some(again);
-        let length = plan.coefficients.length;
-        let mut bending = Bending { rows, length, passes, count: 0, moments: moments_stage, again, forces: forces_stage };
-        bending.send(gpu, plan);
-        bending
-    }
-
-    /// Sends what depends on the length of the substep.
-    fn send(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        let BendRows { rows, passes, .. } = &plan.coefficients.bending;
-        let (mut slots, none) = (Vec::new(), [BendPass::default()]);
-        fill_slots(&mut slots, if passes.is_empty() { &none } else { passes });
-        gpu.write(&self.rows, 0, rows);
-        gpu.write(&self.passes, 0, &slots);
-        (self.length, self.count) = (plan.coefficients.length, passes.len());
-    }
-}
-
 /// A stage with a group for each state.
-fn stage<'a>(
+pub(super) fn stage<'a>(
     gpu: &Gpu,
     uniforms: &Group,
     shader: Shader,
@@ -242,7 +177,7 @@ fn stage<'a>(
 }
 
 /// What `stages/predict.wgsl` binds.
-fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
+pub(super) fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
     vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }
 

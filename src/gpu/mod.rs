@@ -14,6 +14,8 @@
 //! Imports run down this list and never back: `shaders` and `stage` (a kernel and its buffers), `state` and `tiles`, the stages
 //! of a substep (`forces`, `multigrid`, `sweep`, `commit`), what goes out (`readback`, `statistics`, `surface`), `engine`.
 
+mod bend_tiles;
+mod bending;
 mod commit;
 mod engine;
 mod forces;
