@@ -25,8 +25,8 @@ impl BendTiles {
     /// Cuts the cloth into tiles that hold `rings` rings beside their own vertices; smaller ones where they would not fit. `None` if
     /// that would be too much, as about the hub of a fan.
     pub(crate) fn new(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize) -> Option<BendTiles> {
-        let sizes = (0..3).map(|half| most.own >> half).filter(|&own| own > 0);
-        sizes.filter_map(|own| BendTiles::cut(rest, entries, rings, TileSize { own, ..most })).next()
+        let mut sizes = (0..3).map(|half| most.own >> half).filter(|&own| own > 0);
+        sizes.find_map(|own| BendTiles::cut(rest, entries, rings, TileSize { own, ..most }))
     }
 
     fn cut(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize) -> Option<BendTiles> {
