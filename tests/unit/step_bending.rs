@@ -65,7 +65,7 @@ fn small_steps_alone_are_filtered() {
     let (cloth, _) = sheet();
     let fabric = Fabric { bending: 0.1, ..Fabric::default() };
     for method in [Method::SmallSteps, Method::Springs, Method::Relaxation { iterations: 4 }] {
-        let options = Options { fabric, method, ..Options::default() };
+        let options = Options { method, fabric, ..Options::default() };
         let rows = Coefficients::new(&cloth, &[], &options, Length::of(1.0 / 1200.0)).bending;
         assert_eq!([rows.passes.is_empty(), rows.limited > 0], [method != Method::SmallSteps; 2], "{method:?}");
     }
