@@ -12,6 +12,20 @@ struct BendEntry {
     backward: f32,
 }
 
+// A pass of the filter that takes bending in few substeps: see src/step/bending.rs. One of no gain stands for no filter.
+struct BendPass {
+    carry: f32,
+    gain: f32,
+    way: f32,
+    last: u32,
+}
+
+// A moment after a pass, and its change in it.
+struct Passed {
+    moment: vec3f,
+    change: vec3f,
+}
+
 // What a vertex's row does: the pull, and the couple that takes the torque out of its damping.
 struct Moment {
     pull: vec3f,
@@ -41,20 +55,25 @@ fn add_neighbor(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f
     (*ring).products -= vec3f(d.x * d.y, d.x * d.z, d.y * d.z);
 }
 
-// Stiffness times y + tau dy/dt, the rate measured against the ring's own rotation.
-fn bend_moment(ring: Ring, row: BendRow) -> Moment {
-    if row.tau == 0.0 {
-        return Moment(ring.y * row.stiffness, vec3f());
+// Stiffness times y, and damping times dy/dt, the rate measured against the ring's own rotation.
+fn bend_moment(ring: Ring, stiffness: f32, damping: f32) -> Moment {
+    if damping == 0.0 {
+        return Moment(ring.y * stiffness, vec3f());
     }
-    let damping = row.stiffness * row.tau;
     let turn = unspin(ring.inertia, ring.products, ring.spin);
     if !turn.planar {
         let growth = dot(ring.y, ring.y_rate) / max(dot(ring.y, ring.y), 1e-30);
-        return Moment(ring.y * (row.stiffness + damping * growth), vec3f());
+        return Moment(ring.y * (stiffness + damping * growth), vec3f());
     }
     let resisted = (ring.y_rate - cross(turn.omega, ring.y)) * damping;
     let couple = unspin(ring.inertia, ring.products, cross(ring.y, resisted)).omega;
-    return Moment(ring.y * row.stiffness + resisted, couple);
+    return Moment(ring.y * stiffness + resisted, couple);
+}
+
+// A moment after a pass; `bent` is the curvature of the ring as it has given way.
+fn next_moment(moment: vec3f, change: vec3f, bent: vec3f, stiffness: f32, bend_pass: BendPass) -> Passed {
+    let next = change * bend_pass.carry + bent * (stiffness * bend_pass.gain);
+    return Passed(moment + next, next);
 }
 
 // The couples that act between a vertex and a neighbor: of the rows whose ring has the other in it.

@@ -153,7 +153,7 @@ impl Deformer {
     /// On the GPU the last is found when the state is next read, or by one of the next steps, about sixteen later at most, which is then not
     /// taken: the state is that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
-        let Some(taken) = self.ready(dt, attributes)? else { return Ok(self.slept()) };
+        let Some(taken) = self.ready(dt, attributes)? else { return Ok(slept()) };
         // Without a budget nobody looks at a clock, which not every machine has.
         let start = matches!(self.options.quality, Quality::Budget(_)).then(Instant::now);
         let (engine, plan) = self.job(&taken, attributes);
@@ -182,7 +182,7 @@ impl Deformer {
         let each = crowd.into_iter().zip(ready);
         each.map(|((one, attributes), ready)| match ready? {
             Some(taken) => one.stepped(stepped.next().unwrap_or(Ok(None)), taken, attributes),
-            None => Ok(one.slept()),
+            None => Ok(slept()),
         })
         .collect()
     }
@@ -240,7 +240,7 @@ impl Deformer {
     ) -> Result<StepReport, StepError> {
         let seen = stepped.map_err(|failure| self.failed(failure))?;
         let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
-        let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending_limited));
+        let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.watch = self.meeting.0;
         self.motion.h = dt / substeps as f32;
@@ -250,15 +250,10 @@ impl Deformer {
         self.gravity = attributes.gravity;
         self.shown = false;
         let mut warnings = self.warnings(dt, substeps, limited, self.meeting.1);
-        let stretch = self.judged(taken, seen, &mut warnings);
+        let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
         Ok(StepReport { substeps, in_a_sixtieth, levels, stretch, asleep: false, warnings })
-    }
-
-    /// What a step comes to that the cloth sleeps through.
-    fn slept(&self) -> StepReport {
-        StepReport { asleep: true, ..StepReport::default() }
     }
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.
@@ -312,4 +307,9 @@ impl Deformer {
     pub fn vertex_order(&self) -> &[u32] {
         &self.cloth.order
     }
+}
+
+/// What a step comes to that the cloth sleeps through.
+fn slept() -> StepReport {
+    StepReport { asleep: true, ..StepReport::default() }
 }

@@ -38,7 +38,20 @@ fn scene(name: &'static str) -> Scene {
 
 /// One scene for each stage, and one with all of them.
 fn scenes() -> Vec<Scene> {
-    let all = ["gravity", "damping", "bending", "bending damping", "wind", "springs", "project", "relax", "sphere", "plane"];
+    let all = [
+        "gravity",
+        "damping",
+        "bending",
+        "bending damping",
+        "bending passes",
+        "damped passes",
+        "wind",
+        "springs",
+        "project",
+        "relax",
+        "sphere",
+        "plane",
+    ];
     let all = all.into_iter().chain(["capsule", "swept", "pins", "tethers", "everything"]);
     all.map(|name| {
         let mut scene = scene(name);
@@ -53,6 +66,9 @@ fn scenes() -> Vec<Scene> {
         if name == "tethers" || name == "everything" {
             (scene.options.fabric.stretch, scene.options.tethers) = (1e5, Tethers::Off);
         }
+        if name == "damped passes" {
+            scene.options.fabric.bending = 5.0;
+        }
         scene.without = Some(Box::new(scene.clone()));
         let is = |wanted: &str| name == wanted || name == "everything";
         let attributes = &mut scene.attributes;
@@ -65,9 +81,14 @@ fn scenes() -> Vec<Scene> {
         if is("damping") {
             (attributes.damping, attributes.wind) = (2.0, Vec3::new(1.0, 2.0, 3.0));
         }
-        if name.starts_with("bending") || name == "everything" {
-            scene.options.fabric.bending = 1e-3;
-            scene.options.fabric.damping = if name == "bending" { 0.0 } else { 0.03 };
+        if name.contains("bending") || name == "damped passes" || name == "everything" {
+            // At 20 substeps one pass, two passes, and seven.
+            scene.options.fabric.bending = match name {
+                "bending passes" => 1.0,
+                "damped passes" => 5.0,
+                _ => 1e-3,
+            };
+            scene.options.fabric.damping = if name == "bending" || name == "bending passes" { 0.0 } else { 0.03 };
         }
         if is("wind") {
             (attributes.wind, attributes.air_density, attributes.lift) = (Vec3::new(3.0, 5.0, -4.0), 1.2, 0.9);

@@ -92,7 +92,8 @@ fn bytes_a_vertex() {
         for (name, bending, levels, most) in [
             ("edges alone", 0.0, Levels::Off, 375.0),
             ("levels", 0.0, Levels::Auto, 440.0),
-            ("bending", 1e-4, Levels::Off, 535.0),
+            ("bending", 1e-9, Levels::Off, 535.0),
+            ("bending in passes", 1e-4, Levels::Off, 585.0),
         ] {
             let held = bytes(n, bending, levels);
             println!("{n} x {n}, {name}: {held:.0} bytes a vertex");

@@ -133,6 +133,11 @@ const GRAPH: Prediction = Prediction {
 const LIMITER: Prediction =
     Prediction { name: "bending is softened below: h² g = 2", dash: Some((16, 6)), is_limit: false, predict: theory::limiter };
 
+const FILTERED: Prediction =
+    Prediction {
+        name: "bending is softened below: h² g = 411, what sixteen passes carry", predict: theory::filtered, ..LIMITER
+    };
+
 /// So many values in equal ratios.
 fn ratios(from: f64, to: f64, count: u32) -> Vec<f64> {
     (0..count).map(|k| from * (to / from).powf(f64::from(k) / f64::from(count - 1))).collect()
@@ -203,11 +208,13 @@ fn resolution() -> Map {
 
 fn bending() -> Map {
     let sheet = |bending: f64| Sheet { bending, ..Sheet::cotton(13) };
+    let mut panels = three(&ratios(1e-6, 1e2, 33), sheet, &whole_ratios(1.0, 400.0, 34), &[LIMITER]);
+    panels[0] = Panel::new("SmallSteps", std::mem::take(&mut panels[0].columns), &[RESOLVED, FILTERED]);
     Map {
         name: "bending",
         title: "Substep and bending rigidity: 13 x 13 vertices, K = 5000 N/m",
         axis: "bending rigidity B (N m)",
-        panels: three(&ratios(1e-6, 1e2, 33), sheet, &whole_ratios(1.0, 400.0, 34), &[LIMITER]),
+        panels,
     }
 }
 

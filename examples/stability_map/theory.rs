@@ -108,7 +108,12 @@ pub(crate) fn resolved(sheet: &Sheet) -> f64 {
     (sheet.stretch / DENSITY).sqrt() / sheet.spacing() / 60.0
 }
 
-/// The substeps below which bending is softened: `h² g = 2`.
+/// The substeps below which bending is softened in one pass: `h² g = 2`.
 pub(crate) fn limiter(sheet: &Sheet) -> f64 {
     (bending(sheet) / 2.0).sqrt() / 60.0
+}
+
+/// The substeps below which small steps soften it: `h² g = 411`, which sixteen passes carry.
+pub(crate) fn filtered(sheet: &Sheet) -> f64 {
+    (bending(sheet) / 411.0).sqrt() / 60.0
 }

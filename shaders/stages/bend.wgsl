@@ -1,10 +1,38 @@
 // Bending, a force: first each vertex's mean curvature normal times its rigidity, then what its neighbors' ones do to it.
-// The first also predicts: it saves a dispatch.
+// The first also predicts: it saves a dispatch. Between them, where bending takes several passes, vertices give way to the moments so
+// far, and the rows take them again.
 
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
 @group(1) @binding(5) var<storage, read> spans: array<Span>;
 @group(1) @binding(6) var<storage, read> entries: array<BendEntry>;
-@group(1) @binding(7) var<storage, read_write> moments: array<Moment>;
+// Of each vertex pull and couple; then, with several passes, of all the curvatures, of all the changes of the pull in the last pass, of
+// all what they give way by, of all what damping adds to the pull.
+@group(1) @binding(7) var<storage, read_write> moments: array<vec4f>;
+@group(1) @binding(8) var<uniform> bend_pass: BendPass;
+
+fn pull_of(v: u32) -> u32 {
+    return 2u * v;
+}
+
+fn couple_at(v: u32) -> u32 {
+    return 2u * v + 1u;
+}
+
+fn curvature_of(v: u32) -> u32 {
+    return 2u * params.vertices + v;
+}
+
+fn change_of(v: u32) -> u32 {
+    return 3u * params.vertices + v;
+}
+
+fn way_of(v: u32) -> u32 {
+    return 4u * params.vertices + v;
+}
+
+fn resisted_of(v: u32) -> u32 {
+    return 5u * params.vertices + v;
+}
 
 @compute @workgroup_size(WORKGROUP)
 fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -23,7 +51,56 @@ fn bend_moments(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
             add_neighbor(&ring, d, (p[entry.other].xyz - p[v].xyz) * substep.rate, entry.forward);
         }
     }
-    moments[v] = bend_moment(ring, rows[v]);
+    let stiffness = rows[v].stiffness;
+    let damping = stiffness * rows[v].tau;
+    if bend_pass.gain == 0.0 {
+        let moment = bend_moment(ring, stiffness, damping);
+        moments[pull_of(v)] = vec4f(moment.pull, 0.0);
+        moments[couple_at(v)] = vec4f(moment.couple, 0.0);
+        return;
+    }
+    let resisted = bend_moment(ring, 0.0, damping);
+    let passed = next_moment(vec3f(), vec3f(), ring.y, stiffness, bend_pass);
+    moments[pull_of(v)] = vec4f(passed.moment, 0.0);
+    moments[couple_at(v)] = vec4f(resisted.couple, 0.0);
+    moments[curvature_of(v)] = vec4f(ring.y, 0.0);
+    moments[change_of(v)] = vec4f(passed.change, 0.0);
+    moments[resisted_of(v)] = vec4f(resisted.pull, 0.0);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn give_way(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = item(id, groups);
+    if i >= params.vertices {
+        return;
+    }
+    var force = moments[pull_of(i)].xyz * rows[i].diagonal;
+    for (var k = spans[i].start; k < spans[i].end; k++) {
+        let entry = entries[k];
+        force += moments[pull_of(entry.other)].xyz * entry.backward;
+    }
+    moments[way_of(i)] = vec4f(force * (x[i].w * bend_pass.way), 0.0);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn bend_again(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let v = item(id, groups);
+    if v >= params.vertices {
+        return;
+    }
+    let own = moments[way_of(v)].xyz;
+    var bent = moments[curvature_of(v)].xyz;
+    for (var k = spans[v].start; k < spans[v].end; k++) {
+        let entry = entries[k];
+        bent += (moments[way_of(entry.other)].xyz - own) * entry.forward;
+    }
+    let passed = next_moment(moments[pull_of(v)].xyz, moments[change_of(v)].xyz, bent, rows[v].stiffness, bend_pass);
+    if bend_pass.last == 0u {
+        moments[pull_of(v)] = vec4f(passed.moment, 0.0);
+        moments[change_of(v)] = vec4f(passed.change, 0.0);
+    } else {
+        moments[pull_of(v)] = vec4f(passed.moment, 0.0) + moments[resisted_of(v)];
+    }
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -32,14 +109,14 @@ fn bend_forces(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     if i >= params.vertices || x[i].w == 0.0 {
         return;
     }
-    let own = moments[i];
-    var force = -own.pull * rows[i].diagonal;
+    let own = moments[couple_at(i)].xyz;
+    var force = -moments[pull_of(i)].xyz * rows[i].diagonal;
     for (var k = spans[i].start; k < spans[i].end; k++) {
         let entry = entries[k];
-        force -= moments[entry.other].pull * entry.backward;
+        force -= moments[pull_of(entry.other)].xyz * entry.backward;
         if params.damped != 0u {
             let d = x[entry.other].xyz - x[i].xyz;
-            force -= cross(couple_of(own.couple, moments[entry.other].couple, entry), d);
+            force -= cross(couple_of(own, moments[couple_at(entry.other)].xyz, entry), d);
         }
     }
     u[i] += vec4f(force * (x[i].w * substep.gain), 0.0);

@@ -203,6 +203,7 @@ impl Cpu {
         let terms = Terms {
             exchanged,
             bending: plan.bending && !exchanged,
+            passes: if exchanged { 0 } else { coefficients.bending.passes.len() },
             wind: plan.wind && !exchanged,
             springs: plan.method == Method::Springs && !exchanged,
             pins: !plan.pins.is_empty(),

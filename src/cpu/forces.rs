@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3A;
 
+use crate::cpu::bend_filter::{BendAgain, Filter, FilterArrays, GiveWay, Pass};
 use crate::cpu::force_batches::{PanelBatches, RingBatches, Rings};
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::bending::{Ring, bend_moment, couple_of};
@@ -26,6 +27,7 @@ pub(crate) struct ForceArrays {
     /// What each vertex's bending row pulls by, and the couple of its damping ([`bend_moment`]).
     pulls: AlignedVec,
     couples: AlignedVec,
+    filter: FilterArrays,
     /// A third of the air's force (N) on each triangle: what each of its corners feels.
     panel_forces: AlignedVec,
     rings: RingBatches,
@@ -45,6 +47,7 @@ pub(crate) struct Forces<'a> {
     u: &'a SharedArray<'a>,
     pulls: SharedArray<'a>,
     couples: SharedArray<'a>,
+    filter: Filter<'a>,
     /// A third of the air's force (N) on each triangle.
     on_panels: SharedArray<'a>,
     rings: &'a RingBatches,
@@ -62,7 +65,12 @@ impl ForceArrays {
         };
         let vertices = plan.cloth.rest.len();
         fit(&mut self.pulls, if bending { vertices } else { 0 });
-        fit(&mut self.couples, if bending && plan.damped() { vertices } else { 0 });
+        let damped = if bending && plan.damped() { vertices } else { 0 };
+        fit(&mut self.couples, damped);
+        match bending && !plan.coefficients.bending.passes.is_empty() {
+            true => self.filter.fit(vertices, damped),
+            false => self.filter.fit(0, 0),
+        }
         fit(&mut self.panel_forces, if wind { plan.cloth.panels().panels.len() } else { 0 });
         let scene = (plan.coefficients.length, bending, wind, width.lanes());
         if self.packed_for == Some(scene) {
@@ -72,7 +80,7 @@ impl ForceArrays {
         // The old ones first, or memory would hold both.
         (self.rings, self.panels, self.panel_tiles) = Default::default();
         if bending {
-            self.rings = RingBatches::new(plan.cloth, &plan.coefficients.bending, plan.cloth.bending(), width.lanes());
+            self.rings = RingBatches::new(plan.cloth, &plan.coefficients.bending.rows, plan.cloth.bending(), width.lanes());
         }
         if wind {
             let panels = &plan.cloth.panels().panels;
@@ -105,6 +113,7 @@ impl ForceArrays {
             u,
             pulls: SharedArray::new(self.pulls.room()),
             couples: SharedArray::new(self.couples.room()),
+            filter: self.filter.share(&plan.coefficients.bending.passes),
             on_panels: SharedArray::new(self.panel_forces.room()),
             rings: &self.rings,
             panels: &self.panels,
@@ -118,12 +127,27 @@ impl Forces<'_> {
     pub(crate) fn bend_moments(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         let (pulls, groups) = (self.pulls.within(task), self.groups(&tile));
+        let (rings, filter) = (self.rings, self.filter.pass(task, pulls, 0));
         if self.couples.is_empty() {
-            simd::run(self.width, BendMoments { rings: self.rings, groups, x, pulls });
+            simd::run(self.width, BendMoments { rings, groups, x, pulls, filter });
         } else {
             let couples = self.couples.within(task);
-            simd::run(self.width, DampedMoments { rings: self.rings, groups, x, u, pulls, couples, rate: substep.rate });
+            simd::run(self.width, DampedMoments { rings, groups, x, u, pulls, couples, filter, rate: substep.rate });
         }
+    }
+
+    /// Lets a tile's vertices give way to the bending moments so far, before a pass.
+    pub(crate) fn give_way(&self, task: &Task, tile: Range<u32>, pass: usize) {
+        let (rings, groups, pulls) = (self.rings, self.groups(&tile), self.pulls.within(task));
+        let pass = self.filter.pass(task, pulls, pass);
+        pass.into_iter().for_each(|pass| simd::run(self.width, GiveWay { rings, groups: groups.clone(), pass }));
+    }
+
+    /// Moments of the bending rows of a tile's vertices, after these gave way.
+    pub(crate) fn bend_again(&self, task: &Task, tile: Range<u32>, pass: usize) {
+        let (rings, groups, pulls) = (self.rings, self.groups(&tile), self.pulls.within(task));
+        let pass = self.filter.pass(task, pulls, pass);
+        pass.into_iter().for_each(|pass| simd::run(self.width, BendAgain { rings, groups: groups.clone(), pass }));
     }
 
     /// The air's force on some triangles.
@@ -190,19 +214,25 @@ struct BendMoments<'t> {
     groups: Range<usize>,
     x: View<'t>,
     pulls: View<'t>,
+    /// The first of several passes, if there are more.
+    filter: Option<Pass<'t>>,
 }
 
 impl Loop for BendMoments<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendMoments { rings, x, pulls, .. } = self;
+        let BendMoments { rings, x, pulls, filter, .. } = self;
         for group in self.groups {
             let center = x.vectors::<L>(group * L::LANES);
             let mut y = Vector::zero();
             for near in rings.neighbors(group) {
                 y = (rings.gather(x, near) - center).mul_add(rings.forward(near), y);
             }
-            pulls.set_vectors(group * L::LANES, y * rings.group(group).stiffness);
+            let stiffness = rings.group(group).stiffness;
+            match filter {
+                None => pulls.set_vectors(group * L::LANES, y * stiffness),
+                Some(pass) => pass.begin(group * L::LANES, y, stiffness, None),
+            }
         }
     }
 }
@@ -215,6 +245,8 @@ struct DampedMoments<'t> {
     u: View<'t>,
     pulls: View<'t>,
     couples: View<'t>,
+    /// The first of several passes, if there are more.
+    filter: Option<Pass<'t>>,
     /// Turns displacements into velocities (1/s).
     rate: f32,
 }
@@ -222,8 +254,8 @@ struct DampedMoments<'t> {
 impl Loop for DampedMoments<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let DampedMoments { rings, x, u, pulls, couples, .. } = self;
-        let rate = L::splat(self.rate);
+        let DampedMoments { rings, x, u, pulls, couples, filter, .. } = self;
+        let (rate, zero) = (L::splat(self.rate), L::splat(0.0));
         for group in self.groups {
             let first = group * L::LANES;
             let Rings { stiffness, damping, .. } = rings.group::<L>(group);
@@ -233,8 +265,12 @@ impl Loop for DampedMoments<'_> {
                 let rate = (rings.gather(u, near) - own) * rate;
                 ring.add_neighbor(rings.gather(x, near) - center, rate, rings.forward(near));
             }
-            let [pull, couple] = bend_moment(&ring, stiffness, damping);
-            pulls.set_vectors(first, pull);
+            let unfiltered = if filter.is_some() { zero } else { stiffness };
+            let [pull, couple] = bend_moment(&ring, unfiltered, damping);
+            match filter {
+                None => pulls.set_vectors(first, pull),
+                Some(pass) => pass.begin(first, ring.y, stiffness, Some(pull)),
+            }
             couples.set_vectors(first, couple);
         }
     }

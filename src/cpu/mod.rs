@@ -4,6 +4,7 @@
 //! [`tasks`] of a stage, a tile each, are scheduled by what they touch.
 
 mod backend;
+mod bend_filter;
 mod coarse;
 mod edge_batches;
 mod force_batches;

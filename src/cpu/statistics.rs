@@ -66,7 +66,7 @@ impl Observed<'_> {
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for (x, u) in self.x.chunks(BLOCK).zip(self.u.chunks(BLOCK)) {
             let mut lengths = [0.0; BLOCK];
-            simd::run(self.width, Lengths { u, drift: self.drift.extend(0.0), lengths: &mut lengths });
+            simd::run(self.width, Displacements { u, drift: self.drift.extend(0.0), lengths: &mut lengths });
             for (&length, &x) in lengths.iter().zip(x) {
                 let at = xyz(x);
                 (low, high) = (low.min(at), high.max(at));
@@ -111,13 +111,13 @@ impl Loop for EdgeLengths<'_> {
 }
 
 /// The lengths (m) of displacements beyond a drift.
-struct Lengths<'a> {
+struct Displacements<'a> {
     u: &'a [Vec4],
     drift: Vec4,
     lengths: &'a mut [f32],
 }
 
-impl Loop for Lengths<'_> {
+impl Loop for Displacements<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         for (u, lengths) in self.u.chunks(L::LANES).zip(self.lengths.chunks_mut(L::LANES)) {

@@ -23,6 +23,10 @@ pub(crate) enum Stage {
     Exchange,
     /// Bending rows take the moments of their rings.
     BendMoments,
+    /// Vertices give way to them, before a pass of the filter that takes bending in few substeps.
+    GiveWay(usize),
+    /// That pass: bending rows take the moments of their rings again.
+    BendAgain(usize),
     /// Triangles feel the air.
     PanelForces,
     /// Vertices are given the displacement that the last one and the forces predict.
@@ -52,6 +56,8 @@ pub(crate) struct Terms {
     /// Displacements are predicted elsewhere.
     pub exchanged: bool,
     pub bending: bool,
+    /// Passes over the bending rows.
+    pub passes: usize,
     pub wind: bool,
     pub springs: bool,
     /// Pins are led.
@@ -84,6 +90,7 @@ fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
         stages.extend([Stage::Exchange, Stage::Predict]);
     } else {
         stages.extend(terms.bending.then_some(Stage::BendMoments));
+        stages.extend((1..terms.passes).flat_map(|pass| [Stage::GiveWay(pass), Stage::BendAgain(pass)]));
         stages.extend(terms.wind.then_some(Stage::PanelForces));
         stages.extend((!terms.falls()).then_some(Stage::Predict));
     }
@@ -125,7 +132,11 @@ impl Stage {
     /// Where tiles are too few, what is done to each vertex by itself is done in chunks of them.
     fn over(self, chunks: bool) -> Over {
         match self {
-            Stage::Remember | Stage::BendMoments | Stage::Predict | Stage::LeadPins if chunks => Over::Chunks,
+            Stage::Remember | Stage::BendMoments | Stage::GiveWay(_) | Stage::BendAgain(_) | Stage::Predict | Stage::LeadPins
+                if chunks =>
+            {
+                Over::Chunks
+            }
             Stage::Exchange => Over::Everything,
             Stage::SmallLevels(first) => Over::SmallLevels(first),
             Stage::PanelForces => Over::Triangles,
@@ -138,7 +149,15 @@ impl Stage {
 
     /// Whether it looks at what a stage before it did to neighbors.
     fn looks_around_after(self, before: Stage) -> bool {
-        (before, self) == (Stage::BendMoments, Stage::Predict)
+        match before {
+            Stage::GiveWay(_) => matches!(self, Stage::BendAgain(_)),
+            before => before.is_around() && matches!(self, Stage::GiveWay(_) | Stage::Predict),
+        }
+    }
+
+    /// Whether it looks at neighbors that others must not go on with meanwhile.
+    fn is_around(self) -> bool {
+        matches!(self, Stage::BendMoments | Stage::BendAgain(_))
     }
 }
 
@@ -241,13 +260,11 @@ impl Places<'_> {
             }
             Over::Chunks => {
                 let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
-                let touched = |tile: u32| match pass[0] {
-                    Stage::BendMoments => partition.around[tile as usize].clone(),
-                    _ => vec![tile],
-                };
+                let around = pass[0].is_around();
+                let touched = |tile: u32| if around { partition.around[tile as usize].clone() } else { vec![tile] };
                 self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
             }
-            Over::Tiles if pass[0] == Stage::BendMoments => partition.around.clone(),
+            Over::Tiles if pass[0].is_around() => partition.around.clone(),
             Over::Tiles => tiles.map(|tile| vec![tile]).collect(),
             Over::Triangles => self.panel_tiles.to_vec(),
             Over::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
@@ -384,6 +401,8 @@ impl Stepper<'_> {
                 self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, self.state(task), (), index));
             }
             Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
+            Stage::GiveWay(pass) => self.forces.give_way(task, tile(), pass),
+            Stage::BendAgain(pass) => self.forces.bend_again(task, tile(), pass),
             Stage::PanelForces => self.forces.panel_forces(task, part, substep),
             Stage::Predict => self.predict(task, tile(), index),
             Stage::LeadPins => self.forces.lead_pins(task, tile(), substep),

@@ -44,7 +44,7 @@ impl Deformer {
     /// As [`Deformer::step`] before the step is taken.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
         let Taken { load, controller, division: Division { substeps, length }, levels, .. } = self.taken(dt, attributes)?;
-        let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending_limited;
+        let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;
         let strain = match self.options.method {
             Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest),
             Method::Springs => 0.0,

@@ -55,7 +55,7 @@ impl Deformer {
     }
 
     /// Judges the step that there are new statistics of, and learns from it.
-    pub(super) fn judged(&mut self, taken: Taken, seen: Option<Statistics>, warnings: &mut Vec<Warning>) -> Option<Stretch> {
+    pub(super) fn judged(&mut self, taken: Taken, seen: Option<&Statistics>, warnings: &mut Vec<Warning>) -> Option<Stretch> {
         self.controller = taken.controller;
         if !self.is_observed() {
             self.unjudged.clear();
@@ -66,9 +66,9 @@ impl Deformer {
         let taken = self.unjudged.pop_front()?;
         let promise = self.promise();
         if let Some(promise) = promise {
-            warnings.extend(self.learned(&taken, promise, &seen));
+            warnings.extend(self.learned(&taken, promise, seen));
         }
-        self.seen = Some(seen);
+        self.seen = Some(*seen);
         let share = seen.stretch_of(f64::from(promise.map_or(Quality::MOST_OF_THE_AREA, |promise| promise.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
     }

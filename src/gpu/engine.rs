@@ -40,7 +40,7 @@ pub(crate) const IN_TILE: usize = 32;
 #[derive(Debug)]
 pub(crate) struct GpuEngine {
     gpu: Gpu,
-    forces: Forces,
+    pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: Sweep,
     /// If levels are in use.
@@ -326,8 +326,8 @@ impl GpuEngine {
     fn dispatches(&self, plan: &Plan<'_>) -> usize {
         let levels = self.multigrid(plan).map_or(0, Multigrid::dispatches);
         match &self.sweep {
-            Sweep::Tiled(_) => Forces::dispatches(plan) * plan.params.predicted as usize + levels + 1,
-            Sweep::PerColor(per_color) => Forces::dispatches(plan) + levels + per_color.dispatches(plan),
+            Sweep::Tiled(_) => self.forces.dispatches(plan) * plan.params.predicted as usize + levels + 1,
+            Sweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
         }
     }
 

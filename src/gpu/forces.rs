@@ -4,6 +4,7 @@
 use glam::Vec4;
 
 use crate::device::{Entry, Gpu, Shader};
+use crate::gpu::bending::{Bending, Bound};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::State;
@@ -13,7 +14,6 @@ use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::step::plan::Plan;
-use crate::step::substep_count::Length;
 
 /// The states' buffers and the force kernels. Each kernel can take any of the states.
 #[derive(Debug)]
@@ -32,18 +32,11 @@ pub(crate) struct Forces {
     pub all_substeps: Sent,
     pub pins: Sent,
     predict: Stage,
-    bending: Option<Bending>,
+    /// Whether bending may be done in tiles; tests forbid it.
+    pub bend_in_tiles: bool,
+    pub(super) bending: Option<Bending>,
     wind: Option<Stage>,
     springs: Option<Stage>,
-}
-
-#[derive(Debug)]
-struct Bending {
-    rows: wgpu::Buffer,
-    /// The substep that `rows` are for.
-    length: Length,
-    moments: Stage,
-    forces: Stage,
 }
 
 impl Forces {
@@ -76,6 +69,7 @@ impl Forces {
             all_substeps,
             pins,
             predict,
+            bend_in_tiles: true,
             bending,
             wind,
             springs,
@@ -90,7 +84,7 @@ impl Forces {
     /// Uploads what this step has, and makes the kernels that it is the first to need. True if [`Forces::all_substeps`] is
     /// another buffer than before.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool) -> bool {
-        let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, .. } = self;
+        let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, bend_in_tiles, .. } = self;
         params.send(gpu, std::slice::from_ref(&plan.params));
         pins.send(gpu, plan.pins);
         if all {
@@ -101,12 +95,10 @@ impl Forces {
             *uniforms = self::uniforms(gpu, params, substeps);
         }
         if plan.bending {
-            let length = plan.coefficients.length;
-            let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, states, u, uniforms, pins));
-            if bending.length != length {
-                gpu.write(&bending.rows, 0, &plan.coefficients.bending);
-                bending.length = length;
-            }
+            let bound = Bound { states, u, uniforms, pins };
+            self.bending = self.bending.take().filter(|bending| bending.suits(plan));
+            let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, bound, *bend_in_tiles));
+            bending.prepare(gpu, plan);
         }
         if plan.wind {
             self.wind.get_or_insert_with(|| {
@@ -138,15 +130,17 @@ impl Forces {
     }
 
     /// Dispatches of a substep.
-    pub(crate) fn dispatches(plan: &Plan<'_>) -> usize {
-        1 + usize::from(plan.bending) + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
+    pub(crate) fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        let bending = self.bending.as_ref().filter(|_| plan.bending).map_or(1, Bending::dispatches);
+        bending + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
     }
 
     /// Bytes that a substep's forces read and write, if what is gathered is read once.
     pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
         let vertices = plan.cloth.rest.len();
-        let bending =
-            if plan.bending { 2 * size_of_val(plan.cloth.bending().entries.items.as_slice()) + 140 * vertices } else { 0 };
+        let entries = || size_of_val(plan.cloth.bending().entries.items.as_slice());
+        let again = plan.coefficients.bending.passes.len().saturating_sub(1);
+        let bending = if plan.bending { 2 * (1 + again) * entries() + (140 + 136 * again) * vertices } else { 0 };
         let wind = if plan.wind { 28 * plan.cloth.triangles.len() + 72 * vertices } else { 0 };
         let springs = if plan.method == Method::Springs { 24 * plan.cloth.swept().len() + 48 * vertices } else { 0 };
         48 * vertices + bending + wind + springs
@@ -155,13 +149,9 @@ impl Forces {
     /// Encodes the forces of one substep that starts from state number `from`.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
-        let all = vertices + plan.pins.len();
         match self.bending.as_ref().filter(|_| plan.bending) {
-            None => self.predict.dispatch(pass, from, &[], all),
-            Some(bending) => {
-                bending.moments.dispatch(pass, from, &[], all);
-                bending.forces.dispatch(pass, from, &[], vertices);
-            }
+            None => self.predict.dispatch(pass, from, &[], vertices + plan.pins.len()),
+            Some(bending) => bending.encode(pass, plan, from),
         }
         if let Some(wind) = self.wind.as_ref().filter(|_| plan.wind) {
             wind.dispatch(pass, from, &[], vertices);
@@ -172,26 +162,8 @@ impl Forces {
     }
 }
 
-impl Bending {
-    fn new(gpu: &Gpu, plan: &Plan<'_>, states: &[State], u: &wgpu::Buffer, uniforms: &Group, pins: &Sent) -> Bending {
-        let entries = &plan.cloth.bending().entries;
-        let rows = gpu.filled("bend rows", &plan.coefficients.bending);
-        let spans = gpu.filled("bend spans", &entries.spans);
-        let entries = gpu.filled("bend entries", &entries.items);
-        let moments = gpu.buffer("moments", 2 * u.size());
-        let lists = [Bind::Read(&rows), Bind::Read(&spans), Bind::Read(&entries), Bind::Write(&moments)];
-        let moments_stage = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
-            [&bound_by_predict(state, u, pins)[..], &lists].concat()
-        });
-        let forces_stage = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
-            [&[Bind::Read(&state.x), Bind::Unused, Bind::Write(u), Bind::Unused], &lists[..]].concat()
-        });
-        Bending { rows, length: plan.coefficients.length, moments: moments_stage, forces: forces_stage }
-    }
-}
-
 /// A stage with a group for each state.
-fn stage<'a>(
+pub(super) fn stage<'a>(
     gpu: &Gpu,
     uniforms: &Group,
     shader: Shader,
@@ -204,7 +176,7 @@ fn stage<'a>(
 }
 
 /// What `stages/predict.wgsl` binds.
-fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
+pub(super) fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
     vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }
 

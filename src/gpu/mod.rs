@@ -15,6 +15,8 @@
 //! of a substep (`forces`, `multigrid`, `sweep`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`),
 //! `engine`.
 
+mod bend_tiles;
+mod bending;
 mod commit;
 mod engine;
 mod forces;

@@ -22,6 +22,7 @@ macro_rules! shaders {
 shaders! {
     PREDICT: "integrate" "stages/predict";
     BEND: "integrate" "bending" "stages/predict" "stages/bend";
+    BEND_TILE: "integrate" "bending" "stages/predict" "stages/bend_tile";
     WIND: "wind" "stages/wind";
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";

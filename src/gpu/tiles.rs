@@ -177,7 +177,7 @@ fn words(tiles: &[Tile], colors: usize) -> [usize; 2] {
 }
 
 /// Cuts a set of vertices across its longest extent until each piece has at most `most`.
-fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32>>) {
+pub(super) fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32>>) {
     if set.len() <= most {
         set.sort_unstable();
         pieces.push(set);

@@ -10,7 +10,7 @@
 
 use glam::Vec4;
 
-use crate::kernels::bending::{BendEntry, BendRow};
+use crate::kernels::bending::BendEntry;
 use crate::kernels::distance::LEAST_LENGTH;
 use crate::model::csr::Csr;
 use crate::model::mesh::{self, EdgeIndex};
@@ -21,9 +21,9 @@ pub(crate) struct Bending {
     /// The neighbors in each vertex's row, and the vertex in theirs.
     pub entries: Csr<BendEntry>,
     /// `D_v` (1/m²) for each vertex; 0 where it has no row.
-    weight: Vec<f64>,
+    pub weight: Vec<f64>,
     /// `-c_vv` for each vertex.
-    diagonal: Vec<f64>,
+    pub diagonal: Vec<f64>,
 }
 
 /// A boundary vertex has a row if its two boundary edges are this nearly in line (cosine of the angle between them).
@@ -136,44 +136,25 @@ impl Bending {
         }
     }
 
-    /// The rows for rigidity `bending` (N m) and retardation time `tau` (s) at substep `h` (s), and the number of vertices
-    /// where the rigidity had to be lowered to stay stable. `rest` has the inverse masses (1/kg) as w.
-    ///
-    /// The energy of a row is lowered, not the response of a vertex, so that momentum is kept. The bound on the largest
-    /// eigenvalue is Gershgorin's: `g_i = w_i sum_v |c_vi| r_v D_v B`, `r_v = sum_j |c_vj|`; leapfrog needs `h² g < 4`.
-    pub(crate) fn rows(&self, rest: &[Vec4], bending: f64, tau: f64, h: f64) -> (Vec<BendRow>, usize) {
-        let vertices = rest.len();
-        let reach: Vec<f64> = (0..vertices)
-            .map(|v| self.diagonal[v].abs() + self.entries.of(v as u32).iter().map(|e| f64::from(e.forward.abs())).sum::<f64>())
-            .collect();
-        let bound = |stiffness: &[f64]| -> Vec<f64> {
-            (0..vertices)
-                .map(|i| {
-                    let own = self.diagonal[i].abs() * reach[i] * stiffness[i];
-                    let others = self.entries.of(i as u32).iter();
-                    let others =
-                        others.map(|e| f64::from(e.backward.abs()) * reach[e.other as usize] * stiffness[e.other as usize]);
-                    f64::from(rest[i].w) * (own + others.sum::<f64>())
-                })
-                .collect()
+    /// Gershgorin's bounds (1/s²) on the largest eigenvalue of rows of some stiffness, one for each vertex:
+    /// `g_i = w_i sum_v |c_vi| r_v S_v`, `r_v = sum_j |c_vj|`. `rest` has the inverse masses (1/kg) as w.
+    pub(crate) fn bounds(&self, rest: &[Vec4], stiffness: &[f64]) -> Vec<f64> {
+        let reach =
+            |v: usize| self.diagonal[v].abs() + self.entries.of(v as u32).iter().map(|e| f64::from(e.forward.abs())).sum::<f64>();
+        let reach: Vec<f64> = (0..rest.len()).map(reach).collect();
+        let bound = |i: usize| {
+            let own = self.diagonal[i].abs() * reach[i] * stiffness[i];
+            let others = self.entries.of(i as u32).iter();
+            let others = others.map(|e| f64::from(e.backward.abs()) * reach[e.other as usize] * stiffness[e.other as usize]);
+            f64::from(rest[i].w) * (own + others.sum::<f64>())
         };
-        let over_row = |per_vertex: &[f64], v: usize| -> f64 {
-            let row = self.entries.of(v as u32).iter().filter(|e| e.forward != 0.0);
-            row.map(|e| per_vertex[e.other as usize]).fold(per_vertex[v], f64::min)
-        };
-        let full: Vec<f64> = self.weight.iter().map(|weight| bending * weight).collect();
-        let limit = if tau > 0.0 { 1.0 } else { 2.0 };
-        let share: Vec<f64> = bound(&full).iter().map(|g| (limit / (h * h * g)).min(1.0)).collect();
-        let row_share: Vec<f64> = (0..vertices).map(|v| over_row(&share, v)).collect();
-        let stiffness: Vec<f64> = full.iter().zip(&row_share).map(|(full, share)| full * share).collect();
-        let damped: Vec<f64> = bound(&stiffness).iter().map(|g| tau.min(0.5 * h * (2.0 / (h * h * g) - 1.0)).max(0.0)).collect();
-        let rows = (0..vertices).map(|v| BendRow {
-            stiffness: stiffness[v] as f32,
-            tau: over_row(&damped, v) as f32,
-            diagonal: -self.diagonal[v] as f32,
-        });
-        let limited = row_share.iter().zip(&self.weight).filter(|(share, weight)| **share < 1.0 && **weight > 0.0).count();
-        (rows.collect(), limited)
+        (0..rest.len()).map(bound).collect()
+    }
+
+    /// The least of what the vertices in a row have.
+    pub(crate) fn least_of_row(&self, per_vertex: &[f64], v: usize) -> f64 {
+        let row = self.entries.of(v as u32).iter().filter(|e| e.forward != 0.0);
+        row.map(|e| per_vertex[e.other as usize]).fold(per_vertex[v], f64::min)
     }
 }
 

@@ -1,12 +1,12 @@
 //! What depends on the length of the substep: computed once, kept while the length stays.
 
-use crate::kernels::bending::BendRow;
 use crate::kernels::distance::Edge;
 use crate::kernels::tether::Tether;
 use crate::model::cloth::{Cloth, Link};
 use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
+use crate::step::bending::BendRows;
 use crate::step::substep_count::Length;
 
 /// The cloth's numbers for substeps of one length.
@@ -20,10 +20,8 @@ pub(crate) struct Coefficients {
     pub levels: Vec<Vec<Edge>>,
     /// Tethers, by vertex; none where there are no lone pins, or the stiffness is resolved.
     pub tethers: Vec<(u32, Tether)>,
-    /// Rows of the bending energy; empty without bending.
-    pub bending: Vec<BendRow>,
-    /// Vertices whose bending had to be softened.
-    pub bending_limited: usize,
+    /// Rows of the bending energy; none without bending.
+    pub bending: BendRows,
 }
 
 impl Coefficients {
@@ -54,14 +52,14 @@ impl Coefficients {
         };
         let levels = levels.iter().map(coarse).collect();
         let fabric = options.fabric;
-        let (bending, bending_limited) = if fabric.bending > 0.0 {
-            let [rigidity, tau, h] = [fabric.bending, fabric.damping, length.longest].map(f64::from);
-            cloth.bending().rows(&cloth.rest, rigidity, tau, h)
+        let bending = if fabric.bending > 0.0 {
+            let numbers = [fabric.bending, fabric.damping, length.longest].map(f64::from);
+            BendRows::new(cloth.bending(), &cloth.rest, numbers, options.method == Method::SmallSteps)
         } else {
-            (Vec::new(), 0)
+            BendRows::default()
         };
         let tethers = tethers(cloth, length);
-        Coefficients { length, edges, levels, tethers, bending, bending_limited }
+        Coefficients { length, edges, levels, tethers, bending }
     }
 }
 

@@ -1,5 +1,6 @@
 //! A step as numbers, before any backend runs.
 
+pub(crate) mod bending;
 pub(crate) mod coefficients;
 pub(crate) mod controller;
 pub(crate) mod load;

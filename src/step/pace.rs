@@ -1,7 +1,7 @@
 //! As many substeps as a time allows.
 
 /// How long substeps have taken.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Pace {
     /// Time (s) that a substep takes; 0 if nothing is known.
     substep: f64,

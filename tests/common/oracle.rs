@@ -3,7 +3,7 @@
 
 #![allow(dead_code, reason = "each test takes what it needs")]
 
-use glam::{Mat3A, Vec3A};
+use glam::{DVec3, Mat3A, Vec3A};
 
 /// An edge's impulse: add `w_a` times it to `u_a`, subtract `w_b` times it from `u_b`.
 pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
@@ -68,6 +68,19 @@ pub fn bend_moment(ring: &[(Vec3A, Vec3A, f32)], stiffness: f32, tau: f32) -> [V
     let omega = inertia.inverse() * ring().map(|&(d, rate, _)| d.cross(rate)).sum::<Vec3A>();
     let resisted = stiffness * tau * (rate - omega.cross(y));
     [stiffness * y + resisted, inertia.inverse() * y.cross(resisted)]
+}
+
+/// `P(A) x`, what a filter of so many passes makes of `A x`, the kick of one: by Chebyshev's polynomials, in double precision.
+pub fn filtered_kick(x: &[DVec3], passes: usize, kick: impl Fn(&[DVec3]) -> Vec<DVec3>) -> Vec<DVec3> {
+    let theta = 3.0_f64.acosh() / passes as f64;
+    let (w0, w1) = (theta.cosh(), theta.sinh() / (2.0_f64.sqrt() * passes as f64));
+    let shifted = |t: &[DVec3]| -> Vec<DVec3> { t.iter().zip(kick(t)).map(|(t, by)| w0 * t - w1 * by).collect() };
+    let (mut last, mut t) = (x.to_vec(), shifted(x));
+    for _ in 1..passes {
+        let next = shifted(&t).iter().zip(&last).map(|(shifted, last)| 2.0 * shifted - last).collect();
+        last = std::mem::replace(&mut t, next);
+    }
+    x.iter().zip(t).map(|(x, t)| 1.5 * (x - t / 3.0)).collect()
 }
 
 /// Force of the air on a triangle: `half_density`, drag and lift as in `Params`; `kick` is how long (s) the force acts.

@@ -12,7 +12,7 @@ use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
 use crate::gpu::tiles::NO_EDGE;
 use crate::gpu::watch::{Found, IN_TABLE, NONE};
-use crate::kernels::bending::{BendEntry, BendRow};
+use crate::kernels::bending::{BendEntry, BendPass, BendRow};
 use crate::kernels::contact::Body;
 use crate::kernels::distance::Edge;
 use crate::kernels::integrate::Pin;
@@ -47,6 +47,7 @@ fn structs() -> Vec<Layout> {
         layout!(Pin { origin, vertex, goal, padding }),
         layout!(BendRow { stiffness, tau, diagonal }),
         layout!(BendEntry { other, forward, backward }),
+        layout!(BendPass { carry, gain, way, last }),
         layout!(Panel { corners, mass }),
         layout!(Spring { other, rest, stiffness }),
         layout!(Edge { a, b, inverse_rest, inverse_weight }),
@@ -87,6 +88,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("WORKGROUP", Literal::U32(WORKGROUP as u32)),
         ("NO_EDGE", Literal::U32(NO_EDGE)),
         ("NO_LABEL", Literal::U32(NO_EDGE)),
+        ("NO_PLACE", Literal::U32(crate::gpu::bend_tiles::NO_PLACE)),
         ("NONE", Literal::U32(NONE)),
         ("CLASSES", Literal::U32(statistics::CLASSES as u32)),
         ("BITS", Literal::U32(statistics::BITS)),
@@ -127,7 +129,7 @@ fn shared_structs_agree_member_for_member() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // Structs of the shader alone never cross over.
-            if ["Path", "Touch", "Moment", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
+            if ["Path", "Touch", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
                 .contains(&name.as_str())
             {
                 continue;

@@ -6,9 +6,13 @@ use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
 use crate::cpu::Cpu;
 use crate::device::Gpu;
+use crate::gpu::bend_tiles::BendTiles;
+use crate::gpu::bending::Bending;
 use crate::gpu::engine::{GpuEngine, IN_TILE, Path, Sweep};
 use crate::gpu::tiles::{TileSize, Tiles};
+use crate::kernels::bending::BendEntry;
 use crate::model::cloth::Cloth;
+use crate::model::csr::Csr;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
@@ -152,6 +156,71 @@ fn every_path_agrees_with_the_cpu() {
     }
 }
 
+/// In one pass and in several, damped or not, in tiles and in a dispatch for each look at neighbors: the CPU's motion.
+#[test]
+fn bending_in_tiles_and_apart_agrees_with_the_cpu() {
+    let gpu = Gpu::shared(true).unwrap();
+    for (name, mesh) in [("grid", Mesh::grid(31, 23, 1.0, 0.8)), ("any", mesh(27, 31))] {
+        for (bending, damping, passes) in [(1e-4, 0.0, 0..1), (1e-4, 0.05, 0..1), (6e-3, 0.0, 2..6), (2e-2, 0.05, 3..8)] {
+            let mut options = Options { pinned: vec![3, 100, 200], ..Options::default() };
+            (options.fabric.bending, options.fabric.damping) = (bending, damping);
+            let cloth = Cloth::new(&mesh, &options).unwrap();
+            let count = Coefficients::new(&cloth, &[], &options, Length::of(DT / SUBSTEPS as f32)).bending.passes.len();
+            assert!(passes.contains(&count), "{name}, B = {bending}: {count} passes");
+            let (x, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 0);
+            let moved = apart(&x, &cloth.rest);
+            let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
+            let ends = [true, false].map(|in_tiles| {
+                let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
+                engine.forces.bend_in_tiles = in_tiles;
+                let mut engine = Engine::Gpu(Box::new(engine));
+                let (end, _) = play(&mut engine, &cloth, &options, false, 0);
+                let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+                assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), Some(in_tiles));
+                end
+            });
+            let [dx, between] = [apart(&x, &ends[0]), apart(&ends[0], &ends[1])].map(|apart| apart / moved);
+            println!("{name}, B = {bending}, tau = {damping}, {count} passes: {dx:e} apart, {between:e} in tiles and not");
+            // Rounding, of which damping makes much where a ring's curvature has hardly a direction.
+            assert!(dx <= 1e-4 && between <= 1e-5, "{name}, B = {bending}, tau = {damping}: {dx:e} and {between:e} apart");
+        }
+    }
+}
+
+/// Each vertex is one tile's own, and a tile holds the rings that its own depend on, each neighbor where it says.
+#[test]
+fn bend_tiles_hold_their_rings() {
+    for (mesh, rings) in [(Mesh::grid(40, 37, 1.0, 1.0), 1), (mesh(33, 29), 3), (Mesh::grid(40, 37, 1.0, 1.0), 7)] {
+        let cloth = Cloth::new(&mesh, &Options { pinned: vec![0], ..Options::default() }).unwrap();
+        let entries = &cloth.bending().entries;
+        let tiles = BendTiles::new(&cloth.rest, entries, rings, TileSize { own: 64, room: 600, bytes: usize::MAX }).unwrap();
+        let mut kept = vec![0; cloth.rest.len()];
+        for header in tiles.table[..3 * tiles.count].chunks(3) {
+            let [own, held, list] = [0, 1, 2].map(|k| header[k] as usize);
+            assert!(own <= held && held <= tiles.largest && tiles.largest <= 600);
+            let pair = |k: usize| &tiles.table[list + 2 * k..][..2];
+            // How many rings of neighbors are there around each vertex that is held.
+            let mut depth = vec![0; held];
+            (0..own).for_each(|k| kept[pair(k)[0] as usize] += 1);
+            (0..own).for_each(|k| depth[k] = rings);
+            for _ in 0..rings {
+                for k in 0..held {
+                    let neighbors = entries.of(pair(k)[0]);
+                    for (entry, &place) in neighbors.iter().zip(&tiles.table[pair(k)[1] as usize..]) {
+                        if place == u32::MAX {
+                            assert_eq!(depth[k], 0, "a neighbor is missing");
+                        } else {
+                            assert_eq!(pair(place as usize)[0], entry.other);
+                            depth[place as usize] = depth[place as usize].max(depth[k].saturating_sub(1));
+                        }
+                    }
+                }
+            }
+        }
+        assert!(tiles.count > 3 && kept.iter().all(|&count| count == 1));
+    }
+}
+
 #[test]
 fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     let gpu = Gpu::shared(true).unwrap();
@@ -261,4 +330,10 @@ fn a_fan_that_no_tile_holds_is_refused() {
     let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
     assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 200, bytes: usize::MAX }).is_none());
     assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 400, bytes: usize::MAX }).is_some());
+    // A hub with all others in its ring.
+    let spoke = |k: u32| [(0, k), (k, 0)].map(|(v, other)| (v, BendEntry { other, forward: 1.0, backward: 1.0 }));
+    let spokes = Csr::new(301, (1..301).flat_map(spoke));
+    for (room, fits) in [(200, false), (400, true)] {
+        assert_eq!(BendTiles::new(&cloth.rest, &spokes, 1, TileSize { own: 64, room, bytes: usize::MAX }).is_some(), fits);
+    }
 }

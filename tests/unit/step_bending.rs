@@ -1,0 +1,72 @@
+//! Tests of `src/step/bending.rs`, from inside.
+
+use super::*;
+use crate::model::cloth::Cloth;
+use crate::{Fabric, Mesh, Options};
+
+fn sheet() -> (Cloth, Vec<Vec4>) {
+    let cloth = Cloth::new(&Mesh::grid(24, 17, 1.0, 0.7), &Options { pinned: vec![0, 5], ..Options::default() }).unwrap();
+    let rest = cloth.rest.clone();
+    (cloth, rest)
+}
+
+/// One pass is the moments as they are; what it carries is what leapfrog does, and two carry three times as much.
+#[test]
+fn the_first_pass_of_one_is_the_moment_itself() {
+    assert_eq!(filter(1, 1e-3)[0].gain, 1.0);
+    assert_eq!([limit(1, false), limit(1, true)], [2.0, 1.0]);
+    for (count, table) in [(2, 6.83), (3, 14.9), (4, 26.1), (6, 58.0), (8, 103.0), (12, 231.0), (16, 411.0)] {
+        assert!((limit(count, true) / table - 1.0).abs() < 5e-3, "{count}: {}", limit(count, true));
+    }
+}
+
+/// As many passes as 95 vertices in a hundred need and no more; whatever the rigidity, nothing is left above what they carry.
+#[test]
+fn the_fewest_passes_carry_the_rows() {
+    let (cloth, rest) = sheet();
+    let h = 1.0 / 1200.0;
+    let mut counts = Vec::new();
+    for bending in [1e-6, 1e-4, 1e-3, 4e-3, 1e-2, 1e-1, 1.0, 1e3] {
+        for tau in [0.0, 0.06] {
+            let BendRows { rows, passes, limited } = BendRows::new(cloth.bending(), &rest, [bending, tau, h], true);
+            let count = passes.len().max(1);
+            counts.push(count);
+            let stiffness: Vec<f64> = rows.iter().map(|row| f64::from(row.stiffness)).collect();
+            let full: Vec<f64> = cloth.bending().weight.iter().map(|weight| bending * weight).collect();
+            let worst =
+                |stiffness: &[f64]| cloth.bending().bounds(&rest, stiffness).into_iter().map(|g| h * h * g).fold(0.0, f64::max);
+            assert!(worst(&stiffness) <= limit(count, tau > 0.0) * (1.0 + 1e-6), "B = {bending}: {}", worst(&stiffness));
+            let plain = BendRows::new(cloth.bending(), &rest, [bending, tau, h], false);
+            assert!(plain.passes.is_empty() && plain.limited >= limited);
+            if count == 1 {
+                assert_eq!(plain.rows, rows);
+            } else {
+                assert!(worst(&full) > limit(count - 1, tau > 0.0), "B = {bending}: {count} passes are too many");
+            }
+            // Softened without a word is a twentieth at most.
+            let share = stiffness.iter().sum::<f64>() / full.iter().sum::<f64>();
+            assert_eq!(limited > 0, share < 0.9, "B = {bending}: {limited} limited, {share} left");
+            // A mode loses half of its velocity at most.
+            let damped: Vec<f64> = rows.iter().map(|row| f64::from(row.stiffness) * f64::from(row.tau)).collect();
+            let taken = worst(&damped) / h;
+            assert!(taken <= if count == 1 { 1.0 } else { 0.5 } * (1.0 + 1e-6), "B = {bending}: {taken}");
+            assert_eq!(taken > 0.0, tau > 0.0);
+        }
+    }
+    assert!(counts.contains(&1) && counts.contains(&2) && counts.contains(&16), "{counts:?}");
+}
+
+/// Relaxation and springs stay as they are.
+#[test]
+fn small_steps_alone_are_filtered() {
+    use crate::Method;
+    use crate::step::coefficients::Coefficients;
+    use crate::step::substep_count::Length;
+    let (cloth, _) = sheet();
+    let fabric = Fabric { bending: 0.1, ..Fabric::default() };
+    for method in [Method::SmallSteps, Method::Springs, Method::Relaxation { iterations: 4 }] {
+        let options = Options { method, fabric, ..Options::default() };
+        let rows = Coefficients::new(&cloth, &[], &options, Length::of(1.0 / 1200.0)).bending;
+        assert_eq!([rows.passes.is_empty(), rows.limited > 0], [method != Method::SmallSteps; 2], "{method:?}");
+    }
+}
