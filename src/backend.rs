@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use crate::contact::SelfContact;
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -51,7 +52,9 @@ impl Engine {
         let refuse = |backend| move |reason| BuildError::NoGpu { backend, reason };
         Ok(match options.backend {
             Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
-            Backend::Auto if cloth.rest.len() < GPU_PAYS || matches!(options.quality, Quality::Budget(_)) => {
+            Backend::Auto
+                if cloth.rest.len() < GPU_PAYS || options.contact.is_some() || matches!(options.quality, Quality::Budget(_)) =>
+            {
                 Engine::Cpu(Box::new(Cpu::new(cloth)))
             }
             Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
@@ -85,7 +88,7 @@ impl Engine {
     /// One step; the newest statistics there are, if the plan asks for any.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<Option<Statistics>, Failure> {
         match self {
-            Engine::Cpu(cpu) => cpu.step(plan, None).map_err(Failure::Unstable).map(|()| cpu.statistics(plan)),
+            Engine::Cpu(cpu) => cpu.step(plan, None).map(|()| cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
             Engine::Hybrid(hybrid) => hybrid.step(plan).map(|()| hybrid.cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
@@ -114,6 +117,17 @@ impl Engine {
             done[index] = failure.map_or_else(|| gpu.statistics(), |(_, failure)| Err(failure.clone()));
         }
         done
+    }
+
+    /// What contact of the cloth with itself did in the last step.
+    pub(crate) fn contact(&self) -> Option<&SelfContact> {
+        match self {
+            Engine::Cpu(cpu) => cpu.contact.as_deref(),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.cpu.contact.as_deref(),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(_) => None,
+        }
     }
 
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {

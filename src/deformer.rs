@@ -235,10 +235,12 @@ impl Deformer {
         self.gravity = attributes.gravity;
         self.shown = false;
         let mut warnings = self.warnings(dt, substeps, limited);
+        warnings.extend(self.crossing_warning());
         let stretch = self.judged(taken, seen, &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
+        let contacts = self.engine.contact().map_or(0, |contact| contact.tally.contacts);
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
-        Ok(StepReport { substeps, in_a_sixtieth, levels, stretch, asleep: false, warnings })
+        Ok(StepReport { substeps, in_a_sixtieth, levels, contacts, stretch, asleep: false, warnings })
     }
 
     /// What a step comes to that the cloth sleeps through.

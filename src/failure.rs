@@ -5,6 +5,8 @@
 pub(crate) enum Failure {
     /// The state is not finite from this vertex on, in the cloth's order.
     Unstable(usize),
+    /// So many pairs of groups of triangles are too near for contact to look at.
+    Crowded(usize),
     #[cfg(feature = "gpu")]
     Gpu(String),
 }

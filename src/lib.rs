@@ -2,6 +2,7 @@
 
 mod attributes;
 mod backend;
+mod contact;
 mod cpu;
 mod deformer;
 #[cfg_attr(not(feature = "gpu"), path = "no_device.rs")]
@@ -28,6 +29,7 @@ mod simd;
 mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
+pub use contact::crossings::Crossing;
 pub use deformer::{Deformer, Forecast};
 pub use device::Gpu;
 pub use error::{BuildError, StepError};
@@ -41,6 +43,6 @@ pub use io::obj::ObjError;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;
 pub use model::mesh::Mesh;
-pub use options::{Backend, Cause, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Warning};
+pub use options::{Backend, Cause, Contact, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Warning};
 #[cfg(feature = "gpu")]
 pub use wgpu;

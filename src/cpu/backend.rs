@@ -1,10 +1,12 @@
 //! The state of a cloth in memory, and a step of it.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 use std::time::Instant;
 
 use glam::Vec4;
 
+use crate::contact::SelfContact;
 use crate::cpu::coarse::Coarse;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::forces::ForceArrays;
@@ -15,6 +17,7 @@ use crate::cpu::substep::{Elsewhere, Schedule, Stepper, Terms};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::threads::ThreadChoice;
+use crate::failure::Failure;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Method;
@@ -38,7 +41,8 @@ pub(crate) struct Cpu {
     partition: Option<Partition>,
     /// The edges of each round of the partition.
     edges: Vec<EdgeBatches>,
-    schedule: Schedule,
+    /// One, or three where contact comes between ([`Schedule::all`]).
+    schedules: Vec<Schedule>,
     /// What they were packed for: the length of the substep, levels, threads; and what the schedule is of.
     packed_for: Option<(Length, usize, usize)>,
     scheduled_for: Option<Terms>,
@@ -46,6 +50,8 @@ pub(crate) struct Cpu {
     /// As many threads as pay, or how many to step on instead.
     choice: Option<ThreadChoice>,
     threads: Option<usize>,
+    /// Contact of the cloth with itself, if it has any.
+    pub contact: Option<Box<SelfContact>>,
     /// Passes are parallel loops one after another.
     #[cfg(feature = "bench")]
     pub loop_by_loop: bool,
@@ -65,12 +71,13 @@ impl Cpu {
             coarse: Coarse::default(),
             partition: None,
             edges: Vec::new(),
-            schedule: Schedule::default(),
+            schedules: Vec::new(),
             packed_for: None,
             scheduled_for: None,
             width: Width::detected(),
             choice: None,
             threads: None,
+            contact: None,
             #[cfg(feature = "bench")]
             loop_by_loop: false,
         }
@@ -94,17 +101,21 @@ impl Cpu {
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.x.copy_from_slice(x);
         self.p.copy_from_slice(p);
+        self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
     /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Names a vertex that leaves the
     /// bounds; the state is then as it was.
-    pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), usize> {
+    pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), Failure> {
         let lost = self.run(plan, elsewhere);
-        if lost == usize::MAX {
-            return Ok(());
-        }
+        let crowd = self.contact.as_ref().map_or(0, |contact| contact.crowd);
+        let failure = match (lost, crowd) {
+            (usize::MAX, 0) => return Ok(()),
+            (_, 0) => Failure::Unstable(lost),
+            (_, crowd) => Failure::Crowded(crowd),
+        };
         self.revert();
-        Err(lost)
+        Err(failure)
     }
 
     /// Of the state that a step led to, if its plan asks for any.
@@ -119,6 +130,7 @@ impl Cpu {
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
+        self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
     /// The substeps of a step; the first vertex that leaves the bounds, or `usize::MAX`.
@@ -127,7 +139,57 @@ impl Cpu {
         self.pack(plan, elsewhere.is_some(), pool);
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
-        let Cpu { x, p, x_good, p_good, forces, coarse, edges, schedule, partition, width, .. } = self;
+        let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
+        // A pool of one has no choice, and perhaps no clock.
+        let start = (pool > 1).then(Instant::now);
+        let lost = match self.contact.take() {
+            None => self.turns(0, 0..turns, plan, elsewhere, threads),
+            Some(mut contact) => {
+                // Loops one after another are cheaper from a thread of the pool.
+                let mut work = || self.substeps(&mut contact, plan, elsewhere, threads);
+                let lost = if threads > 1 { rayon::join(work, || ()).0 } else { work() };
+                self.contact = Some(contact);
+                lost
+            }
+        };
+        let note = |start: Instant| start.elapsed().as_secs_f64() / f64::from(turns);
+        start.into_iter().zip(&mut self.choice).for_each(|(start, choice)| choice.note(note(start)));
+        lost
+    }
+
+    /// The substeps of a step one by one, each with contact ahead of the move.
+    fn substeps(
+        &mut self,
+        contact: &mut SelfContact,
+        plan: &Plan<'_>,
+        elsewhere: Option<&Elsewhere<'_>>,
+        threads: usize,
+    ) -> usize {
+        let sweeps = plan.sweeps.max(1);
+        // Colliders are met there.
+        let moves = Plan { bodies: &[], ..*plan };
+        contact.begin();
+        let mut lost = self.turns(0, 0..1, plan, elsewhere, threads);
+        for (index, substep) in plan.substeps.iter().enumerate() {
+            let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
+            self.turns(1, turns.clone(), plan, elsewhere, threads);
+            contact.resolve(plan, substep, &mut self.x, &mut self.p, threads > 1, self.width);
+            lost = lost.min(self.turns(2, turns.end - 1..turns.end, &moves, elsewhere, threads));
+        }
+        lost
+    }
+
+    /// Turns of a step under one of its schedules; the first vertex that leaves the bounds, or `usize::MAX`.
+    fn turns(
+        &mut self,
+        schedule: usize,
+        turns: Range<u32>,
+        plan: &Plan<'_>,
+        elsewhere: Option<&Elsewhere<'_>>,
+        threads: usize,
+    ) -> usize {
+        let Cpu { x, p, x_good, p_good, forces, coarse, edges, schedules, partition, width, .. } = self;
+        let schedule = &mut schedules[schedule];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
         let stepper = Stepper {
@@ -144,22 +206,22 @@ impl Cpu {
             workers: threads,
         };
         let Schedule { passes, graph, .. } = schedule;
-        let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
-        let work = |task: &Task, turn: u32, pass: usize, index: usize| stepper.work(task, &passes[pass], turn, index);
+        let (first, count) = (turns.start, turns.end - turns.start);
+        let work = |task: &Task, turn: u32, pass: usize, index: usize| stepper.work(task, &passes[pass], first + turn, index);
         #[cfg(feature = "bench")]
         if self.loop_by_loop {
-            graph.run_pass_by_pass(turns, &work);
+            graph.run_pass_by_pass(count, &work);
             return stepper.integrator.lost.into_inner();
         }
-        // A pool of one has no choice, and perhaps no clock.
-        let start = (pool > 1).then(Instant::now);
-        graph.run(turns, threads, &work);
-        start.into_iter().for_each(|start| choice.note(start.elapsed().as_secs_f64() / f64::from(turns)));
+        graph.run(count, threads, &work);
         stepper.integrator.lost.into_inner()
     }
 
     /// Makes ready for substeps of the plan's length and its terms.
     fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
+        if let (Some(contact), None) = (plan.contact, &self.contact) {
+            self.contact = SelfContact::new(plan.cloth, contact).map(Box::new);
+        }
         let (coefficients, cloth) = (plan.coefficients, plan.cloth);
         let levels = coefficients.levels.len();
         let packed = Some((coefficients.length, levels, threads));
@@ -190,12 +252,13 @@ impl Cpu {
             pins: !plan.pins.is_empty(),
             levels,
             threads,
+            contact: self.contact.is_some(),
         };
         self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
         if self.scheduled_for != Some(terms) {
             // Other passes take other times.
             self.choice = None;
-            self.schedule = Schedule::new(terms, partition, &self.coarse, self.forces.panel_tiles());
+            self.schedules = Schedule::all(terms, partition, &self.coarse, self.forces.panel_tiles());
             self.scheduled_for = Some(terms);
         }
     }

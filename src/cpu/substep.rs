@@ -40,6 +40,8 @@ pub(crate) enum Stage {
     Sweep(usize),
     /// Vertices whose edges are all swept meet the colliders and move. Where no force acts they are predicted to fall on.
     Move(usize),
+    /// Vertices move, whose contact is done.
+    MoveOn,
 }
 
 /// What decides which stages a substep has.
@@ -55,6 +57,8 @@ pub(crate) struct Terms {
     pub pins: bool,
     pub levels: usize,
     pub threads: usize,
+    /// Contact is resolved by itself, between the sweep and the move.
+    pub contact: bool,
 }
 
 impl Terms {
@@ -94,9 +98,10 @@ fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
         }
         stages.push(Stage::Correct);
     }
-    // Sweep the edges; then contact, and the move.
+    // Sweep the edges; then contact, and the move, unless that comes by itself.
     for round in 0..partition.rounds.len() {
-        stages.extend([Stage::Sweep(round), Stage::Move(round)]);
+        stages.push(Stage::Sweep(round));
+        stages.extend((!terms.contact).then_some(Stage::Move(round)));
     }
     stages
 }
@@ -119,7 +124,7 @@ impl Stage {
     /// Where tiles are too few, what is done to each vertex by itself is done in chunks of them.
     fn over(self, chunks: bool) -> Over {
         match self {
-            Stage::Remember | Stage::BendMoments | Stage::Predict | Stage::LeadPins if chunks => Over::Chunks,
+            Stage::Remember | Stage::BendMoments | Stage::Predict | Stage::LeadPins | Stage::MoveOn if chunks => Over::Chunks,
             Stage::Exchange => Over::Everything,
             Stage::SmallLevels(first) => Over::SmallLevels(first),
             Stage::PanelForces => Over::Triangles,
@@ -164,12 +169,29 @@ pub(crate) struct Schedule {
 const LEAST_CHUNK: usize = 128;
 
 impl Schedule {
-    pub(crate) fn new(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Schedule {
+    /// The schedules of a step: one, or where contact comes between, that of what comes first, of a substep up to there, and from there on.
+    pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
+        let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
+        let stages = stages(terms, partition, coarse);
+        match terms.contact {
+            false => vec![schedule(prologue(terms), stages)],
+            true => [prologue(terms), stages, vec![Stage::MoveOn]].map(|stages| schedule(Vec::new(), stages)).into(),
+        }
+    }
+
+    fn new(
+        terms: Terms,
+        first: Vec<Stage>,
+        stages: Vec<Stage>,
+        partition: &Partition,
+        coarse: &Coarse,
+        panel_tiles: &[Vec<u32>],
+    ) -> Schedule {
         let chunks =
             (partition.tiles.len() < 2 * terms.threads && terms.threads > 1).then(|| chunks(partition, 2 * terms.threads));
-        let mut passes = fuse(prologue(terms), chunks.is_some());
+        let mut passes = fuse(first, chunks.is_some());
         let once = passes.len();
-        passes.extend(fuse(stages(terms, partition, coarse), chunks.is_some()));
+        passes.extend(fuse(stages, chunks.is_some()));
         let places = Places { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
         let mut tasks: Vec<PassTasks> = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
@@ -353,7 +375,7 @@ impl Stepper<'_> {
         for &stage in pass {
             let is_due = match stage {
                 Stage::Sweep(_) => true,
-                Stage::Move(_) => ends,
+                Stage::Move(_) | Stage::MoveOn => ends,
                 _ => begins,
             };
             if is_due {
@@ -382,6 +404,7 @@ impl Stepper<'_> {
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
             Stage::Sweep(round) => self.sweep(task, round, part),
+            Stage::MoveOn => self.advance(task, &[tile()], index),
             Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
         }
     }

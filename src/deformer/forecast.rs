@@ -64,6 +64,13 @@ impl Deformer {
         [limited, needed, slivers].into_iter().flatten().collect()
     }
 
+    /// What crosses where contact looked last.
+    pub(super) fn crossing_warning(&self) -> Option<Warning> {
+        let mut crossings = self.engine.contact()?.crossings();
+        let pairs = crossings.len();
+        crossings.next().map(|crossing| Warning::Crossings { pairs, first: crossing.named(&self.cloth.order) })
+    }
+
     /// A failure in the caller's terms.
     pub(super) fn failed(&self, failure: Failure) -> StepError {
         match failure {
@@ -83,6 +90,7 @@ impl Deformer {
                 };
                 StepError::Unstable { vertex: self.cloth.order[vertex] as usize, remedy }
             }
+            Failure::Crowded(pairs) => StepError::Crowded { pairs },
             #[cfg(feature = "gpu")]
             Failure::Gpu(reason) => StepError::Gpu { reason },
         }

@@ -99,7 +99,7 @@ impl Hybrid {
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let sent = self.sent.take();
         if !plan.has_forces() {
-            return self.cpu.step(plan, None).map_err(Failure::Unstable);
+            return self.cpu.step(plan, None);
         }
         self.sent = Some(self.exchanged(plan, sent)?);
         Ok(())
@@ -210,7 +210,7 @@ impl Hybrid {
         match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
             None => {
                 *mapped = slot.into_inner()[0].take();
-                stepped.map(|()| complete).map_err(Failure::Unstable)
+                stepped.map(|()| complete)
             }
             Some(reason) => {
                 cpu.revert();
