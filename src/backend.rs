@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use crate::contact::SelfContact;
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -65,7 +66,9 @@ impl Engine {
         };
         Ok(match options.backend {
             Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
-            Backend::Auto if cloth.rest.len() < GPU_PAYS || matches!(options.quality, Quality::Budget(_)) => {
+            Backend::Auto
+                if cloth.rest.len() < GPU_PAYS || options.contact.is_some() || matches!(options.quality, Quality::Budget(_)) =>
+            {
                 Engine::Cpu(Box::new(Cpu::new(cloth)))
             }
             Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
@@ -140,6 +143,17 @@ impl Engine {
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.told(),
             _ => Ok(false),
+        }
+    }
+
+    /// What contact of the cloth with itself did in the last step.
+    pub(crate) fn contact(&self) -> Option<&SelfContact> {
+        match self {
+            Engine::Cpu(cpu) => cpu.contact.as_deref(),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.cpu.contact.as_deref(),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(_) => None,
         }
     }
 

@@ -250,10 +250,12 @@ impl Deformer {
         self.gravity = attributes.gravity;
         self.shown = false;
         let mut warnings = self.warnings(dt, substeps, limited, self.meeting.1);
+        warnings.extend(self.crossing_warning());
         let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
+        let contacts = self.engine.contact().map_or(0, |contact| contact.tally.contacts);
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
-        Ok(StepReport { substeps, in_a_sixtieth, levels, stretch, asleep: false, warnings })
+        Ok(StepReport { substeps, in_a_sixtieth, levels, contacts, stretch, asleep: false, warnings })
     }
 
     /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.

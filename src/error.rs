@@ -201,6 +201,14 @@ pub enum StepError {
         /// What the device has.
         allowed: u64,
     },
+    /// More of the cloth is in one place than contact can look at.
+    #[error(
+        "contact: {pairs} pairs of groups of triangles are near one another, as if all cloth were in one place; spread it out, or lower contact.thickness"
+    )]
+    Crowded {
+        /// Pairs of groups of a few triangles.
+        pairs: usize,
+    },
     /// The GPU refused the work.
     #[error("the GPU failed: {reason}; make a new Deformer, or ask for the CPU")]
     Gpu {

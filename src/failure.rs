@@ -5,6 +5,8 @@
 pub(crate) enum Failure {
     /// In this step since the state was last set; the cloth is as it was before it.
     Unstable { cause: Cause, step: u32 },
+    /// So many pairs of groups of triangles are too near for contact to look at.
+    Crowded(usize),
     #[cfg(feature = "gpu")]
     Gpu(crate::gpu_fault::GpuFault),
 }

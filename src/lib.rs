@@ -2,6 +2,7 @@
 
 mod attributes;
 mod backend;
+mod contact;
 mod cpu;
 mod deformer;
 #[cfg_attr(not(feature = "gpu"), path = "no_device.rs")]
@@ -30,6 +31,7 @@ mod simd;
 mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
+pub use contact::crossings::Crossing;
 pub use deformer::{Deformer, Forecast};
 pub use device::Gpu;
 pub use error::{BuildError, Instability, StepError};
@@ -43,6 +45,6 @@ pub use io::obj::ObjError;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;
 pub use model::mesh::Mesh;
-pub use options::{Backend, Cause, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning};
+pub use options::{Backend, Cause, Contact, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -1,5 +1,6 @@
 //! What is fixed when a cloth is made, and what a step reports.
 
+use crate::contact::crossings::Crossing;
 use crate::device::Gpu;
 use crate::error::BuildError;
 use crate::fabric::Fabric;
@@ -167,6 +168,28 @@ pub struct Options {
     /// Woven cloth shears at 20..100 N/m. A grid's shear stiffness is a quarter of its diagonals', `scale * stretch / 4`:
     /// 0.02 along the diagonals makes 25 N/m of 5 kN/m, and the cloth gives way along the bias as fabric does.
     pub edge_scale: Option<Vec<f32>>,
+    /// Contact of the cloth with itself: of each piece of the mesh with itself and with the others, in triangles. `None`: they pass through one
+    /// another. On the CPU alone so far: [`Backend::Auto`] takes it, [`Backend::Gpu`] refuses.
+    pub contact: Option<Contact>,
+}
+
+/// Contact of cloth with cloth.
+///
+/// No edge ever comes through a triangle, if none does at the start and pins move by no more than a third of the thickness in a substep. A
+/// start with crossings is reported ([`Warning::Crossings`]); what crosses is let go until it parts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// How far apart cloth is held (m), above 0; less where it is finer than that: half the distance at rest.
+    pub thickness: f32,
+    /// Coulomb's coefficient of friction of cloth on cloth, 0 or above.
+    pub friction: f32,
+}
+
+impl Default for Contact {
+    /// 5 mm, friction 0.3.
+    fn default() -> Contact {
+        Contact { thickness: 0.005, friction: 0.3 }
+    }
 }
 
 /// What one step did, known without reading anything back.
@@ -184,6 +207,8 @@ pub struct StepReport {
     pub stretch: Option<Stretch>,
     /// The cloth slept through the step and is as it was: see [`Options::sleep`].
     pub asleep: bool,
+    /// Pairs of the cloth's features that press on one another at the end of the step.
+    pub contacts: u32,
     /// What the caller should know.
     pub warnings: Vec<Warning>,
 }
@@ -271,6 +296,14 @@ pub enum Warning {
         /// The speed (m/s) of an edge a substep.
         carried: f32,
     },
+    /// Edges go through triangles of the cloth, as they did where the state was set ([`Options::contact`]). They are let go until they part, and
+    /// then held.
+    Crossings {
+        /// Number of pairs of an edge and a triangle.
+        pairs: usize,
+        /// The first of them.
+        first: Crossing,
+    },
 }
 
 impl Options {
@@ -301,6 +334,18 @@ impl Options {
             }
             if !(sleep.after >= 0.0 && sleep.after.is_finite()) {
                 return refuse("sleep: after", sleep.after.to_string(), "must be finite and 0 s or above");
+            }
+        }
+        if let Some(Contact { thickness, friction }) = self.contact {
+            if !(thickness > 0.0 && thickness.is_finite()) {
+                return refuse("contact.thickness", thickness.to_string(), "must be finite and above 0 m");
+            }
+            if !(friction >= 0.0 && friction.is_finite()) {
+                return refuse("contact.friction", friction.to_string(), "must be finite and 0 or above");
+            }
+            if self.backend == Backend::Gpu {
+                let remedy = "is on the CPU alone so far; use Backend::Cpu, Hybrid or Auto, or leave contact out";
+                return refuse("contact", "with Backend::Gpu".to_owned(), remedy);
             }
         }
         match self.method {

@@ -10,7 +10,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Method, Options, Quality};
 use common::FRAME;
 
 struct Counting;
@@ -95,6 +95,28 @@ fn counted(method: Method, backend: Backend) -> Vec<usize> {
     (0..20).map(step).collect()
 }
 
+/// Allocations in each of some steps of sheets that lie on one another: contact's lists have stopped growing.
+fn counted_at_rest() -> Vec<usize> {
+    let mut mesh = Mesh::grid(24, 24, 0.5, 0.5);
+    let other = mesh.clone();
+    mesh.positions.extend(other.positions.iter().map(|&x| x + Vec3::new(0.013, 0.006, 0.007)));
+    mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 24 * 24)));
+    let contact = Some(Contact { thickness: 0.005, friction: 0.3 });
+    let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(10), contact, ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let colliders = vec![Collider::plane(Vec3::Y * -0.01, Vec3::Y)];
+    let attributes = Attributes { colliders, ..Attributes::default() };
+    let mut step = || {
+        let before = COUNT.load(Ordering::SeqCst);
+        let contacts = deformer.step(FRAME, &attributes).unwrap().contacts;
+        (COUNT.load(Ordering::SeqCst) - before, contacts)
+    };
+    (0..40).for_each(|_| _ = step());
+    let counts: Vec<(usize, u32)> = (0..10).map(|_| step()).collect();
+    assert!(counts.iter().all(|&(_, contacts)| contacts > 100), "they touch: {counts:?}");
+    counts.into_iter().map(|(count, _)| count).collect()
+}
+
 /// Who allocates in the fourth step.
 #[cfg(feature = "gpu")]
 fn owners(backend: Backend) -> Vec<String> {
@@ -120,6 +142,8 @@ fn a_step_allocates_nothing() {
         let counts = pool.install(|| counted(method, Backend::Cpu));
         assert!(counts.iter().all(|&count| count == 0), "{method:?}: {counts:?}");
     }
+    let counts = pool.install(counted_at_rest);
+    assert!(counts.iter().all(|&count| count == 0), "contact: {counts:?}");
     #[cfg(feature = "gpu")]
     for backend in [Backend::Hybrid, Backend::Gpu] {
         // wgpu and the driver allocate for every encoder and submit; that does not grow with time.

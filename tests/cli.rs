@@ -162,6 +162,23 @@ fn help_goes_to_stdout() {
 }
 
 #[test]
+fn self_contact_is_told_in_the_report() {
+    let directory = TempDir::new().unwrap();
+    let pressed = |more: &[&str]| {
+        let mut arguments = vec!["--frames", "40", "--substeps", "20", "--report", "r.json", "--quiet"];
+        arguments.extend(more);
+        succeeds(&run(&directory, &arguments));
+        let report: Value = serde_json::from_str(&fs::read_to_string(directory.path().join("r.json")).unwrap()).unwrap();
+        report["frames"].as_array().unwrap().iter().map(|row| row["contacts"].as_u64().unwrap()).sum::<u64>()
+    };
+    assert_eq!(pressed(&[]), 0);
+    assert!(pressed(&["--self-contact"]) > 0);
+    assert!(pressed(&["--self-contact", "0.01"]) > 0);
+    fails(&run(&directory, &["--self-contact", "0"]), 2, &["--self-contact"]);
+    fails(&run(&directory, &["--self-contact", "--backend", "gpu"]), 2, &["contact"]);
+}
+
+#[test]
 fn the_report_has_its_keys_in_order_and_finite_numbers() {
     let directory = TempDir::new().unwrap();
     let mesh = crooked(&directory);
@@ -173,7 +190,7 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
 
     // Order is a property of the text: a parser may sort.
     let keys = ["adapter", "backend", "method", "vertices", "edges", "colours", "frames"];
-    let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "stretch_share", "energy", "penetration"];
+    let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "stretch_share", "energy", "penetration", "contacts"];
     let places = |keys: &[&str], text: &str| -> Vec<usize> {
         keys.iter().map(|key| text.find(&format!("\"{key}\":")).unwrap_or_else(|| panic!("no {key} in {text}"))).collect()
     };

@@ -104,7 +104,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub(crate) wind: Option<Vec3>,
 
-    /// Coefficient of friction with the sphere and the floor [default: 0.3]
+    /// The cloth cannot pass through itself: it keeps this far apart (m) [default: 0.005]
+    #[arg(long, value_name = "METRES", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
+    pub(crate) self_contact: Option<f32>,
+
+    /// Coefficient of friction with the sphere, the floor and itself [default: 0.3]
     #[arg(long, value_name = "MU", value_parser = not_negative, allow_hyphen_values = true)]
     pub(crate) friction: Option<f32>,
 

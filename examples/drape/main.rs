@@ -19,7 +19,7 @@ use std::{
     time::Instant,
 };
 
-use cloth_deformer::{BuildError, Deformer, Mesh, Pc2Error, PointCache, StepError, Warning, glam::Vec3};
+use cloth_deformer::{BuildError, Crossing, Deformer, Mesh, Pc2Error, PointCache, StepError, Warning, glam::Vec3};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
@@ -123,14 +123,14 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut shape = mesh;
     for frame in 1..=arguments.frames {
         let failed = |error: StepError| Failure::step(frame, &error);
-        let (mut seconds, mut substeps) = (0.0, 0);
+        let (mut seconds, mut counts) = (0.0, [0, 0]);
         if frame > 1 {
             let start = Instant::now();
             let done = deformer.step(dt, &attributes).map_err(failed)?;
             // A GPU has only been told what to do: the step is over when it has done it.
             deformer.wait().map_err(failed)?;
             seconds = start.elapsed().as_secs_f64();
-            substeps = done.substeps;
+            counts = [done.substeps, done.contacts];
             for warning in done.warnings {
                 // Once each: a limit met in one frame is met in most of those that follow.
                 if !warned.contains(&mem::discriminant(&warning)) {
@@ -149,7 +149,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             cells.push((frame, shape.positions.clone()));
         }
         let measure = deformer.measure().map_err(failed)?;
-        let row = Frame::new(frame, seconds, substeps, measure);
+        let row = Frame::new(frame, seconds, counts, measure);
         report.frames.push(row.ok_or_else(|| {
             // Springs past their limit grow for some frames before the first position overflows.
             let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
@@ -218,6 +218,11 @@ fn describe(warning: Warning, sixtieths: f32) -> String {
         Warning::Slivers { edges, worst: [a, b] } => {
             format!(
                 "{edges} edges are a hundred times shorter than their triangles, the worst between vertices {a} and {b}; merge their ends"
+            )
+        }
+        Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
+            format!(
+                "{pairs} edges go through triangles where contact begins, the first between vertices {a} and {b} through {c}, {d}, {e}; they are let go until they part"
             )
         }
         other => format!("{other:?}"),

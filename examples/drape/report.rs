@@ -40,11 +40,14 @@ pub(crate) struct Frame {
     energy: f64,
     /// Depth of the deepest vertex in a collider (m).
     penetration: f32,
+    /// Pairs of the cloth's features that press on one another.
+    contacts: u32,
 }
 
 impl Frame {
-    /// `None` if a figure is not finite: JSON has no such number, and a stable cloth has none either.
-    pub(crate) fn new(number: u32, seconds: f64, substeps: u32, measure: Measure) -> Option<Frame> {
+    /// Of a step that took so many seconds, substeps and contacts. `None` if a figure is not finite: JSON has no such number, and a stable
+    /// cloth has none either.
+    pub(crate) fn new(number: u32, seconds: f64, [substeps, contacts]: [u32; 2], measure: Measure) -> Option<Frame> {
         let Measure { mean_strain, max_strain, stretch_share, kinetic_energy, potential_energy, penetration, .. } = measure;
         let energy = kinetic_energy + potential_energy;
         let finite = energy.is_finite() && [mean_strain, max_strain, stretch_share, penetration].into_iter().all(f32::is_finite);
@@ -57,6 +60,7 @@ impl Frame {
             stretch_share,
             energy,
             penetration,
+            contacts,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cloth_deformer::{Attributes, Collider, Mesh, Options, Quality, glam::Vec3};
+use cloth_deformer::{Attributes, Collider, Contact, Mesh, Options, Quality, glam::Vec3};
 
 use crate::{
     Failure,
@@ -40,6 +40,10 @@ impl Scene {
             levels: arguments.levels,
             fabric: arguments.fabric,
             pinned: arguments.pin.vertices(&mesh),
+            contact: arguments.self_contact.map(|thickness| {
+                let usual = Contact::default();
+                Contact { thickness, friction: arguments.friction.unwrap_or(usual.friction) }
+            }),
             ..Options::default()
         };
         let mut attributes =

@@ -1,9 +1,11 @@
 //! The state of a cloth in memory, and a step of it.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use glam::Vec4;
 
+use crate::contact::SelfContact;
 use crate::cpu::coarse::Coarse;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::forces::ForceArrays;
@@ -44,7 +46,8 @@ pub(crate) struct Cpu {
     edges: Vec<EdgeBatches>,
     /// Its tethers, if any are in use.
     tethers: Vec<TetherBatches>,
-    schedule: Schedule,
+    /// One, or three where contact comes between ([`Schedule::all`]).
+    schedules: Vec<Schedule>,
     /// What they were packed for: the length of the substep, levels, threads; and what the schedule is of.
     packed_for: Option<(Length, usize, usize)>,
     scheduled_for: Option<Terms>,
@@ -52,6 +55,8 @@ pub(crate) struct Cpu {
     /// As many threads as pay, or how many to step on instead.
     choice: Option<ThreadChoice>,
     threads: Option<usize>,
+    /// Contact of the cloth with itself, if it has any.
+    pub contact: Option<Box<SelfContact>>,
     /// Passes are parallel loops one after another.
     #[cfg(feature = "bench")]
     pub loop_by_loop: bool,
@@ -73,12 +78,13 @@ impl Cpu {
             partition: None,
             edges: Vec::new(),
             tethers: Vec::new(),
-            schedule: Schedule::default(),
+            schedules: Vec::new(),
             packed_for: None,
             scheduled_for: None,
             width: Width::detected(),
             choice: None,
             threads: None,
+            contact: None,
             #[cfg(feature = "bench")]
             loop_by_loop: false,
         }
@@ -103,18 +109,25 @@ impl Cpu {
         self.x.copy_from_slice(x);
         self.p.copy_from_slice(p);
         self.steps = 0;
+        self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
     /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Says what is wrong if the motion
     /// runs away; the state is then as it was.
     pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), Failure> {
         let step = self.steps.saturating_add(1);
-        if let Some(cause) = self.run(plan, elsewhere) {
-            self.revert();
-            return Err(Failure::Unstable { cause, step });
-        }
-        self.steps = step;
-        Ok(())
+        let cause = self.run(plan, elsewhere);
+        let crowd = self.contact.as_ref().map_or(0, |contact| contact.crowd);
+        let failure = match (cause, crowd) {
+            (None, 0) => {
+                self.steps = step;
+                return Ok(());
+            }
+            (Some(cause), 0) => Failure::Unstable { cause, step },
+            (_, crowd) => Failure::Crowded(crowd),
+        };
+        self.revert();
+        Err(failure)
     }
 
     /// Of the state that a step led to, if its plan asks for any.
@@ -129,6 +142,7 @@ impl Cpu {
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
+        self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
     /// The substeps of a step, and what is wrong with where they lead.
@@ -137,7 +151,57 @@ impl Cpu {
         self.pack(plan, elsewhere.is_some(), pool);
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
-        let Cpu { x, p, x_good, p_good, forces, coarse, edges, tethers, schedule, partition, width, .. } = self;
+        let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
+        // A pool of one has no choice, and perhaps no clock.
+        let start = (pool > 1).then(Instant::now);
+        let cause = match self.contact.take() {
+            None => self.turns(0, 0..turns, plan, elsewhere, threads),
+            Some(mut contact) => {
+                // Loops one after another are cheaper from a thread of the pool.
+                let mut work = || self.substeps(&mut contact, plan, elsewhere, threads);
+                let cause = if threads > 1 { rayon::join(work, || ()).0 } else { work() };
+                self.contact = Some(contact);
+                cause
+            }
+        };
+        let note = |start: Instant| start.elapsed().as_secs_f64() / f64::from(turns);
+        start.into_iter().zip(&mut self.choice).for_each(|(start, choice)| choice.note(note(start)));
+        cause
+    }
+
+    /// The substeps of a step one by one, each with contact ahead of the move.
+    fn substeps(
+        &mut self,
+        contact: &mut SelfContact,
+        plan: &Plan<'_>,
+        elsewhere: Option<&Elsewhere<'_>>,
+        threads: usize,
+    ) -> Option<Cause> {
+        let sweeps = plan.sweeps.max(1);
+        // Colliders are met there.
+        let moves = Plan { bodies: &[], ..*plan };
+        contact.begin();
+        let mut cause = self.turns(0, 0..1, plan, elsewhere, threads);
+        for (index, substep) in plan.substeps.iter().enumerate() {
+            let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
+            cause = cause.or(self.turns(1, turns.clone(), plan, elsewhere, threads));
+            contact.resolve(plan, substep, &mut self.x, &mut self.p, threads > 1, self.width);
+            cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, elsewhere, threads));
+        }
+        cause
+    }
+
+    /// Turns of a step under one of its schedules, and what is wrong with where they lead.
+    fn turns(
+        &mut self,
+        schedule: usize,
+        turns: Range<u32>,
+        plan: &Plan<'_>,
+        elsewhere: Option<&Elsewhere<'_>>,
+        threads: usize,
+    ) -> Option<Cause> {
+        let Cpu { x, p, x_good, p_good, forces, coarse, edges, tethers, schedules, partition, width, .. } = self;
+        let schedule = &mut schedules[schedule];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
         let stepper = Stepper {
@@ -157,24 +221,25 @@ impl Cpu {
             step: self.steps,
         };
         let Schedule { passes, graph, .. } = schedule;
-        let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
-        let work = |task: &Task, turn: u32, pass: usize, index: usize| stepper.work(task, &passes[pass], turn, index);
+        let (first, count) = (turns.start, turns.end - turns.start);
+        let work = |task: &Task, turn: u32, pass: usize, index: usize| stepper.work(task, &passes[pass], first + turn, index);
         #[cfg(feature = "bench")]
         if self.loop_by_loop {
-            graph.run_pass_by_pass(turns, &work);
-            let found = stepper.integrator.found;
-            return found.verdict(&plan.params, &self.x, &self.p);
+            graph.run_pass_by_pass(count, &work);
+        } else {
+            graph.run(count, threads, &work);
         }
-        // A pool of one has no choice, and perhaps no clock.
-        let start = (pool > 1).then(Instant::now);
-        graph.run(turns, threads, &work);
-        start.into_iter().for_each(|start| choice.note(start.elapsed().as_secs_f64() / f64::from(turns)));
+        #[cfg(not(feature = "bench"))]
+        graph.run(count, threads, &work);
         let found = stepper.integrator.found;
         found.verdict(&plan.params, &self.x, &self.p)
     }
 
     /// Makes ready for substeps of the plan's length and its terms.
     fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
+        if let (Some(contact), None) = (plan.contact, &self.contact) {
+            self.contact = SelfContact::new(plan.cloth, contact).map(Box::new);
+        }
         let (coefficients, cloth) = (plan.coefficients, plan.cloth);
         let levels = coefficients.levels.len();
         let packed = Some((coefficients.length, levels, threads));
@@ -210,12 +275,13 @@ impl Cpu {
             levels,
             tethers: !self.tethers.is_empty(),
             threads,
+            contact: self.contact.is_some(),
         };
         self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
         if self.scheduled_for != Some(terms) {
             // Other passes take other times.
             self.choice = None;
-            self.schedule = Schedule::new(terms, partition, &self.coarse, self.forces.panel_tiles());
+            self.schedules = Schedule::all(terms, partition, &self.coarse, self.forces.panel_tiles());
             self.scheduled_for = Some(terms);
         }
     }

@@ -47,6 +47,8 @@ pub(crate) enum Stage {
     Tether(usize),
     /// Vertices whose edges are all swept meet the colliders and move. Where no force acts they are predicted to fall on.
     Move(usize),
+    /// Vertices move, whose contact is done.
+    MoveOn,
 }
 
 /// What decides which stages a substep has.
@@ -65,6 +67,8 @@ pub(crate) struct Terms {
     pub levels: usize,
     pub tethers: bool,
     pub threads: usize,
+    /// Contact is resolved by itself, between the sweep and the move.
+    pub contact: bool,
 }
 
 impl Terms {
@@ -105,11 +109,11 @@ fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
         }
         stages.push(Stage::Correct);
     }
-    // Sweep the edges; then tethers, contact, and the move.
+    // Sweep the edges; then tethers, contact, and the move, unless contact comes by itself.
     for round in 0..partition.rounds.len() {
         stages.push(Stage::Sweep(round));
         stages.extend(terms.tethers.then_some(Stage::Tether(round)));
-        stages.push(Stage::Move(round));
+        stages.extend((!terms.contact).then_some(Stage::Move(round)));
     }
     stages
 }
@@ -132,7 +136,13 @@ impl Stage {
     /// Where tiles are too few, what is done to each vertex by itself is done in chunks of them.
     fn over(self, chunks: bool) -> Over {
         match self {
-            Stage::Remember | Stage::BendMoments | Stage::GiveWay(_) | Stage::BendAgain(_) | Stage::Predict | Stage::LeadPins
+            Stage::Remember
+            | Stage::BendMoments
+            | Stage::GiveWay(_)
+            | Stage::BendAgain(_)
+            | Stage::Predict
+            | Stage::LeadPins
+            | Stage::MoveOn
                 if chunks =>
             {
                 Over::Chunks
@@ -189,12 +199,29 @@ pub(crate) struct Schedule {
 const LEAST_CHUNK: usize = 128;
 
 impl Schedule {
-    pub(crate) fn new(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Schedule {
+    /// The schedules of a step: one, or where contact comes between, that of what comes first, of a substep up to there, and from there on.
+    pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
+        let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
+        let stages = stages(terms, partition, coarse);
+        match terms.contact {
+            false => vec![schedule(prologue(terms), stages)],
+            true => [prologue(terms), stages, vec![Stage::MoveOn]].map(|stages| schedule(Vec::new(), stages)).into(),
+        }
+    }
+
+    fn new(
+        terms: Terms,
+        first: Vec<Stage>,
+        stages: Vec<Stage>,
+        partition: &Partition,
+        coarse: &Coarse,
+        panel_tiles: &[Vec<u32>],
+    ) -> Schedule {
         let chunks =
             (partition.tiles.len() < 2 * terms.threads && terms.threads > 1).then(|| chunks(partition, 2 * terms.threads));
-        let mut passes = fuse(prologue(terms), chunks.is_some());
+        let mut passes = fuse(first, chunks.is_some());
         let once = passes.len();
-        passes.extend(fuse(stages(terms, partition, coarse), chunks.is_some()));
+        passes.extend(fuse(stages, chunks.is_some()));
         let places = Places { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
         let mut tasks: Vec<PassTasks> = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
@@ -380,7 +407,7 @@ impl Stepper<'_> {
         for &stage in pass {
             let is_due = match stage {
                 Stage::Sweep(_) => true,
-                Stage::Tether(_) | Stage::Move(_) => ends,
+                Stage::Tether(_) | Stage::Move(_) | Stage::MoveOn => ends,
                 _ => begins,
             };
             if is_due {
@@ -410,16 +437,18 @@ impl Stepper<'_> {
             Stage::SmallLevels(first) => self.correction.small_levels(task, first),
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
-            Stage::Sweep(round) => self.sweep(task, round, part),
+            Stage::Sweep(round) => {
+                self.sweep(task, round, part);
+                if self.terms.contact {
+                    self.look_at_edges(task, round, part, index);
+                }
+            }
             Stage::Tether(round) => self.tethering.hold(task, &self.tethers[round], part, substep),
             Stage::Move(round) => {
-                let piece = &self.partition.rounds[round][part];
-                if index + 1 == self.plan.substeps.len() {
-                    let (State { x, u }, longest) = (self.state(task), self.plan.params.longest);
-                    self.integrator.found.look_at_edges(self.plan.cloth, piece, self.step, x, u, longest);
-                }
-                self.advance(task, &piece.vertices, index);
+                self.look_at_edges(task, round, part, index);
+                self.advance(task, &self.partition.rounds[round][part].vertices, index);
             }
+            Stage::MoveOn => self.advance(task, &[tile()], index),
         }
     }
 
@@ -452,6 +481,15 @@ impl Stepper<'_> {
             vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
         }
         sweep(&self.edges[round], part, rule, x, u, self.integrator.width);
+    }
+
+    /// Where the step's last substep leads, some edges are looked at.
+    fn look_at_edges(&self, task: &Task, round: usize, part: usize, index: usize) {
+        if index + 1 == self.plan.substeps.len() {
+            let (State { x, u }, piece) = (self.state(task), &self.partition.rounds[round][part]);
+            let longest = self.plan.params.longest;
+            self.integrator.found.look_at_edges(self.plan.cloth, piece, self.step, x, u, longest);
+        }
     }
 
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {

@@ -2,6 +2,7 @@
 
 use super::Deformer;
 use crate::backend::Engine;
+use crate::contact::Tally;
 use crate::cpu::Cpu;
 use crate::simd::Width;
 #[cfg(feature = "gpu")]
@@ -24,6 +25,13 @@ impl Deformer {
     /// Steps on this many threads, if the pool has so many, instead of on as many as pay.
     pub fn on_threads(&mut self, threads: usize) {
         self.cpu().into_iter().for_each(|cpu| cpu.on_threads(threads));
+    }
+
+    /// What contact of the cloth with itself did in the last step: pairs that press, detections, pairs listed, pairs near.
+    #[must_use]
+    pub fn contact_tally(&self) -> [u32; 4] {
+        let of = |tally: Tally| [tally.contacts, tally.detections, tally.listed, tally.near];
+        self.engine.contact().map_or([0; 4], |contact| of(contact.tally))
     }
 
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "without a GPU there is always one"))]

@@ -75,6 +75,13 @@ impl Deformer {
         [limited, needed, slivers, pin, collider].into_iter().flatten().collect()
     }
 
+    /// What crosses where contact looked last.
+    pub(super) fn crossing_warning(&self) -> Option<Warning> {
+        let mut crossings = self.engine.contact()?.crossings();
+        let pairs = crossings.len();
+        crossings.next().map(|crossing| Warning::Crossings { pairs, first: crossing.named(&self.cloth.order) })
+    }
+
     /// A failure in the caller's terms.
     pub(super) fn failed(&self, failure: Failure) -> StepError {
         match failure {
@@ -95,6 +102,7 @@ impl Deformer {
                 };
                 StepError::Unstable { vertex: vertex as usize, cause, frame: step, remedy: self.remedy(cause) }
             }
+            Failure::Crowded(pairs) => StepError::Crowded { pairs },
             #[cfg(feature = "gpu")]
             Failure::Gpu(fault) => match fault {
                 GpuFault::Lost => StepError::GpuLost { gpu: self.adapter().unwrap_or_default().to_owned() },

@@ -9,7 +9,7 @@ use crate::kernels::params::{Params, Substep};
 use crate::kernels::statistics::StrainGauge;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
-use crate::options::{Method, Options};
+use crate::options::{Contact, Method, Options};
 use crate::step::coefficients::Coefficients;
 use crate::step::load::acceleration;
 
@@ -95,6 +95,8 @@ pub(crate) struct Plan<'a> {
     pub wind: bool,
     /// By what the cloth's strain and speed are told after the step, if they are asked for.
     pub gauges: Option<&'a [StrainGauge]>,
+    /// Contact of the cloth with itself.
+    pub contact: Option<Contact>,
 }
 
 impl<'a> Plan<'a> {
@@ -196,6 +198,7 @@ impl<'a> Plan<'a> {
             bending,
             wind,
             gauges: None,
+            contact: options.contact,
         }
     }
 

@@ -1,0 +1,116 @@
+//! Edges that go through triangles: counted in double precision, whatever the lists say.
+
+use glam::{DVec3, Vec4};
+
+use super::detection::{Kind, Listed};
+use super::surface::Surface;
+
+/// An edge that goes through a triangle with which it shares no vertex, by the mesh's vertices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Crossing {
+    /// The ends of the edge.
+    pub edge: [u32; 2],
+    /// The corners of the triangle.
+    pub triangle: [u32; 3],
+}
+
+impl Crossing {
+    /// The same by other numbers of the vertices.
+    pub(crate) fn named(self, names: &[u32]) -> Crossing {
+        let name = |vertex: u32| names[vertex as usize];
+        Crossing { edge: self.edge.map(name), triangle: self.triangle.map(name) }
+    }
+}
+
+/// Pairs of an edge and a triangle, by their places in the lists, that share no vertex and go through one another where the vertices are at
+/// `x` (m); in order.
+pub(crate) fn crossings(edges: &[[u32; 2]], triangles: &[[u32; 3]], x: &[Vec4]) -> Vec<[u32; 2]> {
+    let at = |vertex: u32| x[vertex as usize].truncate();
+    let (low, high) = triangles.iter().flatten().map(|&v| at(v)).fold((at(0), at(0)), |(low, high), x| (low.min(x), high.max(x)));
+    let extent = high - low;
+    let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
+    // A sweep along the longest axis: triangles that an edge may meet begin before it ends, and end after it begins.
+    let spans = |from: f32, to: f32, index: usize| (from, to, index as u32);
+    let mut of_edges: Vec<(f32, f32, u32)> = edges
+        .iter()
+        .enumerate()
+        .map(|(index, ends)| {
+            let [a, b] = ends.map(at);
+            spans(a.min(b)[axis], a.max(b)[axis], index)
+        })
+        .collect();
+    let mut of_triangles: Vec<(f32, f32, u32)> = triangles
+        .iter()
+        .enumerate()
+        .map(|(index, corners)| {
+            let [a, b, c] = corners.map(at);
+            spans(a.min(b).min(c)[axis], a.max(b).max(c)[axis], index)
+        })
+        .collect();
+    of_edges.sort_by(|a, b| a.0.total_cmp(&b.0));
+    of_triangles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut active, mut found) = (Vec::<(f32, u32)>::new(), Vec::new());
+    let mut next = 0;
+    for (from, to, edge) in of_edges {
+        while next < of_triangles.len() && of_triangles[next].0 <= to {
+            active.push((of_triangles[next].1, of_triangles[next].2));
+            next += 1;
+        }
+        active.retain(|(end, _)| *end >= from);
+        let ends = edges[edge as usize];
+        let [p, q] = ends.map(at);
+        let (low, high) = (p.min(q), p.max(q));
+        for &(_, triangle) in &active {
+            let corners = triangles[triangle as usize];
+            let [a, b, c] = corners.map(at);
+            let is_near = a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all();
+            if is_near && !ends.iter().any(|end| corners.contains(end)) {
+                let double = |v: u32| at(v).as_dvec3();
+                if goes_through(ends.map(double), corners.map(double)) {
+                    found.push([edge, triangle]);
+                }
+            }
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Whether a segment's ends are on either side of a triangle's plane, and all sides of the triangle pass it on one hand.
+fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
+    let volume = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| (b - a).cross(c - a).dot(d - a);
+    let (above, below) = (volume(a, b, c, p), volume(a, b, c, q));
+    let hands = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)];
+    (above > 0.0) != (below > 0.0) && (hands.iter().all(|&hand| hand > 0.0) || hands.iter().all(|&hand| hand < 0.0))
+}
+
+/// The pairs that hold cloth in a crossing, which are let go: its way out is through them.
+#[derive(Debug, Default)]
+pub(super) struct LetGo {
+    /// What crosses: an edge and a triangle, in order.
+    pub crossings: Vec<[u32; 2]>,
+    /// Pairs of a vertex and a triangle, and of two edges, in order.
+    pairs: [Vec<[u32; 2]>; 2],
+}
+
+impl LetGo {
+    /// Looks for crossings.
+    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
+        self.crossings = crossings(&surface.edges, &surface.triangles, x);
+        let [with_vertices, with_edges] = &mut self.pairs;
+        with_vertices.clear();
+        with_edges.clear();
+        for &[edge, triangle] in &self.crossings {
+            with_vertices.extend(surface.edges[edge as usize].map(|end| [end, triangle]));
+            with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
+        }
+        self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
+    }
+
+    /// Whether a pair is let go.
+    pub(super) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
+        let pairs = &self.pairs[kind as usize];
+        !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
+    }
+}

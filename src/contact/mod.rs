@@ -1,0 +1,323 @@
+//! Contact of cloth with itself: of each piece with itself and with the others.
+//!
+//! # Theory
+//! The state is held free of crossings, rather than mended. [`detection`] lists what may meet within some substeps ([`tree`]).
+//! Of that, each substep takes what may meet in it ([`near`]), holds it apart by the thickness with friction ([`response`]), and whatever
+//! that comes to, cuts displacements so that the two sides of a pair stay on their sides of a plane ([`truncation`]).
+//!
+//! # Practice
+//! Between the sweep and the move ([`SelfContact::resolve`]); loops over vertices, pairs and leaves, each of which writes what is its own and
+//! gathers what is others', in an order that does not depend on threads.
+
+pub(crate) mod crossings;
+mod detection;
+mod lanes;
+mod near;
+mod response;
+mod surface;
+mod tree;
+mod truncation;
+mod vertices;
+
+use std::sync::atomic::AtomicBool;
+
+use glam::{Vec3A, Vec4};
+use rayon::prelude::*;
+
+use crate::kernels::integrate::xyz;
+use crate::kernels::params::Substep;
+use crate::model::cloth::Cloth;
+use crate::options::Contact;
+use crate::simd::{self, Width};
+use crate::step::plan::Plan;
+
+use crossings::{Crossing, LetGo};
+use detection::{Detection, Rows, Scene};
+use near::{Contacts, Start};
+use surface::Surface;
+use tree::{Look, Tree};
+use vertices::{Meet, OnPath};
+
+/// How far (m per m of thickness) vertices may stray from the paths that detection looked along before it looks again.
+const STRAY: [f32; 2] = [0.15, 0.6];
+/// A detection that lasts fewer substeps than this was too narrow, and one that lasts more than this too wide.
+const LASTED: [f32; 2] = [8.0, 16.0];
+/// Substeps that detection looks ahead, at least and at most where something is listed; where nothing is, up to as many as this.
+const AHEAD: [f32; 3] = [8.0, 32.0, 64.0];
+/// Vertices that a task looks at.
+const GRAIN: usize = 1024;
+
+/// Positions (m) and displacements (m) over a substep.
+#[derive(Clone, Copy)]
+struct Path<'a> {
+    x: &'a [Vec4],
+    u: &'a [Vec4],
+    is_shared: bool,
+}
+
+/// What contact did in the last step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Tally {
+    /// Pairs that press on one another at the end.
+    pub contacts: u32,
+    /// Detections.
+    pub detections: u32,
+    /// Pairs listed at the end.
+    pub listed: u32,
+    /// Near pairs at the end.
+    pub near: u32,
+}
+
+/// A cloth's contact with itself, from step to step.
+#[derive(Debug)]
+pub(crate) struct SelfContact {
+    options: Contact,
+    surface: Surface,
+    tree: Tree,
+    lists: [Rows; 2],
+    detection: Detection,
+    contacts: Contacts,
+    /// The paths that detection looked along, how many substeps they reach, and how many are over; none before the first.
+    from: Vec<Vec4>,
+    by: Vec<Vec4>,
+    ahead: f32,
+    stray: f32,
+    since: Option<f32>,
+    /// What crosses, if anything may: nothing comes to cross by itself.
+    let_go: LetGo,
+    may_cross: bool,
+    /// What colliders move vertices by besides (m); empty where there are none.
+    push: Vec<Vec4>,
+    /// The substep (s) that multipliers are of.
+    h: f32,
+    /// Pairs of leaves that were too many to look into; 0 if none were.
+    pub crowd: usize,
+    pub tally: Tally,
+}
+
+impl SelfContact {
+    /// None if the cloth has no triangles.
+    pub(crate) fn new(cloth: &Cloth, options: Contact) -> Option<SelfContact> {
+        let surface = Surface::new(cloth, options.thickness)?;
+        let tree = Tree::new(&surface);
+        Some(SelfContact {
+            options,
+            tree,
+            surface,
+            lists: Default::default(),
+            detection: Detection::default(),
+            contacts: Contacts::default(),
+            from: Vec::new(),
+            by: Vec::new(),
+            ahead: AHEAD[0],
+            stray: STRAY[1] * options.thickness,
+            since: None,
+            let_go: LetGo::default(),
+            may_cross: true,
+            push: Vec::new(),
+            h: 0.0,
+            crowd: 0,
+            tally: Tally::default(),
+        })
+    }
+
+    /// Forgets what it knows of the state, which was put elsewhere.
+    pub(crate) fn forget(&mut self) {
+        self.may_cross = true;
+        (self.since, self.ahead, self.h) = (None, AHEAD[0], 0.0);
+        self.stray = STRAY[1] * self.options.thickness;
+        self.lists.iter_mut().for_each(Rows::clear);
+    }
+
+    /// Edges that go through triangles where detection looked last, by the cloth's vertices.
+    pub(crate) fn crossings(&self) -> impl ExactSizeIterator<Item = Crossing> {
+        let Surface { edges, triangles, .. } = &self.surface;
+        let crossing =
+            |&[edge, triangle]: &[u32; 2]| Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
+        self.let_go.crossings.iter().map(crossing)
+    }
+
+    /// Where a step begins.
+    pub(crate) fn begin(&mut self) {
+        (self.tally, self.crowd) = (Tally::default(), 0);
+    }
+
+    /// Contact in one substep, with the colliders and of the cloth with itself: changes displacements `u` (m), and positions `x` (m) by what
+    /// gives no velocity.
+    pub(crate) fn resolve(
+        &mut self,
+        plan: &Plan<'_>,
+        substep: &Substep,
+        x: &mut [Vec4],
+        u: &mut [Vec4],
+        is_shared: bool,
+        width: Width,
+    ) {
+        if self.crowd > 0 {
+            return;
+        }
+        let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
+        if !self.is_on_path(x, u, is_shared, width) && !self.detect(plan, Path { x, u, is_shared }, width) {
+            return;
+        }
+        self.since = self.since.map(|since| since + 1.0);
+        let is_held = self.lists.iter().any(|rows| !rows.pairs.is_empty());
+        if is_held {
+            let mean = if plan.cloth.pinned.is_empty() { mean(&plan.cloth.mass, u) } else { Vec3A::ZERO };
+            let start = Start { x, u, push: &self.push, most_push, mean, reach: &self.surface.reach, is_shared, width };
+            let h = plan.params.h;
+            let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
+            self.h = h;
+            self.contacts.gather(&mut self.lists, start, scale);
+            if !self.contacts.pairs.is_empty() {
+                self.hold(plan, substep, mean, u, is_shared);
+            }
+        }
+        self.tally.near = self.contacts.pairs.len() as u32;
+        self.tally.contacts =
+            if is_held { self.contacts.holds.iter().filter(|hold| hold.lambda.w > 0.0).count() as u32 } else { 0 };
+        x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
+        if is_held {
+            let pushed = self.contacts.vertices.iter().filter(|vertex| self.push.is_empty() && vertex.x.w > 0.0);
+            pushed.for_each(|vertex| x[vertex.index as usize] += vertex.push.extend(0.0));
+        }
+    }
+
+    /// Holds near pairs apart.
+    fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool) {
+        let SelfContact { contacts, options, push, .. } = self;
+        contacts.respond(plan, substep, options.friction, is_shared);
+        let lost = contacts.truncate(mean, &plan.cloth.mass, is_shared);
+        for vertex in contacts.vertices.iter().filter(|vertex| vertex.x.w > 0.0) {
+            let index = vertex.index as usize;
+            u[index] = vertex.u.extend(u[index].w);
+            push.get_mut(index).into_iter().for_each(|push| *push = vertex.push.extend(0.0));
+        }
+        // Pins and colliders would take it up.
+        if lost != glam::DVec3::ZERO && plan.cloth.pinned.is_empty() && plan.bodies.is_empty() {
+            let mass: f64 = plan.cloth.mass.iter().map(|&mass| f64::from(mass)).sum();
+            let back = (lost / mass).as_vec3().extend(0.0);
+            u.iter_mut().for_each(|u| *u += back);
+        }
+        contacts.keep(&mut self.lists);
+    }
+
+    /// Takes vertices out of the colliders; the most that one is moved by besides its displacement (m).
+    fn meet_colliders(
+        &mut self,
+        plan: &Plan<'_>,
+        substep: &Substep,
+        x: &[Vec4],
+        u: &mut [Vec4],
+        is_shared: bool,
+        width: Width,
+    ) -> f32 {
+        self.push.clear();
+        if plan.bodies.is_empty() {
+            return 0.0;
+        }
+        self.push.resize(x.len(), Vec4::ZERO);
+        let is_pushed = AtomicBool::new(false);
+        let meet = |((x, u), push): ((&[Vec4], &mut [Vec4]), &mut [Vec4])| {
+            simd::run(width, Meet { plan, substep, x, u, push, is_pushed: &is_pushed });
+        };
+        if is_shared && x.len() > GRAIN {
+            x.par_chunks(GRAIN).zip(u.par_chunks_mut(GRAIN)).zip(self.push.par_chunks_mut(GRAIN)).for_each(meet);
+        } else {
+            meet(((x, u), &mut self.push));
+        }
+        if !is_pushed.into_inner() {
+            self.push.clear();
+            return 0.0;
+        }
+        self.push.iter().map(|push| xyz(*push).length()).fold(0.0, f32::max)
+    }
+
+    /// Whether all vertices are where detection looked.
+    fn is_on_path(&self, x: &[Vec4], u: &[Vec4], is_shared: bool, width: Width) -> bool {
+        let Some(since) = self.since else { return false };
+        if since >= self.ahead || self.from.len() != x.len() {
+            return false;
+        }
+        let is_on_path = AtomicBool::new(true);
+        let limit = self.stray;
+        let look = |[x, u, from, by]: [&[Vec4]; 4]| {
+            simd::run(width, OnPath { x, u, from, by, substeps: since + 1.0, limit, all: &is_on_path });
+        };
+        if is_shared && x.len() > GRAIN {
+            let state = x.par_chunks(GRAIN).zip(u.par_chunks(GRAIN));
+            let path = self.from.par_chunks(GRAIN).zip(self.by.par_chunks(GRAIN));
+            state.zip(path).for_each(|((x, u), (from, by))| look([x, u, from, by]));
+        } else {
+            look([x, u, &self.from, &self.by]);
+        }
+        is_on_path.into_inner()
+    }
+
+    /// Lists what may meet from here on; false if the state is not finite, which the end of the step reports.
+    fn detect(&mut self, plan: &Plan<'_>, path: Path<'_>, width: Width) -> bool {
+        let SelfContact { options, surface, tree, lists, detection, .. } = self;
+        let mean = mean(&plan.cloth.mass, path.u);
+        let square: f32 = path.u.iter().map(|&u| (xyz(u) - mean).length_squared()).sum();
+        if !(square.is_finite() && path.x.iter().map(|x| xyz(*x)).sum::<Vec3A>().is_finite()) {
+            return false;
+        }
+        let speed = (square / path.u.len() as f32).sqrt();
+        // Where the cloth hardly strays, what is farther away need not be listed; where it does, it would be listed anew too often.
+        let lasted = self.since.unwrap_or(0.0);
+        let stray = self.stray
+            * if lasted < LASTED[0] {
+                1.5
+            } else if lasted < LASTED[1] {
+                1.0
+            } else {
+                0.85
+            };
+        let stray = stray.clamp(STRAY[0] * options.thickness, STRAY[1] * options.thickness);
+        let nothing = self.since.is_some() && lists.iter().all(|rows| rows.pairs.is_empty());
+        self.ahead = match nothing {
+            true => (2.0 * self.ahead).min(AHEAD[2]),
+            false => (1.5 * stray / speed.max(1e-12)).floor().clamp(AHEAD[0], AHEAD[1]),
+        };
+        let stray = if nothing { STRAY[1] * options.thickness } else { stray };
+        self.stray = stray;
+        let look = Look { substeps: self.ahead, margin: options.thickness + 2.0 * stray };
+        let scene = Scene { surface, rest: &plan.cloth.rest, path, look, thickness: options.thickness, width };
+        if self.may_cross {
+            self.let_go.find(surface, path.x);
+            self.may_cross = !self.let_go.crossings.is_empty();
+        }
+        let let_go = &self.let_go;
+        if let Err(crowd) = detection.run(scene, tree, lists, |kind, first, pair| let_go.has(kind, first, pair)) {
+            self.crowd = crowd;
+            return false;
+        }
+        self.from.clear();
+        self.from.extend_from_slice(path.x);
+        self.by.clear();
+        self.by.extend_from_slice(path.u);
+        self.since = Some(0.0);
+        self.tally.detections += 1;
+        self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
+        true
+    }
+}
+
+/// The mean displacement (m) by mass.
+fn mean(mass: &[f32], u: &[Vec4]) -> Vec3A {
+    let (mut sum, mut total) = (Vec3A::ZERO, 0.0);
+    for (&u, &mass) in u.iter().zip(mass) {
+        sum += xyz(u) * mass;
+        total += mass;
+    }
+    sum / total
+}
+
+/// Calls `work(first, items)` for chunks of a list.
+fn for_chunks<T: Send>(is_shared: bool, items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+    if is_shared && items.len() > grain {
+        items.par_chunks_mut(grain).enumerate().for_each(|(chunk, items)| work(chunk * grain, items));
+    } else {
+        work(0, items);
+    }
+}

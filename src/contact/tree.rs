@@ -1,0 +1,231 @@
+//! A tree of bounding volumes over a cloth's triangles: built once, refit where the cloth is, walked for what may meet.
+//!
+//! It is a complete binary tree, its nodes numbered as a heap's from 1 at the root, so that what is compared is always of one level.
+//! As it never changes, what is found always comes in the same order.
+
+use glam::Vec3A;
+use rayon::prelude::*;
+
+use super::surface::Surface;
+use super::{Path, for_chunks};
+use crate::kernels::integrate::xyz;
+use crate::model::csr::Csr;
+use crate::model::disjoint_sets::DisjointSets;
+
+/// Cloth whose normals are within this (cosine) of one axis has not turned over.
+const UPRIGHT: f32 = 0.64;
+/// Excess ([`Surface::excess`], rad) up to which cloth that has not turned over does not meet itself.
+const MOST_EXCESS: f32 = 0.6;
+/// Leaves that a task refits; levels that are walked before the rest is shared.
+const GRAIN: usize = 64;
+const SHARED_LEVELS: u32 = 5;
+
+/// What is bounded: where the triangles are in the middle of the paths that detection looks along (m), how far they move in a substep
+/// (m), and their normals at the start and at the end.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    pub place: [Vec3A; 2],
+    pub step: [Vec3A; 2],
+    normal: [Vec3A; 2],
+}
+
+impl Bounds {
+    const NOTHING: Bounds = {
+        let inverted = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+        Bounds { place: inverted, step: inverted, normal: inverted }
+    };
+
+    fn join(&self, other: &Bounds) -> Bounds {
+        let join = |a: [Vec3A; 2], b: [Vec3A; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        Bounds {
+            place: join(self.place, other.place),
+            step: join(self.step, other.step),
+            normal: join(self.normal, other.normal),
+        }
+    }
+
+    /// Of a triangle.
+    fn of(x: [Vec3A; 3], u: [Vec3A; 3], substeps: f32) -> Bounds {
+        let bound = |v: [Vec3A; 3]| [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
+        let half = 0.5 * substeps;
+        let normal = |x: [Vec3A; 3]| (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
+        let along = |by: f32| std::array::from_fn(|k| x[k] + u[k] * by);
+        let (before, after) = (normal(x), normal(along(substeps)));
+        Bounds { place: bound(along(half)), step: bound(u), normal: [before.min(after), before.max(after)] }
+    }
+
+    /// How far (m), along each axis, two that are listed may be apart, if `margin` (m) is what both drift and are thick.
+    pub(super) fn reach(&self, other: &Bounds, margin: f32, substeps: f32) -> Vec3A {
+        let relative = (self.step[1] - other.step[0]).max(other.step[1] - self.step[0]).max(Vec3A::ZERO);
+        relative * (0.5 * substeps) + margin
+    }
+
+    fn is_apart(&self, other: &Bounds, margin: f32, substeps: f32) -> bool {
+        let gap = (self.place[0] - other.place[1]).max(other.place[0] - self.place[1]);
+        gap.cmpgt(self.reach(other, margin, substeps)).any()
+    }
+
+    fn is_upright(&self) -> bool {
+        let [low, high] = self.normal;
+        let axis = low + high;
+        let (a, b) = (low * axis, high * axis);
+        let least = a.min(b);
+        let least = least.x + least.y + least.z;
+        least > 0.0 && least * least > UPRIGHT * UPRIGHT * axis.length_squared()
+    }
+}
+
+/// What detection looks along: so many substeps from here on, and how near (m) may be met: thickness and twice what paths may err by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    pub substeps: f32,
+    pub margin: f32,
+}
+
+#[derive(Debug)]
+pub(super) struct Tree {
+    depth: u32,
+    /// By heap number; 0 is nobody's.
+    pub nodes: Vec<Bounds>,
+    /// Sum of the excess of a node's vertices (rad); infinite if its triangles do not all hang together by edges.
+    excess: Vec<f32>,
+    /// Of each level, the nodes of the same level that share a vertex with each, itself left out.
+    beside: Vec<Csr<u32>>,
+    frontier: Vec<[u32; 2]>,
+    found: Vec<Vec<[u32; 2]>>,
+}
+
+impl Tree {
+    pub(super) fn new(surface: &Surface) -> Tree {
+        let leaves = 1 << surface.depth;
+        let mut tree = Tree {
+            depth: surface.depth,
+            nodes: vec![Bounds::NOTHING; 2 * leaves],
+            excess: vec![0.0; 2 * leaves],
+            beside: Vec::new(),
+            frontier: Vec::new(),
+            found: Vec::new(),
+        };
+        let leaf_of: Vec<u32> = (0..surface.triangles.len()).map(|triangle| surface.leaf_of(triangle)).collect();
+        let corners = surface.triangles.iter().enumerate();
+        let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
+        tree.sum_excess(surface, &around);
+        tree.find_parts(surface, &leaf_of);
+        let mut pairs: Vec<[u32; 2]> = Vec::new();
+        for vertex in 0..surface.piece.len() as u32 {
+            let leaves = around.of(vertex);
+            pairs.extend(leaves.iter().flat_map(|&a| leaves.iter().map(move |&b| [a, b])).filter(|[a, b]| a != b));
+        }
+        for level in (0..=surface.depth).rev() {
+            pairs.sort_unstable();
+            pairs.dedup();
+            tree.beside.push(Csr::new(1 << level, pairs.iter().map(|&[a, b]| (a, b))));
+            pairs.iter_mut().for_each(|pair| *pair = pair.map(|node| node >> 1));
+            pairs.retain(|[a, b]| a != b);
+        }
+        tree.beside.reverse();
+        tree
+    }
+
+    fn sum_excess(&mut self, surface: &Surface, around: &Csr<u32>) {
+        for (vertex, &excess) in surface.excess.iter().enumerate().filter(|(_, excess)| **excess > 0.0) {
+            let mut nodes: Vec<u32> = around.of(vertex as u32).iter().map(|leaf| leaf + (1 << self.depth)).collect();
+            for _ in 0..=self.depth {
+                nodes.sort_unstable();
+                nodes.dedup();
+                nodes.iter_mut().for_each(|node| {
+                    self.excess[*node as usize] += excess;
+                    *node >>= 1;
+                });
+            }
+        }
+    }
+
+    /// Finds nodes in several parts.
+    fn find_parts(&mut self, surface: &Surface, leaf_of: &[u32]) {
+        let at_edges = surface.at_edges();
+        for level in 0..=self.depth {
+            let node = |triangle: u32| (leaf_of[triangle as usize] + (1 << self.depth)) >> (self.depth - level);
+            let mut parts = DisjointSets::new(leaf_of.len());
+            for edge in 0..surface.edges.len() as u32 {
+                for pair in at_edges.of(edge).windows(2).filter(|pair| node(pair[0]) == node(pair[1])) {
+                    parts.join([pair[0], pair[1]]);
+                }
+            }
+            for triangle in 1..leaf_of.len() as u32 {
+                if node(triangle) == node(triangle - 1) && parts.root(triangle) != parts.root(triangle - 1) {
+                    self.excess[node(triangle) as usize] = f32::INFINITY;
+                }
+            }
+        }
+    }
+
+    /// Bounds everything on its path.
+    pub(super) fn refit(&mut self, surface: &Surface, path: Path<'_>, substeps: f32) {
+        let leaves = 1_usize << self.depth;
+        let (above, below) = self.nodes.split_at_mut(leaves);
+        for_chunks(path.is_shared, below, GRAIN, |first, nodes| {
+            for (leaf, node) in (first..).zip(nodes) {
+                *node = Bounds::NOTHING;
+                for &triangle in &surface.triangles[surface.leaf(leaf)] {
+                    let corners = triangle.map(|vertex| vertex as usize);
+                    let bounds = Bounds::of(corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])), substeps);
+                    *node = node.join(&bounds);
+                }
+            }
+        });
+        for node in (1..leaves).rev() {
+            let child = |index: usize| if index < leaves { above[index] } else { below[index - leaves] };
+            above[node] = child(2 * node).join(&child(2 * node + 1));
+        }
+    }
+
+    /// Pairs of leaves, from 0, whose triangles may meet, the lower first; in an order that depends on nothing but what there is.
+    pub(super) fn walk(&mut self, look: Look, is_shared: bool, leaves: &mut Vec<[u32; 2]>) {
+        let (mut frontier, mut found) = (std::mem::take(&mut self.frontier), std::mem::take(&mut self.found));
+        frontier.clear();
+        leaves.clear();
+        let top = if is_shared { SHARED_LEVELS.min(self.depth) } else { self.depth };
+        self.descend([1, 1], top, look, &mut frontier);
+        if top < self.depth {
+            let tasks = frontier.len().div_ceil(4);
+            found.resize_with(tasks.max(found.len()), Vec::new);
+            found[..tasks].par_iter_mut().zip(frontier.par_chunks(4)).for_each(|(found, nodes)| {
+                found.clear();
+                nodes.iter().for_each(|&pair| self.descend(pair, self.depth, look, found));
+            });
+            found[..tasks].iter().for_each(|found| leaves.extend_from_slice(found));
+        } else {
+            leaves.extend_from_slice(&frontier);
+        }
+        let first = 1 << self.depth;
+        leaves.iter_mut().for_each(|pair| *pair = pair.map(|node| node - first));
+        (self.frontier, self.found) = (frontier, found);
+    }
+
+    /// Pairs of nodes at a level that may meet, from a pair above on.
+    fn descend(&self, [a, b]: [u32; 2], level: u32, look: Look, found: &mut Vec<[u32; 2]>) {
+        let here = a.ilog2();
+        if self.is_clear([a, b], here, look) {
+            return;
+        }
+        if here == level {
+            return found.push([a, b]);
+        }
+        let [a0, a1, b0, b1] = [2 * a, 2 * a + 1, 2 * b, 2 * b + 1];
+        let pairs: &[[u32; 2]] = if a == b { &[[a0, a0], [a1, a1], [a0, a1]] } else { &[[a0, b0], [a0, b1], [a1, b0], [a1, b1]] };
+        pairs.iter().for_each(|&pair| self.descend(pair, level, look, found));
+    }
+
+    /// Whether two nodes, or a node and itself, surely do not meet.
+    fn is_clear(&self, [a, b]: [u32; 2], level: u32, look: Look) -> bool {
+        let (one, other) = (&self.nodes[a as usize], &self.nodes[b as usize]);
+        if a != b && one.is_apart(other, look.margin, look.substeps) {
+            return true;
+        }
+        let excess = self.excess[a as usize] + if a == b { 0.0 } else { self.excess[b as usize] };
+        excess < MOST_EXCESS
+            && one.join(other).is_upright()
+            && (a == b || self.beside[level as usize].of(a - (1 << level)).binary_search(&(b - (1 << level))).is_ok())
+    }
+}

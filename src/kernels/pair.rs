@@ -1,0 +1,136 @@
+//! A pair of features of cloth that may touch: a vertex and a triangle, or two edges. Four corners, and a weight each.
+//!
+//! The weights of the closest points add up to 1 on one side and to -1 on the other, so that `sum_i weight_i x_i` is the vector from
+//! the second side to the first, and `sum_i weight_i u_i` how they move apart; a pair is then the same whatever it is of.
+
+use glam::{Vec3A, Vec4, Vec4Swizzles};
+
+use crate::simd::{Lanes, Vector};
+
+/// Share of Jacobi's step that is taken: below 2 it is stable (see [`step_of_lambda`]).
+pub(crate) const RELAXATION: f32 = 1.7;
+/// A vertex stays this share of the thickness away from a pair's middle plane ...
+pub(crate) const KEEP: f32 = 0.05;
+
+/// A triangle is thin whose sides make an angle of a smaller squared sine than this.
+const THIN: f32 = 1e-6;
+/// As small as nothing, where a sign is asked for.
+const TINY: f32 = f32::MIN_POSITIVE;
+
+/// Whether a number is at most zero, and whether it is at least that.
+#[inline(always)]
+fn down<L: Lanes>(t: L) -> L::Mask {
+    t.lt(L::splat(TINY))
+}
+
+#[inline(always)]
+fn up<L: Lanes>(t: L) -> L::Mask {
+    L::splat(-TINY).lt(t)
+}
+
+#[inline(always)]
+fn clamp01<L: Lanes>(t: L) -> L {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let t = t.max(zero);
+    L::select(t.lt(one), t, one)
+}
+
+/// Where along `b` (0 to 1) its point nearest to `a` is.
+#[inline(always)]
+fn along<L: Lanes>(a: Vector<L>, b: Vector<L>) -> L {
+    clamp01(a.dot(b) / square(b).max(L::splat(1e-30)))
+}
+
+#[inline(always)]
+fn square<L: Lanes>(a: Vector<L>) -> L {
+    a.dot(a)
+}
+
+#[inline(always)]
+fn choose<L: Lanes>(mask: L::Mask, yes: (L, L), no: (L, L)) -> (L, L) {
+    (L::select(mask, yes.0, no.0), L::select(mask, yes.1, no.1))
+}
+
+/// Weights of the closest points of a vertex and a triangle (Ericson 2004, "Real-Time Collision Detection", 5.1.5).
+#[inline(always)]
+pub(crate) fn vertex_triangle<L: Lanes>([p, a, b, c]: [Vector<L>; 4]) -> [L; 4] {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let (ab, ac, ap, bp, cp) = (b - a, c - a, p - a, p - b, p - c);
+    let (d1, d2, d3, d4, d5, d6) = (ab.dot(ap), ac.dot(ap), ab.dot(bp), ac.dot(bp), ab.dot(cp), ac.dot(cp));
+    let (va, vb, vc) = (d5.neg_mul_add(d4, d3 * d6), d1.neg_mul_add(d6, d5 * d2), d3.neg_mul_add(d2, d1 * d4));
+    let inside = one / (va + vb + vc);
+    let weights = (vb * inside, vc * inside);
+    let along_bc = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+    let weights = choose(L::and(down(va), L::and(up(d4 - d3), up(d5 - d6))), (one - along_bc, along_bc), weights);
+    let weights = choose(L::and(down(vb), L::and(up(d2), down(d6))), (zero, d2 / (d2 - d6)), weights);
+    let weights = choose(L::and(down(vc), L::and(up(d1), down(d3))), (d1 / (d1 - d3), zero), weights);
+    let weights = choose(L::and(up(d6), down(d5 - d6)), (zero, one), weights);
+    let weights = choose(L::and(up(d3), down(d4 - d3)), (one, zero), weights);
+    let mut weights = choose(L::and(down(d1), down(d2)), (zero, zero), weights);
+    // A triangle this thin has no inside that single precision could tell.
+    let thin = (va + vb + vc).lt(ab.dot(ab) * ac.dot(ac) * L::splat(THIN));
+    if !L::all(L::eq(L::select(thin, one, zero), zero)) {
+        let (s, t, r) = (along(ap, ab), along(ap, ac), along(bp, c - b));
+        let (near_ab, near_ac, near_bc) = (square(ap - ab * s), square(ap - ac * t), square(bp - (c - b) * r));
+        let sides = choose(near_ac.lt(near_ab), (zero, t), (s, zero));
+        let least = L::select(near_ac.lt(near_ab), near_ac, near_ab);
+        weights = choose(thin, choose(near_bc.lt(least), (one - r, r), sides), weights);
+    }
+    let (v, w) = weights;
+    [one, v + w - one, zero - v, zero - w]
+}
+
+/// Weights of the closest points of two edges (Ericson 2004, 5.1.9).
+#[inline(always)]
+pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
+    let (zero, one, tiny) = (L::splat(0.0), L::splat(1.0), L::splat(1e-30));
+    let (d1, d2, r) = (a1 - a0, b1 - b0, a0 - b0);
+    let (a, e, f, c, b) = (d1.dot(d1).max(tiny), d2.dot(d2).max(tiny), d2.dot(r), d1.dot(r), d1.dot(d2));
+    let across = b.neg_mul_add(b, a * e);
+    // Of parallel edges any points will do.
+    let parallel = across.lt(a * e * L::splat(1e-6));
+    let s = L::select(parallel, zero, clamp01(c.neg_mul_add(e, b * f) / across.max(tiny)));
+    let t = clamp01(b.mul_add(s, f) / e);
+    // Where the second was clamped, the first goes with it.
+    let s = clamp01((b * t - c) / a);
+    [one - s, s, t - one, zero - t]
+}
+
+/// The multipliers of a pair after one step of Jacobi's: xyz along the friction, w along the normal (kg m).
+///
+/// `relative` (m) is how the sides move apart in this substep, `gap` (m) how far they may approach. `rate` is [`RELAXATION`] over
+/// `D = sum_v w_v |weight_v| N_v`, `N_v` the sum of a vertex's weights over all its pairs: D bounds the rows of `J W J^T` (Gershgorin), so
+/// that pairs which all act at once do not overshoot. Friction is Coulomb's, by the multiplier's bound.
+#[inline(always)]
+pub(crate) fn step_of_lambda(lambda: Vec4, normal: Vec3A, gap: f32, relative: Vec3A, rate: f32, friction: f32) -> Vec4 {
+    let along = normal.dot(relative);
+    let press = (lambda.w - rate * (gap + along)).max(0.0);
+    let slip = relative - normal * along;
+    let rub = Vec3A::from_vec4(lambda) - slip * rate;
+    let (length, most) = (rub.length(), friction * press);
+    let rub = if length > most { rub * (most / length.max(1e-30)) } else { rub };
+    Vec4::from((rub, press))
+}
+
+/// The impulse (kg m) of a pair's multipliers.
+#[inline(always)]
+pub(crate) fn impulse(lambda: Vec4, normal: Vec3A) -> Vec3A {
+    normal * lambda.w + Vec3A::from(lambda.xyz())
+}
+
+/// How far (m) a vertex stays from the middle plane of a pair that is `distance` (m) apart and whose thickness is `thickness` (m).
+#[inline(always)]
+pub(crate) fn kept(distance: f32, thickness: f32) -> f32 {
+    (KEEP * distance).max((0.5 * distance).min(KEEP * thickness))
+}
+
+/// How much of a displacement that brings a vertex nearer to a plane by `toward` (m) may be taken, if it is `height` (m) above it
+/// and has to stay `kept` (m) above.
+#[inline(always)]
+pub(crate) fn share_above(height: f32, kept: f32, toward: f32) -> f32 {
+    if toward <= 0.0 || height - toward >= kept { 1.0 } else { ((height - kept) / toward).clamp(0.0, 1.0) }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/kernels_pair.rs"]
+mod tests;

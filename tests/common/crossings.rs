@@ -1,0 +1,86 @@
+//! Edges through triangles, counted in double precision by themselves: no code here is the solver's, not even the list of edges.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cloth_deformer::Mesh;
+use cloth_deformer::glam::{DVec3, Vec3};
+
+/// Pairs of an edge and a triangle that go through one another and share no vertex, `x` being where the mesh's vertices are (m).
+pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
+    let x: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
+    let at = |v: u32| x[v as usize];
+    let mut edges = BTreeSet::new();
+    for &[a, b, c] in &mesh.triangles {
+        edges.extend([[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]));
+    }
+    let longest = edges.iter().map(|&[i, j]| at(i).distance(at(j))).fold(0.0, f64::max).max(1e-9);
+    let cell = |p: DVec3| (p / longest).floor().to_array().map(|c| c as i32);
+    // Where triangles are, by every cell that their box meets.
+    let mut cells: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+    for (index, t) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = t.map(at);
+        for_cells(cell(a.min(b).min(c)), cell(a.max(b).max(c)), |cell| cells.entry(cell).or_default().push(index));
+    }
+    let mut found = Vec::new();
+    for &[i, j] in &edges {
+        let mut near: BTreeSet<usize> = BTreeSet::new();
+        for_cells(cell(at(i).min(at(j))), cell(at(i).max(at(j))), |cell| near.extend(cells.get(&cell).into_iter().flatten()));
+        for index in near {
+            let t = mesh.triangles[index];
+            if !t.contains(&i) && !t.contains(&j) && goes_through([at(i), at(j)], t.map(at)) {
+                found.push(([i, j], t));
+            }
+        }
+    }
+    found
+}
+
+fn for_cells(low: [i32; 3], high: [i32; 3], mut then: impl FnMut([i32; 3])) {
+    for x in low[0]..=high[0] {
+        for y in low[1]..=high[1] {
+            (low[2]..=high[2]).for_each(|z| then([x, y, z]));
+        }
+    }
+}
+
+/// Six times the volume of a tetrahedron, by its handedness.
+fn volume(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
+    (b - a).cross(c - a).dot(d - a)
+}
+
+/// Whether a segment goes through a triangle: its ends on either side, and the triangle's sides all passed on one hand.
+fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
+    if (volume(a, b, c, p) > 0.0) == (volume(a, b, c, q) > 0.0) {
+        return false;
+    }
+    let hands = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)];
+    hands.iter().all(|&hand| hand > 0.0) || hands.iter().all(|&hand| hand < 0.0)
+}
+
+/// The least distance (m) between a vertex and a triangle that it is no corner of.
+pub fn closest(mesh: &Mesh, x: &[Vec3]) -> f64 {
+    let x: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
+    let mut least = f64::INFINITY;
+    for &t in &mesh.triangles {
+        let corners = t.map(|v| x[v as usize]);
+        let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
+        for (_, &p) in (0..).zip(&x).filter(|(v, _)| !t.contains(v)) {
+            if (low - p).max(p - high).max_element() < least {
+                least = least.min(p.distance(nearest(p, corners)));
+            }
+        }
+    }
+    least
+}
+
+/// The point of a triangle that is nearest to another: inside, or on the nearest of its sides.
+fn nearest(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+    let n = (b - a).cross(c - a);
+    let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(n) >= 0.0;
+    if n.length_squared() > 0.0 && inside(a, b) && inside(b, c) && inside(c, a) {
+        return p - n * ((p - a).dot(n) / n.length_squared());
+    }
+    let on = |a: DVec3, b: DVec3| a + (b - a) * ((p - a).dot(b - a) / (b - a).length_squared().max(1e-300)).clamp(0.0, 1.0);
+    let sides = [on(a, b), on(b, c), on(c, a)];
+    sides.into_iter().min_by(|s, t| s.distance(p).total_cmp(&t.distance(p))).unwrap_or(a)
+}

@@ -1,0 +1,416 @@
+//! Contact of cloth with itself: no edge comes through a triangle, by a count that is not the solver's, where without contact it does;
+//! thickness, friction and momentum by their laws; the same bits on any number of threads.
+
+mod common;
+
+use std::f32::consts::PI;
+
+use cloth_deformer::glam::{DVec3, Quat, Vec3};
+use cloth_deformer::{
+    Attributes, Backend, BuildError, Collider, Contact, Crossing, Deformer, Fabric, Levels, Mesh, Method, Options, Quality,
+    StepError, Warning,
+};
+use common::crossings::{closest, crossings};
+use common::energy::{energy, masses, momenta};
+use common::{FRAME, play, reference};
+
+/// A fabric that neither crumples at once nor stands like paper.
+const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
+/// Thickness (m).
+const R: f32 = 0.005;
+
+/// Something that falls.
+struct Scene {
+    mesh: Mesh,
+    options: Options,
+    attributes: Attributes,
+    /// Where it begins (m), if that is not its rest shape.
+    start: Option<Vec<Vec3>>,
+}
+
+impl Scene {
+    fn new(mesh: Mesh, substeps: u32, colliders: Vec<Collider>) -> Scene {
+        let contact = Some(Contact { thickness: R, friction: 0.3 });
+        let quality = Quality::Substeps(substeps);
+        let options = Options { backend: Backend::Cpu, quality, fabric: CLOTH, contact, ..Options::default() };
+        Scene { mesh, options, attributes: Attributes { colliders, ..Attributes::default() }, start: None }
+    }
+
+    fn without_contact(&self) -> Scene {
+        let options = Options { contact: None, ..self.options.clone() };
+        Scene { mesh: self.mesh.clone(), options, attributes: self.attributes.clone(), start: self.start.clone() }
+    }
+
+    fn deformer(&self) -> Deformer {
+        let mut deformer = Deformer::new(&self.mesh, self.options.clone()).unwrap();
+        if let Some(start) = &self.start {
+            deformer.set_state(start, &vec![Vec3::ZERO; start.len()]).unwrap();
+        }
+        deformer
+    }
+
+    /// The most crossings that any of some frames has, looked at every so often; and the cloth at the end.
+    fn played(&self, frames: u32, every: u32) -> (usize, Deformer) {
+        let mut deformer = self.deformer();
+        let mut most = 0;
+        for frame in 1..=frames {
+            deformer.step(FRAME, &self.attributes).unwrap();
+            if frame % every == 0 {
+                most = most.max(crossings(&self.mesh, deformer.positions().unwrap()).len());
+            }
+        }
+        (most, deformer)
+    }
+
+    /// Plays with contact, which must have no crossing in any frame, and without, which must have some.
+    fn crosses_only_without_contact(&self, frames: u32) -> Deformer {
+        let (without, _) = self.without_contact().played(frames, 5);
+        let (with, deformer) = self.played(frames, 1);
+        println!("crossings: {without} without contact, {with} with it");
+        assert!(without > 20, "without contact there are {without} crossings: the scene shows nothing");
+        assert_eq!(with, 0, "crossings with contact");
+        deformer
+    }
+}
+
+fn floor() -> Collider {
+    Collider::plane(Vec3::ZERO, Vec3::Y)
+}
+
+/// Noise of a tenth of a millimeter, so that nothing lies exactly over anything.
+fn jittered(mut mesh: Mesh, seed: u64) -> Mesh {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut noise = || 2e-4 * (random.f32() - 0.5);
+    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(noise(), noise(), noise()));
+    mesh
+}
+
+/// A sheet above a floor, bent over until one half lies above the other; it falls shut.
+fn fold(n: u32) -> Scene {
+    let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
+    let (radius, quarter) = (0.05_f32, 0.5 * PI * 0.05);
+    let bent = |x: &Vec3| {
+        let (z, y) = match x.z {
+            along if along < -quarter => (along + quarter, 0.0),
+            along if along > quarter => (quarter - along, 2.0 * radius),
+            along => {
+                let (sin, cos) = ((along + quarter) / radius).sin_cos();
+                (radius * sin, radius * (1.0 - cos))
+            }
+        };
+        Vec3::new(x.x, 0.02 + y + x.y, z)
+    };
+    scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
+    scene
+}
+
+/// Sheets one over another, each turned a little.
+fn sheets(count: u32, n: u32, size: f32, gap: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for sheet in 0..count {
+        let (one, first) = (Mesh::grid(n, n, size, size), mesh.positions.len() as u32);
+        let turn = Quat::from_rotation_y(0.1 * sheet as f32);
+        mesh.positions.extend(one.positions.iter().map(|&x| turn * x + Vec3::Y * (gap * (sheet + 1) as f32)));
+        mesh.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+    }
+    mesh
+}
+
+#[test]
+fn a_folded_sheet_lies_on_itself() {
+    let scene = fold(24);
+    let mut deformer = scene.crosses_only_without_contact(45);
+    let x = deformer.positions().unwrap().to_vec();
+    let apart = closest(&scene.mesh, &x);
+    assert!(apart > 0.98 * f64::from(R), "its halves are {apart} m apart");
+    let measure = deformer.measure().unwrap();
+    assert!(measure.kinetic_energy < 1e-7, "it lies still: {} J", measure.kinetic_energy);
+    assert!(measure.max_strain < 0.01, "worst strain {}", measure.max_strain);
+}
+
+#[test]
+fn a_sheet_dropped_on_its_edge_makes_a_heap() {
+    let mut mesh = jittered(Mesh::grid(20, 20, 1.0, 1.0), 2);
+    let turn = Quat::from_rotation_x(1.5);
+    mesh.positions.iter_mut().for_each(|x| *x = turn * *x + Vec3::Y * 0.6);
+    let mut scene = Scene::new(mesh, 20, vec![floor()]);
+    let mut deformer = scene.crosses_only_without_contact(60);
+    let apart = closest(&scene.mesh, deformer.positions().unwrap());
+    assert!(apart > 0.5 * f64::from(R), "{apart} m apart");
+    // With so few substeps the multipliers do not hold it: forty edges come through unless displacements are cut.
+    scene.options.quality = Quality::Substeps(6);
+    assert_eq!(scene.played(50, 1).0, 0, "crossings at 6 substeps");
+}
+
+#[test]
+fn a_stack_stands() {
+    let layers = 6;
+    let mut scene = Scene::new(jittered(sheets(layers, 9, 0.3, 0.012), 3), 40, vec![floor()]);
+    scene.options.fabric.bending = 1e-5;
+    let (most, mut deformer) = scene.played(60, 1);
+    assert_eq!(most, 0, "crossings");
+    let x = deformer.positions().unwrap().to_vec();
+    let apart = closest(&scene.mesh, &x);
+    assert!(apart > 0.5 * f64::from(R), "{apart} m apart");
+    let height = |x: &[Vec3], layer: usize| x[layer * 81..(layer + 1) * 81].iter().map(|x| x.y).sum::<f32>() / 81.0;
+    for layer in 1..layers as usize {
+        let gap = height(&x, layer) - height(&x, layer - 1);
+        assert!((gap - R).abs() < 0.2 * R, "layer {layer} lies {gap} m above the one below");
+    }
+    let (_, mut collapsed) = scene.without_contact().played(60, 60);
+    let x = collapsed.positions().unwrap();
+    assert!(height(x, layers as usize - 1) - height(x, 0) < 0.1 * R, "without contact it collapses");
+    let v = deformer.velocities().unwrap();
+    let rms = (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt();
+    assert!(rms < 0.01, "it stands still: {rms} m/s");
+}
+
+#[test]
+fn a_towel_falls_over_a_sphere() {
+    let mut mesh = jittered(Mesh::grid(36, 36, 1.2, 1.2), 4);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.7);
+    let mut scene = Scene::new(mesh, 40, vec![Collider::sphere(0.3 * Vec3::Y, 0.3), floor()]);
+    scene.options.fabric = Fabric::TOWEL;
+    scene.crosses_only_without_contact(60);
+}
+
+/// Levels, bending, wind, pins that are led, a sphere, a capsule and a floor, under each method and quality.
+#[test]
+fn whatever_else_the_scene_has() {
+    let bodies = [
+        Collider::sphere(Vec3::new(0.1, -0.4, 0.0), 0.2),
+        Collider::capsule(Vec3::new(-0.5, -0.7, 0.0), Vec3::new(0.5, -0.7, 0.0), 0.05),
+    ];
+    let floor = Collider::plane(Vec3::Y * -0.8, Vec3::Y);
+    let mut scene = Scene::new(jittered(Mesh::grid(24, 24, 1.0, 1.0), 5), 30, bodies.into_iter().chain([floor]).collect());
+    scene.options.pinned = vec![0, 23];
+    scene.options.levels = Levels::Count(9);
+    scene.attributes.wind = Vec3::new(1.0, 0.0, 2.0);
+    scene.attributes.air_density = 1.2;
+    let with = |method, quality| {
+        let options = Options { method, quality, ..scene.options.clone() };
+        let mut deformer = Deformer::new(&scene.mesh, options).unwrap();
+        let mut attributes = scene.attributes.clone();
+        for frame in 0..40 {
+            let lead = Vec3::new(0.0, -0.5, 0.3) * (frame as f32 / 40.0);
+            attributes.pin_targets = Some([0, 23].map(|pin| scene.mesh.positions[pin as usize] + lead).to_vec());
+            deformer.step(FRAME, &attributes).unwrap();
+            let found = crossings(&scene.mesh, deformer.positions().unwrap());
+            assert!(found.is_empty(), "{method:?}, {quality:?}, frame {frame}: {found:?}");
+        }
+    };
+    with(Method::SmallSteps, Quality::Substeps(30));
+    with(Method::SmallSteps, Quality::Strain(0.1));
+    with(Method::Relaxation { iterations: 5 }, Quality::Substeps(20));
+}
+
+/// Two sheets that fly into one another, in no gravity: whatever happens between them, their momentum stays, and no energy is made. The second time
+/// they move by three times their thickness in a substep, and what is cut off of that is given back.
+#[test]
+fn two_sheets_collide() {
+    for (speed, frames) in [(1.0, 30), (10.0, 12)] {
+        let mut scene = Scene::new(jittered(sheets(2, 12, 0.5, 0.1), 6), 20, Vec::new());
+        scene.options.fabric = Fabric { bending: 0.0, damping: 0.0, ..CLOTH };
+        scene.options.levels = Levels::Off;
+        scene.attributes.gravity = Vec3::ZERO;
+        let mut deformer = scene.deformer();
+        let half = scene.mesh.positions.len() / 2;
+        let toward = |i: usize| if i < half { Vec3::Y } else { Vec3::new(0.3, -1.0, 0.0) };
+        let v: Vec<Vec3> = (0..2 * half).map(|i| speed * toward(i)).collect();
+        deformer.set_state(&scene.mesh.positions, &v).unwrap();
+        let masses = masses(&scene.mesh, CLOTH.density);
+        let springs = reference::springs(&scene.mesh, f64::from(CLOTH.stretch));
+        let h = f64::from(FRAME) / 20.0;
+        let springs = common::energy::resolved_at(h, &springs, &masses, &[]);
+        let (before, _) = momenta(&masses, &scene.mesh.positions, &v);
+        let start = energy(&springs, &masses, 0.0, h, &scene.mesh.positions, &v);
+        let scale: f64 = masses.iter().zip(&v).map(|(&m, v)| f64::from(m * v.length())).sum();
+        let mut touched = false;
+        for frame in 0..frames {
+            touched |= deformer.step(FRAME, &scene.attributes).unwrap().contacts > 0;
+            let (x, v) = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
+            let (momentum, _) = momenta(&masses, &x, &v);
+            let drift = (momentum - before).length() / scale;
+            assert!(drift < 1e-6, "{speed} m/s, frame {frame}: momentum off by {drift}");
+            let now = energy(&springs, &masses, 0.0, h, &x, &v);
+            assert!(now <= start * (1.0 + 1e-4), "{speed} m/s, frame {frame}: {now} J of {start} J");
+            assert_eq!(crossings(&scene.mesh, &x).len(), 0, "{speed} m/s, frame {frame}");
+        }
+        assert!(touched, "they met");
+    }
+}
+
+/// A small sheet on a large one that is held on a slope of so many degrees: how fast it is after so many seconds (m/s), and how far.
+fn incline(degrees: f32, seconds: f32) -> (f64, f64) {
+    let turn = Quat::from_rotation_z(-degrees.to_radians());
+    let (mut mesh, small) = (Mesh::grid(13, 9, 2.4, 0.6), Mesh::grid(6, 6, 0.3, 0.3));
+    let large = mesh.positions.len() as u32;
+    mesh.positions.extend(small.positions.iter().map(|&x| Quat::from_rotation_y(0.3) * x + Vec3::new(-0.9, R, 0.0)));
+    mesh.triangles.extend(small.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + large)));
+    mesh.positions.iter_mut().for_each(|x| *x = turn * *x);
+    let mut scene = Scene::new(mesh, 40, Vec::new());
+    scene.options.pinned = (0..large).collect();
+    let mut deformer = scene.deformer();
+    let down = (turn * Vec3::X).as_dvec3();
+    let along = |x: &[Vec3]| x[large as usize..].iter().map(|x| x.as_dvec3()).sum::<DVec3>().dot(down) / 36.0;
+    let start = along(&scene.mesh.positions);
+    play(&mut deformer, (60.0 * seconds) as u32, &scene.attributes);
+    let way = along(deformer.positions().unwrap()) - start;
+    (along(deformer.velocities().unwrap()), way)
+}
+
+/// Friction .3 holds up to 16.699 degrees; beyond, the acceleration is `g (sin - mu cos)`.
+#[test]
+fn a_sheet_sticks_to_a_sheet_or_slides() {
+    let (speed, way) = incline(16.5, 1.0);
+    println!("16.5 degrees: {speed:.2e} m/s, {way:.2e} m");
+    assert!(speed.abs() < 1e-3, "it creeps at {speed} m/s");
+    let angle = 20.0_f64.to_radians();
+    let expected = 9.81 * (angle.sin() - 0.3 * angle.cos());
+    let (speed, way) = incline(20.0, 1.0);
+    println!(
+        "20 degrees: {:+.3} % of the speed, {:+.3} % of the way",
+        100.0 * (speed / expected - 1.0),
+        100.0 * (2.0 * way / expected - 1.0)
+    );
+    assert!((speed / expected - 1.0).abs() < 0.01, "it slides at {speed} m/s, expected {expected}");
+}
+
+fn bits(deformer: &mut Deformer) -> Vec<[u32; 6]> {
+    let x = deformer.positions().unwrap().to_vec();
+    let v = deformer.velocities().unwrap();
+    x.iter().zip(v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
+}
+
+#[test]
+fn any_number_of_threads_makes_the_same_bits() {
+    let scene = Scene::new(jittered(sheets(3, 24, 0.8, 0.02), 7), 20, vec![Collider::sphere(Vec3::Y * -0.35, 0.3)]);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut deformer = scene.deformer();
+            deformer.on_threads(threads);
+            play(&mut deformer, 12, &scene.attributes);
+            bits(&mut deformer)
+        })
+    };
+    let alone = on(1);
+    for threads in [2, 3, 8] {
+        assert!(on(threads) == alone, "{threads} threads");
+    }
+}
+
+#[test]
+fn reset_replays() {
+    let scene = fold(12);
+    let mut deformer = scene.deformer();
+    play(&mut deformer, 20, &scene.attributes);
+    let first = bits(&mut deformer);
+    deformer.reset();
+    deformer.set_state(scene.start.as_ref().unwrap(), &vec![Vec3::ZERO; scene.mesh.positions.len()]).unwrap();
+    play(&mut deformer, 20, &scene.attributes);
+    assert!(bits(&mut deformer) == first);
+}
+
+/// Contact changes nothing where nothing touches, to the last bit: with forces and without, led by pins and over a sphere.
+#[test]
+fn where_nothing_touches_it_changes_no_bit() {
+    for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
+        let mut scene = Scene::new(Mesh::grid(32, 32, 1.0, 1.0), 20, vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.3), 0.2)]);
+        scene.options.fabric.bending = bending;
+        scene.options.levels = levels;
+        scene.options.pinned = (0..32).collect();
+        let mut with = scene.deformer();
+        let mut without = scene.without_contact().deformer();
+        let mut contacts = 0;
+        for _ in 0..10 {
+            contacts += with.step(FRAME, &scene.attributes).unwrap().contacts;
+            without.step(FRAME, &scene.attributes).unwrap();
+        }
+        assert_eq!(contacts, 0, "nothing touches");
+        assert!(bits(&mut with) == bits(&mut without), "bending {bending}");
+    }
+}
+
+/// A sheet that hangs half through another when it starts: it is told how, and nothing explodes; what is pulled out is then held.
+#[test]
+fn a_start_that_crosses_is_let_go_until_it_parts() {
+    let mut mesh = jittered(Mesh::grid(13, 13, 0.6, 0.6), 8);
+    let held = mesh.positions.len() as u32;
+    let upright = Quat::from_rotation_y(0.4) * Quat::from_rotation_x(0.5 * PI);
+    let other = jittered(Mesh::grid(9, 9, 0.3, 0.3), 9);
+    mesh.positions.extend(other.positions.iter().map(|&x| upright * x + 0.05 * Vec3::Y));
+    mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + held)));
+    let mut scene = Scene::new(mesh, 20, Vec::new());
+    let top: Vec<u32> = (held..held + 81).filter(|&v| scene.mesh.positions[v as usize].y > 0.19).collect();
+    scene.options.pinned = (0..held).chain(top).collect();
+    let mut deformer = scene.deformer();
+    let start = crossings(&scene.mesh, &scene.mesh.positions);
+    assert!(start.len() > 10, "{} crossings at the start", start.len());
+    let mut last = start.len();
+    let lifted = |v: u32, by: f32| scene.mesh.positions[v as usize] + if v < held { Vec3::ZERO } else { by * Vec3::Y };
+    for frame in 0..90 {
+        // It is drawn up and out in half a second, and let down again onto the other.
+        let by = if frame < 30 { frame as f32 / 100.0 } else { ((60.0 - frame as f32) / 100.0).max(-0.1) };
+        let targets = scene.options.pinned.iter().map(|&v| lifted(v, by)).collect();
+        let attributes = Attributes { pin_targets: Some(targets), ..scene.attributes.clone() };
+        let report = deformer.step(FRAME, &attributes).unwrap();
+        let now = crossings(&scene.mesh, deformer.positions().unwrap());
+        // What is drawn through goes through others on its way.
+        assert!(now.len() <= 2 * start.len(), "frame {frame}: {last} crossings became {}", now.len());
+        assert!(now.is_empty() || last > 0, "frame {frame}: nothing crossed, and now {now:?}");
+        assert_eq!(deformer.crossings().unwrap().len(), now.len(), "frame {frame}: counted by the cloth and by the test");
+        let told = report.warnings.iter().find_map(|warning| match warning {
+            Warning::Crossings { pairs, first } => Some((*pairs, *first)),
+            _ => None,
+        });
+        if frame == 0 {
+            let (pairs, Crossing { edge, triangle, .. }) = told.expect("the start is reported");
+            assert_eq!(pairs, start.len());
+            let is_it =
+                |(e, t): &([u32; 2], [u32; 3])| e.iter().all(|v| edge.contains(v)) && t.iter().all(|v| triangle.contains(v));
+            assert!(start.iter().any(is_it), "{edge:?} through {triangle:?}");
+        }
+        last = now.len();
+        let fastest = deformer.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(fastest < 5.0, "frame {frame}: {fastest} m/s");
+    }
+    assert_eq!(last, 0, "it was drawn out, and held when it came back");
+    assert!(deformer.step(FRAME, &scene.attributes).unwrap().warnings.is_empty(), "nothing is left to report");
+}
+
+/// All vertices in one point: an error or a step, but no hang.
+#[test]
+fn all_cloth_in_one_place_is_no_trap() {
+    for n in [6, 80] {
+        let scene = Scene::new(Mesh::grid(n, n, 1.0, 1.0), 2, Vec::new());
+        let mut deformer = scene.deformer();
+        let count = scene.mesh.positions.len();
+        deformer.set_state(&vec![Vec3::ONE; count], &vec![Vec3::ZERO; count]).unwrap();
+        match deformer.step(FRAME, &scene.attributes) {
+            Ok(_) => assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite())),
+            Err(error) => {
+                assert!(matches!(error, StepError::Crowded { .. }), "{error}");
+                assert!(deformer.positions().unwrap().iter().all(|&x| x == Vec3::ONE), "as it was");
+            }
+        }
+    }
+}
+
+#[test]
+fn it_refuses_what_it_cannot_do() {
+    let mesh = Mesh::grid(4, 4, 1.0, 1.0);
+    let refused = |backend, thickness, friction| {
+        let contact = Some(Contact { thickness, friction });
+        Deformer::new(&mesh, Options { backend, contact, ..Options::default() }).err()
+    };
+    for (thickness, friction) in [(0.0, 0.3), (-1.0, 0.3), (f32::NAN, 0.3), (f32::INFINITY, 0.3), (R, -0.1), (R, f32::NAN)] {
+        let error = refused(Backend::Cpu, thickness, friction);
+        assert!(matches!(&error, Some(BuildError::Value { name, .. }) if name.starts_with("contact.")), "{error:?}");
+    }
+    assert!(matches!(refused(Backend::Gpu, R, 0.3), Some(BuildError::Value { name, .. }) if name == "contact"));
+    let contact = Some(Contact::default());
+    let large = Mesh::grid(140, 140, 1.0, 1.0);
+    let auto = Deformer::new(&large, Options { contact, ..Options::default() }).unwrap();
+    assert_eq!(auto.backend(), Backend::Cpu, "automatically");
+}

@@ -1,0 +1,97 @@
+//! The closest points of a pair, and its multipliers, against what they are by definition.
+
+use glam::{DVec3, Vec3A, Vec4};
+
+use super::{edge_edge, impulse, kept, share_above, step_of_lambda, vertex_triangle};
+use crate::simd::Vector;
+
+fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
+    x.map(|x| Vector::new(x.x as f32, x.y as f32, x.z as f32))
+}
+
+fn distance(weights: [f64; 4], x: [DVec3; 4]) -> f64 {
+    weights.iter().zip(x).map(|(&weight, x)| x * weight).sum::<DVec3>().length()
+}
+
+/// Distance of a point from a segment.
+fn to_segment(p: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let t = ((p - a).dot(b - a) / (b - a).length_squared().max(1e-300)).clamp(0.0, 1.0);
+    p.distance(a + (b - a) * t)
+}
+
+/// The least distance over a parameter in 0..1: near the least of a hundred.
+fn least(of: impl Fn(f64) -> f64) -> f64 {
+    let coarse = (0..=100).map(|k| f64::from(k) / 100.0).min_by(|&a, &b| of(a).total_cmp(&of(b))).unwrap();
+    let (mut low, mut high) = ((coarse - 0.01).max(0.0), (coarse + 0.01).min(1.0));
+    for _ in 0..100 {
+        let third = (high - low) / 3.0;
+        if of(low + third) < of(high - third) { high -= third } else { low += third }
+    }
+    of(0.5 * (low + high))
+}
+
+/// Corners about a unit apart; now and then two of them, or all, on one line or in one place.
+fn corners(random: &mut fastrand::Rng) -> [DVec3; 4] {
+    let mut point = || DVec3::new(random.f64(), random.f64(), random.f64());
+    let mut x = [point(), point(), point(), point()];
+    match random.u32(0..12) {
+        0 => x[3] = x[2],
+        1 => x[1] = x[0],
+        2 => x[3] = x[2] + (x[1] - x[0]),
+        3 => x[3] = x[1] * 0.3 + x[2] * 0.7,
+        _ => {}
+    }
+    x
+}
+
+#[test]
+fn closest_points_are_the_closest() {
+    let mut random = fastrand::Rng::with_seed(1);
+    for _ in 0..3000 {
+        let x = corners(&mut random);
+        let [p, a, b, c] = x;
+        let weights = vertex_triangle(lanes(x)).map(f64::from);
+        let expected = least(|t| to_segment(p, a, b + (c - b) * t));
+        assert!((distance(weights, x) - expected).abs() < 2e-6, "{x:?}: {weights:?} instead of {expected}");
+        assert!(weights[0] == 1.0 && weights[1..].iter().all(|weight| (-1.0 - 1e-6..=1e-6).contains(weight)), "{weights:?}");
+        assert!((weights.iter().sum::<f64>()).abs() < 1e-6, "{weights:?}");
+
+        let weights = edge_edge(lanes(x)).map(f64::from);
+        let expected = least(|t| to_segment(p + (a - p) * t, b, c));
+        assert!((distance(weights, x) - expected).abs() < 5e-4 * (1.0 + expected), "{x:?}: {weights:?} instead of {expected}");
+        assert!((weights[0] + weights[1] - 1.0).abs() < 1e-6 && (weights[2] + weights[3] + 1.0).abs() < 1e-6, "{weights:?}");
+    }
+}
+
+/// Two masses pressed together: one step of the exact rate ends the approach; pulled apart nothing holds them.
+#[test]
+fn a_multiplier_ends_the_approach_and_never_pulls() {
+    let (w, n) = (2.0_f32, Vec3A::Y);
+    let rate = 1.0 / (2.0 * w);
+    let after = |relative: Vec3A, lambda: Vec4| relative + impulse(lambda, n) * (2.0 * w);
+    let pressed = Vec3A::new(0.0, -0.3, 0.0);
+    let lambda = step_of_lambda(Vec4::ZERO, n, 0.1, pressed, rate, 0.0);
+    assert!((after(pressed, lambda).y + 0.1).abs() < 1e-6, "up to the gap and no farther");
+    assert_eq!(step_of_lambda(Vec4::ZERO, n, 0.1, -pressed, rate, 0.5), Vec4::ZERO);
+    // Coulomb: what presses by 1 is rubbed by at most mu, against the slip.
+    let slipping = Vec3A::new(5.0, -0.2, 0.0);
+    let lambda = step_of_lambda(Vec4::ZERO, n, 0.0, slipping, rate, 0.5);
+    assert!((lambda.x + 0.5 * lambda.w).abs() < 1e-6 && lambda.y == 0.0, "{lambda}");
+    let creeping = Vec3A::new(0.01, -0.2, 0.0);
+    let lambda = step_of_lambda(Vec4::ZERO, n, 0.0, creeping, rate, 0.5);
+    assert!(after(creeping, lambda).length() < 1e-6, "it sticks");
+}
+
+#[test]
+fn a_share_ends_at_the_plane() {
+    let mut random = fastrand::Rng::with_seed(2);
+    for _ in 0..1000 {
+        let (distance, thickness) = (random.f32(), random.f32());
+        let kept = kept(distance, thickness);
+        assert!(kept > 0.0 && kept <= 0.5 * distance, "{kept} of {distance}");
+        let (height, toward) = (0.5 * distance + random.f32(), 4.0 * random.f32() - 2.0);
+        let share = share_above(height, kept, toward);
+        assert!((0.0..=1.0).contains(&share) && height - share * toward >= kept - 1e-6);
+        assert!(share == 1.0 || (height - share * toward - kept).abs() < 1e-5, "no shorter than it must be");
+    }
+}
