@@ -312,6 +312,21 @@ fn reset_replays() {
     assert!(bits(&mut deformer) == first);
 }
 
+/// The hybrid's edges and contact are the CPU's; its bending is the GPU's, which rounds otherwise.
+#[cfg(feature = "gpu")]
+#[test]
+fn the_hybrid_has_it_too() {
+    let mut scene = fold(12);
+    let (none, mut cpu) = scene.played(30, 1);
+    scene.options.backend = Backend::Hybrid;
+    let (also_none, mut hybrid) = scene.played(30, 1);
+    assert_eq!((none, also_none), (0, 0), "crossings");
+    let apart = closest(&scene.mesh, hybrid.positions().unwrap());
+    assert!(apart > 0.98 * f64::from(R), "its halves are {apart} m apart");
+    let difference = common::rms(cpu.positions().unwrap(), hybrid.positions().unwrap());
+    assert!(difference < 0.2 * f64::from(R), "{difference} m from the CPU's");
+}
+
 /// Contact changes nothing where nothing touches, to the last bit: with forces and without, led by pins and over a sphere.
 #[test]
 fn where_nothing_touches_it_changes_no_bit() {

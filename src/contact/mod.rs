@@ -42,7 +42,7 @@ use vertices::{Meet, OnPath};
 const STRAY: [f32; 2] = [0.15, 0.6];
 /// A detection that lasts fewer substeps than this was too narrow, and one that lasts more than this too wide.
 const LASTED: [f32; 2] = [8.0, 16.0];
-/// Substeps that detection looks ahead, at least and at most where something is listed; where nothing is, up to as many as this.
+/// Substeps that detection looks ahead, at least and at most; where hardly anything is listed, up to as many as the last of these.
 const AHEAD: [f32; 3] = [8.0, 32.0, 64.0];
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
@@ -274,12 +274,13 @@ impl SelfContact {
                 0.85
             };
         let stray = stray.clamp(STRAY[0] * options.thickness, STRAY[1] * options.thickness);
-        let nothing = self.since.is_some() && lists.iter().all(|rows| rows.pairs.is_empty());
-        self.ahead = match nothing {
+        let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
+        let few = self.since.is_some() && 4 * listed < path.x.len();
+        self.ahead = match few {
             true => (2.0 * self.ahead).min(AHEAD[2]),
             false => (1.5 * stray / speed.max(1e-12)).floor().clamp(AHEAD[0], AHEAD[1]),
         };
-        let stray = if nothing { STRAY[1] * options.thickness } else { stray };
+        let stray = if few { STRAY[1] * options.thickness } else { stray };
         self.stray = stray;
         let look = Look { substeps: self.ahead, margin: options.thickness + 2.0 * stray };
         let scene = Scene { surface, rest: &plan.cloth.rest, path, look, thickness: options.thickness, width };
