@@ -4,6 +4,7 @@
 //! ```text
 //! cargo bench --bench quality                         # some minutes; meshes from the folder that CLOTH_MESHES names, if any
 //! cargo bench --bench quality -- --strain 0.05 --only towel
+//! cargo bench --bench quality -- --gpu                # a step is then timed until the device has done it
 //! ```
 
 mod scenes;
@@ -12,7 +13,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
-use cloth_deformer::{Deformer, Options, Quality, Warning};
+use cloth_deformer::{Backend, Deformer, Options, Quality, Warning};
 
 use crate::scenes::{FRAME, Scene, scenes};
 
@@ -27,6 +28,9 @@ struct Arguments {
     /// Scenes whose names have this in them
     #[arg(long, default_value = "")]
     only: String,
+    /// On the GPU
+    #[arg(long)]
+    gpu: bool,
     /// What cargo tells every benchmark
     #[arg(long, hide = true)]
     bench: bool,
@@ -57,6 +61,7 @@ fn play<const N: usize>(scene: &Scene, qualities: [Quality; N], promised: f32) -
         for (cloth, run, times) in &mut cloths {
             let start = Instant::now();
             let report = cloth.step(FRAME, &attributes)?;
+            cloth.wait()?;
             times.push(1e3 * start.elapsed().as_secs_f64());
             run.substeps += report.substeps;
             run.beyond += u32::from(cloth.measure()?.stretch_share > promised);
@@ -84,14 +89,15 @@ fn fewest(scene: &Scene, promised: f32, allowed: u32) -> Result<u32, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    let Arguments { strain, only, .. } = Arguments::parse();
+    let Arguments { strain, only, gpu, .. } = Arguments::parse();
+    let backend = if gpu { Backend::Gpu } else { Backend::Cpu };
     let meshes = std::env::var_os("CLOTH_MESHES").map(PathBuf::from);
     println!(
         "| scene | vertices | frames | substeps | beyond, warned | ms | even substeps | beyond | ms | substeps, ms over even |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let (mut ratios, mut count) = ([0.0; 2], 0);
-    for scene in scenes(meshes.as_deref())?.iter().filter(|scene| scene.name.contains(&only)) {
+    for scene in scenes(backend, meshes.as_deref())?.iter().filter(|scene| scene.name.contains(&only)) {
         let even = fewest(scene, strain, scene.frames / 100)?;
         let [kept, fixed] = play(scene, [Quality::Strain(strain), Quality::Substeps(even)], strain)?;
         let mean = |run: &Run| f64::from(run.substeps) / f64::from(scene.frames);

@@ -19,7 +19,7 @@ pub(crate) struct Scene {
 }
 
 /// Those made here, and those of the meshes in a folder.
-pub(crate) fn scenes(meshes: Option<&Path>) -> Result<Vec<Scene>, cloth_deformer::ObjError> {
+pub(crate) fn scenes(backend: Backend, meshes: Option<&Path>) -> Result<Vec<Scene>, cloth_deformer::ObjError> {
     let membrane = Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 };
     let mut scenes = vec![
         still("hang64", Mesh::grid(64, 64, 1.0, 1.0), membrane, (0..64).collect()),
@@ -38,11 +38,12 @@ pub(crate) fn scenes(meshes: Option<&Path>) -> Result<Vec<Scene>, cloth_deformer
         }
         scenes.push(skirt(load("skirt4K.obj")?));
     }
+    scenes.iter_mut().for_each(|scene| scene.options.backend = backend);
     Ok(scenes)
 }
 
 fn options(fabric: Fabric, pinned: Vec<u32>) -> Options {
-    Options { backend: Backend::Cpu, fabric, pinned, ..Options::default() }
+    Options { fabric, pinned, ..Options::default() }
 }
 
 fn seconds(frame: u32) -> f32 {

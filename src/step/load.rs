@@ -81,32 +81,35 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
 
 /// Speed (m/s) of the fastest collider that could touch the cloth during the step.
 fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
+    let dt = f64::from(dt);
     let moved = motion.followed(&attributes.colliders).map(|(now, last)| (now, travel(&now.shape, &last.shape)));
-    let is_near = |collider: &Collider, travel: f32| {
+    let is_near = |collider: &Collider, travel: f64| {
         seen.is_none_or(|seen| {
-            let reach = STEPS_AHEAD * (f32::from_bits(seen.fastest) * dt + travel);
+            let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
             let [low, high] = [seen.low, seen.high].map(unordered);
-            gap(&collider.relative_to(cloth.origin).shape, low, high) <= reach
+            f64::from(gap(&collider.relative_to(cloth.origin).shape, low, high)) <= reach
         })
     };
     let near = moved.filter(|&(now, travel)| travel > 0.0 && is_near(now, travel));
-    f64::from(near.map(|(_, travel)| travel).fold(0.0, f32::max)) / f64::from(dt)
+    near.map(|(_, travel)| travel).fold(0.0, f64::max) / dt
 }
 
 /// Steps that statistics may be old, on the GPU, and one more until there are others.
-const STEPS_AHEAD: f32 = 4.0;
+const STEPS_AHEAD: f64 = 4.0;
 
 /// How far (m) a surface moves at most from `last` to `now`; 0 if they are of different kinds.
-fn travel(now: &Shape, last: &Shape) -> f32 {
-    match (now, last) {
-        (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
-            to.distance(*from) + (r1 - r0).abs()
+pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
+    let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3();
+    match (*now, *last) {
+        (Shape::Sphere { center, radius }, Shape::Sphere { center: c0, radius: r0 }) => {
+            apart(center, c0).length() + f64::from((radius - r0).abs())
         }
-        (Shape::Capsule { a, b, radius: r1 }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
-            a.distance(*a0).max(b.distance(*b0)) + (r1 - r0).abs()
+        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
+            apart(a, a0).length().max(apart(b, b0).length()) + f64::from((radius - r0).abs())
         }
-        (Shape::Plane { point: to, normal }, Shape::Plane { point: from, .. }) => {
-            (*to - *from).dot(normal.normalize_or_zero()).abs()
+        // What it moves by in itself drags by friction, which pushes nothing.
+        (Shape::Plane { point, normal }, Shape::Plane { point: p0, .. }) => {
+            apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
         }
         _ => 0.0,
     }

@@ -4,7 +4,8 @@
 //! Speeds that can be explained add up: what the cloth was given, `g t` of a free fall, the fastest wind, pin and collider so far, and
 //! what elasticity can give. Cloth whose edges are all stretched by a strain e has the energy `1/2 sum k l0² e²`, which becomes a speed of
 //! `e sqrt(sum k l0² / M)`, the speed of the fabric's stress waves or thereabouts; and no edge moves its ends by more than its own
-//! stretch in a substep, `e l0 / h`. The lesser of the two, at a strain of 1, is what it can give. The bound is [`MARGIN`] times the sum,
+//! stretch in a substep, `e l0 / h`. The lesser of the two, at a strain of 1, is what it can give. Bending kicks no shape by more than twice
+//! itself in a substep, and neighbors are no farther from a plane than an edge is long: `2 l0 / h`. The bound is [`MARGIN`] times the sum,
 //! 64 times the energy, and it is on all of the cloth: the tip of a whip may be faster.
 //!
 //! Lengths that can be explained are the cloth's own, what its load and its speed stretch it by if it is soft, and what one sweep
@@ -13,13 +14,13 @@
 //!
 //! An instability grows by a factor in every substep, so that it is seen a few substeps later than by a tighter bound.
 
-use glam::{DVec3, Vec4};
+use glam::Vec4;
 
-use crate::attributes::{Attributes, Collider, Shape};
+use crate::attributes::Attributes;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
 use crate::options::{Method, Options};
-use crate::step::load::pressure;
+use crate::step::load::{pressure, travel};
 use crate::step::plan::Motion;
 use crate::step::substep_count::{Length, Rates};
 
@@ -39,6 +40,8 @@ pub(crate) struct Watch {
     per_mass: f64,
     /// Speed (m/s) that a strain of 1 can give; infinite if the fabric is inextensible or the method has no stiffness.
     wave: f64,
+    /// Whether it resists bending.
+    bends: bool,
     /// Least stiffness (N/m) of any part of it; infinite likewise.
     softest: f64,
     /// What the state was set with: the fastest vertex (m/s), and by how much an edge was longer (m) than the longest at rest.
@@ -71,7 +74,7 @@ impl Watch {
             Method::Relaxation { .. } => (f64::INFINITY, f64::INFINITY),
             _ => ((elastic * per_mass).sqrt(), softest),
         };
-        Watch { per_mass, wave, softest, ..Watch::default() }
+        Watch { per_mass, wave, bends: options.fabric.bending > 0.0, softest, ..Watch::default() }
     }
 
     /// Begins anew from a state in the cloth's order: positions (m) and velocities (m/s).
@@ -96,7 +99,7 @@ impl Watch {
             }
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
-            let speed = travel(now, last) / dt;
+            let speed = travel(&now.shape, &last.shape) / dt;
             if speed > led.collider.1 {
                 led.collider = (index, speed);
             }
@@ -112,7 +115,8 @@ impl Watch {
     pub(crate) fn bounds(&self, cloth: &Cloth, rates: &Rates, attributes: &Attributes, length: Length) -> (f32, f32) {
         let h = f64::from(length.h);
         let longest = f64::from(cloth.longest);
-        let explained = self.speed + self.fallen + self.fastest + self.wave.min(longest / h) + self.spread / h;
+        let elastic = if self.bends { 2.0 * longest / h } else { self.wave.min(longest / h) };
+        let explained = self.speed + self.fallen + self.fastest + elastic + self.spread / h;
         let speed = coarse(MARGIN * explained);
         let extent = cloth.extents.length();
         let stress = TRANSIENT * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes)) * cloth.extent;
@@ -134,22 +138,4 @@ fn coarse(bound: f64) -> f32 {
     // Not a number only where infinities meet.
     let bound = if bound.is_nan() { f64::INFINITY } else { bound };
     bound.clamp(1e-3, 1e18).log2().ceil().exp2() as f32
-}
-
-/// How far (m) a collider's surface moves.
-fn travel(now: &Collider, last: &Collider) -> f64 {
-    let apart = |a: glam::Vec3, b: glam::Vec3| -> DVec3 { a.as_dvec3() - b.as_dvec3() };
-    match (now.shape, last.shape) {
-        (Shape::Sphere { center, radius }, Shape::Sphere { center: c0, radius: r0 }) => {
-            apart(center, c0).length() + f64::from((radius - r0).abs())
-        }
-        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
-            apart(a, a0).length().max(apart(b, b0).length()) + f64::from((radius - r0).abs())
-        }
-        // What it moves by in itself drags by friction, which pushes nothing.
-        (Shape::Plane { point, normal }, Shape::Plane { point: p0, .. }) => {
-            apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
-        }
-        _ => 0.0,
-    }
 }
