@@ -5,7 +5,7 @@ mod common;
 use std::collections::HashMap;
 
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, Tethers};
 
 use common::energy::{energy, masses, momenta};
 use common::reference::Reference;
@@ -65,7 +65,10 @@ fn unstructured_sheets_by_two_pins() {
         let total: f64 = masses.iter().map(|&m| f64::from(m)).sum();
         let strain = |levels| {
             let fabric = Fabric { density: RHO, stretch: 5000.0, ..Fabric::default() };
-            let options = Options { backend: Backend::Cpu, fabric, levels, pinned: pinned.clone(), ..Options::default() };
+            // By levels alone.
+            let tethers = Tethers::Off;
+            let options =
+                Options { backend: Backend::Cpu, fabric, levels, tethers, pinned: pinned.clone(), ..Options::default() };
             let mut deformer = Deformer::new(&mesh, Options { quality: Quality::Substeps(20), ..options }).unwrap();
             let mut strain = 0.0;
             for frame in 1..=120 {

@@ -109,7 +109,7 @@ impl EdgeBatches {
         let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
         let mut packer = Packer { inverse_mass, batches };
         // The piece and color that last visited a vertex.
-        let mut visited = vec![(usize::MAX, usize::MAX); vertices];
+        let mut visited = vec![[u32::MAX; 2]; vertices];
         let mut edges_now: Vec<Placed> = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
             let start = packer.batches.batches.len();
@@ -123,8 +123,9 @@ impl EdgeBatches {
                 edges_now.clear();
                 edges_now.extend(now.iter().map(|&place| (place, edges[place as usize])));
                 for end in edges_now.iter().flat_map(|(_, edge)| [edge.a, edge.b]) {
-                    let before = std::mem::replace(&mut visited[end as usize], (index, color));
-                    assert!(before != (index, color), "vertex {end} has two edges of a color");
+                    let now = [index as u32, color as u32];
+                    let before = std::mem::replace(&mut visited[end as usize], now);
+                    assert!(before != now, "vertex {end} has two edges of a color");
                 }
                 packer.color(&mut edges_now, start);
             }
@@ -233,8 +234,8 @@ impl Packer<'_> {
         factors.push(lanes, |k| share(k, 0));
         factors.push(lanes, |k| share(k, 1));
         if places.capacity() < places.len() + lanes {
-            // Doubled, it would be the most that building takes.
-            places.reserve_exact(places.len() / 8 + 64 * lanes);
+            // Doubled, it would be the most that building takes, where a fan's rows have an edge each.
+            places.reserve_exact(places.len() / 32 + 64 * lanes);
         }
         places.extend((0..lanes).map(|k| lane(k).0.0 | if lane(k).1 { 0 } else { NO_SHARE }));
     }

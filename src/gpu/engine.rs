@@ -43,8 +43,9 @@ pub(crate) struct GpuEngine {
     pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: Sweep,
-    /// If levels are in use.
-    pub(crate) multigrid: Option<Multigrid>,
+    /// Levels, for each number of them that a step has asked for, and which the last one did: substeps that change ask for others.
+    pub(crate) multigrids: Vec<Multigrid>,
+    levels: usize,
     /// Vertices or aggregates that a tile has room for.
     pub(crate) room: usize,
     /// If the cloth is small.
@@ -110,7 +111,8 @@ impl GpuEngine {
                 forces,
                 bodies,
                 sweep,
-                multigrid: None,
+                multigrids: Vec::new(),
+                levels: 0,
                 room: size.room,
                 single_workgroup: None,
                 commit,
@@ -215,21 +217,23 @@ impl GpuEngine {
             self.make_single_workgroup(plan.cloth, plan.method, plan.levels);
         }
         let path = self.path(plan, crowd);
-        let GpuEngine { gpu, forces, bodies, sweep, multigrid, room, single_workgroup, commit, .. } = self;
+        let GpuEngine { gpu, forces, bodies, sweep, multigrids, room, single_workgroup, commit, .. } = self;
         let mut moved = forces.prepare(gpu, plan, path == Path::SingleWorkgroup);
         if levels > 0 && path != Path::SingleWorkgroup {
-            if multigrid.as_ref().is_none_or(|multigrid| multigrid.levels != levels) {
-                moved = true;
+            if multigrids.iter().all(|multigrid| multigrid.levels != levels) {
                 let room = matches!(sweep, Sweep::Tiled(_)).then_some(*room);
-                *multigrid = Some(Multigrid::new(gpu, plan.cloth, plan.levels, forces, room));
+                multigrids.push(Multigrid::new(gpu, plan.cloth, plan.levels, forces, room));
                 if let Sweep::Tiled(tiled) = sweep {
                     tiled.set_labels(gpu, &plan.levels[0].label);
                 }
             }
-            multigrid.as_mut().into_iter().for_each(|multigrid| multigrid.prepare(gpu, plan));
+            moved |= std::mem::replace(&mut self.levels, levels) != levels;
+            let multigrid = multigrids.iter_mut().find(|multigrid| multigrid.levels == levels);
+            multigrid.into_iter().for_each(|multigrid| multigrid.prepare(gpu, plan));
         }
         if bodies.send(gpu, plan.bodies_and_anchors) | moved {
-            let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
+            let in_use = multigrids.iter().find(|multigrid| multigrid.levels == self.levels);
+            let shift = in_use.map(|multigrid| &multigrid.shift);
             match sweep {
                 Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
                 Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, shift),
@@ -281,7 +285,7 @@ impl GpuEngine {
 
     /// The levels, if the step has any.
     fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
-        self.multigrid.as_ref().filter(|_| plan.params.levels > 0)
+        self.multigrids.iter().find(|multigrid| multigrid.levels == plan.params.levels as usize)
     }
 
     /// Encodes a step.

@@ -26,6 +26,8 @@ use crate::step::substep_count::{Length, Rates};
 
 /// Times what is explained.
 const MARGIN: f64 = 8.0;
+/// Of smaller cloth (m) no edge is told from the rounding of its place.
+const LEAST_EXTENT: f64 = 1e-6;
 /// Peak stress in motion over the static stress `rho g L`.
 const TRANSIENT: f64 = 5.0;
 /// A step looks at one part of so many of the edges, the next at the next, but no fewer than [`LEAST`]: both are in `stages/watch.wgsl`. What is
@@ -119,6 +121,9 @@ impl Watch {
         let explained = self.speed + self.fallen + self.fastest + elastic + self.spread / h;
         let speed = coarse(MARGIN * explained);
         let extent = cloth.extents.length();
+        if extent < LEAST_EXTENT {
+            return (speed, f32::MAX);
+        }
         let stress = TRANSIENT * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes)) * cloth.extent;
         let stretch =
             extent * (stress / self.softest + explained / self.wave) + longest * rates.strain(stress, f64::from(length.longest));
