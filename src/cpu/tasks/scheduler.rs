@@ -11,7 +11,7 @@
 //!
 //! Workers come by `rayon::join`, which waits for those who came by doing whatever else the pool has to do, the caller's tasks among it:
 //! `Deformer::step` warns of locks for that. What does not wait so, `rayon::spawn`, wants memory for each worker of each step and closures that
-//! outlive the step, and so unsafe code to lend them the cloth; and a step that would not end before a worker that is under way has to wait
+//! outlive the step, and so code that no compiler checks to lend them the cloth; and a step that would not end before a worker that is under way has to wait
 //! for it one way or another.
 
 use std::ops::Range;
