@@ -87,6 +87,7 @@ impl Engine {
     }
 
     /// Whether a quality can be had here.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU has them all"))]
     pub(crate) fn check(&self, quality: Quality) -> Result<(), BuildError> {
         match (self, quality) {
             #[cfg(feature = "gpu")]

@@ -83,6 +83,7 @@ pub(crate) struct Plan<'a> {
     pub substeps: &'a [Substep],
     pub bodies: &'a [Body],
     /// The same, and behind them the pins that tethers hang on: points that travel.
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU has them in one list"))]
     pub bodies_and_anchors: &'a [Body],
     pub anchors: &'a [Body],
     /// In the order of their vertices.
