@@ -29,8 +29,9 @@ use crate::options::{Backend, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
 use crate::step::controller::Controller;
 use crate::step::load::Load;
+use crate::step::motion::Motion;
 use crate::step::pace::Pace;
-use crate::step::plan::{Motion, Plan, PlanBuffers};
+use crate::step::plan::{Plan, PlanBuffers};
 use crate::step::substep_count::{Division, FRAMES, Rates};
 use crate::step::watch::{Led, Watch};
 

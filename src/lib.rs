@@ -31,7 +31,6 @@ mod simd;
 mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
-pub use contact::crossings::Crossing;
 pub use deformer::{Deformer, Forecast};
 pub use device::Gpu;
 pub use error::{BuildError, Instability, StepError};
@@ -45,6 +44,8 @@ pub use io::obj::ObjError;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;
 pub use model::mesh::Mesh;
-pub use options::{Backend, Cause, Contact, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning};
+pub use options::{
+    Backend, Cause, Contact, Crossing, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning,
+};
 #[cfg(feature = "gpu")]
 pub use wgpu;

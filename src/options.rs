@@ -1,6 +1,5 @@
 //! What is fixed when a cloth is made, and what a step reports.
 
-use crate::contact::crossings::Crossing;
 use crate::device::Gpu;
 use crate::error::BuildError;
 use crate::fabric::Fabric;
@@ -240,6 +239,24 @@ pub enum Cause {
     Wind,
     /// So much of the area is at edges that are a hundred times shorter than their triangles.
     Slivers,
+}
+
+/// An edge that goes through a triangle with which it shares no vertex, by the mesh's vertices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Crossing {
+    /// The ends of the edge.
+    pub edge: [u32; 2],
+    /// The corners of the triangle.
+    pub triangle: [u32; 3],
+}
+
+impl Crossing {
+    /// The same by other numbers of the vertices.
+    pub(crate) fn named(self, names: &[u32]) -> Crossing {
+        let name = |vertex: u32| names[vertex as usize];
+        Crossing { edge: self.edge.map(name), triangle: self.triangle.map(name) }
+    }
 }
 
 /// Something a step met that is worth knowing.

@@ -5,24 +5,6 @@ use glam::{DVec3, Vec4};
 use super::detection::{Kind, Listed};
 use super::surface::Surface;
 
-/// An edge that goes through a triangle with which it shares no vertex, by the mesh's vertices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Crossing {
-    /// The ends of the edge.
-    pub edge: [u32; 2],
-    /// The corners of the triangle.
-    pub triangle: [u32; 3],
-}
-
-impl Crossing {
-    /// The same by other numbers of the vertices.
-    pub(crate) fn named(self, names: &[u32]) -> Crossing {
-        let name = |vertex: u32| names[vertex as usize];
-        Crossing { edge: self.edge.map(name), triangle: self.triangle.map(name) }
-    }
-}
-
 /// Pairs of an edge and a triangle, by their places in the lists, that share no vertex and go through one another where the vertices are at
 /// `x` (m); in order.
 pub(crate) fn crossings(edges: &[[u32; 2]], triangles: &[[u32; 3]], x: &[Vec4]) -> Vec<[u32; 2]> {

@@ -27,11 +27,11 @@ use rayon::prelude::*;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::cloth::Cloth;
-use crate::options::Contact;
+use crate::options::{Contact, Crossing};
 use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
-use crossings::{Crossing, LetGo};
+use crossings::LetGo;
 use detection::{Detection, Rows, Scene};
 use near::{Contacts, Start};
 use surface::Surface;

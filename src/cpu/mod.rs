@@ -1,6 +1,6 @@
 //! The kernels on the processor's threads.
 //!
-//! [`substep`] lists the stages of a substep in order and says what each does. The cloth is cut into tiles ([`partition`]); the
+//! [`stages`] lists the stages of a substep in order, [`substep`] says what each does. The cloth is cut into tiles ([`partition`]); the
 //! [`tasks`] of a stage, a tile each, are scheduled by what they touch.
 
 mod backend;
@@ -11,6 +11,8 @@ mod force_batches;
 mod forces;
 mod integrate;
 mod partition;
+mod schedule;
+mod stages;
 mod statistics;
 mod substep;
 mod sweep;

@@ -6,14 +6,15 @@ use super::Deformer;
 use crate::attributes::Collider;
 #[cfg(feature = "gpu")]
 use crate::backend::Engine;
-use crate::contact::crossings::{Crossing, crossings};
+use crate::contact::crossings::crossings;
 use crate::error::StepError;
 #[cfg(feature = "gpu")]
 use crate::gpu::Surface;
 use crate::limits::MAX_POSITION;
 use crate::measure::Measure;
 use crate::model::mesh::edges;
-use crate::step::plan::Motion;
+use crate::options::Crossing;
+use crate::step::motion::Motion;
 
 impl Deformer {
     /// Positions (m), one per vertex, in the mesh's order. Reads back from the GPU when they changed.

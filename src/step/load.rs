@@ -6,7 +6,7 @@ use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
 use crate::options::Cause;
-use crate::step::plan::Motion;
+use crate::step::motion::Motion;
 
 /// The accelerations, speeds and pressures that membrane stress follows from.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

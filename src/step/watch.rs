@@ -21,7 +21,7 @@ use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
 use crate::options::{Method, Options};
 use crate::step::load::{pressure, travel};
-use crate::step::plan::Motion;
+use crate::step::motion::Motion;
 use crate::step::substep_count::{Length, Rates};
 
 /// Times what is explained.

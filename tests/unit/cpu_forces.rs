@@ -6,7 +6,8 @@ use super::*;
 use crate::cpu::integrate::Integrator;
 use crate::model::cloth::Cloth;
 use crate::step::coefficients::Coefficients;
-use crate::step::plan::{Motion, PlanBuffers};
+use crate::step::motion::Motion;
+use crate::step::plan::PlanBuffers;
 use crate::step::substep_count::Length;
 use crate::{Attributes, Fabric, Mesh, Options};
 

@@ -4,7 +4,8 @@ use super::*;
 use crate::model::cloth::Cloth;
 use crate::simd::aligned::AlignedVec;
 use crate::step::coefficients::Coefficients;
-use crate::step::plan::{Motion, PlanBuffers};
+use crate::step::motion::Motion;
+use crate::step::plan::PlanBuffers;
 use crate::step::substep_count::Length;
 use crate::{Attributes, Collider, Mesh, Options};
 

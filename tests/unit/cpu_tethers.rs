@@ -8,7 +8,8 @@ use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::oracle;
 use crate::step::coefficients::Coefficients;
-use crate::step::plan::{Motion, PlanBuffers};
+use crate::step::motion::Motion;
+use crate::step::plan::PlanBuffers;
 use crate::step::substep_count::Length;
 use crate::{Attributes, Mesh, Options};
 

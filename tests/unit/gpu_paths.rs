@@ -17,7 +17,8 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
 use crate::step::coefficients::Coefficients;
-use crate::step::plan::{Motion, Plan, PlanBuffers};
+use crate::step::motion::Motion;
+use crate::step::plan::{Plan, PlanBuffers};
 use crate::step::substep_count::Length;
 
 /// A step (s) and its substeps.

@@ -8,7 +8,7 @@
 //!   was made. Lengths and bounds never change.
 //! - **Apart**: while tasks run, no item that one writes is read or written by another. An array can only be seen from within a
 //!   [`Task`]; tasks are made by the [`scheduler`](super::scheduler) alone, which runs one only after all earlier ones that touch
-//!   a place of the cloth that it touches. That a task's loops stay where it says is for [`Schedule`](crate::cpu::substep::Schedule) to
+//!   a place of the cloth that it touches. That a task's loops stay where it says is for [`Schedule`](crate::cpu::schedule::Schedule) to
 //!   say; debug builds watch every access for two tasks that meet ([`race`]), which they find when those overlap in time.
 
 #![expect(unsafe_code, reason = "see the invariants")]

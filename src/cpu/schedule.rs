@@ -1,0 +1,247 @@
+//! Stages as passes over parts of the cloth, and what each task of a pass touches and waits for.
+
+use std::ops::Range;
+
+use crate::cpu::coarse::Coarse;
+use crate::cpu::partition::Partition;
+use crate::cpu::stages::{Stage, Terms, prologue, stages};
+use crate::cpu::tasks::scheduler::{Graph, PassTasks};
+use crate::simd::MAX_LANES;
+
+/// What the tasks of a stage are over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Over {
+    Everything,
+    SmallLevels(usize),
+    Tiles,
+    /// Parts of tiles.
+    Chunks,
+    Triangles,
+    Aggregates(usize),
+    PiecesOfLevel(usize, usize),
+    Borders(usize),
+}
+
+impl Stage {
+    /// Where tiles are too few, what is done to each vertex by itself is done in chunks of them.
+    pub(super) fn over(self, chunks: bool) -> Over {
+        match self {
+            Stage::Remember
+            | Stage::BendMoments
+            | Stage::GiveWay(_)
+            | Stage::BendAgain(_)
+            | Stage::Predict
+            | Stage::LeadPins
+            | Stage::MoveOn
+                if chunks =>
+            {
+                Over::Chunks
+            }
+            Stage::Exchange => Over::Everything,
+            Stage::SmallLevels(first) => Over::SmallLevels(first),
+            Stage::PanelForces => Over::Triangles,
+            Stage::Restrict(level) => Over::Aggregates(level),
+            Stage::SweepLevel(level, round) => Over::PiecesOfLevel(level, round),
+            Stage::Sweep(round) | Stage::Tether(round) | Stage::Move(round) if round > 0 => Over::Borders(round),
+            _ => Over::Tiles,
+        }
+    }
+
+    /// Whether it looks at what a stage before it did to neighbors.
+    fn looks_around_after(self, before: Stage) -> bool {
+        match before {
+            Stage::GiveWay(_) => matches!(self, Stage::BendAgain(_)),
+            before => before.is_around() && matches!(self, Stage::GiveWay(_) | Stage::Predict),
+        }
+    }
+
+    /// Whether it looks at neighbors that others must not go on with meanwhile.
+    fn is_around(self) -> bool {
+        matches!(self, Stage::BendMoments | Stage::BendAgain(_))
+    }
+}
+
+/// Stages that are done to a part of the cloth one after another, while it is in cache.
+pub(crate) type Pass = Vec<Stage>;
+
+/// Joins stages over the same parts that need nothing of one another's neighbors.
+fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
+    let mut passes: Vec<Pass> = Vec::new();
+    for stage in stages {
+        match passes.last_mut() {
+            Some(pass) if pass[0].over(chunks) == stage.over(chunks) && !stage.looks_around_after(pass[0]) => pass.push(stage),
+            _ => passes.push(vec![stage]),
+        }
+    }
+    passes
+}
+
+/// The passes of a step, and the graph of their tasks.
+#[derive(Debug, Default)]
+pub(crate) struct Schedule {
+    pub passes: Vec<Pass>,
+    pub graph: Graph,
+    /// Parts of tiles, if those are too few.
+    pub chunks: Option<Vec<Range<u32>>>,
+}
+
+/// Vertices in a chunk, at least.
+const LEAST_CHUNK: usize = 128;
+
+impl Schedule {
+    /// The schedules of a step: one, or where contact comes between, that of what comes first, of a substep up to there, and from there on.
+    pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
+        let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
+        let stages = stages(terms, partition, coarse);
+        match terms.contact {
+            false => vec![schedule(prologue(terms), stages)],
+            true => [prologue(terms), stages, vec![Stage::MoveOn]].map(|stages| schedule(Vec::new(), stages)).into(),
+        }
+    }
+
+    fn new(
+        terms: Terms,
+        first: Vec<Stage>,
+        stages: Vec<Stage>,
+        partition: &Partition,
+        coarse: &Coarse,
+        panel_tiles: &[Vec<u32>],
+    ) -> Schedule {
+        let chunks =
+            (partition.tiles.len() < 2 * terms.threads && terms.threads > 1).then(|| chunks(partition, 2 * terms.threads));
+        let mut passes = fuse(first, chunks.is_some());
+        let once = passes.len();
+        passes.extend(fuse(stages, chunks.is_some()));
+        let places = Places { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
+        let mut tasks: Vec<PassTasks> = Vec::new();
+        for (index, pass) in passes.iter().enumerate() {
+            let is_local = |over| matches!(over, Over::Tiles | Over::Chunks | Over::Triangles | Over::Borders(_));
+            let follows = index > once && is_local(places.over(pass)) && is_local(places.over(&passes[index - 1]));
+            tasks.push(PassTasks { touches: places.touched(pass), awaits: places.awaited(pass), follows });
+        }
+        Schedule { graph: Graph::new(tasks, once, places.count()), passes, chunks }
+    }
+}
+
+/// The places of the cloth that tasks wait for one another at: its tiles, then those of each level that is shared, then one for all
+/// others.
+struct Places<'a> {
+    partition: &'a Partition,
+    coarse: &'a Coarse,
+    panel_tiles: &'a [Vec<u32>],
+    chunks: Option<&'a [Range<u32>]>,
+}
+
+/// Cuts tiles into about so many parts, which begin with whole groups.
+fn chunks(partition: &Partition, count: usize) -> Vec<Range<u32>> {
+    let vertices = partition.tiles.last().map_or(0, |tile| tile.end as usize);
+    let length = (vertices / count).max(LEAST_CHUNK).next_multiple_of(MAX_LANES);
+    let of_tile = |tile: &Range<u32>| {
+        let Range { start, end } = *tile;
+        (start..end).step_by(length).map(move |start| start..end.min(start + length as u32)).collect::<Vec<_>>()
+    };
+    partition.tiles.iter().flat_map(of_tile).collect()
+}
+
+impl Places<'_> {
+    fn over(&self, pass: &Pass) -> Over {
+        pass[0].over(self.chunks.is_some())
+    }
+
+    fn count(&self) -> usize {
+        self.first_of_level(self.coarse.shared()) + 1
+    }
+
+    fn first_of_level(&self, level: usize) -> usize {
+        self.partition.tiles.len() + (0..level).map(|level| self.coarse.partition(level).tiles.len()).sum::<usize>()
+    }
+
+    /// The places of some aggregates of a level.
+    fn of_level(&self, level: usize, aggregates: impl Iterator<Item = u32>) -> Vec<u32> {
+        if level >= self.coarse.shared() {
+            return vec![self.count() as u32 - 1];
+        }
+        let first = self.first_of_level(level) as u32;
+        sorted(aggregates.map(|aggregate| first + tile_of(&self.coarse.partition(level).tiles, aggregate)))
+    }
+
+    /// What each task of a pass touches.
+    fn touched(&self, pass: &Pass) -> Vec<Vec<u32>> {
+        let Places { partition, coarse, .. } = *self;
+        let tiles = 0..partition.tiles.len() as u32;
+        match self.over(pass) {
+            Over::Everything => vec![(0..self.count() as u32).collect()],
+            // And the level that they are restricted from.
+            Over::SmallLevels(first) => {
+                vec![(self.first_of_level(first.saturating_sub(1)) as u32..self.count() as u32).collect()]
+            }
+            Over::Chunks => {
+                let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
+                let around = pass[0].is_around();
+                let touched = |tile: u32| if around { partition.around[tile as usize].clone() } else { vec![tile] };
+                self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
+            }
+            Over::Tiles if pass[0].is_around() => partition.around.clone(),
+            Over::Tiles => tiles.map(|tile| vec![tile]).collect(),
+            Over::Triangles => self.panel_tiles.to_vec(),
+            Over::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
+            Over::Aggregates(level) => {
+                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.restricted(level, chunk));
+                chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
+            }
+            // A piece of the first round is handed down to its whole tile, whatever edges it has.
+            Over::PiecesOfLevel(level, 0) => {
+                let first = self.first_of_level(level) as u32;
+                (0..coarse.partition(level).tiles.len() as u32).map(|tile| vec![first + tile]).collect()
+            }
+            Over::PiecesOfLevel(level, round) => {
+                let first = self.first_of_level(level) as u32;
+                let pieces = coarse.partition(level).rounds[round].iter();
+                pieces.map(|piece| piece.touches.iter().map(|tile| first + tile).collect()).collect()
+            }
+        }
+    }
+
+    /// Where each task of a pass waits besides.
+    ///
+    /// What is corrected by a level looks at it. Who next writes there is the restriction to the aggregates that were looked at, and
+    /// that waits for what they are made of, which was corrected. What is restricted looks at what is below. Who next writes there
+    /// is the correction, and that waits for the aggregates.
+    fn awaited(&self, pass: &Pass) -> Vec<Vec<u32>> {
+        let Places { partition, coarse, .. } = *self;
+        match self.over(pass) {
+            Over::Tiles if pass.contains(&Stage::Correct) => {
+                let labels = |tile: &Range<u32>| self.of_level(0, coarse.labels(0, tile.clone()));
+                partition.tiles.iter().map(labels).collect()
+            }
+            Over::Aggregates(level) => {
+                // From the vertices a task could begin once those of its aggregates are there. But the sweep of
+                // the smallest levels waits for all of them anyway, and a worker that has nothing else to do until then would restrict what is in
+                // another's cache, rather than help it with the edges.
+                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.members(level, coarse.restricted(level, chunk)));
+                let below = |members| match level {
+                    0 => (0..partition.tiles.len() as u32).collect(),
+                    _ => self.of_level(level - 1, members),
+                };
+                chunks.map(below).collect()
+            }
+            // In the first round a piece, which is a tile's, is handed what the level above was corrected by.
+            Over::PiecesOfLevel(level, 0) if level + 1 < coarse.len() => {
+                let labels = |tile: &Range<u32>| self.of_level(level + 1, coarse.labels(level + 1, tile.clone()));
+                coarse.partition(level).tiles.iter().map(labels).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+fn sorted(places: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut places: Vec<u32> = places.collect();
+    places.sort_unstable();
+    places.dedup();
+    places
+}
+
+fn tile_of(tiles: &[Range<u32>], item: u32) -> u32 {
+    tiles.partition_point(|tile| tile.end <= item) as u32
+}

@@ -1,0 +1,56 @@
+//! Where the last step left off.
+
+use glam::{Vec3, Vec4};
+
+use crate::attributes::Collider;
+use crate::model::cloth::Cloth;
+
+/// What the next step must know of the last.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Motion {
+    /// Its substep (s); 0 if there was none, which makes the first kick half a kick (leapfrog start).
+    pub h: f32,
+    /// Its colliders, which those of the next step move from; none if the state was set.
+    pub colliders: Vec<Collider>,
+    /// Where it left the pins (m), local.
+    pub pins: Vec<Vec3>,
+    /// How it led them there (m/s); none if it led none.
+    pub pin_velocities: Vec<Vec3>,
+}
+
+impl Motion {
+    /// Where a state in the cloth's order leaves off, made by a substep of `h` (0: set, not stepped to).
+    pub(crate) fn after(cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
+        let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
+        Motion { h, pins, ..Motion::default() }
+    }
+
+    /// Where each collider moves here from; from where it is, if it is new.
+    pub(crate) fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
+        let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());
+        let shapes = |list: &'a [Collider]| unnamed(list).map(|collider| std::mem::discriminant(&collider.shape));
+        let mut last_unnamed = shapes(colliders).eq(shapes(&self.colliders)).then(|| unnamed(&self.colliders));
+        colliders.iter().map(move |now| {
+            let last = match now.id {
+                Some(_) => self.colliders.iter().find(|last| last.id == now.id),
+                None => last_unnamed.as_mut().and_then(Iterator::next),
+            };
+            (now, last.filter(|_| !now.teleported).unwrap_or(now))
+        })
+    }
+
+    /// Notes where a step of `dt` (s) led the pins.
+    pub(crate) fn led(&mut self, cloth: &Cloth, targets: Option<&[Vec3]>, dt: f32) {
+        self.pin_velocities.clear();
+        for (pin, target) in self.pins.iter_mut().zip(targets.unwrap_or_default()) {
+            let to = *target - cloth.origin;
+            self.pin_velocities.push((to - *pin) / dt);
+            *pin = to;
+        }
+    }
+
+    /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
+    pub(crate) fn unit(&self) -> f32 {
+        if self.h > 0.0 { self.h } else { 1.0 }
+    }
+}
