@@ -9,9 +9,12 @@ struct Body {
     radius_travel: f32,
     b_travel: vec3f,
     kind: u32,
+    c: vec4f,
+    c_travel: vec4f,
 }
 
 const PLANE: u32 = 0u;
+const BOX: u32 = 2u;
 const DEPENETRATION: f32 = 1.0;
 const SWEPT: f32 = 0.25;
 const SWEEP_STEPS: u32 = 24u;
@@ -29,17 +32,35 @@ struct Touch {
     after: f32,
 }
 
-fn nearest(a: vec3f, b: vec3f, x: vec3f) -> f32 {
-    let axis = b - a;
-    return clamp(dot(x - a, axis) / max(dot(axis, axis), 1e-20), 0.0, 1.0);
+// A surface's point nearest to some place: the normal there, and the signed distance.
+struct Gap {
+    n: vec3f,
+    gap: f32,
 }
 
-fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius: f32, travel: f32) -> Touch {
+fn nearest(a: vec3f, b: vec3f, taper: f32, x: vec3f) -> f32 {
+    let axis = b - a;
+    let square = dot(axis, axis);
+    let along = dot(x - a, axis) / max(square, 1e-20);
+    if taper == 0.0 {
+        return clamp(along, 0.0, 1.0);
+    }
+    let cone = square - taper * taper;
+    if cone <= 0.0 {
+        return select(0.0, 1.0, taper > 0.0);
+    }
+    let across = length(x - a - axis * along);
+    return clamp(along + across * taper / sqrt(cone * square), 0.0, 1.0);
+}
+
+fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius_a: f32, taper: f32, travel: f32) -> Touch {
     var s = 0.0;
     for (var k = 0u; k < SWEEP_STEPS; k++) {
         let at = x + du * s;
-        let d = at - (a + (b - a) * nearest(a, b, at));
+        let t = nearest(a, b, taper, at);
+        let d = at - (a + (b - a) * t);
         let distance = length(d);
+        let radius = radius_a + taper * t;
         if distance < radius * 1.001 {
             let n = d / max(distance, 1e-20);
             return Touch(true, n, distance - radius + dot(n, du) * (1.0 - s));
@@ -66,6 +87,109 @@ fn respond(x: vec3f, u: vec3f, n: vec3f, before: f32, after: f32, step: vec3f, f
     return Path(x + n * min(old, DEPENETRATION * params.h), held);
 }
 
+fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
+    let arm = x - (body.a + body.a_travel * substep.start);
+    let rotation = body.c + body.c_travel * substep.start;
+    let change = body.c_travel * params.fraction;
+    let g = turn(rotation, change);
+    let across = cross(g, arm);
+    let step = body.a_travel * params.fraction + (across + cross(g, across)) * (2.0 / (1.0 + dot(g, g)));
+    let ends = normalize(rotation + change);
+    let y = turned_back(normalize(rotation), arm);
+    let dy = turned_back(ends, u - step);
+
+    let core = body.b + body.b_travel * substep.start;
+    let core_step = body.b_travel * params.fraction;
+    let radius = body.radius + body.radius_travel * substep.start;
+    let growth = body.radius_travel * params.fraction;
+    let before = box_gap(y, core, radius).gap;
+    let thin = SWEPT * (min(core.x, min(core.y, core.z)) + radius);
+    let travel2 = dot(dy, dy);
+    var touch = Touch(false, vec3f(), 0.0);
+    if before > -thin && travel2 > thin * thin {
+        touch = swept_box(y, dy, core, radius, sqrt(travel2));
+    }
+    if !touch.hit {
+        touch = box_end(y, dy, core, core_step, radius);
+    }
+    return respond(x, u, turned(ends, touch.n), before, touch.after - growth, step, body.friction);
+}
+
+// The surface nearest to a path's end.
+fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32) -> Touch {
+    let side = toward(y + dy);
+    let beyond = abs(y + dy) - (core + core_step);
+    let outside = positive(beyond);
+    let d0 = outside * (y - side * core);
+    let dd = outside * (dy - side * core_step);
+    let start = length(d0);
+    let end = length(d0 + dd);
+    if dot(outside, vec3f(1.0)) > 1.0 && end > LEAST_LENGTH {
+        return Touch(true, (d0 + dd) / end, start - radius + (2.0 * dot(d0, dd) + dot(dd, dd)) / (start + end));
+    }
+    let axis = farthest(beyond);
+    let n = side * axis;
+    return Touch(true, n, (dot(n, y) - dot(axis, core)) - radius + dot(n, dy) - dot(axis, core_step));
+}
+
+fn swept_box(y: vec3f, dy: vec3f, core: vec3f, radius: f32, travel: f32) -> Touch {
+    let touching = 0.001 * (min(core.x, min(core.y, core.z)) + radius);
+    var s = 0.0;
+    for (var k = 0u; k < SWEEP_STEPS; k++) {
+        let at = box_gap(y + dy * s, core, radius);
+        if at.gap < touching {
+            return Touch(true, at.n, at.gap + dot(at.n, dy) * (1.0 - s));
+        }
+        s += at.gap / travel;
+        if s >= 1.0 {
+            break;
+        }
+    }
+    return Touch(false, vec3f(), 0.0);
+}
+
+fn box_gap(y: vec3f, core: vec3f, radius: f32) -> Gap {
+    let side = toward(y);
+    let beyond = abs(y) - core;
+    let outside = positive(beyond);
+    let d = outside * beyond;
+    let l = length(d);
+    if dot(outside, vec3f(1.0)) > 1.0 && l > LEAST_LENGTH {
+        return Gap(side * d / l, l - radius);
+    }
+    let axis = farthest(beyond);
+    return Gap(side * axis, dot(axis, beyond) - radius);
+}
+
+fn farthest(v: vec3f) -> vec3f {
+    if v.x >= v.y && v.x >= v.z {
+        return vec3f(1.0, 0.0, 0.0);
+    }
+    return select(vec3f(0.0, 0.0, 1.0), vec3f(0.0, 1.0, 0.0), v.y >= v.z);
+}
+
+fn toward(y: vec3f) -> vec3f {
+    return select(vec3f(1.0), vec3f(-1.0), y < vec3f());
+}
+
+fn positive(v: vec3f) -> vec3f {
+    return select(vec3f(), vec3f(1.0), v > vec3f());
+}
+
+fn turn(rotation: vec4f, change: vec4f) -> vec3f {
+    let axis = change.xyz * rotation.w - rotation.xyz * change.w - cross(change.xyz, rotation.xyz);
+    return axis / (dot(rotation, rotation) + dot(rotation, change));
+}
+
+fn turned(rotation: vec4f, v: vec3f) -> vec3f {
+    let across = cross(rotation.xyz, v) * 2.0;
+    return v + across * rotation.w + cross(rotation.xyz, across);
+}
+
+fn turned_back(rotation: vec4f, v: vec3f) -> vec3f {
+    return turned(vec4f(-rotation.xyz, rotation.w), v);
+}
+
 fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     let a = body.a + body.a_travel * substep.start;
     let a_step = body.a_travel * params.fraction;
@@ -73,11 +197,17 @@ fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
         let before = dot(body.b, x - a);
         return respond(x, u, body.b, before, before + dot(body.b, u - a_step), a_step, body.friction);
     }
+    if body.kind == BOX {
+        return contact_box(x, u, body, substep);
+    }
     let b = body.b + body.b_travel * substep.start;
     let b_step = body.b_travel * params.fraction;
-    let radius = body.radius + body.radius_travel * substep.start;
-    let growth = body.radius_travel * params.fraction;
-    let t = nearest(a + a_step, b + b_step, x + u);
+    let taper = body.c.x + body.c_travel.x * substep.start;
+    let taper_step = body.c_travel.x * params.fraction;
+    let t = nearest(a + a_step, b + b_step, taper + taper_step, x + u);
+    let radius_a = body.radius + body.radius_travel * substep.start;
+    let radius = radius_a + taper * t;
+    let growth = body.radius_travel * params.fraction + taper_step * t;
     let step = a_step + (b_step - a_step) * t;
     let d0 = x - (a + (b - a) * t);
     let du = u - step;
@@ -87,7 +217,7 @@ fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     let before = start - radius;
     let travel2 = dot(du, du);
     if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
-        let touch = swept(x, du, a, b, radius, sqrt(travel2));
+        let touch = swept(x, du, a, b, radius_a, taper, sqrt(travel2));
         if touch.hit {
             return respond(x, u, touch.n, before, touch.after - growth, step, body.friction);
         }

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use crate::error::StepError;
 
@@ -34,8 +34,8 @@ pub struct Attributes {
     /// those without one, as long as these are as many and of the same shapes in the same order as in the last step; otherwise all of them
     /// arrive where they are, and move nothing: a collider that is left out for a frame does not lend its place, and a velocity, to the next.
     ///
-    /// Round colliders are held off by 1.2 times the sagitta `l²/8R` of the cloth's longest edge `l`, so that edges, not only
-    /// vertices, stay outside.
+    /// Round colliders, boxes with round edges among them, are held off by 1.2 times the sagitta `l²/8R` of the cloth's longest edge `l`, so
+    /// that edges, not only vertices, stay outside; no edge longer than R is looked after so.
     pub colliders: Vec<Collider>,
     /// Where the pinned vertices are at the end of this step (m), in the order of
     /// [`Options::pinned`](crate::Options::pinned). They get there evenly. `None`: they stay where they are.
@@ -101,6 +101,29 @@ pub enum Shape {
         /// Radius (m), above 0.
         radius: f32,
     },
+    /// All balls whose centers are on the segment from `a` to `b` and whose radii go evenly from one end's to the other's: an upper arm, a
+    /// skirt's hips, a bottle's neck.
+    TaperedCapsule {
+        /// One end of the segment (m).
+        a: Vec3,
+        /// Radius at `a` (m), above 0.
+        radius_a: f32,
+        /// The other end of the segment (m).
+        b: Vec3,
+        /// Radius at `b` (m), above 0.
+        radius_b: f32,
+    },
+    /// A box with rounded edges and corners.
+    RoundedBox {
+        /// Center (m).
+        center: Vec3,
+        /// Half of its width, height and depth (m) along its own axes, edges included; each above 0.
+        half: Vec3,
+        /// What turns its own axes into the world's; any length but 0.
+        rotation: Quat,
+        /// Radius of its edges and corners (m), from 0 (sharp) to the least of `half`.
+        radius: f32,
+    },
 }
 
 impl Default for Collider {
@@ -130,6 +153,20 @@ impl Collider {
     #[must_use]
     pub fn capsule(a: Vec3, b: Vec3, radius: f32) -> Collider {
         Collider::of(Shape::Capsule { a, b, radius })
+    }
+
+    /// A capsule with two radii (m), `ra` around `a` (m) and `rb` around `b` (m); friction 0.3.
+    #[must_use]
+    pub fn tapered_capsule(a: Vec3, ra: f32, b: Vec3, rb: f32) -> Collider {
+        Collider::of(Shape::TaperedCapsule { a, radius_a: ra, b, radius_b: rb })
+    }
+
+    /// A box around `center` (m) that reaches as far as `half` (m) along its own axes, which `rotation` turns into the world's, with edges
+    /// and corners rounded by `radius` (m), 0 for sharp ones; friction 0.3. It moves and turns evenly from step to step, by less than half
+    /// a turn.
+    #[must_use]
+    pub fn rounded_box(center: Vec3, half: Vec3, rotation: Quat, radius: f32) -> Collider {
+        Collider::of(Shape::RoundedBox { center, half, rotation, radius })
     }
 
     fn of(shape: Shape) -> Collider {
@@ -170,6 +207,24 @@ impl Collider {
                 let along = ((x - a).dot(axis) / axis.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
                 x.distance(a + along * axis) - f64::from(radius)
             }
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
+                let (a, axis, taper) = (a.as_dvec3(), (b - a).as_dvec3(), f64::from(radius_b) - f64::from(radius_a));
+                let cone = axis.length_squared() - taper * taper;
+                // Where one ball holds the other there is no cone between them.
+                let along = if cone <= 0.0 {
+                    f64::from(taper > 0.0)
+                } else {
+                    let along = (x - a).dot(axis) / axis.length_squared();
+                    let across = x.distance(a + along * axis);
+                    (along + across * taper / (cone * axis.length_squared()).sqrt()).clamp(0.0, 1.0)
+                };
+                x.distance(a + along * axis) - (f64::from(radius_a) + along * taper)
+            }
+            Shape::RoundedBox { center, half, rotation, radius } => {
+                let local = rotation.as_dquat().normalize().inverse() * (x - center.as_dvec3());
+                let beyond = local.abs() - (half.as_dvec3() - f64::from(radius));
+                beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0) - f64::from(radius)
+            }
         }
     }
 
@@ -179,6 +234,12 @@ impl Collider {
             Shape::Sphere { center, radius } => Shape::Sphere { center: center - origin, radius },
             Shape::Plane { point, normal } => Shape::Plane { point: point - origin, normal },
             Shape::Capsule { a, b, radius } => Shape::Capsule { a: a - origin, b: b - origin, radius },
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
+                Shape::TaperedCapsule { a: a - origin, radius_a, b: b - origin, radius_b }
+            }
+            Shape::RoundedBox { center, half, rotation, radius } => {
+                Shape::RoundedBox { center: center - origin, half, rotation, radius }
+            }
         };
         Collider { shape, ..*self }
     }
@@ -214,10 +275,11 @@ impl Attributes {
 
 impl Collider {
     fn validate(&self, index: usize) -> Result<(), StepError> {
-        let positive = |radius: f32| match radius > 0.0 && radius.is_finite() {
+        let above_0 = |name: &str, radius: f32| match radius > 0.0 && radius.is_finite() {
             true => Ok(()),
-            false => Err(invalid(format_args!("colliders[{index}].radius"), radius, "must be finite and above 0 m")),
+            false => Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be finite and above 0 m")),
         };
+        let positive = |radius: f32| above_0("radius", radius);
         not_negative(format_args!("colliders[{index}].friction"), self.friction)?;
         match self.shape {
             Shape::Sphere { center, radius } => {
@@ -240,6 +302,29 @@ impl Collider {
                 finite(format_args!("colliders[{index}].a"), a)?;
                 finite(format_args!("colliders[{index}].b"), b)?;
                 positive(radius)
+            }
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
+                finite(format_args!("colliders[{index}].a"), a)?;
+                finite(format_args!("colliders[{index}].b"), b)?;
+                above_0("radius_a", radius_a)?;
+                above_0("radius_b", radius_b)
+            }
+            Shape::RoundedBox { center, half, rotation, radius } => {
+                finite(format_args!("colliders[{index}].center"), center)?;
+                ["half.x", "half.y", "half.z"]
+                    .into_iter()
+                    .zip(half.to_array())
+                    .try_for_each(|(name, half)| above_0(name, half))?;
+                let square = rotation.as_dquat().length_squared();
+                if !(square > 0.0 && square.is_finite()) {
+                    let remedy = "has no direction; give a quaternion of finite numbers, Quat::IDENTITY for none";
+                    return Err(invalid(format_args!("colliders[{index}].rotation"), rotation, remedy));
+                }
+                if !(0.0..=half.min_element()).contains(&radius) {
+                    let remedy = format_args!("must be from 0 m to the least of half = {half}");
+                    return Err(invalid(format_args!("colliders[{index}].radius"), radius, remedy));
+                }
+                Ok(())
             }
         }
     }

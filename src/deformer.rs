@@ -142,7 +142,7 @@ impl Deformer {
         })
     }
 
-    /// Advances by `dt` (s).
+    /// Advances by `dt` (s). A step of 0 s checks its attributes and does nothing: what moves goes on from where it was before.
     ///
     /// On the CPU the threads of the current rayon pool share the work, and one that waits for another may run any other task of that
     /// pool meanwhile, as rayon does. So hold no lock across a step that a task of the same pool takes: the step may come to run
@@ -154,7 +154,7 @@ impl Deformer {
     /// On the GPU the last is found when the state is next read, or by one of the next steps, about sixteen later at most, which is then not
     /// taken: the state is that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
-        let Some(taken) = self.ready(dt, attributes)? else { return Ok(slept()) };
+        let Some(taken) = self.ready(dt, attributes)? else { return Ok(idle(dt)) };
         // Without a budget nobody looks at a clock, which not every machine has.
         let start = matches!(self.options.quality, Quality::Budget(_)).then(Instant::now);
         let (engine, plan) = self.job(&taken, attributes);
@@ -183,7 +183,7 @@ impl Deformer {
         let each = crowd.into_iter().zip(ready);
         each.map(|((one, attributes), ready)| match ready? {
             Some(taken) => one.stepped(stepped.next().unwrap_or(Ok(None)), taken, attributes),
-            None => Ok(slept()),
+            None => Ok(idle(dt)),
         })
         .collect()
     }
@@ -202,9 +202,12 @@ impl Deformer {
         Ok(Taken { dt, load, controller, rate, division, levels })
     }
 
-    /// Checks a step and brings the coefficients up to date; returns what it takes, or nothing if the cloth sleeps through it.
+    /// Checks a step and brings the coefficients up to date; returns what it takes, or nothing if there is nothing to do.
     fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<Taken>, StepError> {
         self.look_back()?;
+        if dt == 0.0 {
+            return attributes.validate(self.cloth.pinned.len()).map(|()| None);
+        }
         let taken = self.taken(dt, attributes)?;
         if self.sleeps(attributes) {
             return Ok(None);
@@ -312,7 +315,7 @@ impl Deformer {
     }
 }
 
-/// What a step comes to that the cloth sleeps through.
-fn slept() -> StepReport {
-    StepReport { asleep: true, ..StepReport::default() }
+/// What a step of `dt` (s) comes to in which nothing is done: the cloth sleeps through it, or it takes no time.
+fn idle(dt: f32) -> StepReport {
+    StepReport { asleep: dt > 0.0, ..StepReport::default() }
 }

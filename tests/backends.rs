@@ -3,7 +3,7 @@
 #[macro_use]
 mod common;
 
-use cloth_deformer::glam::Vec3;
+use cloth_deformer::glam::{EulerRot, Quat, Vec3};
 use cloth_deformer::{
     Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError, Tethers,
 };
@@ -52,10 +52,10 @@ fn scenes() -> Vec<Scene> {
         "sphere",
         "plane",
     ];
-    let all = all.into_iter().chain(["capsule", "swept", "pins", "tethers", "everything"]);
+    let all = all.into_iter().chain(["capsule", "tapered", "box", "swept", "swept box", "pins", "tethers", "everything"]);
     all.map(|name| {
         let mut scene = scene(name);
-        if name == "swept" {
+        if name.starts_with("swept") {
             scene.velocities.iter_mut().for_each(|v| v.y -= 200.0);
             scene.frames = 1;
         }
@@ -108,6 +108,17 @@ fn scenes() -> Vec<Scene> {
         if is("capsule") {
             collide(Collider::capsule(Vec3::new(-0.3, -0.1, 0.2), Vec3::new(0.3, -0.12, -0.1), 0.1));
         }
+        if is("tapered") {
+            collide(Collider::tapered_capsule(Vec3::new(-0.3, -0.1, -0.2), 0.04, Vec3::new(0.3, -0.12, -0.1), 0.11));
+        }
+        if is("box") {
+            let turn = Quat::from_euler(EulerRot::YXZ, 0.4, 0.2, -0.1);
+            collide(Collider::rounded_box(Vec3::new(0.1, -0.07, 0.2), Vec3::new(0.3, 0.06, 0.2), turn, 0.03));
+        }
+        if name == "swept box" {
+            let turn = Quat::from_euler(EulerRot::YXZ, 0.4, 0.2, -0.1);
+            collide(Collider::rounded_box(Vec3::new(0.1, -0.3, 0.0), Vec3::new(0.3, 0.1, 0.2), turn, 0.03));
+        }
         if name == "swept" {
             collide(Collider::sphere(Vec3::new(0.1, -0.3, 0.0), 0.25));
         }
@@ -129,6 +140,16 @@ fn moved(attributes: &Attributes, frame: u32) -> Attributes {
             Shape::Sphere { center, radius } => Shape::Sphere { center: center + by, radius: radius + 0.003 * t },
             Shape::Plane { point, normal } => Shape::Plane { point: point + 0.3 * by, normal },
             Shape::Capsule { a, b, radius } => Shape::Capsule { a: a + by, b: b - 0.5 * by, radius: radius + 0.002 * t },
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => Shape::TaperedCapsule {
+                a: a + by,
+                radius_a: radius_a + 0.002 * t,
+                b: b - 0.5 * by,
+                radius_b: radius_b - 0.001 * t,
+            },
+            Shape::RoundedBox { center, half, rotation, radius } => {
+                let rotation = Quat::from_axis_angle(Vec3::new(0.0, 0.6, 0.8), 0.02 * t) * rotation;
+                Shape::RoundedBox { center: center + by, half: half + 0.3 * by, rotation, radius: radius + 0.001 * t }
+            }
             other => panic!("{other:?} is not moved here"),
         };
         Collider { shape, ..*collider }

@@ -41,7 +41,7 @@ impl Deformer {
     /// Takes less time than building the cloth, and leaves the state alone.
     ///
     /// # Errors
-    /// As [`Deformer::step`] before the step is taken.
+    /// As [`Deformer::step`] before the step is taken; a step of 0 s, which is none, has no forecast either.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
         let Taken { load, controller, division: Division { substeps, length }, levels, .. } = self.taken(dt, attributes)?;
         let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;

@@ -1,7 +1,7 @@
 //! Contact of a vertex with a body. One vertex at a time: few are near one.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3A;
+use glam::{Vec3A, Vec4, Vec4Swizzles};
 
 use super::distance::LEAST_LENGTH;
 use super::params::{Params, Substep};
@@ -11,26 +11,33 @@ use crate::simd::{Lanes, Vector};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Body {
-    /// Plane: a point of it. Round: one end of the axis (a sphere's center), at the step's start.
+    /// Plane: a point of it. Round: one end of the axis (a sphere's center). Box: its center. All at the step's start.
     pub a: [f32; 3],
+    /// Of a round body at `a`; of a box, by which it reaches beyond its core.
     pub radius: f32,
-    /// Plane: its unit normal. Round: the other end of the axis.
+    /// Plane: its unit normal. Round: the other end of the axis. Box: half of its core, along its own axes.
     pub b: [f32; 3],
     pub friction: f32,
-    /// How `a`, `radius` and a round body's `b` change over the step.
+    /// How `a`, `radius`, and all but a plane's `b`, change over the step.
     pub a_travel: [f32; 3],
     pub radius_travel: f32,
     pub b_travel: [f32; 3],
-    /// [`PLANE`] or [`ROUND`].
+    /// [`PLANE`], [`ROUND`] or [`BOX`].
     pub kind: u32,
+    /// Round: by how much the radius is larger at `b`, and three numbers that mean nothing. Box: its rotation, a quaternion, of length 1
+    /// at the step's start and end.
+    pub c: [f32; 4],
+    /// How `c` changes over the step.
+    pub c_travel: [f32; 4],
 }
 
 pub(crate) const PLANE: u32 = 0;
 pub(crate) const ROUND: u32 = 1;
+pub(crate) const BOX: u32 = 2;
 
 /// Speed (m/s) at which a vertex that began a substep inside a body is moved out of it.
 pub(crate) const DEPENETRATION: f32 = 1.0;
-/// A vertex that moves by more than this share of a body's radius in a substep is swept along its path.
+/// A vertex that moves by more than this share of a body's radius, or of half a box's thickness, in a substep is swept along its path.
 pub(crate) const SWEPT: f32 = 0.25;
 pub(crate) const SWEEP_STEPS: u32 = 24;
 
@@ -50,10 +57,16 @@ pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, p
         let after = before + n.dot(u - a_step);
         return respond(x, u, n, before, after, a_step, body.friction, params.h);
     }
+    if body.kind == BOX {
+        return contact_box(x, u, body, substep, params);
+    }
     let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
     let b_step = Vec3A::from(body.b_travel) * params.fraction;
-    let radius = body.radius + body.radius_travel * substep.start;
-    let t = nearest(a + a_step, b + b_step, x + u);
+    let (taper, taper_step) = (body.c[0] + body.c_travel[0] * substep.start, body.c_travel[0] * params.fraction);
+    let t = nearest(a + a_step, b + b_step, taper + taper_step, x + u);
+    let radius_a = body.radius + body.radius_travel * substep.start;
+    let radius = radius_a + taper * t;
+    let growth = body.radius_travel * params.fraction + taper_step * t;
     let step = a_step + (b_step - a_step) * t;
     let d0 = x - (a + (b - a) * t);
     let du = u - step;
@@ -65,29 +78,43 @@ pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, p
     // A vertex at rest on the surface may be inside it by a rounding.
     if before > -SWEPT * radius
         && travel2 > SWEPT * SWEPT * radius * radius
-        && let Some((n, after)) = swept(x, du, a, b, radius, travel2.sqrt())
+        && let Some((n, after)) = swept(x, du, a, b, radius_a, taper, travel2.sqrt())
     {
-        return respond(x, u, n, before, after - body.radius_travel * params.fraction, step, body.friction, params.h);
+        return respond(x, u, n, before, after - growth, step, body.friction, params.h);
     }
-    let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - body.radius_travel * params.fraction;
+    let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - growth;
     let n = if end > LEAST_LENGTH { d / end } else { Vec3A::Y };
     respond(x, u, n, before, after, step, body.friction, params.h)
 }
 
-/// Where on the segment from `a` (0) to `b` (1) lies the point nearest to `x`.
-fn nearest(a: Vec3A, b: Vec3A, x: Vec3A) -> f32 {
+/// The center of the ball, of those that fill a round body, whose surface is nearest to `x`: where between `a` (0) and `b` (1). The radius
+/// is larger by `taper` at `b`. On a cone the way to the surface leans by the sine `taper / |b - a|`.
+fn nearest(a: Vec3A, b: Vec3A, taper: f32, x: Vec3A) -> f32 {
     let axis = b - a;
-    ((x - a).dot(axis) / axis.length_squared().max(1e-20)).clamp(0.0, 1.0)
+    let square = axis.length_squared();
+    let along = (x - a).dot(axis) / square.max(1e-20);
+    if taper == 0.0 {
+        return along.clamp(0.0, 1.0);
+    }
+    let cone = square - taper * taper;
+    if cone <= 0.0 {
+        // The larger ball holds the smaller one.
+        return if taper > 0.0 { 1.0 } else { 0.0 };
+    }
+    let across = (x - a - axis * along).length();
+    (along + across * taper / (cone * square).sqrt()).clamp(0.0, 1.0)
 }
 
 /// First touch of the path `x + s du` with a round body: its normal there, and the gap that the end of the path leaves to
 /// the tangent plane. Steps by the distance still free (sphere tracing: Hart 1996), which never passes the surface.
-fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, travel: f32) -> Option<(Vec3A, f32)> {
+fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, taper: f32, travel: f32) -> Option<(Vec3A, f32)> {
     let mut s = 0.0;
     for _ in 0..SWEEP_STEPS {
         let at = x + du * s;
-        let d = at - (a + (b - a) * nearest(a, b, at));
+        let t = nearest(a, b, taper, at);
+        let d = at - (a + (b - a) * t);
         let distance = d.length();
+        let radius = radius + taper * t;
         if distance < radius * 1.001 {
             let n = d / distance.max(1e-20);
             return Some((n, distance - radius + n.dot(du) * (1.0 - s)));
@@ -98,6 +125,119 @@ fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, travel: f32) -> O
         }
     }
     None
+}
+
+/// [`contact_body`] with a box that moves and turns, in the box's own axes, where it rests.
+///
+/// The box turns along the straight way between two quaternions. The turn of a substep is formed from their difference, as the vector
+/// `g` along its axis of length `tan(angle/2)`: so what the box moves by under the vertex, `2 (g x r + g x (g x r)) / (1 + g²)`, is right to
+/// its own last bit.
+fn contact_box(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
+    let arm = x - (Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start);
+    let rotation = Vec4::from(body.c) + Vec4::from(body.c_travel) * substep.start;
+    let change = Vec4::from(body.c_travel) * params.fraction;
+    let g = turn(rotation, change);
+    let across = g.cross(arm);
+    let step = Vec3A::from(body.a_travel) * params.fraction + (across + g.cross(across)) * (2.0 / (1.0 + g.dot(g)));
+    let ends = (rotation + change).normalize();
+    let y = turned_back(rotation.normalize(), arm);
+    let dy = turned_back(ends, u - step);
+
+    let core = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
+    let core_step = Vec3A::from(body.b_travel) * params.fraction;
+    let radius = body.radius + body.radius_travel * substep.start;
+    let growth = body.radius_travel * params.fraction;
+    let (_, before) = box_gap(y, core, radius);
+    let thin = SWEPT * (core.min_element() + radius);
+    let travel2 = dy.length_squared();
+    let touch = if before > -thin && travel2 > thin * thin { swept_box(y, dy, core, radius, travel2.sqrt()) } else { None };
+    let (n, after) = touch.unwrap_or_else(|| box_end(y, dy, core, core_step, radius));
+    respond(x, u, turned(ends, n), before, after - growth, step, body.friction, params.h)
+}
+
+/// The surface of a box nearest to the end of the path from `y` by `dy`: its normal there, and the gap, formed in displacements.
+/// What lies beyond one face alone is nearest to that face; beyond several, to their edge or corner.
+fn box_end(y: Vec3A, dy: Vec3A, core: Vec3A, core_step: Vec3A, radius: f32) -> (Vec3A, f32) {
+    let side = toward(y + dy);
+    let beyond = (y + dy).abs() - (core + core_step);
+    let outside = positive(beyond);
+    let d0 = outside * (y - side * core);
+    let dd = outside * (dy - side * core_step);
+    let (start, end) = (d0.length(), (d0 + dd).length());
+    if outside.element_sum() > 1.0 && end > LEAST_LENGTH {
+        return ((d0 + dd) / end, start - radius + (2.0 * d0.dot(dd) + dd.dot(dd)) / (start + end));
+    }
+    let axis = farthest(beyond);
+    let n = side * axis;
+    (n, (n.dot(y) - axis.dot(core)) - radius + n.dot(dy) - axis.dot(core_step))
+}
+
+/// First touch of the path `y + s dy` with a box at rest: as [`swept`].
+fn swept_box(y: Vec3A, dy: Vec3A, core: Vec3A, radius: f32, travel: f32) -> Option<(Vec3A, f32)> {
+    let touching = 0.001 * (core.min_element() + radius);
+    let mut s = 0.0;
+    for _ in 0..SWEEP_STEPS {
+        let (n, gap) = box_gap(y + dy * s, core, radius);
+        if gap < touching {
+            return Some((n, gap + n.dot(dy) * (1.0 - s)));
+        }
+        s += gap / travel;
+        if s >= 1.0 {
+            return None;
+        }
+    }
+    None
+}
+
+/// Normal and signed distance of the surface of a box at rest that is nearest to `y`.
+fn box_gap(y: Vec3A, core: Vec3A, radius: f32) -> (Vec3A, f32) {
+    let (side, beyond) = (toward(y), y.abs() - core);
+    let outside = positive(beyond);
+    let d = outside * beyond;
+    let length = d.length();
+    if outside.element_sum() > 1.0 && length > LEAST_LENGTH {
+        return (side * d / length, length - radius);
+    }
+    let axis = farthest(beyond);
+    (side * axis, axis.dot(beyond) - radius)
+}
+
+/// The axis along which a vector is largest, the first of equals.
+fn farthest(v: Vec3A) -> Vec3A {
+    match (v.x >= v.y && v.x >= v.z, v.y >= v.z) {
+        (true, _) => Vec3A::X,
+        (false, true) => Vec3A::Y,
+        (false, false) => Vec3A::Z,
+    }
+}
+
+/// 1 or -1 along each axis, toward the side that `y` is on.
+fn toward(y: Vec3A) -> Vec3A {
+    Vec3A::select(y.cmplt(Vec3A::ZERO), Vec3A::NEG_ONE, Vec3A::ONE)
+}
+
+/// 1 along each axis along which a vector is positive, 0 along the others.
+fn positive(v: Vec3A) -> Vec3A {
+    Vec3A::select(v.cmpgt(Vec3A::ZERO), Vec3A::ONE, Vec3A::ZERO)
+}
+
+/// The turn from a quaternion to one that differs by `change`, neither of length 1: along its axis, of length `tan(angle/2)`.
+fn turn(rotation: Vec4, change: Vec4) -> Vec3A {
+    let (from, by) = (Vec3A::from_vec4(rotation), Vec3A::from_vec4(change));
+    let axis = by * rotation.w - from * change.w - by.cross(from);
+    axis / (rotation.dot(rotation) + rotation.dot(change))
+}
+
+/// A vector turned by a quaternion of length 1.
+fn turned(rotation: Vec4, v: Vec3A) -> Vec3A {
+    let axis = Vec3A::from_vec4(rotation);
+    let across = axis.cross(v) * 2.0;
+    v + across * rotation.w + axis.cross(across)
+}
+
+/// A vector turned back by a quaternion of length 1.
+fn turned_back(rotation: Vec4, v: Vec3A) -> Vec3A {
+    turned((-rotation.xyz()).extend(rotation.w), v)
 }
 
 /// Pushes a vertex out along `n` given its signed gap before and after the substep, with friction: `(x, u)` afterwards.
@@ -138,6 +278,13 @@ impl Clear {
             let reach = 1.01 * (travel + a_travel.length() * fraction);
             return Clear { travel, center: a, reach, normal: Some(Vec3A::from(body.b)) };
         }
+        if body.kind == BOX {
+            let radius = (Vec3A::from(body.b) + b_travel.max(Vec3A::ZERO)).length() + radius;
+            let travel = 0.25 * radius;
+            let reach = 1.01 * (radius + travel + a_travel.length() * fraction);
+            return Clear { travel, center: a, reach, normal: None };
+        }
+        let radius = radius + (body.c[0] + body.c_travel[0].max(0.0)).max(0.0);
         let b = Vec3A::from(body.b) + b_travel * substep.start;
         let travel = 0.25 * radius;
         let step = a_travel.length().max(b_travel.length()) * fraction;
@@ -163,3 +310,7 @@ impl Clear {
         L::and(slow, outside)
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/kernels_contact.rs"]
+mod tests;

@@ -1,6 +1,6 @@
 //! What acts on a cloth during a step, as far as it can stretch it.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::statistics::{Statistics, unordered};
@@ -111,6 +111,19 @@ pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
         (Shape::Plane { point, normal }, Shape::Plane { point: p0, .. }) => {
             apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
         }
+        (
+            Shape::TaperedCapsule { a, radius_a, b, radius_b },
+            Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
+        ) => {
+            let end = |by: f64, radius: f32, r0: f32| by + f64::from((radius - r0).abs());
+            end(apart(a, a0).length(), radius_a, ra0).max(end(apart(b, b0).length(), radius_b, rb0))
+        }
+        (Shape::RoundedBox { center, half, rotation, .. }, Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
+            // A corner turned by an angle goes along a chord of `2 sin(angle/2)` of its distance; quaternions are `2 sin(angle/4)` apart.
+            let [now, last] = [rotation, q0].map(|rotation| rotation.as_dquat().normalize());
+            let turned = 2.0 * (now - last).length().min((now + last).length());
+            apart(center, c0).length() + apart(half, h0).length() + turned * half.max(h0).as_dvec3().length()
+        }
         _ => 0.0,
     }
 }
@@ -124,6 +137,14 @@ fn gap(shape: &Shape, low: Vec3, high: Vec3) -> f32 {
         Shape::Plane { point, normal } => {
             let lowest = Vec3::select(normal.cmpge(Vec3::ZERO), low, high);
             (lowest - point).dot(normal.normalize_or_zero())
+        }
+        Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
+            between((a - radius_a).min(b - radius_b), (a + radius_a).max(b + radius_b))
+        }
+        Shape::RoundedBox { center, half, rotation, .. } => {
+            let axes = Mat3::from_quat(rotation.normalize());
+            let reach = axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z;
+            between(center - reach, center + reach)
         }
     }
 }

@@ -184,28 +184,40 @@ fn has_forces(bending: bool, wind: bool, method: Method) -> bool {
     bending || wind || method == Method::Springs
 }
 
-/// A collider as the kernels take it, moving here from `last` during the step. A round body is made larger by what
+/// A collider as the kernels take it, moving here from `last` during the step. What is round is made larger by what
 /// the longest edge sinks between its ends, a fifth more than its sagitta `l²/8R`.
 fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
     let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
-    let round = |from: (Vec3, Vec3, f32), to: (Vec3, Vec3, f32)| {
-        let [from_radius, to_radius] = [from.2, to.2].map(|radius| radius + 1.2 * longest.min(radius).powi(2) / (8.0 * radius));
+    // A sharp edge has no radius, and nothing is added to it.
+    let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
+    // Two ends with their radii; a sphere has one twice.
+    let round = |from: [(Vec3, f32); 2], to: [(Vec3, f32); 2]| {
+        let [from_radii, to_radii] = [from, to].map(|ends| ends.map(|(_, radius)| radius + sagitta(radius)));
+        let [from_taper, to_taper] = [from_radii, to_radii].map(|[a, b]| b - a);
         Body {
-            a: from.0.to_array(),
-            radius: from_radius,
-            b: from.1.to_array(),
+            a: from[0].0.to_array(),
+            radius: from_radii[0],
+            b: from[1].0.to_array(),
             friction: now.friction,
-            a_travel: (to.0 - from.0).to_array(),
-            radius_travel: to_radius - from_radius,
-            b_travel: (to.1 - from.1).to_array(),
+            a_travel: (to[0].0 - from[0].0).to_array(),
+            radius_travel: to_radii[0] - from_radii[0],
+            b_travel: (to[1].0 - from[1].0).to_array(),
             kind: contact::ROUND,
+            c: [from_taper, 0.0, 0.0, 0.0],
+            c_travel: [to_taper - from_taper, 0.0, 0.0, 0.0],
         }
     };
     match (shape, last) {
         (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
-            round((from, from, r0), (to, to, r1))
+            round([(from, r0); 2], [(to, r1); 2])
         }
-        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => round((a0, b0, r0), (a, b, radius)),
+        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
+            round([(a0, r0), (b0, r0)], [(a, radius), (b, radius)])
+        }
+        (
+            Shape::TaperedCapsule { a, radius_a, b, radius_b },
+            Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
+        ) => round([(a0, ra0), (b0, rb0)], [(a, radius_a), (b, radius_b)]),
         (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
             // Only its motion along the normal can be felt without friction; a plane that turns does so at once.
             Body {
@@ -217,9 +229,29 @@ fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
                 ..Body::default()
             }
         }
+        (
+            Shape::RoundedBox { center, half, rotation, radius },
+            Shape::RoundedBox { center: from, half: half0, rotation: rotation0, radius: radius0 },
+        ) => {
+            let [first, to] = [rotation0, rotation].map(|rotation| rotation.as_dquat().normalize());
+            // The same rotation has two quaternions: the way between the nearer two is the shorter.
+            let to = if first.dot(to) < 0.0 { -to } else { to };
+            let (core0, core) = (half0 - radius0, half - radius);
+            let [edge0, edge] = [radius0, radius].map(|radius| radius + sagitta(radius));
+            Body {
+                a: from.to_array(),
+                radius: edge0,
+                b: core0.to_array(),
+                friction: now.friction,
+                a_travel: (center - from).to_array(),
+                radius_travel: edge - edge0,
+                b_travel: (core - core0).to_array(),
+                kind: contact::BOX,
+                c: first.as_quat().to_array(),
+                c_travel: (to - first).as_quat().to_array(),
+            }
+        }
         // Another shape in its place: nothing it moved from.
-        (Shape::Sphere { center, radius }, _) => round((center, center, radius), (center, center, radius)),
-        (Shape::Capsule { a, b, radius }, _) => round((a, b, radius), (a, b, radius)),
-        (Shape::Plane { .. }, _) => body(now, now, origin, longest),
+        _ => body(now, now, origin, longest),
     }
 }

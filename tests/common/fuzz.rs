@@ -3,7 +3,7 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each target of fuzz/ takes its own door")]
 
-use cloth_deformer::glam::Vec3;
+use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError};
 
 /// Bytes as choices; zeros once they are spent.
@@ -197,9 +197,14 @@ fn mesh_and_options(choices: &mut Choices<'_>) -> (Mesh, Options) {
 
 fn attributes(choices: &mut Choices<'_>, pins: usize) -> Attributes {
     let collider = |choices: &mut Choices<'_>| {
-        let collider = match choices.below(3) {
+        let collider = match choices.below(5) {
             0 => Collider::sphere(choices.vector(1.0), choices.number(0.5)),
             1 => Collider::plane(choices.vector(1.0), choices.vector(1.0)),
+            2 => Collider::tapered_capsule(choices.vector(1.0), choices.number(0.3), choices.vector(1.0), choices.number(0.1)),
+            3 => {
+                let (half, turn) = (choices.vector(0.5).abs(), choices.vector(1.0).extend(choices.number(0.5)));
+                Collider::rounded_box(choices.vector(1.0), half, Quat::from_vec4(turn), choices.number(0.01))
+            }
             _ => Collider::capsule(choices.vector(1.0), choices.vector(1.0), choices.number(0.3)),
         };
         let collider = collider.with_friction(choices.number(0.3));

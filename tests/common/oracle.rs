@@ -97,3 +97,22 @@ pub fn wind_force(x: [Vec3A; 3], v: Vec3A, mass: f32, kick: f32, half_density: f
     let k_t = limited(half_density * normal.length() * (drag - lift * sine));
     -(k_n * normal + k_t * (v - normal))
 }
+
+/// How far a place is from a box about the origin whose core, half of which is `core`, is surrounded at a `radius`.
+pub fn box_distance(y: DVec3, core: DVec3, radius: f64) -> f64 {
+    let outside = y.distance(y.clamp(-core, core));
+    let deepest = (0..3).map(|axis| y[axis].abs() - core[axis]).fold(f64::MIN, f64::max);
+    if outside > 0.0 { outside - radius } else { deepest - radius }
+}
+
+/// How far a place is from the nearest of all balls between two.
+pub fn ball_chain_distance(x: DVec3, ends: [DVec3; 2], radii: [f64; 2]) -> f64 {
+    let distance = |t: f64| x.distance(ends[0].lerp(ends[1], t)) - (radii[0] + (radii[1] - radii[0]) * t);
+    // It has one minimum: the distance from a line's point is convex along the line.
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..100 {
+        let third = (high - low) / 3.0;
+        if distance(low + third) < distance(high - third) { high -= third } else { low += third }
+    }
+    distance(low)
+}

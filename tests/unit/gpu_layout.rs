@@ -56,7 +56,7 @@ fn structs() -> Vec<Layout> {
         layout!(StrainGauge { ends, inverse_rest, weight }),
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
-        layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind }),
+        layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
 }
 
@@ -83,6 +83,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("DEPENETRATION", Literal::F32(crate::kernels::contact::DEPENETRATION)),
         ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),
         ("SWEEP_STEPS", Literal::U32(crate::kernels::contact::SWEEP_STEPS)),
+        ("BOX", Literal::U32(crate::kernels::contact::BOX)),
         ("PLANE", Literal::U32(crate::kernels::contact::PLANE)),
         ("MAX_POSITION", Literal::F32(MAX_POSITION)),
         ("WORKGROUP", Literal::U32(WORKGROUP as u32)),
@@ -129,7 +130,7 @@ fn shared_structs_agree_member_for_member() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // Structs of the shader alone never cross over.
-            if ["Path", "Touch", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
+            if ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
                 .contains(&name.as_str())
             {
                 continue;

@@ -1,0 +1,102 @@
+//! Test: where contact leaves a vertex, beside the bodies as their definitions say them.
+
+use glam::{DQuat, DVec3, Quat, Vec3, Vec3A};
+
+use super::*;
+use crate::oracle::{ball_chain_distance, box_distance};
+
+/// Boxes that turn and grow, bodies between two balls that swell; no friction.
+fn bodies(random: &mut fastrand::Rng) -> (Body, impl Fn(DVec3, f64) -> f64 + use<>) {
+    let mut vector = |size: f32| Vec3::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5) * 2.0 * size;
+    let (a, b, half) = (vector(1.0), vector(1.0), vector(0.3).abs() + 0.1);
+    let travels = [vector(0.01), vector(0.01), vector(0.01)];
+    let axis = vector(1.0).normalize();
+    let (is_box, radius, taper) = (random.bool(), 0.02 + 0.2 * random.f32(), 0.3 * random.f32());
+    let first = Quat::from_axis_angle(axis, random.f32() * 6.0);
+    let to = Quat::from_axis_angle(axis.any_orthonormal_vector(), 0.03) * first;
+    let ends = |from: Vec3, travel: Vec3| [from.as_dvec3(), travel.as_dvec3()];
+    let body = Body {
+        a: a.to_array(),
+        radius,
+        b: if is_box { half } else { b }.to_array(),
+        friction: 0.0,
+        a_travel: travels[0].to_array(),
+        radius_travel: 0.004,
+        b_travel: travels[1].to_array(),
+        kind: if is_box { BOX } else { ROUND },
+        c: if is_box { first.to_array() } else { [taper, 0.0, 0.0, 0.0] },
+        c_travel: if is_box { (to - first).to_array() } else { [0.002, 0.0, 0.0, 0.0] },
+    };
+    let distance = move |x: DVec3, time: f64| {
+        let at = |[from, travel]: [DVec3; 2]| from + travel * time;
+        let (center, radius) = (at(ends(a, travels[0])), f64::from(radius) + 0.004 * time);
+        if is_box {
+            let rotation: DQuat = (first.as_dquat() + (to - first).as_dquat() * time).normalize();
+            box_distance(rotation.inverse() * (x - center), at(ends(half, travels[1])), radius)
+        } else {
+            let taper = f64::from(taper) + 0.002 * time;
+            ball_chain_distance(x, [center, at(ends(b, travels[1]))], [radius, radius + taper])
+        }
+    };
+    (body, distance)
+}
+
+/// A vertex that would end inside is on the surface instead, where it is nearest; one that would not is let go.
+#[test]
+fn what_would_end_inside_ends_on_the_surface() {
+    let mut random = fastrand::Rng::with_seed(5);
+    let substep = Substep { start: 0.4, ..Substep::default() };
+    let params = Params { h: 1.0 / 1200.0, fraction: 0.1, ..Params::default() };
+    let mut met = 0;
+    for _ in 0..400 {
+        let (body, distance) = bodies(&mut random);
+        for _ in 0..200 {
+            let mut vector = |size: f32| Vec3A::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5) * 2.0 * size;
+            let (x, u) = (Vec3A::from(body.a) + vector(0.6), vector(0.004));
+            let to_f64 = |v: Vec3A| v.as_dvec3();
+            let [before, after] = [(x, 0.4), (x + u, 0.5)].map(|(x, time)| distance(to_f64(x), time));
+            if before.abs() < 1e-5 || after.abs() < 1e-5 || before < 0.0 {
+                continue;
+            }
+            let (at, by) = contact_body(x, u, &body, &substep, &params);
+            if after > 0.0 {
+                assert_eq!((at, by), (x, u), "{body:?}: it is {after} m outside");
+                continue;
+            }
+            met += 1;
+            let left = distance(to_f64(at + by), 0.5);
+            let moved = to_f64(at + by - x - u).length();
+            assert!(left.abs() < 3e-6, "{body:?} from {x}, {before} m, by {u}, {after} m: ends at {left} m");
+            assert!((moved + after).abs() < 3e-6, "{body:?}: moved {moved} m out of {after} m");
+        }
+    }
+    assert!(met > 60, "{met} of them met a body");
+}
+
+/// What friction without a limit does to a vertex on a box: it moves as the box does there.
+#[test]
+fn a_vertex_that_sticks_goes_with_the_box() {
+    let (first, center) = (Quat::from_rotation_x(0.4), Vec3::new(0.3, -0.2, 0.1));
+    let (to, by) = (Quat::from_rotation_z(0.2) * first, Vec3::new(0.01, 0.0, -0.02));
+    let body = Body {
+        a: center.to_array(),
+        b: [0.5, 0.1, 0.4],
+        friction: 1e3,
+        a_travel: by.to_array(),
+        kind: BOX,
+        c: first.to_array(),
+        c_travel: (to - first).to_array(),
+        ..Body::default()
+    };
+    let substep = Substep::default();
+    let params = Params { h: 1.0 / 60.0, fraction: 1.0, ..Params::default() };
+    for place in [Vec3::new(0.4, 0.1, 0.3), Vec3::new(-0.5, 0.02, 0.1), Vec3::new(0.2, -0.1, 0.0)] {
+        let x = Vec3A::from(center + first * place);
+        let goal = Vec3A::from(center + by + to * place);
+        // It would go a little into the box, wherever else it goes.
+        let inward = Vec3A::from(to * (-0.001 * place.normalize()));
+        let (at, moved) = contact_body(x, goal - x + inward, &body, &substep, &params);
+        let off = (at + moved - goal).length();
+        assert!(off < 2e-6, "{place}: {off} m from where the box goes");
+    }
+}
