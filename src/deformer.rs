@@ -225,7 +225,7 @@ impl Deformer {
     fn job<'a>(&'a mut self, taken: &Taken, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
         let observed = self.is_observed();
         let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
-        let (levels, substeps) = (self.hierarchy.finest(self.asked), taken.division.substeps);
+        let (levels, substeps) = (&self.hierarchy.levels, taken.division.substeps);
         let plan =
             Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };

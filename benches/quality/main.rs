@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
-use cloth_deformer::{Backend, Deformer, Options, Quality, Warning};
+use cloth_deformer::{Backend, Deformer, Levels, Options, Quality, Warning};
 
 use crate::scenes::{FRAME, Scene, scenes};
 
@@ -31,6 +31,9 @@ struct Arguments {
     /// On the GPU
     #[arg(long)]
     gpu: bool,
+    /// Without coarse levels
+    #[arg(long)]
+    no_levels: bool,
     /// What cargo tells every benchmark
     #[arg(long, hide = true)]
     bench: bool,
@@ -89,7 +92,7 @@ fn fewest(scene: &Scene, promised: f32, allowed: u32) -> Result<u32, Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    let Arguments { strain, only, gpu, .. } = Arguments::parse();
+    let Arguments { strain, only, gpu, no_levels, .. } = Arguments::parse();
     let backend = if gpu { Backend::Gpu } else { Backend::Cpu };
     let meshes = std::env::var_os("CLOTH_MESHES").map(PathBuf::from);
     println!(
@@ -97,7 +100,11 @@ fn main() -> Result<(), Failure> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let (mut ratios, mut count) = ([0.0; 2], 0);
-    for scene in scenes(backend, meshes.as_deref())?.iter().filter(|scene| scene.name.contains(&only)) {
+    let mut scenes = scenes(backend, meshes.as_deref())?;
+    if no_levels {
+        scenes.iter_mut().for_each(|scene| scene.options.levels = Levels::Off);
+    }
+    for scene in scenes.iter().filter(|scene| scene.name.contains(&only)) {
         let even = fewest(scene, strain, scene.frames / 100)?;
         let [kept, fixed] = play(scene, [Quality::Strain(strain), Quality::Substeps(even)], strain)?;
         let mean = |run: &Run| f64::from(run.substeps) / f64::from(scene.frames);

@@ -14,9 +14,6 @@ struct Batch {
 
 const WORKGROUP: u32 = 64u;
 
-// The aggregate of what is in none.
-const NO_LABEL: u32 = 0xffffffffu;
-
 // Large dispatches are folded into two dimensions: one holds 65535 workgroups.
 fn item(id: vec3u, groups: vec3u) -> u32 {
     return id.x + id.y * groups.x * WORKGROUP;

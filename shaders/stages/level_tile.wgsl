@@ -1,5 +1,8 @@
 // A sweep over a tile of aggregates, as tile.wgsl does one of vertices: for coarse levels too large for one workgroup.
 
+// The number of the level.
+override LEVEL: u32 = 0u;
+
 @group(1) @binding(1) var<storage, read> centers: array<vec4f>;
 @group(1) @binding(2) var<storage, read> predicted: array<vec4f>;
 // What each aggregate is corrected by.
@@ -27,7 +30,7 @@ fn sweep_of_level_tile(
         let above = label_at(tile, k);
         tile_x[k] = centers[v];
         tile_u[k] = predicted[v];
-        if above != NO_LABEL {
+        if LEVEL + 1u < params.levels {
             tile_u[k] += shift[above];
         }
     }

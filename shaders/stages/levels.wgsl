@@ -3,9 +3,11 @@
 // A shader says where an aggregate's center with its inverse mass (`center_of`) and its displacements, as predicted and as
 // corrected (`predicted_of`, `corrected_of`), are kept, and those of what the finest is made of (`below`).
 
-// Levels, aggregates of the finest and of all of them, most members of one of the finest, 0 if that is averaged elsewhere,
-// and of another, and edges of a color and colors that there is room for. Levels begin at colors that are multiples of four.
+// Levels, finer ones that are swept elsewhere, aggregates of the finest and of all of them, most members of one of the finest, 0 if that
+// is averaged elsewhere, and of another, and edges of a color and colors that there is room for. Levels begin at colors that are
+// multiples of four. A step may use the finest of them alone: `params.levels`, of all.
 override LEVELS: u32 = 1u;
+override FINER: u32 = 0u;
 override FINEST: u32 = 64u;
 override AGGREGATES: u32 = 64u;
 override OF_FINEST: u32 = 0u;
@@ -34,12 +36,27 @@ fn label_of(k: u32) -> u32 {
     return table[COARSE + 2u * (LEVELS + 1u) + k];
 }
 
+// Levels in use, and where the colors of the coarsest of them start.
+fn levels_in_use() -> u32 {
+    return max(params.levels, FINER + 1u) - FINER;
+}
+
+fn first_in_use() -> u32 {
+    return first_color(levels_in_use() - 1u);
+}
+
 fn lists() -> u32 {
     return COARSE + 2u * (LEVELS + 1u) + AGGREGATES;
 }
 
 fn coarse_edges() -> ColoredEdges {
     return ColoredEdges(lists() + 2u * OF_FINEST * FINEST + 2u * MEMBERS * (AGGREGATES - FINEST), COARSE_WIDTH, COARSE_COLORS);
+}
+
+// Those of the levels in use, the first color being number `first_in_use`.
+fn edges_in_use(skipped: u32) -> ColoredEdges {
+    let all = coarse_edges();
+    return ColoredEdges(all.start + 3u * all.width * skipped, all.width, all.colors - skipped);
 }
 
 fn item_of(level: u32, k: u32) -> Item {
@@ -75,13 +92,14 @@ fn restrict_levels(lane: u32) {
     if OF_FINEST > 0u {
         restrict_level(0u, lists(), OF_FINEST, lane);
     }
-    for (var level = 1u; level < LEVELS; level++) {
+    for (var level = 1u; level < levels_in_use(); level++) {
         let offset = 2u * OF_FINEST * FINEST + 2u * MEMBERS * (start_of(level) - FINEST);
         restrict_level(level, lists() + offset, MEMBERS, lane);
     }
 }
 
-// The level that is swept, and the color from which on it is the next finer one.
+// Colors of levels that are not in use, the level that is swept, and the color in use from which on it is the next finer one.
+var<private> skipped: u32;
 var<private> level: u32;
 var<private> next_at: u32;
 
@@ -89,14 +107,14 @@ fn go_to(to: u32) {
     level = to;
     next_at = NO_EDGE;
     if to > 0u {
-        next_at = first_color(to - 1u);
+        next_at = first_color(to - 1u) - skipped;
     }
 }
 
-// Sweeps them all, the first edges being there, and leaves what each of the finest is moved by.
+// Sweeps all in use, the first edges being there, and leaves what each of the finest is moved by.
 fn sweep_levels(first: FourColors, lane: u32) {
-    go_to(max(LEVELS, 1u) - 1u);
-    sweep(coarse_edges(), first, lane);
+    go_to(levels_in_use() - 1u);
+    sweep(edges_in_use(skipped), first, lane);
     descend(COARSE_COLORS, lane);
 }
 

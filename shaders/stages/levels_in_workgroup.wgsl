@@ -54,7 +54,8 @@ fn before(color: u32, lane: u32) {
 
 @compute @workgroup_size(LANES)
 fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
-    let first = fetch_four(coarse_edges(), 0u, lane);
+    skipped = first_in_use();
+    let first = fetch_four(edges_in_use(skipped), 0u, lane);
     for (var k = lane; k < AGGREGATES; k += LANES) {
         level_x[k] = centers[BASE + k];
         level_u[k] = predicted[BASE + k];

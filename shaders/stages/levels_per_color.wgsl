@@ -11,6 +11,14 @@
 @group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
 
 @compute @workgroup_size(WORKGROUP)
+fn begin_at(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let k = item(id, groups);
+    if k < batch.count {
+        corrected[batch.first + k] = predicted[batch.first + k];
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
 fn hand_down(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let k = item(id, groups);
     if k >= batch.count {
@@ -18,11 +26,7 @@ fn hand_down(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     }
     let aggregate = batch.first + k;
     let above = labels[aggregate];
-    if above == NO_LABEL {
-        corrected[aggregate] = predicted[aggregate];
-    } else {
-        corrected[aggregate] = predicted[aggregate] + (corrected[above] - predicted[above]);
-    }
+    corrected[aggregate] = predicted[aggregate] + (corrected[above] - predicted[above]);
 }
 
 @compute @workgroup_size(WORKGROUP)

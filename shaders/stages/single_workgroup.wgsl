@@ -104,7 +104,7 @@ fn meet_at_state() {
 // Corrects what was predicted on the coarse levels.
 fn correct_on_levels(lane: u32) {
     let all = params.vertices;
-    let first = fetch_four(coarse_edges(), 0u, lane);
+    let first = fetch_four(edges_in_use(skipped), 0u, lane);
     for (var v = lane; v < all; v += LANES) {
         state[all + v] = vec4f(displacement(v), 0.0);
     }
@@ -162,6 +162,9 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
         set_displacement(v, p[v].xyz);
     }
     meet_at_state();
+    if LEVELS > 0u {
+        skipped = first_in_use();
+    }
     for (var index = 0u; index < params.substeps; index++) {
         let now = substeps[index];
         for (var v = lane; v < all; v += LANES) {
@@ -176,7 +179,7 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
             set_displacement(pin.vertex, pin_displacement(pin, state[pin.vertex].xyz, now));
         }
         workgroupBarrier();
-        if LEVELS > 0u {
+        if LEVELS > 0u && params.levels > 0u {
             correct_on_levels(lane);
         }
         for (var time = 0u; time < params.sweeps; time++) {

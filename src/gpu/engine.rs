@@ -43,9 +43,8 @@ pub(crate) struct GpuEngine {
     pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: Sweep,
-    /// Levels, for each number of them that a step has asked for, and which the last one did: substeps that change ask for others.
-    pub(crate) multigrids: Vec<Multigrid>,
-    levels: usize,
+    /// Made when a step first asks for levels.
+    pub(crate) multigrid: Option<Multigrid>,
     /// Vertices or aggregates that a tile has room for.
     pub(crate) room: usize,
     /// If the cloth is small.
@@ -111,8 +110,7 @@ impl GpuEngine {
                 forces,
                 bodies,
                 sweep,
-                multigrids: Vec::new(),
-                levels: 0,
+                multigrid: None,
                 room: size.room,
                 single_workgroup: None,
                 commit,
@@ -142,7 +140,7 @@ impl GpuEngine {
     /// Prepares for steps in one workgroup, if the cloth fits into one.
     fn make_single_workgroup(&mut self, cloth: &Cloth, method: Method, levels: &[Level]) {
         let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
-        let there = single_workgroup.as_ref().is_some_and(|single| single.levels() == levels.len());
+        let there = single_workgroup.as_ref().is_some_and(|single| levels.is_empty() || single.has_levels());
         if !there && method != Method::Springs {
             let made = SingleWorkgroup::new(gpu, cloth, levels, forces, bodies, &commit.found);
             *single_workgroup = made.or(single_workgroup.take());
@@ -217,23 +215,21 @@ impl GpuEngine {
             self.make_single_workgroup(plan.cloth, plan.method, plan.levels);
         }
         let path = self.path(plan, crowd);
-        let GpuEngine { gpu, forces, bodies, sweep, multigrids, room, single_workgroup, commit, .. } = self;
+        let GpuEngine { gpu, forces, bodies, sweep, multigrid, room, single_workgroup, commit, .. } = self;
         let mut moved = forces.prepare(gpu, plan, path == Path::SingleWorkgroup);
         if levels > 0 && path != Path::SingleWorkgroup {
-            if multigrids.iter().all(|multigrid| multigrid.levels != levels) {
-                let room = matches!(sweep, Sweep::Tiled(_)).then_some(*room);
-                multigrids.push(Multigrid::new(gpu, plan.cloth, plan.levels, forces, room));
+            let multigrid = multigrid.get_or_insert_with(|| {
                 if let Sweep::Tiled(tiled) = sweep {
                     tiled.set_labels(gpu, &plan.levels[0].label);
                 }
-            }
-            moved |= std::mem::replace(&mut self.levels, levels) != levels;
-            let multigrid = multigrids.iter_mut().find(|multigrid| multigrid.levels == levels);
-            multigrid.into_iter().for_each(|multigrid| multigrid.prepare(gpu, plan));
+                moved = true;
+                let room = matches!(sweep, Sweep::Tiled(_)).then_some(*room);
+                Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
+            });
+            multigrid.prepare(gpu, plan);
         }
         if bodies.send(gpu, plan.bodies_and_anchors) | moved {
-            let in_use = multigrids.iter().find(|multigrid| multigrid.levels == self.levels);
-            let shift = in_use.map(|multigrid| &multigrid.shift);
+            let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
             match sweep {
                 Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
                 Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, shift),
@@ -273,11 +269,9 @@ impl GpuEngine {
         // Levels have some more colors than the cloth, together.
         let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
         let pays = crowd || plan.cloth.rest.len() <= SMALL;
-        let levels = plan.coefficients.levels.len();
+        let swept = |single: &SingleWorkgroup| plan.params.levels == 0 || single.has_levels();
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && !plan.has_forces() && sweeps <= LONGEST_DISPATCH && single.levels() == levels => {
-                Path::SingleWorkgroup
-            }
+            (_, Some(single)) if pays && !plan.has_forces() && sweeps <= LONGEST_DISPATCH && swept(single) => Path::SingleWorkgroup,
             (Sweep::Tiled(_), _) => Path::Tiled,
             (Sweep::PerColor(_), _) => Path::PerColor,
         }
@@ -285,7 +279,7 @@ impl GpuEngine {
 
     /// The levels, if the step has any.
     fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
-        self.multigrids.iter().find(|multigrid| multigrid.levels == plan.params.levels as usize)
+        self.multigrid.as_ref().filter(|_| plan.params.levels > 0)
     }
 
     /// Encodes a step.
@@ -328,7 +322,7 @@ impl GpuEngine {
 
     /// Dispatches of a substep.
     fn dispatches(&self, plan: &Plan<'_>) -> usize {
-        let levels = self.multigrid(plan).map_or(0, Multigrid::dispatches);
+        let levels = self.multigrid(plan).map_or(0, |multigrid| multigrid.dispatches(plan.params.levels as usize));
         match &self.sweep {
             Sweep::Tiled(_) => self.forces.dispatches(plan) * plan.params.predicted as usize + levels + 1,
             Sweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
@@ -357,10 +351,11 @@ impl GpuEngine {
             Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
         };
         let multigrid = self.multigrid(plan);
-        let [more_rounds, more_edges] = multigrid.map_or([0, 0], Multigrid::counts);
+        let levels = plan.params.levels as usize;
+        let [more_rounds, more_edges] = multigrid.map_or([0, 0], |multigrid| multigrid.counts(levels));
         GpuStats {
             dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES,
-            bytes: substeps * (substep + multigrid.map_or(0, Multigrid::bytes)) + 3 * state,
+            bytes: substeps * (substep + multigrid.map_or(0, |multigrid| multigrid.bytes(levels))) + 3 * state,
             rounds: substeps * (rounds + more_rounds),
             edges: substeps * (edges + more_edges),
         }

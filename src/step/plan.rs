@@ -27,7 +27,7 @@ pub(crate) struct PlanBuffers {
 #[derive(Debug)]
 pub(crate) struct Plan<'a> {
     pub cloth: &'a Cloth,
-    /// The coarse levels in use, the finest first.
+    /// The coarse levels, the finest first, of which as many are in use as the coefficients have.
     pub levels: &'a [Level],
     pub coefficients: &'a Coefficients,
     pub params: Params,

@@ -88,7 +88,6 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("MAX_POSITION", Literal::F32(MAX_POSITION)),
         ("WORKGROUP", Literal::U32(WORKGROUP as u32)),
         ("NO_EDGE", Literal::U32(NO_EDGE)),
-        ("NO_LABEL", Literal::U32(NO_EDGE)),
         ("NO_PLACE", Literal::U32(crate::gpu::bend_tiles::NO_PLACE)),
         ("NONE", Literal::U32(NONE)),
         ("CLASSES", Literal::U32(statistics::CLASSES as u32)),

@@ -9,6 +9,7 @@ use crate::device::Gpu;
 use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::bending::Bending;
 use crate::gpu::engine::{GpuEngine, IN_TILE, Path, Sweep};
+use crate::gpu::multigrid::Multigrid;
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::bending::BendEntry;
 use crate::model::cloth::Cloth;
@@ -72,8 +73,7 @@ fn play_from(
     let mut motion = Motion::after(cloth, &x, 0.0);
     let mut hierarchy = Hierarchy::default();
     hierarchy.build(cloth, levels);
-    let levels = hierarchy.finest(levels);
-    let coefficients = Coefficients::new(cloth, levels, options, Length::of(DT / SUBSTEPS as f32));
+    let coefficients = Coefficients::new(cloth, hierarchy.finest(levels), options, Length::of(DT / SUBSTEPS as f32));
     for frame in 0..FRAMES {
         let mut attributes = Attributes { damping: 0.5, ..Attributes::default() };
         let center = Vec3::new(0.1, -0.31 + 0.02 * f32::from(frame), 0.0);
@@ -87,7 +87,7 @@ fn play_from(
         }
         let mut buffers = PlanBuffers::default();
         let plan =
-            Plan::new(cloth, levels, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut buffers);
+            Plan::new(cloth, &hierarchy.levels, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut buffers);
         engine.step(&plan).unwrap();
         if let Some(targets) = attributes.pin_targets {
             motion.pins = targets;
@@ -239,7 +239,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
         let mut engine = Engine::Gpu(Box::new(engine));
         let (x_gpu, _) = play(&mut engine, &cloth, &options, false, 3);
         let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
-        assert_eq!(engine.multigrids[0].in_tiles(), in_tiles, "room {room}");
+        assert_eq!(engine.multigrid.as_ref().and_then(Multigrid::in_tiles), in_tiles, "room {room}");
         let dx = apart(&x, &x_gpu) / apart(&x, &cloth.rest);
         println!("room for {room} of {of_level:?}: {dx:e} apart");
         assert!(dx <= 2e-5 + ROUNDINGS * rounding, "room for {room} of {of_level:?}: {dx:e} apart, one rounding {rounding:e}");

@@ -15,8 +15,9 @@ pub(crate) struct LevelTable {
     /// the one that it is in; for each its members, each with its share, the first again with none where there are fewer; edges,
     /// as those of a tile. An aggregate is named by its place here.
     pub table: Vec<u32>,
-    /// How many levels there are.
-    pub levels: usize,
+    /// How many levels there are, and how many finer ones that are swept elsewhere.
+    levels: usize,
+    finer: usize,
     /// Aggregates of the finest level, and of all.
     pub averaged: usize,
     pub aggregates: usize,
@@ -32,7 +33,7 @@ pub(crate) struct LevelTable {
 }
 
 impl LevelTable {
-    /// Of the cloth's levels from number `finest` on. What the members of that are, is numbered from `below` on; `None`: it is
+    /// Of all the cloth's levels from number `finest` on. What the members of that are, is numbered from `below` on; `None`: it is
     /// averaged elsewhere.
     pub(crate) fn new(all: &[Level], finest: usize, below: Option<usize>) -> LevelTable {
         LevelTable::with_width(all, finest, below, WIDEST)
@@ -79,16 +80,16 @@ impl LevelTable {
             let moved = links.map(|link| link.ends.map(|end| end + place[level - finest] as u32));
             table[edges + 3 * width * color..].iter_mut().zip(moved).for_each(|(word, [a, b])| *word = a | b << 16);
         }
-        LevelTable { table, levels: levels.len(), averaged, aggregates, of_finest, members, width, colors, edges, runs }
+        LevelTable { table, levels: levels.len(), finer: finest, averaged, aggregates, of_finest, members, width, colors, edges, runs }
     }
 
-    /// Colors, or parts of them, and edges.
-    pub(crate) fn counts(&self) -> [usize; 2] {
-        let parts = self.runs.iter().map(|(_, part)| part.len()).filter(|&edges| edges > 0);
+    /// Colors, or parts of them, and edges, of so many of the cloth's levels.
+    pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
+        let parts = self.runs.iter().filter(|(level, part)| *level < levels && !part.is_empty()).map(|(_, part)| part.len());
         [parts.clone().count(), parts.sum()]
     }
 
-    /// Fills in the edges' numbers, here and in `buffer`, where the table starts at byte `start`.
+    /// Fills in the edges' numbers of the levels in use, here and in `buffer`, where the table starts at byte `start`.
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, start: usize, levels: &[Vec<Edge>]) {
         self.set_edges(levels);
         gpu.write(buffer, start + size_of::<u32>() * self.edges, &self.table[self.edges..]);
@@ -97,8 +98,9 @@ impl LevelTable {
     fn set_edges(&mut self, levels: &[Vec<Edge>]) {
         let colors = self.table[self.edges..].chunks_mut(3 * self.width);
         for ((level, part), words) in self.runs.iter().zip(colors) {
+            let Some(edges) = levels.get(*level) else { continue };
             let (inverse_rest, inverse_weight) = words[self.width..].split_at_mut(self.width);
-            let numbers = inverse_rest.iter_mut().zip(inverse_weight).zip(&levels[*level][part.clone()]);
+            let numbers = inverse_rest.iter_mut().zip(inverse_weight).zip(&edges[part.clone()]);
             numbers.for_each(|((rest, weight), edge)| {
                 (*rest, *weight) = (edge.inverse_rest.to_bits(), edge.inverse_weight.to_bits());
             });
@@ -106,11 +108,11 @@ impl LevelTable {
     }
 
     /// What `stages/levels.wgsl` is told of a table that starts at word `start`, or of none.
-    pub(crate) fn constants(levels: Option<&LevelTable>, start: usize) -> [(&'static str, f64); 8] {
-        let values = levels.map_or([0, 0, 0, 0, 1, 1, 0, 0], |of| {
-            [of.levels, of.averaged, of.aggregates, of.of_finest, of.members, of.width, of.colors, start]
+    pub(crate) fn constants(levels: Option<&LevelTable>, start: usize) -> [(&'static str, f64); 9] {
+        let values = levels.map_or([0, 0, 0, 0, 0, 1, 1, 0, 0], |of| {
+            [of.levels, of.finer, of.averaged, of.aggregates, of.of_finest, of.members, of.width, of.colors, start]
         });
-        let names = ["LEVELS", "FINEST", "AGGREGATES", "OF_FINEST", "MEMBERS", "COARSE_WIDTH", "COARSE_COLORS", "COARSE"];
+        let names = ["LEVELS", "FINER", "FINEST", "AGGREGATES", "OF_FINEST", "MEMBERS", "COARSE_WIDTH", "COARSE_COLORS", "COARSE"];
         std::array::from_fn(|k| (names[k], values[k] as f64))
     }
 }

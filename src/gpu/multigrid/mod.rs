@@ -36,19 +36,17 @@ pub(crate) struct Member {
     pub share: f32,
 }
 
-/// The levels in use.
+/// All levels of a cloth; a step uses as many of the finest as it asks for.
 #[derive(Debug)]
 pub(crate) struct Multigrid {
-    /// How many.
-    pub levels: usize,
     /// What each aggregate of each level is corrected by, the finest level first.
     pub shift: wgpu::Buffer,
-    /// Members of all aggregates.
-    items: usize,
+    /// How many members the aggregates of each level have, and those of all finer ones.
+    items: Vec<usize>,
     /// Where each level's aggregates start among those of all, and the end.
     starts: Vec<usize>,
-    /// The substep that the edges are for.
-    length: Option<Length>,
+    /// The substep and the levels that the edges are for.
+    sent: Option<(Length, usize)>,
     restrict_vertices: Stage,
     restrict_aggregates: Stage,
     sweep: Sweep,
@@ -62,7 +60,7 @@ enum Sweep {
 }
 
 impl Multigrid {
-    /// With these levels of the cloth, in workgroups that have room for so many aggregates; `None`: a dispatch a color.
+    /// With all levels of the cloth, in workgroups that have room for so many aggregates; `None`: a dispatch a color.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, levels: &[Level], forces: &Forces, room: Option<usize>) -> Multigrid {
         let mut starts = vec![0];
         levels.iter().for_each(|level| starts.push(starts[starts.len() - 1] + level.inverse_mass.len()));
@@ -70,14 +68,14 @@ impl Multigrid {
         let centers = gpu.filled("centers", &rest.concat());
         let [predicted, shift] = ["predicted", "shift"].map(|name| gpu.buffer(name, centers.size()));
 
-        let (mut spans, mut members) = (Vec::new(), Vec::new());
+        let (mut spans, mut members, mut items) = (Vec::new(), Vec::new(), Vec::new());
         for (index, level) in levels.iter().enumerate() {
             let (below, first) = (if index > 0 { starts[index - 1] } else { 0 }, members.len() as u32);
             spans.extend(level.members.spans.iter().map(|span| Span { start: first + span.start, end: first + span.end }));
             let shares = level.members.items.iter().zip(&level.share);
             members.extend(shares.map(|(&item, &share)| Member { item: below as u32 + item, share }));
+            items.push(members.len());
         }
-        let items = members.len();
         let (spans, members) = (gpu.filled("spans", &spans), gpu.filled("members", &members));
         let aggregates: Vec<Batch> = starts.windows(2).map(|ends| Batch::from(ends[0]..ends[1])).collect();
         let slots = batches(gpu, &aggregates);
@@ -107,7 +105,7 @@ impl Multigrid {
             Some(tiled) => Sweep::Tiled(tiled),
             None => Sweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
         };
-        Multigrid { levels: levels.len(), shift, items, starts, length: None, restrict_vertices, restrict_aggregates, sweep }
+        Multigrid { shift, items, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
     }
 
     /// How many levels are swept in tiles.
@@ -120,39 +118,39 @@ impl Multigrid {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if self.length == Some(plan.coefficients.length) {
+        let asked = Some((plan.coefficients.length, plan.coefficients.levels.len()));
+        if std::mem::replace(&mut self.sent, asked) == asked {
             return;
         }
-        self.length = Some(plan.coefficients.length);
         match &mut self.sweep {
             Sweep::Tiled(tiled) => tiled.send_edges(gpu, &plan.coefficients.levels),
             Sweep::PerColor(per_color) => per_color.send_edges(gpu, &self.starts, &plan.coefficients.levels),
         }
     }
 
-    /// Bytes of a substep.
-    pub(crate) fn bytes(&self) -> usize {
+    /// Bytes of a substep with so many levels, those of coarser ones that are read along with them counted.
+    pub(crate) fn bytes(&self, levels: usize) -> usize {
         let swept = match &self.sweep {
             Sweep::Tiled(tiled) => tiled.bytes(),
             Sweep::PerColor(per_color) => per_color.bytes(),
         };
         // Members and what they are averaged from; what is averaged, and what that is corrected by.
-        40 * self.items + 48 * self.starts[self.levels] + swept
+        40 * self.items[levels - 1] + 48 * self.starts[levels] + swept
     }
 
     /// Colors one after another, and edges, of a substep, but for those that are dispatches of their own.
-    pub(crate) fn counts(&self) -> [usize; 2] {
+    pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
         match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.counts(),
+            Sweep::Tiled(tiled) => tiled.counts(levels),
             Sweep::PerColor(_) => [0, 0],
         }
     }
 
     /// Dispatches of a substep, those of [`Multigrid::encode_correct`] counted.
-    pub(crate) fn dispatches(&self) -> usize {
+    pub(crate) fn dispatches(&self, levels: usize) -> usize {
         match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.averaged() + tiled.dispatches(),
-            Sweep::PerColor(per_color) => self.levels + per_color.dispatches(),
+            Sweep::Tiled(tiled) => 2 * tiled.dispatches(levels),
+            Sweep::PerColor(per_color) => levels + per_color.dispatches(levels),
         }
     }
 
@@ -161,16 +159,17 @@ impl Multigrid {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let predicted = plan.params.predicted as usize * PING_PONG.len();
         self.restrict_vertices.dispatch(pass, group + predicted, &slot(0), EACH[0] * count(0));
+        let levels = plan.params.levels as usize;
         let averaged = match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.averaged(),
-            Sweep::PerColor(_) => self.levels,
+            Sweep::Tiled(tiled) => tiled.dispatches(levels),
+            Sweep::PerColor(_) => levels,
         };
         for level in 1..averaged {
             self.restrict_aggregates.dispatch(pass, 0, &slot(level), EACH[1] * count(level));
         }
         match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.encode(pass),
-            Sweep::PerColor(per_color) => per_color.encode(pass),
+            Sweep::Tiled(tiled) => tiled.encode(pass, levels),
+            Sweep::PerColor(per_color) => per_color.encode(pass, levels),
         }
     }
 

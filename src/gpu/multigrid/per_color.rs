@@ -15,6 +15,7 @@ pub(crate) struct LevelsPerColor {
     aggregates: Vec<Batch>,
     colors: Vec<(usize, Batch)>,
     edges: wgpu::Buffer,
+    begin: Stage,
     hand_down: Stage,
     sweep: Stage,
     note: Stage,
@@ -58,9 +59,10 @@ impl LevelsPerColor {
             ];
             Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::LEVELS_PER_COLOR, name, constants: &[] }, &[bound])
         };
-        let [hand_down, sweep, note] = ["hand_down", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));
+        let [begin, hand_down, sweep, note] =
+            ["begin_at", "hand_down", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));
         let correct = stage("correct_vertices", &of_vertices);
-        LevelsPerColor { aggregates: aggregates.to_vec(), colors, edges, hand_down, sweep, note, correct }
+        LevelsPerColor { aggregates: aggregates.to_vec(), colors, edges, begin, hand_down, sweep, note, correct }
     }
 
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, starts: &[usize], levels: &[Vec<Edge>]) {
@@ -77,15 +79,16 @@ impl LevelsPerColor {
     }
 
     /// Dispatches of [`LevelsPerColor::encode`] and [`LevelsPerColor::encode_correct`].
-    pub(crate) fn dispatches(&self) -> usize {
-        self.aggregates.len() + self.colors.len() + 2
+    pub(crate) fn dispatches(&self, levels: usize) -> usize {
+        levels + self.colors.iter().filter(|(of, _)| *of < levels).count() + 2
     }
 
-    /// Encodes the sweeps, the coarsest level first.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+    /// Encodes the sweeps of so many levels, the coarsest first.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
         let count = |level: usize| self.aggregates[level].count as usize;
-        for level in (0..self.aggregates.len()).rev() {
-            self.hand_down.dispatch(pass, 0, &slot(level), count(level));
+        for level in (0..levels).rev() {
+            let arrive = if level + 1 == levels { &self.begin } else { &self.hand_down };
+            arrive.dispatch(pass, 0, &slot(level), count(level));
             for (index, (_, color)) in self.colors.iter().enumerate().filter(|(_, (of, _))| *of == level) {
                 self.sweep.dispatch(pass, 0, &slot(self.aggregates.len() + index), color.count as usize);
             }

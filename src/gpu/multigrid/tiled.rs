@@ -46,7 +46,8 @@ impl TiledLevels {
             tiles.set_labels(label, starts[index] as u32);
             let table = gpu.filled("tiles of a level", &tiles.table);
             let bound = vec![Bind::Read(&table), Bind::Read(centers), Bind::Read(predicted), Bind::Write(shift)];
-            let entry = Entry { shader: shaders::LEVEL_TILE, name: "sweep_of_level_tile", constants: &tiles.constants(gpu) };
+            let constants = [&tiles.constants(gpu)[..], &[("LEVEL", index as f64)]].concat();
+            let entry = Entry { shader: shaders::LEVEL_TILE, name: "sweep_of_level_tile", constants: &constants };
             let stage = Stage::new(gpu, uniforms, entry, &[bound]);
             in_tiles.push((tiles, table, stage));
         }
@@ -69,13 +70,9 @@ impl TiledLevels {
         self.in_tiles.len()
     }
 
-    /// How many of the finest levels have to be averaged: the workgroup averages all but the finest of its own.
-    pub(crate) fn averaged(&self) -> usize {
-        self.dispatches()
-    }
-
-    pub(crate) fn dispatches(&self) -> usize {
-        self.in_tiles.len() + usize::from(self.in_workgroup.is_some())
+    /// Sweeps of so many levels, and how many of them have to be averaged: the workgroup averages all but the finest of its own.
+    pub(crate) fn dispatches(&self, levels: usize) -> usize {
+        levels.min(self.in_tiles.len() + 1)
     }
 
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, levels: &[Vec<Edge>]) {
@@ -92,17 +89,19 @@ impl TiledLevels {
         in_tiles + self.in_workgroup.as_ref().map_or(0, |(levels, ..)| size_of_val(levels.table.as_slice()))
     }
 
-    /// Colors one after another, and edges.
-    pub(crate) fn counts(&self) -> [usize; 2] {
-        let [rounds, edges] = self.in_workgroup.as_ref().map_or([0, 0], |(levels, ..)| levels.counts());
-        self.in_tiles.iter().fold([rounds, edges], |[rounds, edges], (tiles, ..)| [rounds + tiles.colors, edges + tiles.swept])
+    /// Colors one after another, and edges, of so many levels.
+    pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
+        let [rounds, edges] = self.in_workgroup.as_ref().map_or([0, 0], |(table, ..)| table.counts(levels));
+        let in_tiles = self.in_tiles.iter().take(levels);
+        in_tiles.fold([rounds, edges], |[rounds, edges], (tiles, ..)| [rounds + tiles.colors, edges + tiles.swept])
     }
 
-    /// Encodes the sweeps, the coarsest level first.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        if let Some((_, _, stage)) = &self.in_workgroup {
+    /// Encodes the sweeps of so many levels, the coarsest first.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
+        if let Some((_, _, stage)) = self.in_workgroup.as_ref().filter(|_| levels > self.in_tiles.len()) {
             stage.dispatch_workgroups(pass, 0, &[], 1);
         }
-        self.in_tiles.iter().rev().for_each(|(tiles, _, stage)| stage.dispatch_workgroups(pass, 0, &[], tiles.count));
+        let in_tiles = self.in_tiles.iter().take(levels).rev();
+        in_tiles.for_each(|(tiles, _, stage)| stage.dispatch_workgroups(pass, 0, &[], tiles.count));
     }
 }

@@ -20,14 +20,14 @@ const OF_AGGREGATE: usize = 40;
 #[derive(Debug)]
 pub(crate) struct SingleWorkgroup {
     tiles: Tiles,
-    /// The levels in use, if any.
+    /// All levels, if any is wanted.
     levels: Option<LevelTable>,
     /// The tile, then the levels, then their aggregates' inverse masses, then from a byte on the tethers, if there are any.
     table: wgpu::Buffer,
     tethers: usize,
     state: wgpu::Buffer,
-    /// The substep that the table's edges are for.
-    length: Option<Length>,
+    /// The substep and the levels that the table's edges are for.
+    sent: Option<(Length, usize)>,
     stage: Stage,
 }
 
@@ -68,7 +68,7 @@ impl SingleWorkgroup {
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        Some(SingleWorkgroup { tiles, levels: level_table, table, tethers, state, length: None, stage })
+        Some(SingleWorkgroup { tiles, levels: level_table, table, tethers, state, sent: None, stage })
     }
 
     fn bound<'a>(
@@ -95,17 +95,17 @@ impl SingleWorkgroup {
         self.stage.rebind(gpu, &[bound]);
     }
 
-    /// How many levels it sweeps.
-    pub(crate) fn levels(&self) -> usize {
-        self.levels.as_ref().map_or(0, |levels| levels.levels)
+    /// Whether it can sweep levels.
+    pub(crate) fn has_levels(&self) -> bool {
+        self.levels.is_some()
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        let SingleWorkgroup { tiles, levels, table, tethers, length, .. } = self;
-        if *length == Some(plan.coefficients.length) {
+        let SingleWorkgroup { tiles, levels, table, tethers, sent, .. } = self;
+        let asked = Some((plan.coefficients.length, plan.coefficients.levels.len()));
+        if std::mem::replace(sent, asked) == asked {
             return;
         }
-        *length = Some(plan.coefficients.length);
         tiles.send_edges(gpu, table, &plan.coefficients.edges);
         tethers::send(gpu, plan, table, *tethers);
         if let Some(levels) = levels {
@@ -115,7 +115,8 @@ impl SingleWorkgroup {
 
     /// Colors one after another, and edges, of a substep.
     pub(crate) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
-        let [rounds, edges] = self.levels.as_ref().map_or([0, 0], LevelTable::counts);
+        let used = plan.coefficients.levels.len();
+        let [rounds, edges] = self.levels.as_ref().map_or([0, 0], |levels| levels.counts(used));
         let sweeps = plan.sweeps as usize;
         [rounds + sweeps * self.tiles.colors, edges + sweeps * self.tiles.swept]
     }
