@@ -2,12 +2,12 @@
 // around them that those depend on through the passes, and computes these too, without keeping them. What the outermost would have to
 // know of is left out: that is wrong, and too far off to be seen.
 
-// Invocations of a workgroup, vertices that a tile has room for, numbers in workgroup memory, tiles, and passes.
+// Invocations of a workgroup, vertices that a tile has room for, numbers in workgroup memory, and whether there are several passes. How
+// many says the last of them.
 override LANES: u32 = 64u;
 override ROOM: u32 = 64u;
 override NUMBERS: u32 = 384u;
-override TILES: u32 = 1u;
-override PASSES: u32 = 1u;
+override FILTERED: bool = false;
 
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
 @group(1) @binding(5) var<storage, read> spans: array<Span>;
@@ -70,7 +70,7 @@ fn first_moment(v: u32, k: u32) {
     }
     let stiffness = rows[v].stiffness;
     let damping = stiffness * rows[v].tau;
-    if PASSES == 1u {
+    if !FILTERED {
         let moment = bend_moment(ring, stiffness, damping);
         set_vector(pull_of(k), moment.pull);
         set_vector(couple_at(k), moment.couple);
@@ -132,15 +132,9 @@ fn bend_force(v: u32, k: u32, places: u32) -> vec3f {
 }
 
 @compute @workgroup_size(LANES)
-fn bend_tile(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = group.x + group.y * groups.x;
-    if tile >= TILES {
-        return;
-    }
+fn bend_tile(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    // One dimension holds as many tiles as there may be.
+    let tile = group.x;
     let own = table[3u * tile];
     let held = table[3u * tile + 1u];
     let list = table[3u * tile + 2u];
@@ -148,7 +142,7 @@ fn bend_tile(
         first_moment(table[list + 2u * k], k);
     }
     workgroupBarrier();
-    for (var index = 1u; index < PASSES; index++) {
+    for (var index = 1u; FILTERED && bend_passes[index - 1u].last == 0u; index++) {
         for (var k = lane; k < held; k += LANES) {
             give_way(table[list + 2u * k], k, table[list + 2u * k + 1u], bend_passes[index]);
         }

@@ -20,16 +20,18 @@ const TILES: usize = 256;
 const OWN: [usize; 2] = [32, 128];
 /// Bytes of workgroup memory that a vertex takes with one pass, and with several.
 const IN_TILE: [usize; 2] = [24, 72];
+/// A single pass, which filters nothing.
+const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 }];
 
 /// The kernels of bending, and what they read.
 #[derive(Debug)]
 pub(super) struct Bending {
-    rows: wgpu::Buffer,
-    /// The substep that `rows` are for, and its passes.
-    length: Length,
-    count: usize,
-    passes: wgpu::Buffer,
-    kernels: Kernels,
+    lists: Lists,
+    /// The substep that the rows are for.
+    length: Option<Length>,
+    /// For each number of passes that a step has asked for, and which the last one did: substeps that change ask for others.
+    kernels: Vec<(usize, Kernels)>,
+    in_use: usize,
 }
 
 #[derive(Debug)]
@@ -41,10 +43,8 @@ enum Kernels {
 }
 
 impl Bending {
-    /// For the plan's substep; in tiles if that pays and is wanted.
-    pub(super) fn new(gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, tiled: bool) -> Bending {
+    pub(super) fn new(gpu: &Gpu, plan: &Plan<'_>) -> Bending {
         let entries = &plan.cloth.bending().entries;
-        let count = plan.coefficients.bending.passes.len().max(1);
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let lists = Lists {
             rows: gpu.filled("bend rows", &plan.coefficients.bending.rows),
@@ -52,66 +52,55 @@ impl Bending {
             entries: gpu.filled("bend entries", &entries.items),
             passes: gpu.make("bend passes", (MOST_PASSES * SLOT) as u64, usage),
         };
-        let vertices = plan.cloth.rest.len();
-        let in_vertex = IN_TILE[usize::from(count > 1)];
-        let room = gpu.workgroup_memory() / in_vertex;
-        let most = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]).min(room), room, bytes: gpu.most_table_bytes() };
-        let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most));
-        let kernels = match tiles.flatten() {
-            Some(tiles) => lists.in_tiles(gpu, bound, &tiles, in_vertex, count),
-            None => lists.apart(gpu, bound, count),
-        };
-        let mut bending = Bending { rows: lists.rows, length: plan.coefficients.length, count, passes: lists.passes, kernels };
-        bending.send(gpu, plan);
-        bending
+        Bending { lists, length: None, kernels: Vec::new(), in_use: 0 }
     }
 
-    /// Whether it takes as many passes as a plan does.
-    pub(super) fn suits(&self, plan: &Plan<'_>) -> bool {
-        self.count == plan.coefficients.bending.passes.len().max(1)
-    }
-
-    /// Brings what depends on the length of the substep up to date.
-    pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if self.length != plan.coefficients.length {
-            self.send(gpu, plan);
+    /// Makes ready for a plan; in tiles if that pays and is wanted.
+    pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, tiled: bool) {
+        if self.length == Some(plan.coefficients.length) {
+            return;
         }
+        self.length = Some(plan.coefficients.length);
+        let count = plan.coefficients.bending.passes.len().max(1);
+        self.in_use = self.kernels.iter().position(|(passes, _)| *passes == count).unwrap_or_else(|| {
+            self.kernels.push((count, self.lists.kernels(gpu, plan, bound, count, tiled)));
+            self.kernels.len() - 1
+        });
+        self.send(gpu, plan);
     }
 
-    fn send(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+    fn send(&self, gpu: &Gpu, plan: &Plan<'_>) {
         let BendRows { rows, passes, .. } = &plan.coefficients.bending;
-        self.length = plan.coefficients.length;
-        gpu.write(&self.rows, 0, rows);
-        if let Kernels::Tiles(..) = self.kernels {
-            return gpu.write(&self.passes, 0, passes);
+        gpu.write(&self.lists.rows, 0, rows);
+        if self.in_tiles() {
+            return gpu.write(&self.lists.passes, 0, if passes.is_empty() { &ONCE } else { passes });
         }
-        let (mut slots, none) = (Vec::new(), [BendPass::default()]);
-        fill_slots(&mut slots, if passes.is_empty() { &none } else { passes });
-        gpu.write(&self.passes, 0, &slots);
+        let mut slots = Vec::new();
+        fill_slots(&mut slots, if passes.is_empty() { &ONCE } else { passes });
+        gpu.write(&self.lists.passes, 0, &slots);
     }
 
     /// Whether it is done in tiles.
-    #[cfg(test)]
     pub(super) fn in_tiles(&self) -> bool {
-        matches!(self.kernels, Kernels::Tiles(..))
+        matches!(self.kernels[self.in_use].1, Kernels::Tiles(..))
     }
 
     /// Dispatches of a substep, that of the prediction among them.
     pub(super) fn dispatches(&self) -> usize {
-        match self.kernels {
-            Kernels::Tiles(..) => 1,
-            Kernels::Apart { .. } => 2 * self.count,
+        match self.kernels[self.in_use] {
+            (_, Kernels::Tiles(..)) => 1,
+            (count, Kernels::Apart { .. }) => 2 * count,
         }
     }
 
     /// Encodes the prediction of a substep that starts from state number `from`, and the forces on it.
     pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
-        match &self.kernels {
-            Kernels::Tiles(stage, tiles) => stage.dispatch_workgroups(pass, from, &[], *tiles),
-            Kernels::Apart { moments, again, forces } => {
+        match &self.kernels[self.in_use] {
+            (_, Kernels::Tiles(stage, tiles)) => stage.dispatch_workgroups(pass, from, &[], *tiles),
+            (count, Kernels::Apart { moments, again, forces }) => {
                 moments.dispatch(pass, from, &slot(0), vertices + plan.pins.len());
-                for number in 1..self.count {
+                for number in 1..*count {
                     again.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
                 }
                 forces.dispatch(pass, from, &[], vertices);
@@ -130,6 +119,7 @@ pub(super) struct Bound<'a> {
 }
 
 /// The buffers of the rows.
+#[derive(Debug)]
 struct Lists {
     rows: wgpu::Buffer,
     spans: wgpu::Buffer,
@@ -138,19 +128,28 @@ struct Lists {
 }
 
 impl Lists {
+    /// For so many passes.
+    fn kernels(&self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, count: usize, tiled: bool) -> Kernels {
+        let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
+        let in_vertex = IN_TILE[usize::from(count > 1)];
+        let room = gpu.workgroup_memory() / in_vertex;
+        let most = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]).min(room), room, bytes: gpu.most_table_bytes() };
+        let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most));
+        match tiles.flatten() {
+            Some(tiles) => self.in_tiles(gpu, bound, &tiles, room, count > 1),
+            None => self.apart(gpu, bound, count),
+        }
+    }
+
     fn bound(&self) -> [Bind<'_>; 3] {
         [&self.rows, &self.spans, &self.entries].map(Bind::Read)
     }
 
-    fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, in_vertex: usize, passes: usize) -> Kernels {
+    /// All cloths that one or several passes suit share a kernel, with all the room that there is: substeps that change compile nothing.
+    fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, room: usize, filtered: bool) -> Kernels {
         let table = gpu.filled("bend tiles", &tiles.table);
-        let constants = [
-            ("LANES", lanes(gpu, tiles.largest)),
-            ("ROOM", tiles.largest),
-            ("NUMBERS", tiles.largest * in_vertex / 4),
-            ("TILES", tiles.count),
-            ("PASSES", passes),
-        ];
+        let numbers = IN_TILE[usize::from(filtered)] / size_of::<f32>() * room;
+        let constants = [("LANES", lanes(gpu, room)), ("ROOM", room), ("NUMBERS", numbers), ("FILTERED", usize::from(filtered))];
         let constants = constants.map(|(name, value)| (name, value as f64));
         let groups: Vec<_> = bound
             .states

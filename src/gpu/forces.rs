@@ -96,9 +96,7 @@ impl Forces {
         }
         if plan.bending {
             let bound = Bound { states, u, uniforms, pins };
-            self.bending = self.bending.take().filter(|bending| bending.suits(plan));
-            let bending = self.bending.get_or_insert_with(|| Bending::new(gpu, plan, bound, *bend_in_tiles));
-            bending.prepare(gpu, plan);
+            self.bending.get_or_insert_with(|| Bending::new(gpu, plan)).prepare(gpu, plan, bound, *bend_in_tiles);
         }
         if plan.wind {
             self.wind.get_or_insert_with(|| {

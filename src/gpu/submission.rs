@@ -4,6 +4,8 @@ use crate::device::Gpu;
 
 /// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
 const LONGEST: usize = 16_384;
+/// Dispatches in the first: the device begins with them while the others are encoded.
+const FIRST: usize = 32;
 
 /// A compute pass, submitted when it is full or the step is encoded.
 pub(crate) struct Submission<'a> {
@@ -11,19 +13,21 @@ pub(crate) struct Submission<'a> {
     encoder: wgpu::CommandEncoder,
     pass: wgpu::ComputePass<'static>,
     dispatches: usize,
+    most: usize,
 }
 
 impl<'a> Submission<'a> {
     pub(crate) fn new(gpu: &'a Gpu) -> Submission<'a> {
         let mut encoder = gpu.encoder();
         let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
-        Submission { gpu, encoder, pass, dispatches: 0 }
+        Submission { gpu, encoder, pass, dispatches: 0, most: FIRST }
     }
 
     /// The pass, with room for some dispatches that belong together. What was bound may have to be bound again.
     pub(crate) fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
-        if self.dispatches > 0 && self.dispatches + dispatches > LONGEST {
-            std::mem::replace(self, Submission::new(self.gpu)).submit();
+        if self.dispatches > 0 && self.dispatches + dispatches > self.most {
+            let next = Submission { most: LONGEST, ..Submission::new(self.gpu) };
+            std::mem::replace(self, next).submit();
         }
         self.dispatches += dispatches;
         &mut self.pass
