@@ -271,7 +271,9 @@ impl GpuEngine {
         let pays = crowd || plan.cloth.rest.len() <= SMALL;
         let swept = |single: &SingleWorkgroup| plan.params.levels == 0 || single.has_levels();
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && !plan.has_forces() && sweeps <= LONGEST_DISPATCH && swept(single) => Path::SingleWorkgroup,
+            (_, Some(single)) if pays && !plan.has_forces() && sweeps <= LONGEST_DISPATCH && swept(single) => {
+                Path::SingleWorkgroup
+            }
             (Sweep::Tiled(_), _) => Path::Tiled,
             (Sweep::PerColor(_), _) => Path::PerColor,
         }

@@ -86,8 +86,16 @@ fn play_from(
             attributes.pin_targets = Some(motion.pins.iter().map(|&pin| pin + Vec3::new(0.01, 0.02, 0.0)).collect());
         }
         let mut buffers = PlanBuffers::default();
-        let plan =
-            Plan::new(cloth, &hierarchy.levels, options, &coefficients, &motion, SUBSTEPS + u32::from(frame % 2), &attributes, &mut buffers);
+        let plan = Plan::new(
+            cloth,
+            &hierarchy.levels,
+            options,
+            &coefficients,
+            &motion,
+            SUBSTEPS + u32::from(frame % 2),
+            &attributes,
+            &mut buffers,
+        );
         engine.step(&plan).unwrap();
         if let Some(targets) = attributes.pin_targets {
             motion.pins = targets;

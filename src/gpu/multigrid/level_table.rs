@@ -80,7 +80,19 @@ impl LevelTable {
             let moved = links.map(|link| link.ends.map(|end| end + place[level - finest] as u32));
             table[edges + 3 * width * color..].iter_mut().zip(moved).for_each(|(word, [a, b])| *word = a | b << 16);
         }
-        LevelTable { table, levels: levels.len(), finer: finest, averaged, aggregates, of_finest, members, width, colors, edges, runs }
+        LevelTable {
+            table,
+            levels: levels.len(),
+            finer: finest,
+            averaged,
+            aggregates,
+            of_finest,
+            members,
+            width,
+            colors,
+            edges,
+            runs,
+        }
     }
 
     /// Colors, or parts of them, and edges, of so many of the cloth's levels.
@@ -112,7 +124,8 @@ impl LevelTable {
         let values = levels.map_or([0, 0, 0, 0, 0, 1, 1, 0, 0], |of| {
             [of.levels, of.finer, of.averaged, of.aggregates, of.of_finest, of.members, of.width, of.colors, start]
         });
-        let names = ["LEVELS", "FINER", "FINEST", "AGGREGATES", "OF_FINEST", "MEMBERS", "COARSE_WIDTH", "COARSE_COLORS", "COARSE"];
+        let names =
+            ["LEVELS", "FINER", "FINEST", "AGGREGATES", "OF_FINEST", "MEMBERS", "COARSE_WIDTH", "COARSE_COLORS", "COARSE"];
         std::array::from_fn(|k| (names[k], values[k] as f64))
     }
 }
