@@ -1,35 +1,42 @@
 //! Detection: pairs of features that may come nearer than their thickness within some substeps, listed.
 //!
 //! Features are looked at in the middle of the straight paths that they are on, for so many substeps. A pair that is apart there by more
-//! than its thickness, twice what either may stray from its path ([`STRAY`]) and half of what they move against each other is not met, and
+//! than its thickness, what either may stray from its path ([`Path::stray`]) and half of what they move against each other is not met, and
 //! not listed. When a vertex strays farther, everything is detected again. A list is as long as it need be: nothing is dropped.
 
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::lanes::{corners_of, scattered};
+use super::boxes::Boxes;
+use super::lanes::{corners_of, fourth_of, scattered};
 use super::surface::Surface;
 use super::tree::{Look, Tree};
 use super::{Path, for_chunks};
-use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{edge_edge, vertex_triangle};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
 /// Pairs of leaves that a task looks into.
 const GRAIN: usize = 32;
-/// Features that a task bounds.
-const FEATURES: usize = 4096;
-/// Features of a kind in a leaf, at most.
-const MOST: usize = 24;
+/// Vertices that a task puts in the middle of their paths.
+const GROUP: usize = 4096;
 
 /// Pairs of leaves that are too many to look into: more than this, and for each leaf. A heap has tens for each; all cloth in one point has all.
 const CROWD: [usize; 2] = [100_000, 512];
+
+/// Places of the features' boxes.
+const TRIANGLES: usize = 0;
+const EDGES: usize = 1;
+const VERTICES: usize = 2;
 
 /// Which features a pair is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     VertexTriangle,
     EdgeEdge,
+}
+
+impl Kind {
+    pub(super) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
 }
 
 /// A pair that is listed.
@@ -65,10 +72,10 @@ struct Found {
 #[derive(Debug, Default)]
 pub(super) struct Detection {
     leaves: Vec<[u32; 2]>,
-    /// Vertices in the middle of their paths (m), and what bounds each triangle and edge there.
+    /// Vertices in the middle of their paths (m), w what they may stray from them.
     middle: Vec<Vec4>,
-    triangles: Vec<[Vec3A; 2]>,
-    edges: Vec<[Vec3A; 2]>,
+    /// Boxes around all that triangles, edges and vertices may stray to from there.
+    boxes: [Boxes; 3],
     found: Vec<Found>,
     before: Rows,
 }
@@ -95,27 +102,24 @@ impl Detection {
         lists: &mut [Rows; 2],
         is_let_go: impl Fn(Kind, u32, &Listed) -> bool,
     ) -> Result<(), usize> {
-        tree.refit(scene.surface, scene.path, scene.look.substeps);
+        self.bound(&scene);
+        tree.refit(scene.surface, &self.boxes[TRIANGLES], scene.path, scene.look.substeps);
         tree.walk(scene.look, scene.path.is_shared, &mut self.leaves);
-        if self.leaves.len() > CROWD[0] + (CROWD[1] << scene.surface.depth) {
+        if self.leaves.len() > CROWD[0] + (CROWD[1] << scene.surface.leaves.depth) {
             return Err(self.leaves.len());
         }
         let tasks = self.leaves.len().div_ceil(GRAIN);
         if self.found.len() < tasks {
             self.found.resize_with(tasks, Found::default);
         }
-        if tasks > 0 {
-            self.bound(&scene);
-        }
-        let tree = &*tree;
-        let boxes = Boxes { middle: &self.middle, triangles: &self.triangles, edges: &self.edges };
+        let (tree, middle, boxes) = (&*tree, &self.middle, &self.boxes);
         let look = |(found, leaves): (&mut Found, &[[u32; 2]])| {
             found.near.iter_mut().for_each(Vec::clear);
             found.listed.iter_mut().for_each(Vec::clear);
-            leaves.iter().for_each(|&pair| candidates(&scene, boxes, tree, pair, &mut found.near));
-            for kind in [Kind::VertexTriangle, Kind::EdgeEdge] {
+            simd::run(scene.width, Candidates { scene: &scene, boxes, tree, leaves, near: &mut found.near });
+            for kind in Kind::ALL {
                 let (near, listed) = (&found.near[kind as usize], &mut found.listed[kind as usize]);
-                simd::run(scene.width, Measure { scene: &scene, middle: boxes.middle, kind, near, listed });
+                simd::run(scene.width, Measure { scene: &scene, middle, kind, near, listed });
             }
         };
         if scene.path.is_shared && tasks > 1 {
@@ -123,7 +127,7 @@ impl Detection {
         } else {
             self.found[..tasks].iter_mut().zip(self.leaves.chunks(GRAIN)).for_each(look);
         }
-        for kind in [Kind::VertexTriangle, Kind::EdgeEdge] {
+        for kind in Kind::ALL {
             let rows = match kind {
                 Kind::VertexTriangle => scene.path.x.len(),
                 Kind::EdgeEdge => scene.surface.edges.len(),
@@ -140,28 +144,23 @@ impl Detection {
     /// Puts everything in the middle of its path.
     fn bound(&mut self, scene: &Scene<'_>) {
         let Scene { surface, path, look, .. } = *scene;
-        let fit = |list: &mut Vec<[Vec3A; 2]>, count| list.resize(count, [Vec3A::ZERO; 2]);
-        fit(&mut self.triangles, surface.triangles.len());
-        fit(&mut self.edges, surface.edges.len());
         self.middle.resize(path.x.len(), Vec4::ZERO);
-        for_chunks(path.is_shared, &mut self.middle, FEATURES, |first, middle| {
-            let state = path.x[first..].iter().zip(&path.u[first..]);
-            middle.iter_mut().zip(state).for_each(|(y, (&x, &u))| *y = x + u * (0.5 * look.substeps));
+        for_chunks(path.is_shared, &mut self.middle, GROUP, |first, middle| {
+            let state = path.x[first..].iter().zip(&path.u[first..]).zip(&path.stray[first..]);
+            middle.iter_mut().zip(state).for_each(|(y, ((&x, &u), &stray))| *y = (x + u * (0.5 * look.substeps)).with_w(stray));
         });
         let middle = &self.middle;
-        let at = |vertex: u32| xyz(middle[vertex as usize]);
-        for_chunks(path.is_shared, &mut self.triangles, FEATURES, |first, boxes| {
-            for (bounds, corners) in boxes.iter_mut().zip(&surface.triangles[first..]) {
-                let [a, b, c] = corners.map(at);
-                *bounds = [a.min(b).min(c), a.max(b).max(c)];
-            }
-        });
-        for_chunks(path.is_shared, &mut self.edges, FEATURES, |first, boxes| {
-            for (bounds, ends) in boxes.iter_mut().zip(&surface.edges[first..]) {
-                let [a, b] = ends.map(at);
-                *bounds = [a.min(b), a.max(b)];
-            }
-        });
+        let around = |axis: usize, vertices: &[u32]| {
+            vertices.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], &vertex| {
+                let y = middle[vertex as usize];
+                [low.min(y[axis] - y.w), high.max(y[axis] + y.w)]
+            })
+        };
+        let [triangles, edges, vertices] = &mut self.boxes;
+        triangles.bound(surface.triangles.len(), path.is_shared, |axis, item| around(axis, &surface.triangles[item]));
+        edges.bound(surface.edges.len(), path.is_shared, |axis, item| around(axis, &surface.edges[item]));
+        let order = &surface.leaves.order;
+        vertices.bound(order.len(), path.is_shared, |axis, item| around(axis, &order[item..=item]));
     }
 }
 
@@ -213,79 +212,102 @@ impl Rows {
     }
 }
 
-/// Where things are in the middle of their paths.
-#[derive(Clone, Copy)]
-struct Boxes<'a> {
-    middle: &'a [Vec4],
-    triangles: &'a [[Vec3A; 2]],
-    edges: &'a [[Vec3A; 2]],
-}
-
-/// Features of a leaf within reach of a box.
-struct Near<const N: usize> {
-    items: [(u32, [Vec3A; 2]); N],
-    count: usize,
-}
-
-impl<const N: usize> Near<N> {
-    fn new(items: impl Iterator<Item = (u32, [Vec3A; 2])>, of: [Vec3A; 2], reach: Vec3A) -> Near<N> {
-        let mut near = Near { items: [(0, [Vec3A::ZERO; 2]); N], count: 0 };
-        for (item, bounds) in items.filter(|(_, bounds)| !is_apart(*bounds, of, reach)) {
-            near.items[near.count] = (item, bounds);
-            near.count += 1;
-        }
-        near
-    }
-
-    fn list(&self) -> &[(u32, [Vec3A; 2])] {
-        &self.items[..self.count]
-    }
-}
-
-fn is_apart(a: [Vec3A; 2], b: [Vec3A; 2], reach: Vec3A) -> bool {
-    (a[0] - b[1]).max(b[0] - a[1]).cmpgt(reach).any()
-}
-
 /// Pairs of features of two leaves, or of one, whose boxes are within reach.
-fn candidates(scene: &Scene<'_>, boxes: Boxes<'_>, tree: &Tree, [a, b]: [u32; 2], near: &mut [Vec<[u32; 2]>; 2]) {
-    let Scene { surface, look, .. } = *scene;
-    let first = 1_usize << surface.depth;
-    let (one, other) = (&tree.nodes[first + a as usize], &tree.nodes[first + b as usize]);
-    let reach = one.reach(other, look.margin, look.substeps);
-    let vertices = |leaf: u32, of| {
-        let items = surface.vertices_of.of(leaf).iter();
-        Near::<MOST>::new(items.map(|&vertex| (vertex, [xyz(boxes.middle[vertex as usize]); 2])), of, reach)
-    };
-    let triangles = |leaf: u32, of| {
-        let items = surface.leaf(leaf as usize);
-        Near::<MOST>::new(items.map(|triangle| (triangle as u32, boxes.triangles[triangle])), of, reach)
-    };
-    let edges = |leaf: u32, of| {
-        let items = surface.edges_of.of(leaf).iter();
-        Near::<MOST>::new(items.map(|&edge| (edge, boxes.edges[edge as usize])), of, reach)
-    };
-    let [vertex_triangle, edge_edge] = near;
-    let mut pierce = |vertices: &Near<MOST>, triangles: &Near<MOST>| {
-        for &(vertex, at) in vertices.list() {
-            let near = triangles.list().iter().filter(|(_, bounds)| !is_apart(at, *bounds, reach));
-            let near = near.filter(|(triangle, _)| !surface.triangles[*triangle as usize].contains(&vertex));
-            vertex_triangle.extend(near.map(|&(triangle, _)| [vertex, triangle]));
+struct Candidates<'a> {
+    scene: &'a Scene<'a>,
+    boxes: &'a [Boxes; 3],
+    tree: &'a Tree,
+    leaves: &'a [[u32; 2]],
+    near: &'a mut [Vec<[u32; 2]>; 2],
+}
+
+impl Loop for Candidates<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Candidates { scene, boxes, tree, leaves, near } = self;
+        let surface = scene.surface;
+        let first = 1_usize << surface.leaves.depth;
+        let [vertex_triangle, edge_edge] = near;
+        for &[a, b] in leaves {
+            let (one, other) = (&tree.nodes[first + a as usize], &tree.nodes[first + b as usize]);
+            let reach = one.reach(other, scene.look.margin, scene.look.substeps);
+            pierce::<L>(surface, boxes, [a, b], other.place, reach, vertex_triangle);
+            if a != b {
+                pierce::<L>(surface, boxes, [b, a], one.place, reach, vertex_triangle);
+            }
+            meet::<L>(surface, &boxes[EDGES], [a, b], other.place, reach, edge_edge);
         }
-    };
-    pierce(&vertices(a, other.place), &triangles(b, one.place));
-    if a != b {
-        pierce(&vertices(b, one.place), &triangles(a, other.place));
     }
-    let (of_a, of_b) = (edges(a, other.place), edges(b, one.place));
-    for (index, &(edge, at)) in of_a.list().iter().enumerate() {
-        let others = if a == b { &of_b.list()[index + 1..] } else { of_b.list() };
-        let [i, j] = surface.edges[edge as usize];
-        let near = others.iter().filter(|(_, bounds)| !is_apart(at, *bounds, reach));
-        let near = near.filter(|(other, _)| {
-            let [k, l] = surface.edges[*other as usize];
-            i != k && i != l && j != k && j != l
-        });
-        edge_edge.extend(near.map(|&(other, _)| [edge.min(other), edge.max(other)]));
+}
+
+/// A box, made larger by so much.
+#[inline(always)]
+fn grown([low, high]: [Vec3A; 2], by: Vec3A) -> [Vec3A; 2] {
+    [low - by, high + by]
+}
+
+/// Pairs of the vertices of one leaf and the triangles of another, which are within `place`.
+#[inline(always)]
+fn pierce<L: Registers>(
+    surface: &Surface,
+    boxes: &[Boxes; 3],
+    [a, b]: [u32; 2],
+    place: [Vec3A; 2],
+    reach: Vec3A,
+    near: &mut Vec<[u32; 2]>,
+) {
+    let (vertices, triangles) = (surface.leaves.vertices_of(a as usize), surface.leaves.triangles_of(b as usize));
+    for first in vertices.clone().step_by(L::LANES) {
+        let mut left = boxes[VERTICES].touching::<L>(first, vertices.end - first, grown(place, reach));
+        while left != 0 {
+            let item = first + left.trailing_zeros() as usize;
+            left &= left - 1;
+            let (vertex, around) = (surface.leaves.order[item], grown(boxes[VERTICES].get(item), reach));
+            for first in triangles.clone().step_by(L::LANES) {
+                let mut found = boxes[TRIANGLES].touching::<L>(first, triangles.end - first, around);
+                while found != 0 {
+                    let triangle = first + found.trailing_zeros() as usize;
+                    found &= found - 1;
+                    if !surface.triangles[triangle].contains(&vertex) {
+                        near.push([vertex, triangle as u32]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Pairs of the edges of one leaf and those of another, which are within `place`.
+#[inline(always)]
+fn meet<L: Registers>(
+    surface: &Surface,
+    boxes: &Boxes,
+    [a, b]: [u32; 2],
+    place: [Vec3A; 2],
+    reach: Vec3A,
+    near: &mut Vec<[u32; 2]>,
+) {
+    let (edges, others) = (surface.leaves.edges_of(a as usize), surface.leaves.edges_of(b as usize));
+    for first in edges.clone().step_by(L::LANES) {
+        let mut left = boxes.touching::<L>(first, edges.end - first, grown(place, reach));
+        while left != 0 {
+            let edge = first + left.trailing_zeros() as usize;
+            left &= left - 1;
+            let ([i, j], around) = (surface.edges[edge], grown(boxes.get(edge), reach));
+            // Of one leaf each pair is looked at once.
+            let start = if a == b { edge + 1 } else { others.start };
+            for first in (start..others.end).step_by(L::LANES) {
+                let mut found = boxes.touching::<L>(first, others.end - first, around);
+                while found != 0 {
+                    let other = first + found.trailing_zeros() as usize;
+                    found &= found - 1;
+                    let [k, l] = surface.edges[other];
+                    if i != k && i != l && j != k && j != l {
+                        near.push([edge as u32, other as u32]);
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -337,7 +359,7 @@ impl Loop for Measure<'_> {
     fn run<L: Registers>(self) {
         let Measure { scene, middle, kind, near, listed } = self;
         let Scene { surface, rest, path, look, thickness, .. } = *scene;
-        let (half, margin) = (L::splat(0.5 * look.substeps), L::splat(look.margin - thickness));
+        let half = L::splat(0.5 * look.substeps);
         for group in near.chunks(L::LANES) {
             let mut places = [corners(surface, kind, group[0]); MAX_LANES];
             places.iter_mut().zip(group).for_each(|(place, &pair)| *place = corners(surface, kind, pair));
@@ -349,8 +371,14 @@ impl Loop for Measure<'_> {
                 Kind::VertexTriangle => relative.max(square(u[0] - u[1])),
                 Kind::EdgeEdge => relative.max(square(u[1] - u[2])).max(square(u[1] - u[3])),
             };
+            let (a, b) = (fourth_of::<L>(middle, &places, 0), fourth_of::<L>(middle, &places, 1));
+            let (c, d) = (fourth_of::<L>(middle, &places, 2), fourth_of::<L>(middle, &places, 3));
+            let stray = match kind {
+                Kind::VertexTriangle => a + b.max(c).max(d),
+                Kind::EdgeEdge => a.max(b) + c.max(d),
+            };
             // What is left of the distance for the pair's own thickness.
-            let left = distance - margin - relative.sqrt() * half;
+            let left = distance - stray - relative.sqrt() * half;
             if L::all(L::splat(thickness).lt(left)) {
                 continue;
             }

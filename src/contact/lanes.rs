@@ -31,6 +31,16 @@ pub(super) fn corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LA
     [gathered(from, places, 0), gathered(from, places, 1), gathered(from, places, 2), gathered(from, places, 3)]
 }
 
+/// The w of one corner of as many pairs as lanes.
+#[inline(always)]
+pub(super) fn fourth_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner: usize) -> L {
+    let mut numbers = [0.0; MAX_LANES];
+    for k in 0..L::LANES {
+        numbers[k] = from[places[k][corner] as usize].w;
+    }
+    L::from_slice(&numbers[..L::LANES])
+}
+
 /// A vector for each lane.
 #[inline(always)]
 pub(super) fn scattered<L: Registers>(from: Vector<L>, to: &mut [Vec4; MAX_LANES]) {

@@ -9,10 +9,12 @@
 //! Between the sweep and the move ([`SelfContact::resolve`]); loops over vertices, pairs and leaves, each of which writes what is its own and
 //! gathers what is others', in an order that does not depend on threads.
 
+mod boxes;
 pub(crate) mod crossings;
 mod detection;
 mod lanes;
 mod near;
+mod paths;
 mod response;
 mod surface;
 mod tree;
@@ -34,16 +36,11 @@ use crate::step::plan::Plan;
 use crossings::LetGo;
 use detection::{Detection, Rows, Scene};
 use near::{Contacts, Start};
+use paths::Paths;
 use surface::Surface;
 use tree::{Look, Tree};
-use vertices::{Meet, OnPath};
+use vertices::Meet;
 
-/// How far (m per m of thickness) vertices may stray from the paths that detection looked along before it looks again.
-const STRAY: [f32; 2] = [0.15, 0.6];
-/// A detection that lasts fewer substeps than this was too narrow, and one that lasts more than this too wide.
-const LASTED: [f32; 2] = [8.0, 16.0];
-/// Substeps that detection looks ahead, at least and at most; where hardly anything is listed, up to as many as the last of these.
-const AHEAD: [f32; 3] = [8.0, 32.0, 64.0];
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
 
@@ -52,6 +49,8 @@ const GRAIN: usize = 1024;
 struct Path<'a> {
     x: &'a [Vec4],
     u: &'a [Vec4],
+    /// How far (m) each vertex may stray from it.
+    stray: &'a [f32],
     is_shared: bool,
 }
 
@@ -77,12 +76,7 @@ pub(crate) struct SelfContact {
     lists: [Rows; 2],
     detection: Detection,
     contacts: Contacts,
-    /// The paths that detection looked along, how many substeps they reach, and how many are over; none before the first.
-    from: Vec<Vec4>,
-    by: Vec<Vec4>,
-    ahead: f32,
-    stray: f32,
-    since: Option<f32>,
+    paths: Paths,
     /// What crosses, if anything may: nothing comes to cross by itself.
     let_go: LetGo,
     may_cross: bool,
@@ -107,11 +101,7 @@ impl SelfContact {
             lists: Default::default(),
             detection: Detection::default(),
             contacts: Contacts::default(),
-            from: Vec::new(),
-            by: Vec::new(),
-            ahead: AHEAD[0],
-            stray: STRAY[1] * options.thickness,
-            since: None,
+            paths: Paths::default(),
             let_go: LetGo::default(),
             may_cross: true,
             push: Vec::new(),
@@ -124,8 +114,8 @@ impl SelfContact {
     /// Forgets what it knows of the state, which was put elsewhere.
     pub(crate) fn forget(&mut self) {
         self.may_cross = true;
-        (self.since, self.ahead, self.h) = (None, AHEAD[0], 0.0);
-        self.stray = STRAY[1] * self.options.thickness;
+        self.h = 0.0;
+        self.paths.forget();
         self.lists.iter_mut().for_each(Rows::clear);
     }
 
@@ -157,10 +147,11 @@ impl SelfContact {
             return;
         }
         let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
-        if !self.is_on_path(x, u, is_shared, width) && !self.detect(plan, Path { x, u, is_shared }, width) {
+        let (is_free, path) = (plan.cloth.pinned.is_empty(), Path { x, u, stray: &[], is_shared });
+        if !self.paths.hold(path, is_free, width) && !self.detect(plan, path, width) {
             return;
         }
-        self.since = self.since.map(|since| since + 1.0);
+        self.paths.since = self.paths.since.map(|since| since + 1.0);
         let is_held = self.lists.iter().any(|rows| !rows.pairs.is_empty());
         if is_held {
             let mean = if plan.cloth.pinned.is_empty() { mean(&plan.cloth.mass, u) } else { Vec3A::ZERO };
@@ -169,13 +160,12 @@ impl SelfContact {
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
             self.contacts.gather(&mut self.lists, start, scale);
-            if !self.contacts.pairs.is_empty() {
-                self.hold(plan, substep, mean, u, is_shared);
+            if !self.contacts.is_empty() {
+                self.hold(plan, substep, mean, u, is_shared, width);
             }
         }
-        self.tally.near = self.contacts.pairs.len() as u32;
-        self.tally.contacts =
-            if is_held { self.contacts.holds.iter().filter(|hold| hold.lambda.w > 0.0).count() as u32 } else { 0 };
+        self.tally.near = self.contacts.pairs.iter().map(|pairs| pairs.len() as u32).sum();
+        self.tally.contacts = if is_held { self.contacts.acting.pressing } else { 0 };
         x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         if is_held {
             let pushed = self.contacts.vertices.iter().filter(|vertex| self.push.is_empty() && vertex.x.w > 0.0);
@@ -184,13 +174,13 @@ impl SelfContact {
     }
 
     /// Holds near pairs apart.
-    fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool) {
+    fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool, width: Width) {
         let SelfContact { contacts, options, push, .. } = self;
-        contacts.respond(plan, substep, options.friction, is_shared);
-        let lost = contacts.truncate(mean, &plan.cloth.mass, is_shared);
-        for vertex in contacts.vertices.iter().filter(|vertex| vertex.x.w > 0.0) {
+        contacts.respond(plan, substep, options.friction, is_shared, width);
+        let lost = contacts.truncate(mean, &plan.cloth.mass, is_shared, width);
+        for (vertex, by) in contacts.vertices.iter().zip(&contacts.u).filter(|(vertex, _)| vertex.x.w > 0.0) {
             let index = vertex.index as usize;
-            u[index] = vertex.u.extend(u[index].w);
+            u[index] = by.with_w(u[index].w);
             push.get_mut(index).into_iter().for_each(|push| *push = vertex.push.extend(0.0));
         }
         // Pins and colliders would take it up.
@@ -199,7 +189,7 @@ impl SelfContact {
             let back = (lost / mass).as_vec3().extend(0.0);
             u.iter_mut().for_each(|u| *u += back);
         }
-        contacts.keep(&mut self.lists);
+        contacts.acting.keep(&mut self.lists);
     }
 
     /// Takes vertices out of the colliders; the most that one is moved by besides its displacement (m).
@@ -233,56 +223,21 @@ impl SelfContact {
         self.push.iter().map(|push| xyz(*push).length()).fold(0.0, f32::max)
     }
 
-    /// Whether all vertices are where detection looked.
-    fn is_on_path(&self, x: &[Vec4], u: &[Vec4], is_shared: bool, width: Width) -> bool {
-        let Some(since) = self.since else { return false };
-        if since >= self.ahead || self.from.len() != x.len() {
-            return false;
-        }
-        let is_on_path = AtomicBool::new(true);
-        let limit = self.stray;
-        let look = |[x, u, from, by]: [&[Vec4]; 4]| {
-            simd::run(width, OnPath { x, u, from, by, substeps: since + 1.0, limit, all: &is_on_path });
-        };
-        if is_shared && x.len() > GRAIN {
-            let state = x.par_chunks(GRAIN).zip(u.par_chunks(GRAIN));
-            let path = self.from.par_chunks(GRAIN).zip(self.by.par_chunks(GRAIN));
-            state.zip(path).for_each(|((x, u), (from, by))| look([x, u, from, by]));
-        } else {
-            look([x, u, &self.from, &self.by]);
-        }
-        is_on_path.into_inner()
-    }
-
     /// Lists what may meet from here on; false if the state is not finite, which the end of the step reports.
     fn detect(&mut self, plan: &Plan<'_>, path: Path<'_>, width: Width) -> bool {
-        let SelfContact { options, surface, tree, lists, detection, .. } = self;
+        let SelfContact { options, surface, tree, lists, detection, paths, .. } = self;
         let mean = mean(&plan.cloth.mass, path.u);
         let square: f32 = path.u.iter().map(|&u| (xyz(u) - mean).length_squared()).sum();
         if !(square.is_finite() && path.x.iter().map(|x| xyz(*x)).sum::<Vec3A>().is_finite()) {
             return false;
         }
         let speed = (square / path.u.len() as f32).sqrt();
-        // Where the cloth hardly strays, what is farther away need not be listed; where it does, it would be listed anew too often.
-        let lasted = self.since.unwrap_or(0.0);
-        let stray = self.stray
-            * if lasted < LASTED[0] {
-                1.5
-            } else if lasted < LASTED[1] {
-                1.0
-            } else {
-                0.85
-            };
-        let stray = stray.clamp(STRAY[0] * options.thickness, STRAY[1] * options.thickness);
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
-        let few = self.since.is_some() && 4 * listed < path.x.len();
-        self.ahead = match few {
-            true => (2.0 * self.ahead).min(AHEAD[2]),
-            false => (1.5 * stray / speed.max(1e-12)).floor().clamp(AHEAD[0], AHEAD[1]),
-        };
-        let stray = if few { STRAY[1] * options.thickness } else { stray };
-        self.stray = stray;
-        let look = Look { substeps: self.ahead, margin: options.thickness + 2.0 * stray };
+        let few = paths.since.is_some() && 4 * listed < path.x.len();
+        paths.adapt(path.x, path.u, few, speed, surface, options.thickness, plan.cloth.pinned.is_empty(), path.is_shared);
+        paths.begin(path.x, path.u);
+        let path = Path { stray: &paths.stray, ..path };
+        let look = Look { substeps: paths.ahead, margin: options.thickness };
         let scene = Scene { surface, rest: &plan.cloth.rest, path, look, thickness: options.thickness, width };
         if self.may_cross {
             self.let_go.find(surface, path.x);
@@ -293,11 +248,6 @@ impl SelfContact {
             self.crowd = crowd;
             return false;
         }
-        self.from.clear();
-        self.from.extend_from_slice(path.x);
-        self.by.clear();
-        self.by.extend_from_slice(path.u);
-        self.since = Some(0.0);
         self.tally.detections += 1;
         self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
         true

@@ -6,47 +6,59 @@ use rayon::prelude::*;
 
 use super::detection::{Kind, Listed, Rows, between, closest, square};
 use super::lanes::{corners_of, scattered};
+use super::response::Acting;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::{RELAXATION, impulse};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
 /// Pairs that a task looks at.
 const GRAIN: usize = 512;
 /// A pair that comes as near as this (m per m of thickness) beyond its thickness acts; others are only kept from crossing.
 const ACTING: f32 = 0.3;
-/// Multipliers of the last substep that this one begins with.
-const WARM: f32 = 0.9;
 
 /// A pair in this substep.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Near {
+    /// The cloth's vertices; once these are indexed, places among those of near pairs.
     pub corners: [u32; 4],
-    pub weights: [f32; 4],
     /// From the second side to the first.
-    pub normal: Vec3A,
-    /// Half way between the closest points (m).
-    pub middle: Vec3A,
+    pub normal: [f32; 3],
     /// How far apart they are at the start (m), and how near they may come.
     pub distance: f32,
     pub thickness: f32,
-    /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda); 0 where the pair does not act.
-    pub rate: f32,
-    /// Corners of the first side.
-    pub first_side: u32,
+    /// The weights that the others follow from: see [`Kind::weights`].
+    pub free: f32,
+    pub last: f32,
     /// Where it is listed.
-    pub kind: Kind,
     pub listed: u32,
     pub acts: bool,
-    /// How far (m) along the normal vertices that are led move its middle plane.
-    pub led: f32,
 }
 
-/// What holds a pair apart: its multipliers (kg m), xyz along the friction, w along the normal, and the impulse (kg m) that the last step of
-/// them gives.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Hold {
-    pub lambda: Vec4,
-    pub impulse: Vec3A,
+impl Kind {
+    /// The weights of a pair's corners.
+    pub(super) fn weights(self, free: f32, last: f32) -> [f32; 4] {
+        match self {
+            Kind::VertexTriangle => [1.0, -1.0 - free - last, free, last],
+            Kind::EdgeEdge => [1.0 - free, free, -1.0 - last, last],
+        }
+    }
+
+    /// The same of as many pairs as lanes.
+    #[inline(always)]
+    pub(super) fn wide_weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
+        let one = L::splat(1.0);
+        match self {
+            Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],
+            Kind::EdgeEdge => [one - free, free, L::splat(-1.0) - last, last],
+        }
+    }
+
+    /// Corners of the first side.
+    pub(super) fn first_side(self) -> usize {
+        match self {
+            Kind::VertexTriangle => 1,
+            Kind::EdgeEdge => 2,
+        }
+    }
 }
 
 /// A vertex of near pairs.
@@ -55,8 +67,7 @@ pub(super) struct Vertex {
     pub index: u32,
     /// Position (m), w the inverse mass (1/kg).
     pub x: Vec4,
-    /// Displacement (m) in this substep, and what moves it besides without giving it a velocity.
-    pub u: Vec3A,
+    /// What moves it besides its displacement (m) without giving it a velocity.
     pub push: Vec3A,
     /// Sum of its weights in the pairs that act.
     pub weight: f32,
@@ -70,13 +81,16 @@ pub(super) struct Vertex {
 /// What a substep's contact is of. Lists are kept from substep to substep.
 #[derive(Debug, Default)]
 pub(super) struct Contacts {
-    pub pairs: Vec<Near>,
-    /// What holds each apart.
-    pub holds: Vec<Hold>,
+    pub pairs: [Vec<Near>; 2],
     pub vertices: Vec<Vertex>,
-    /// The corners at each vertex: four times the pair, and which of its corners.
-    pub corners: Vec<u32>,
-    pub corner_starts: Vec<u32>,
+    /// Positions and displacements (m) of the vertices.
+    pub x: Vec<Vec4>,
+    pub u: Vec<Vec4>,
+    /// Those that act.
+    pub acting: Acting,
+    /// Displacements (m) without the cloth's as a whole, and what pairs leave of them: of a vertex a share.
+    pub by: Vec<Vec4>,
+    pub cutting: Vec<Vec<(u32, f32)>>,
     /// Place of each of the cloth's vertices among those of near pairs, plus one.
     place: Vec<u32>,
     found: Vec<Vec<Near>>,
@@ -102,104 +116,56 @@ impl Contacts {
     pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>, scale: f32) {
         self.find(lists, start);
         self.index(start);
-        self.prepare();
-        self.holds.clear();
-        self.holds.extend(self.pairs.iter().map(|pair| {
-            let held = lists[pair.kind as usize].lambda[pair.listed as usize];
-            let held = if pair.acts { held * (WARM * scale) } else { Vec4::ZERO };
-            let rub = xyz(held);
-            let lambda = Vec4::from((rub - pair.normal * pair.normal.dot(rub), held.w));
-            Hold { lambda, impulse: impulse(lambda, pair.normal) }
-        }));
+        self.acting.gather(&self.pairs, &mut self.vertices, lists, scale);
         // What is not near holds nothing.
         lists.iter_mut().for_each(|rows| rows.lambda.fill(Vec4::ZERO));
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.pairs.iter().all(Vec::is_empty)
+    }
+
     fn find(&mut self, lists: &[Rows; 2], start: Start<'_>) {
-        self.pairs.clear();
-        for kind in [Kind::VertexTriangle, Kind::EdgeEdge] {
-            let rows = &lists[kind as usize];
+        for kind in Kind::ALL {
+            let (rows, pairs) = (&lists[kind as usize], &mut self.pairs[kind as usize]);
+            pairs.clear();
             let tasks = rows.pairs.len().div_ceil(GRAIN);
+            if !start.is_shared || tasks < 2 {
+                simd::run(start.width, Find { kind, first: 0, pairs: &rows.pairs, start: &start, found: pairs });
+                continue;
+            }
             if self.found.len() < tasks {
                 self.found.resize_with(tasks, Vec::new);
             }
-            let look = |(task, (found, pairs)): (usize, (&mut Vec<Near>, &[Listed]))| {
+            let found = &mut self.found[..tasks];
+            found.par_iter_mut().zip(rows.pairs.par_chunks(GRAIN)).enumerate().for_each(|(task, (found, pairs))| {
                 found.clear();
                 simd::run(start.width, Find { kind, first: task * GRAIN, pairs, start: &start, found });
-            };
-            let found = &mut self.found[..tasks];
-            if start.is_shared && tasks > 1 {
-                found.par_iter_mut().zip(rows.pairs.par_chunks(GRAIN)).enumerate().for_each(look);
-            } else {
-                found.iter_mut().zip(rows.pairs.chunks(GRAIN)).enumerate().for_each(look);
-            }
-            found.iter().for_each(|found| self.pairs.extend_from_slice(found));
+            });
+            found.iter().for_each(|found| pairs.extend_from_slice(found));
         }
     }
 
-    /// Numbers the vertices of near pairs, lists the corners at each, and gives them the state.
+    /// Numbers the vertices of near pairs and gives them the state.
     fn index(&mut self, start: Start<'_>) {
         self.place.clear();
         self.place.resize(start.x.len(), 0);
-        self.pairs.iter().flat_map(|pair| pair.corners).for_each(|vertex| self.place[vertex as usize] += 1);
+        self.pairs.iter().flatten().flat_map(|pair| pair.corners).for_each(|vertex| self.place[vertex as usize] = 1);
         self.vertices.clear();
-        self.corner_starts.clear();
-        self.corner_starts.push(0);
-        let mut total = 0;
+        self.x.clear();
+        self.u.clear();
         for (index, place) in self.place.iter_mut().enumerate().filter(|(_, place)| **place > 0) {
-            let (x, u) = (start.x[index], xyz(start.u[index]));
+            let (x, u) = (start.x[index], start.u[index].with_w(0.0));
             let push = start.push.get(index).map_or(Vec3A::ZERO, |&push| xyz(push));
-            let travel = (u + push - start.mean).length();
-            self.vertices.push(Vertex {
-                index: index as u32,
-                x,
-                u,
-                push,
-                weight: 0.0,
-                travel,
-                reach: start.reach[index],
-                share: 1.0,
-            });
-            self.corner_starts.push(total);
-            total += *place;
+            let travel = (xyz(u) + push - start.mean).length();
+            let reach = start.reach[index];
             *place = self.vertices.len() as u32;
+            self.vertices.push(Vertex { index: index as u32, x, push, weight: 0.0, travel, reach, share: 1.0 });
+            self.x.push(x);
+            self.u.push(u);
         }
-        self.corners.clear();
-        self.corners.resize(total as usize, 0);
-        for (index, pair) in self.pairs.iter_mut().enumerate() {
-            for (corner, vertex) in pair.corners.iter_mut().enumerate() {
-                *vertex = self.place[*vertex as usize] - 1;
-                let end = &mut self.corner_starts[*vertex as usize + 1];
-                self.corners[*end as usize] = (4 * index + corner) as u32;
-                *end += 1;
-            }
-        }
-    }
-
-    /// Says how fast pairs act, if any of their vertices moves.
-    fn prepare(&mut self) {
-        let Contacts { pairs, vertices, corners, corner_starts, .. } = self;
-        for (vertex, range) in vertices.iter_mut().zip(corner_starts.windows(2)) {
-            let corners = &corners[range[0] as usize..range[1] as usize];
-            let acting =
-                corners.iter().map(|&corner| (&pairs[corner as usize / 4], corner as usize % 4)).filter(|(pair, _)| pair.acts);
-            vertex.weight = acting.map(|(pair, corner)| pair.weights[corner].abs()).sum();
-        }
-        for pair in pairs.iter_mut().filter(|pair| pair.acts) {
-            let of = |corner: usize| {
-                let vertex = &vertices[pair.corners[corner] as usize];
-                vertex.x.w * pair.weights[corner].abs() * vertex.weight
-            };
-            let bound: f32 = (0..4).map(of).sum();
-            pair.acts = bound > 0.0;
-            pair.rate = if pair.acts { RELAXATION / bound } else { 0.0 };
-        }
-    }
-
-    /// Remembers what holds pairs apart.
-    pub(super) fn keep(&self, lists: &mut [Rows; 2]) {
-        for (pair, hold) in self.pairs.iter().zip(&self.holds) {
-            lists[pair.kind as usize].lambda[pair.listed as usize] = hold.lambda;
+        for pair in self.pairs.iter_mut().flatten() {
+            pair.corners = pair.corners.map(|vertex| self.place[vertex as usize]);
         }
     }
 }
@@ -218,66 +184,61 @@ impl Loop for Find<'_> {
     fn run<L: Registers>(self) {
         let Find { kind, first, pairs, start, found } = self;
         let mean = Vector::<L>::splat(start.mean.to_array());
+        let (zero, one, most_push) = (L::splat(0.0), L::splat(1.0), L::splat(2.0 * start.most_push));
         for (group, listed) in pairs.chunks(L::LANES).enumerate() {
-            let mut places = [listed[0].corners; MAX_LANES];
-            places.iter_mut().zip(listed).for_each(|(place, pair)| *place = pair.corners);
+            let (mut places, mut thickness) = ([listed[0].corners; MAX_LANES], [0.0; MAX_LANES]);
+            for (lane, pair) in listed.iter().enumerate() {
+                (places[lane], thickness[lane]) = (pair.corners, pair.thickness);
+            }
+            let thickness = L::from_slice(&thickness[..L::LANES]);
             let (x, u) = (corners_of::<L>(start.x, &places), corners_of::<L>(start.u, &places));
             let travel = [square(u[0] - mean), square(u[1] - mean), square(u[2] - mean), square(u[3] - mean)];
             let weights = closest(kind, x);
             let apart = between(weights, x);
-            let (one, other) = match kind {
+            let (a, b) = match kind {
                 Kind::VertexTriangle => (travel[0], travel[1].max(travel[2]).max(travel[3])),
                 Kind::EdgeEdge => (travel[0].max(travel[1]), travel[2].max(travel[3])),
             };
-            let left = apart.dot(apart).sqrt() - one.sqrt() - other.sqrt();
+            let distance = apart.dot(apart).sqrt();
+            let left = distance - a.sqrt() - b.sqrt() - most_push;
+            // One without a direction is where it cannot be held.
+            let near = L::and(left.lt(thickness), L::splat(1e-12).lt(distance));
+            let mut lanes = L::bits(near) & ((1_u32 << listed.len()) - 1);
+            if lanes == 0 {
+                continue;
+            }
+            let normal = apart * (one / distance);
+            let gap = distance - thickness + normal.dot(between(weights, u));
+            let mut acts = gap.lt(thickness * L::splat(ACTING));
             let free = match kind {
                 Kind::VertexTriangle => weights[2],
-                Kind::EdgeEdge => weights[1],
-            };
-            let (mut aparts, mut numbers) = ([Vec4::ZERO; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
-            scattered(apart, &mut aparts);
-            scattered(Vector::new(free, weights[3], left), &mut numbers);
-            for (lane, pair) in listed.iter().enumerate() {
-                if numbers[lane].z - 2.0 * start.most_push < pair.thickness {
-                    let index = first + group * L::LANES + lane;
-                    found.extend(near(kind, index, pair, xyz(aparts[lane]), numbers[lane].x, numbers[lane].y, start));
+                // Where edges meet at an end, a vertex meets a triangle there, which acts.
+                Kind::EdgeEdge => {
+                    let (s, t) = (weights[1], weights[3]);
+                    let inner = L::and(L::and(zero.lt(s), s.lt(one)), L::and(t.lt(zero), L::splat(-1.0).lt(t)));
+                    acts = L::and(acts, inner);
+                    s
                 }
+            };
+            let acts = L::bits(acts);
+            let (mut normals, mut numbers) = ([Vec4::ZERO; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
+            scattered(normal, &mut normals);
+            scattered(Vector::new(free, weights[3], distance), &mut numbers);
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize;
+                lanes &= lanes - 1;
+                let (pair, normal, numbers) = (&listed[lane], normals[lane], numbers[lane]);
+                found.push(Near {
+                    corners: pair.corners,
+                    normal: [normal.x, normal.y, normal.z],
+                    distance: numbers.z,
+                    thickness: pair.thickness,
+                    free: numbers.x,
+                    last: numbers.y,
+                    listed: (first + group * L::LANES + lane) as u32,
+                    acts: acts >> lane & 1 != 0,
+                });
             }
         }
     }
-}
-
-/// A near pair; none if it has no direction: then it is where it cannot be held.
-#[inline]
-fn near(kind: Kind, index: usize, pair: &Listed, apart: Vec3A, free: f32, last: f32, start: &Start<'_>) -> Option<Near> {
-    let (weights, first_side) = match kind {
-        Kind::VertexTriangle => ([1.0, -1.0 - free - last, free, last], 1),
-        Kind::EdgeEdge => ([1.0 - free, free, -1.0 - last, last], 2),
-    };
-    let distance = apart.length();
-    if distance < 1e-12 {
-        return None;
-    }
-    let normal = apart / distance;
-    let sum = |of: &dyn Fn(usize) -> Vec3A| (0..4).map(|k| of(pair.corners[k] as usize) * weights[k]).sum::<Vec3A>();
-    let relative = sum(&|vertex| xyz(start.u[vertex]));
-    let first = (0..first_side as usize).map(|k| xyz(start.x[pair.corners[k] as usize]) * weights[k]).sum::<Vec3A>();
-    // Where edges meet at an end, a vertex meets a triangle there, which acts.
-    let is_inner = |weight: f32| weight > 0.0 && weight < 1.0;
-    let meets = kind == Kind::VertexTriangle || is_inner(free) && is_inner(-last);
-    let acts = meets && distance - pair.thickness + normal.dot(relative) < ACTING * pair.thickness;
-    Some(Near {
-        corners: pair.corners,
-        weights,
-        normal,
-        middle: first - apart * 0.5,
-        distance,
-        thickness: pair.thickness,
-        rate: 0.0,
-        first_side,
-        kind,
-        listed: index as u32,
-        acts,
-        led: 0.0,
-    })
 }

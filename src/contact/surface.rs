@@ -1,5 +1,7 @@
 //! What can touch: the vertices, edges and triangles of a cloth, in the order of a fixed tree over its triangles.
 
+use std::ops::Range;
+
 use glam::Vec3A;
 
 use crate::kernels::integrate::xyz;
@@ -8,6 +10,8 @@ use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{self, EdgeIndex, sides};
 
+/// [`Surface::roam`] (m per m of thickness), at least and at most.
+const ROAM: [f32; 2] = [0.3, 0.8];
 /// Triangles in a leaf, at least.
 const LEAF: usize = 3;
 
@@ -23,14 +27,46 @@ pub(super) struct Surface {
     pub piece: Vec<u32>,
     /// How near (m) to half its rest distance from anything not beside it a vertex may be, at least.
     pub reach: Vec<f32>,
+    /// How far (m) a vertex may stray from its path, at most: where it lies flat nothing that is beside it comes to be listed by that.
+    pub roam: Vec<f32>,
     /// By how much (rad) there is more cloth around a vertex than a flat, convex sheet has: what can come to lie on itself without
     /// turning over.
     pub excess: Vec<f32>,
+    pub leaves: Leaves,
+}
+
+/// What the leaves of a tree own: each vertex, edge and triangle is owned by one leaf, whose features of a kind come one after another.
+#[derive(Debug, Default)]
+pub(super) struct Leaves {
     /// Levels of the tree below its root.
     pub depth: u32,
-    /// The vertices and edges that each leaf owns: every one is owned by one leaf that has a triangle of it.
-    pub vertices_of: Csr<u32>,
-    pub edges_of: Csr<u32>,
+    /// Where the triangles, edges and vertices of each leaf begin, and those of the last end.
+    pub triangles: Vec<u32>,
+    pub edges: Vec<u32>,
+    pub vertices: Vec<u32>,
+    /// The vertices in the order of the leaves.
+    pub order: Vec<u32>,
+}
+
+impl Leaves {
+    /// The triangles of a leaf.
+    pub(super) fn triangles_of(&self, leaf: usize) -> Range<usize> {
+        self.triangles[leaf] as usize..self.triangles[leaf + 1] as usize
+    }
+
+    pub(super) fn edges_of(&self, leaf: usize) -> Range<usize> {
+        self.edges[leaf] as usize..self.edges[leaf + 1] as usize
+    }
+
+    /// Places in [`Leaves::order`] of the vertices of a leaf.
+    pub(super) fn vertices_of(&self, leaf: usize) -> Range<usize> {
+        self.vertices[leaf] as usize..self.vertices[leaf + 1] as usize
+    }
+
+    /// The leaf of each triangle.
+    pub(super) fn of_triangles(&self) -> Vec<u32> {
+        (0..1 << self.depth).flat_map(|leaf| self.triangles_of(leaf).map(move |_| leaf as u32)).collect()
+    }
 }
 
 impl Surface {
@@ -48,55 +84,36 @@ impl Surface {
         let center = |t: &[u32; 3]| t.iter().map(|&v| xyz(cloth.rest[v as usize])).sum::<Vec3A>();
         split(&mut triangles, 0..count, count, depth, &|t| (piece[t[0] as usize], center(t)));
 
-        let edges = mesh::edges(&triangles);
-        let index = EdgeIndex::new(&edges, cloth.rest.len());
+        let starts: Vec<u32> = (0..=1_usize << depth).map(|leaf| ((leaf * count) >> depth) as u32).collect();
+        let mut leaves = Leaves { depth, triangles: starts, ..Leaves::default() };
+        let of_triangle = leaves.of_triangles();
+        let sorted = mesh::edges(&triangles);
+        let index = EdgeIndex::new(&sorted, cloth.rest.len());
+        let (mut of_vertex, mut of_edge) = (vec![u32::MAX; cloth.rest.len()], vec![u32::MAX; sorted.len()]);
+        for (&triangle, &leaf) in triangles.iter().zip(&of_triangle).rev() {
+            triangle.iter().for_each(|&vertex| of_vertex[vertex as usize] = leaf);
+            sides(triangle).for_each(|side| of_edge[index.of(side)] = leaf);
+        }
+        let order;
+        (order, leaves.edges) = by_leaf(&of_edge, depth);
+        (leaves.order, leaves.vertices) = by_leaf(&of_vertex, depth);
+        let mut rank = vec![0; order.len()];
+        (0_u32..).zip(&order).for_each(|(place, &edge)| rank[edge as usize] = place);
         let sides: Vec<[u32; 3]> = triangles
             .iter()
             .map(|&t| {
-                let mut of = sides(t).map(|side| index.of(side) as u32);
+                let mut of = sides(t).map(|side| rank[index.of(side)]);
                 std::array::from_fn(|_| of.next().expect("a triangle of the cloth has three sides"))
             })
             .collect();
-        let mut surface = Surface {
-            reach: reach(cloth, &triangles, thickness),
-            excess: Vec::new(),
-            depth,
-            vertices_of: Csr { spans: Vec::new(), items: Vec::new() },
-            edges_of: Csr { spans: Vec::new(), items: Vec::new() },
-            triangles,
-            edges,
-            sides,
-            piece,
-        };
+        let edges: Vec<[u32; 2]> = order.iter().map(|&edge| sorted[edge as usize]).collect();
+        let heights = heights(cloth, &triangles);
+        let reach = heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect();
+        let roam = |height: &f32| (0.45 * (height - thickness)).clamp(ROAM[0] * thickness, ROAM[1] * thickness);
+        let roam = heights.iter().map(roam).collect();
+        let mut surface = Surface { reach, roam, excess: Vec::new(), triangles, edges, sides, piece, leaves };
         surface.excess = surface.excesses(cloth);
-        let owned = |owner: &[u32]| {
-            let pairs = owner.iter().enumerate().filter(|&(_, &leaf)| leaf != u32::MAX);
-            Csr::new(1 << depth, pairs.map(|(item, &leaf)| (leaf, item as u32)))
-        };
-        let (mut of_vertex, mut of_edge) = (vec![u32::MAX; cloth.rest.len()], vec![u32::MAX; surface.edges.len()]);
-        for leaf in (0..1_u32 << depth).rev() {
-            for triangle in surface.leaf(leaf as usize) {
-                surface.triangles[triangle].iter().for_each(|&vertex| of_vertex[vertex as usize] = leaf);
-                surface.sides[triangle].iter().for_each(|&edge| of_edge[edge as usize] = leaf);
-            }
-        }
-        (surface.vertices_of, surface.edges_of) = (owned(&of_vertex), owned(&of_edge));
         (count > 0).then_some(surface)
-    }
-
-    /// The triangles of a leaf.
-    pub(super) fn leaf(&self, leaf: usize) -> std::ops::Range<usize> {
-        let start = |leaf: usize| (leaf * self.triangles.len()) >> self.depth;
-        start(leaf)..start(leaf + 1)
-    }
-
-    /// The leaf of a triangle.
-    pub(super) fn leaf_of(&self, triangle: usize) -> u32 {
-        let mut leaf = (triangle << self.depth) / self.triangles.len();
-        while self.leaf(leaf).end <= triangle {
-            leaf += 1;
-        }
-        leaf as u32
     }
 
     /// The triangles at each edge.
@@ -148,23 +165,31 @@ impl Surface {
     }
 }
 
-/// Half the least height of the triangles around each vertex, at most the thickness.
-fn reach(cloth: &Cloth, triangles: &[[u32; 3]], thickness: f32) -> Vec<f32> {
-    let mut reach = vec![thickness; cloth.rest.len()];
+/// Items in the order of the leaves that own them, and where those of each leaf begin.
+fn by_leaf(owner: &[u32], depth: u32) -> (Vec<u32>, Vec<u32>) {
+    let mut order: Vec<u32> = (0..owner.len() as u32).filter(|&item| owner[item as usize] != u32::MAX).collect();
+    order.sort_by_key(|&item| owner[item as usize]);
+    let starts = (0..=1_u32 << depth).map(|leaf| order.partition_point(|&item| owner[item as usize] < leaf) as u32);
+    let starts = starts.collect();
+    (order, starts)
+}
+
+/// The least height (m) of the triangles around each vertex; infinite where there is none.
+fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
+    let mut heights = vec![f32::INFINITY; cloth.rest.len()];
     for triangle in triangles {
         let [a, b, c] = triangle.map(|vertex| xyz(cloth.rest[vertex as usize]));
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let height = (b - a).cross(c - a).length() / longest.max(1e-30);
-        let least = (0.5 * height).max(0.1 * thickness);
-        triangle.iter().for_each(|&vertex| reach[vertex as usize] = reach[vertex as usize].min(least));
+        triangle.iter().for_each(|&vertex| heights[vertex as usize] = heights[vertex as usize].min(height));
     }
-    reach
+    heights
 }
 
 /// Sorts a range of all triangles into leaves, level by level: pieces apart first, then halves along the longest axis.
 fn split(
     triangles: &mut [[u32; 3]],
-    range: std::ops::Range<usize>,
+    range: Range<usize>,
     count: usize,
     depth: u32,
     key: &impl Fn(&[u32; 3]) -> (u32, Vec3A),

@@ -6,6 +6,7 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
+use super::boxes::Boxes;
 use super::surface::Surface;
 use super::{Path, for_chunks};
 use crate::kernels::integrate::xyz;
@@ -44,17 +45,16 @@ impl Bounds {
         }
     }
 
-    /// Of a triangle.
-    fn of(x: [Vec3A; 3], u: [Vec3A; 3], substeps: f32) -> Bounds {
+    /// Of a triangle, which is within `place`.
+    fn of(x: [Vec3A; 3], u: [Vec3A; 3], place: [Vec3A; 2], substeps: f32) -> Bounds {
         let bound = |v: [Vec3A; 3]| [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
-        let half = 0.5 * substeps;
         let normal = |x: [Vec3A; 3]| (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
         let along = |by: f32| std::array::from_fn(|k| x[k] + u[k] * by);
         let (before, after) = (normal(x), normal(along(substeps)));
-        Bounds { place: bound(along(half)), step: bound(u), normal: [before.min(after), before.max(after)] }
+        Bounds { place, step: bound(u), normal: [before.min(after), before.max(after)] }
     }
 
-    /// How far (m), along each axis, two that are listed may be apart, if `margin` (m) is what both drift and are thick.
+    /// How far (m), along each axis, two that are listed may be apart, if `margin` (m) is how thick they are.
     pub(super) fn reach(&self, other: &Bounds, margin: f32, substeps: f32) -> Vec3A {
         let relative = (self.step[1] - other.step[0]).max(other.step[1] - self.step[0]).max(Vec3A::ZERO);
         relative * (0.5 * substeps) + margin
@@ -75,7 +75,7 @@ impl Bounds {
     }
 }
 
-/// What detection looks along: so many substeps from here on, and how near (m) may be met: thickness and twice what paths may err by.
+/// What detection looks along: so many substeps from here on, and how near (m) may be met: the thickness.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     pub substeps: f32,
@@ -97,16 +97,16 @@ pub(super) struct Tree {
 
 impl Tree {
     pub(super) fn new(surface: &Surface) -> Tree {
-        let leaves = 1 << surface.depth;
+        let leaves = 1 << surface.leaves.depth;
         let mut tree = Tree {
-            depth: surface.depth,
+            depth: surface.leaves.depth,
             nodes: vec![Bounds::NOTHING; 2 * leaves],
             excess: vec![0.0; 2 * leaves],
             beside: Vec::new(),
             frontier: Vec::new(),
             found: Vec::new(),
         };
-        let leaf_of: Vec<u32> = (0..surface.triangles.len()).map(|triangle| surface.leaf_of(triangle)).collect();
+        let leaf_of = surface.leaves.of_triangles();
         let corners = surface.triangles.iter().enumerate();
         let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
         tree.sum_excess(surface, &around);
@@ -116,7 +116,7 @@ impl Tree {
             let leaves = around.of(vertex);
             pairs.extend(leaves.iter().flat_map(|&a| leaves.iter().map(move |&b| [a, b])).filter(|[a, b]| a != b));
         }
-        for level in (0..=surface.depth).rev() {
+        for level in (0..=surface.leaves.depth).rev() {
             pairs.sort_unstable();
             pairs.dedup();
             tree.beside.push(Csr::new(1 << level, pairs.iter().map(|&[a, b]| (a, b))));
@@ -160,16 +160,17 @@ impl Tree {
         }
     }
 
-    /// Bounds everything on its path.
-    pub(super) fn refit(&mut self, surface: &Surface, path: Path<'_>, substeps: f32) {
+    /// Bounds everything on its path, its triangles being within `boxes`.
+    pub(super) fn refit(&mut self, surface: &Surface, boxes: &Boxes, path: Path<'_>, substeps: f32) {
         let leaves = 1_usize << self.depth;
         let (above, below) = self.nodes.split_at_mut(leaves);
         for_chunks(path.is_shared, below, GRAIN, |first, nodes| {
             for (leaf, node) in (first..).zip(nodes) {
                 *node = Bounds::NOTHING;
-                for &triangle in &surface.triangles[surface.leaf(leaf)] {
-                    let corners = triangle.map(|vertex| vertex as usize);
-                    let bounds = Bounds::of(corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])), substeps);
+                for triangle in surface.leaves.triangles_of(leaf) {
+                    let corners = surface.triangles[triangle].map(|vertex| vertex as usize);
+                    let (x, u) = (corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])));
+                    let bounds = Bounds::of(x, u, boxes.get(triangle), substeps);
                     *node = node.join(&bounds);
                 }
             }

@@ -5,76 +5,143 @@
 //! a share for each vertex needs no order). Pairs that are not near are held by nothing, and need not be: no vertex goes farther than it was on
 //! its way to, but for [`FARTHER`]. What momentum that takes away is given back to the cloth as a whole, where nothing else holds it.
 
-use glam::{DVec3, Vec3A};
+use glam::{DVec3, Vec3A, Vec4};
+use rayon::prelude::*;
 
-use super::for_chunks;
-use super::near::{Contacts, Near, Vertex};
-use super::response::GRAIN;
+use super::detection::{Kind, between};
+use super::lanes::{corners_of, fourth_of};
+use super::near::{Contacts, Near};
+use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{kept, share_above};
+use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
-/// How much farther (m per m of its [`Vertex::reach`]) than it was on its way contact may send a vertex.
+/// How much farther (m per m of its [`Vertex::reach`](super::near::Vertex::reach)) than it was on its way contact may send a vertex.
 const FARTHER: f32 = 0.45;
+/// Pairs that a task looks at.
+const GRAIN: usize = 512;
+
+/// What pairs of a kind leave of displacements: of each vertex that they cut, by its place, a share.
+type Cut = Vec<(u32, f32)>;
 
 impl Contacts {
     /// Shortens the displacements of vertices; `mean` is how the cloth moves as a whole. Returns the momentum (kg m) that is lost.
-    pub(super) fn truncate(&mut self, mean: Vec3A, mass: &[f32], is_shared: bool) -> DVec3 {
-        self.follow_the_led(mean);
-        let Contacts { pairs, vertices, corners, corner_starts, .. } = self;
-        for_chunks(is_shared, vertices, GRAIN, |first, vertices| {
-            for (vertex, range) in
-                vertices.iter_mut().zip(corner_starts[first..].windows(2)).filter(|(vertex, _)| vertex.x.w > 0.0)
-            {
-                let corners = &corners[range[0] as usize..range[1] as usize];
-                vertex.share = share(vertex, vertex.u + vertex.push - mean, corners, pairs);
+    pub(super) fn truncate(&mut self, mean: Vec3A, mass: &[f32], is_shared: bool, width: Width) -> DVec3 {
+        let Contacts { pairs, vertices, x, u, by, cutting, .. } = self;
+        by.clear();
+        for (vertex, &u) in vertices.iter_mut().zip(&*u) {
+            let way = xyz(u) + vertex.push - mean;
+            let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
+            vertex.share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
+            by.push(way.extend(0.0));
+        }
+        let (x, by): (&[Vec4], &[Vec4]) = (x, by);
+        for kind in Kind::ALL {
+            let pairs = &pairs[kind as usize];
+            let tasks = pairs.len().div_ceil(GRAIN);
+            if cutting.len() < tasks {
+                cutting.resize_with(tasks, Vec::new);
             }
-        });
+            let cut = |(cut, pairs): (&mut Cut, &[Near])| {
+                cut.clear();
+                simd::run(width, Shares { kind, pairs, x, by, cut });
+            };
+            if is_shared && tasks > 1 {
+                cutting[..tasks].par_iter_mut().zip(pairs.par_chunks(GRAIN)).for_each(cut);
+            } else {
+                cutting[..tasks].iter_mut().zip(pairs.chunks(GRAIN)).for_each(cut);
+            }
+            for &(vertex, share) in cutting[..tasks].iter().flatten() {
+                let vertex = &mut vertices[vertex as usize];
+                vertex.share = vertex.share.min(share);
+            }
+        }
         let mut lost = DVec3::ZERO;
-        for vertex in vertices.iter_mut().filter(|vertex| vertex.share < 1.0) {
-            let before = vertex.u;
-            vertex.u = mean + (vertex.u - mean) * vertex.share;
+        for (vertex, u) in vertices.iter_mut().zip(u).filter(|(vertex, _)| vertex.share < 1.0) {
+            let before = xyz(*u);
+            let after = mean + (before - mean) * vertex.share;
             vertex.push *= vertex.share;
-            lost += (before - vertex.u).as_dvec3() * f64::from(mass[vertex.index as usize]);
+            lost += (before - after).as_dvec3() * f64::from(mass[vertex.index as usize]);
+            *u = after.extend(0.0);
         }
         lost
     }
+}
 
-    /// Moves the planes of pairs with vertices that are led, which nothing shortens, out of their way.
-    fn follow_the_led(&mut self, mean: Vec3A) {
-        let Contacts { pairs, vertices, .. } = self;
-        for pair in pairs {
-            for (k, &corner) in pair.corners.iter().enumerate() {
-                let vertex = &vertices[corner as usize];
-                let side = side(pair, k);
-                if vertex.x.w == 0.0 && vertex.u != mean {
-                    let left = height(pair, vertex, side) + side * pair.normal.dot(vertex.u - mean);
-                    let out = (kept(pair.distance, pair.thickness) - left).max(0.0);
-                    pair.led = if side > 0.0 { pair.led.min(-out) } else { pair.led.max(out) };
+/// How much of its displacement, the cloth's as a whole left out, each vertex of some pairs may take.
+struct Shares<'a> {
+    kind: Kind,
+    pairs: &'a [Near],
+    x: &'a [Vec4],
+    by: &'a [Vec4],
+    cut: &'a mut Cut,
+}
+
+impl Loop for Shares<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Shares { kind, pairs, x, by, cut } = self;
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        for group in pairs.chunks(L::LANES) {
+            let (mut places, mut numbers) = ([group[0].corners; MAX_LANES], [[0.0; MAX_LANES]; 7]);
+            for (lane, pair) in group.iter().enumerate() {
+                places[lane] = pair.corners;
+                let [a, b, c] = pair.normal;
+                let of = [a, b, c, pair.distance, pair.thickness, pair.free, pair.last];
+                for k in 0..7 {
+                    numbers[k][lane] = of[k];
+                }
+            }
+            let normal = Vector::new(number(&numbers[0]), number(&numbers[1]), number(&numbers[2]));
+            let (distance, thickness): (L, L) = (number(&numbers[3]), number(&numbers[4]));
+            let weights = kind.wide_weights::<L>(number(&numbers[5]), number(&numbers[6]));
+            let (at, by) = (corners_of::<L>(x, &places), corners_of::<L>(by, &places));
+            // Half way between the closest points.
+            let none = Vector::<L>::zero();
+            let first = match kind {
+                Kind::VertexTriangle => at[0],
+                Kind::EdgeEdge => between([weights[0], weights[1], zero, zero], [at[0], at[1], none, none]),
+            };
+            let middle = first - normal * (distance * L::splat(0.5));
+            let kept = kept(distance, thickness);
+            let mut heights = [zero; 4];
+            let mut towards = [zero; 4];
+            let mut is_led = [zero; 4];
+            let (mut led_down, mut led_up) = (zero, zero);
+            for k in 0..4 {
+                let is_first = k < kind.first_side();
+                let side = if is_first { one } else { L::splat(-1.0) };
+                heights[k] = side * normal.dot(at[k] - middle);
+                towards[k] = (zero - side) * normal.dot(by[k]);
+                is_led[k] = L::select(L::eq(fourth_of::<L>(x, &places, k), zero), one, zero);
+                // Planes go with vertices that are led, which nothing shortens, out of their way.
+                let out = (kept - (heights[k] - towards[k])).max(zero) * is_led[k];
+                if is_first {
+                    led_down = led_down.max(out);
+                } else {
+                    led_up = led_up.max(out);
+                }
+            }
+            let led = led_up - led_down;
+            for k in 0..4 {
+                let along = if k < kind.first_side() { zero - led } else { led };
+                let share = share_above(heights[k] + along, kept, towards[k]);
+                let share = L::select(zero.lt(is_led[k]), one, share);
+                let mut lanes = L::bits(share.lt(one)) & ((1_u32 << group.len()) - 1);
+                if lanes != 0 {
+                    let mut shares = [Vec4::ZERO; 4];
+                    shares[..L::VECTORS].copy_from_slice(&share.to_vectors()[..L::VECTORS]);
+                    while lanes != 0 {
+                        let lane = lanes.trailing_zeros() as usize;
+                        lanes &= lanes - 1;
+                        cut.push((places[lane][k], shares[lane / 4][lane % 4]));
+                    }
                 }
             }
         }
     }
 }
 
-/// 1 for the corners of a pair's first side, -1 for those of its second.
-fn side(pair: &Near, corner: usize) -> f32 {
-    if corner < pair.first_side as usize { 1.0 } else { -1.0 }
-}
-
-/// How far (m) a vertex is on its side of a pair's plane at the start.
-fn height(pair: &Near, vertex: &Vertex, side: f32) -> f32 {
-    side * pair.normal.dot(Vec3A::from_vec4(vertex.x) - pair.middle)
-}
-
-/// How much of its displacement, the cloth's as a whole left out, a vertex may take.
-fn share(vertex: &Vertex, by: Vec3A, corners: &[u32], pairs: &[Near]) -> f32 {
-    let most = vertex.travel + FARTHER * vertex.reach;
-    let length = by.length();
-    let mut share: f32 = if length > most { most / length } else { 1.0 };
-    for &corner in corners {
-        let pair = &pairs[corner as usize / 4];
-        let side = side(pair, corner as usize % 4);
-        let above = height(pair, vertex, side) - side * pair.led;
-        share = share.min(share_above(above, kept(pair.distance, pair.thickness), -side * pair.normal.dot(by)));
-    }
-    share
+#[inline(always)]
+fn number<L: Registers>(of: &[f32; MAX_LANES]) -> L {
+    L::from_slice(&of[..L::LANES])
 }

@@ -1,4 +1,4 @@
-//! Loops over all vertices: out of the colliders, and near the paths that detection looked along.
+//! The loop over all vertices that takes them out of the colliders.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -49,40 +49,6 @@ impl Loop for Meet<'_> {
                     is_pushed.store(true, Ordering::Relaxed);
                 }
             }
-        }
-    }
-}
-
-/// Looks whether vertices are within a limit of their paths.
-pub(super) struct OnPath<'a> {
-    pub x: &'a [Vec4],
-    pub u: &'a [Vec4],
-    pub from: &'a [Vec4],
-    pub by: &'a [Vec4],
-    pub substeps: f32,
-    pub limit: f32,
-    pub all: &'a AtomicBool,
-}
-
-impl Loop for OnPath<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        let OnPath { x, u, from, by, substeps, limit, all } = self;
-        let steps = L::splat(substeps);
-        let (mut farthest, whole) = (L::splat(0.0), x.len() / L::LANES * L::LANES);
-        for first in (0..whole).step_by(L::LANES) {
-            let lanes = first..first + L::LANES;
-            let (x, u) = (loaded::<L>(&x[lanes.clone()]), loaded::<L>(&u[lanes.clone()]));
-            let (from, by) = (loaded::<L>(&from[lanes.clone()]), loaded::<L>(&by[lanes]));
-            let stray = (x - from) + (u - by * steps);
-            // What is not a number is not below the limit.
-            let square = stray.dot(stray);
-            farthest = L::select(square.lt(L::splat(limit * limit)), farthest, L::splat(f32::INFINITY));
-        }
-        let stray = |i: usize| xyz(x[i]) - xyz(from[i]) + (xyz(u[i]) - xyz(by[i]) * substeps);
-        let is_near = (whole..x.len()).all(|i| stray(i).length_squared() < limit * limit);
-        if !(is_near && L::all(farthest.lt(L::splat(1.0)))) {
-            all.store(false, Ordering::Relaxed);
         }
     }
 }

@@ -3,8 +3,6 @@
 //! The weights of the closest points add up to 1 on one side and to -1 on the other, so that `sum_i weight_i x_i` is the vector from
 //! the second side to the first, and `sum_i weight_i u_i` how they move apart; a pair is then the same whatever it is of.
 
-use glam::{Vec3A, Vec4, Vec4Swizzles};
-
 use crate::simd::{Lanes, Vector};
 
 /// Share of Jacobi's step that is taken: below 2 it is stable (see [`step_of_lambda`]).
@@ -96,39 +94,48 @@ pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
     [one - s, s, t - one, zero - t]
 }
 
-/// The multipliers of a pair after one step of Jacobi's: xyz along the friction, w along the normal (kg m).
+/// The multipliers of a pair after one step of Jacobi's: along the friction, and along the normal (kg m).
 ///
 /// `relative` (m) is how the sides move apart in this substep, `gap` (m) how far they may approach. `rate` is [`RELAXATION`] over
 /// `D = sum_v w_v |weight_v| N_v`, `N_v` the sum of a vertex's weights over all its pairs: D bounds the rows of `J W J^T` (Gershgorin), so
 /// that pairs which all act at once do not overshoot. Friction is Coulomb's, by the multiplier's bound.
 #[inline(always)]
-pub(crate) fn step_of_lambda(lambda: Vec4, normal: Vec3A, gap: f32, relative: Vec3A, rate: f32, friction: f32) -> Vec4 {
+pub(crate) fn step_of_lambda<L: Lanes>(
+    (rub, press): (Vector<L>, L),
+    normal: Vector<L>,
+    gap: L,
+    relative: Vector<L>,
+    rate: L,
+    friction: L,
+) -> (Vector<L>, L) {
     let along = normal.dot(relative);
-    let press = (lambda.w - rate * (gap + along)).max(0.0);
+    let press = (press - rate * (gap + along)).max(L::splat(0.0));
     let slip = relative - normal * along;
-    let rub = Vec3A::from_vec4(lambda) - slip * rate;
-    let (length, most) = (rub.length(), friction * press);
-    let rub = if length > most { rub * (most / length.max(1e-30)) } else { rub };
-    Vec4::from((rub, press))
+    let rub = rub - slip * rate;
+    let (length, most) = (square(rub).sqrt(), friction * press);
+    let share = L::select(most.lt(length), most / length.max(L::splat(1e-30)), L::splat(1.0));
+    (rub * share, press)
 }
 
 /// The impulse (kg m) of a pair's multipliers.
 #[inline(always)]
-pub(crate) fn impulse(lambda: Vec4, normal: Vec3A) -> Vec3A {
-    normal * lambda.w + Vec3A::from(lambda.xyz())
+pub(crate) fn impulse<L: Lanes>((rub, press): (Vector<L>, L), normal: Vector<L>) -> Vector<L> {
+    normal.mul_add(press, rub)
 }
 
 /// How far (m) a vertex stays from the middle plane of a pair that is `distance` (m) apart and whose thickness is `thickness` (m).
 #[inline(always)]
-pub(crate) fn kept(distance: f32, thickness: f32) -> f32 {
-    (KEEP * distance).max((0.5 * distance).min(KEEP * thickness))
+pub(crate) fn kept<L: Lanes>(distance: L, thickness: L) -> L {
+    let (half, most) = (distance * L::splat(0.5), thickness * L::splat(KEEP));
+    (distance * L::splat(KEEP)).max(L::select(half.lt(most), half, most))
 }
 
 /// How much of a displacement that brings a vertex nearer to a plane by `toward` (m) may be taken, if it is `height` (m) above it
 /// and has to stay `kept` (m) above.
 #[inline(always)]
-pub(crate) fn share_above(height: f32, kept: f32, toward: f32) -> f32 {
-    if toward <= 0.0 || height - toward >= kept { 1.0 } else { ((height - kept) / toward).clamp(0.0, 1.0) }
+pub(crate) fn share_above<L: Lanes>(height: L, kept: L, toward: L) -> L {
+    let cuts = L::and(L::splat(0.0).lt(toward), (height - toward).lt(kept));
+    L::select(cuts, clamp01((height - kept) / toward), L::splat(1.0))
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ impl Lanes for f32 {
         fn and(one: bool, other: bool) -> bool { one & other }
         fn or(one: bool, other: bool) -> bool { one | other }
         fn all(mask: bool) -> bool { mask }
+        fn bits(mask: bool) -> u32 { u32::from(mask) }
         fn select(mask: bool, yes: f32, no: f32) -> f32 { if mask { yes } else { no } }
     }
 }
@@ -48,6 +49,7 @@ impl Lanes for Vec4 {
         fn and(one: BVec4A, other: BVec4A) -> BVec4A { one & other }
         fn or(one: BVec4A, other: BVec4A) -> BVec4A { one | other }
         fn all(mask: BVec4A) -> bool { mask.all() }
+        fn bits(mask: BVec4A) -> u32 { mask.bitmask() }
         fn select(mask: BVec4A, yes: Vec4, no: Vec4) -> Vec4 { Vec4::select(mask, yes, no) }
     }
 }

@@ -85,6 +85,7 @@ impl Lanes for F32x8 {
         fn and(one: F32x8, other: F32x8) -> F32x8 { F32x8(_mm256_and_ps(one.0, other.0)) }
         fn or(one: F32x8, other: F32x8) -> F32x8 { F32x8(_mm256_or_ps(one.0, other.0)) }
         fn all(mask: F32x8) -> bool { _mm256_movemask_ps(mask.0) == 0xff }
+        fn bits(mask: F32x8) -> u32 { _mm256_movemask_ps(mask.0).cast_unsigned() }
         fn select(mask: F32x8, yes: F32x8, no: F32x8) -> F32x8 { F32x8(_mm256_blendv_ps(no.0, yes.0, mask.0)) }
     }
 }
@@ -192,6 +193,11 @@ impl Lanes for F32x16 {
     #[inline(always)]
     fn all(mask: __mmask16) -> bool {
         mask == !0
+    }
+
+    #[inline(always)]
+    fn bits(mask: __mmask16) -> u32 {
+        mask.into()
     }
 }
 

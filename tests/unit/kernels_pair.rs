@@ -1,6 +1,6 @@
 //! The closest points of a pair, and its multipliers, against what they are by definition.
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::DVec3;
 
 use super::{edge_edge, impulse, kept, share_above, step_of_lambda, vertex_triangle};
 use crate::simd::Vector;
@@ -66,20 +66,22 @@ fn closest_points_are_the_closest() {
 /// Two masses pressed together: one step of the exact rate ends the approach; pulled apart nothing holds them.
 #[test]
 fn a_multiplier_ends_the_approach_and_never_pulls() {
-    let (w, n) = (2.0_f32, Vec3A::Y);
+    let (w, n) = (2.0_f32, Vector::new(0.0, 1.0, 0.0));
     let rate = 1.0 / (2.0 * w);
-    let after = |relative: Vec3A, lambda: Vec4| relative + impulse(lambda, n) * (2.0 * w);
-    let pressed = Vec3A::new(0.0, -0.3, 0.0);
-    let lambda = step_of_lambda(Vec4::ZERO, n, 0.1, pressed, rate, 0.0);
+    let (zero, none) = (Vector::zero(), (Vector::<f32>::zero(), 0.0));
+    let after = |relative: Vector<f32>, lambda| relative + impulse(lambda, n) * (2.0 * w);
+    let pressed = Vector::new(0.0, -0.3, 0.0);
+    let lambda = step_of_lambda(none, n, 0.1, pressed, rate, 0.0);
     assert!((after(pressed, lambda).y + 0.1).abs() < 1e-6, "up to the gap and no farther");
-    assert_eq!(step_of_lambda(Vec4::ZERO, n, 0.1, -pressed, rate, 0.5), Vec4::ZERO);
+    let (rub, press) = step_of_lambda(none, n, 0.1, zero - pressed, rate, 0.5);
+    assert!(press == 0.0 && rub.dot(rub) == 0.0);
     // Coulomb: what presses by 1 is rubbed by at most mu, against the slip.
-    let slipping = Vec3A::new(5.0, -0.2, 0.0);
-    let lambda = step_of_lambda(Vec4::ZERO, n, 0.0, slipping, rate, 0.5);
-    assert!((lambda.x + 0.5 * lambda.w).abs() < 1e-6 && lambda.y == 0.0, "{lambda}");
-    let creeping = Vec3A::new(0.01, -0.2, 0.0);
-    let lambda = step_of_lambda(Vec4::ZERO, n, 0.0, creeping, rate, 0.5);
-    assert!(after(creeping, lambda).length() < 1e-6, "it sticks");
+    let slipping = Vector::new(5.0, -0.2, 0.0);
+    let (rub, press) = step_of_lambda(none, n, 0.0, slipping, rate, 0.5);
+    assert!((rub.x + 0.5 * press).abs() < 1e-6 && rub.y == 0.0, "{rub:?} of {press}");
+    let creeping = Vector::new(0.01, -0.2, 0.0);
+    let left = after(creeping, step_of_lambda(none, n, 0.0, creeping, rate, 0.5));
+    assert!(left.dot(left) < 1e-12, "it sticks");
 }
 
 #[test]

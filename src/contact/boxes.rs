@@ -1,0 +1,52 @@
+//! Boxes around features, coordinate by coordinate, so that one is compared with as many others as there are lanes.
+
+use glam::Vec3A;
+use rayon::prelude::*;
+
+use crate::simd::{MAX_LANES, Registers};
+
+/// The least and the greatest of each coordinate (m) of many boxes.
+#[derive(Debug, Default)]
+pub(super) struct Boxes {
+    low: [Vec<f32>; 3],
+    high: [Vec<f32>; 3],
+}
+
+impl Boxes {
+    /// Bounds so many features, a coordinate's share of which `of` gives by its number and theirs; coordinates are shared by threads.
+    pub(super) fn bound(&mut self, count: usize, is_shared: bool, of: impl Fn(usize, usize) -> [f32; 2] + Sync) {
+        let fill = |(axis, (low, high)): (usize, (&mut Vec<f32>, &mut Vec<f32>))| {
+            // Groups of as many as lanes end past the last.
+            low.resize(count + MAX_LANES, 0.0);
+            high.resize(count + MAX_LANES, 0.0);
+            for (item, (low, high)) in low[..count].iter_mut().zip(&mut high[..count]).enumerate() {
+                [*low, *high] = of(axis, item);
+            }
+        };
+        if is_shared {
+            self.low.par_iter_mut().zip(&mut self.high).enumerate().for_each(fill);
+        } else {
+            self.low.iter_mut().zip(&mut self.high).enumerate().for_each(fill);
+        }
+    }
+
+    pub(super) fn get(&self, item: usize) -> [Vec3A; 2] {
+        [&self.low, &self.high].map(|of| Vec3A::new(of[0][item], of[1][item], of[2][item]))
+    }
+
+    /// Which of as many boxes as lanes from `first` on, but no more than `count`, touch a box: a bit each.
+    #[inline(always)]
+    pub(super) fn touching<L: Registers>(&self, first: usize, count: usize, [low, high]: [Vec3A; 2]) -> u32 {
+        let x = self.overlap::<L>(0, first, low.x, high.x);
+        let y = self.overlap::<L>(1, first, low.y, high.y);
+        let z = self.overlap::<L>(2, first, low.z, high.z);
+        L::bits(L::and(x, L::and(y, z))) & ((1_u32 << count.min(L::LANES)) - 1)
+    }
+
+    #[inline(always)]
+    fn overlap<L: Registers>(&self, axis: usize, first: usize, low: f32, high: f32) -> L::Mask {
+        let lanes = first..first + L::LANES;
+        let (from, to) = (L::from_slice(&self.low[axis][lanes.clone()]), L::from_slice(&self.high[axis][lanes]));
+        L::and(from.lt(L::splat(high)), L::splat(low).lt(to))
+    }
+}

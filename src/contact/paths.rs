@@ -1,0 +1,157 @@
+//! The straight paths that detection looked along, and whether vertices are still near them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{Vec3A, Vec4};
+use rayon::prelude::*;
+
+use super::surface::Surface;
+use super::{GRAIN, Path, for_chunks};
+use crate::kernels::integrate::xyz;
+use crate::simd::{self, Loop, Registers, Width};
+
+/// How far (m per m of thickness) a vertex may stray from its path before everything is detected again, at least.
+const LEAST: f32 = 0.1;
+/// Substeps that a vertex is to stay near its path, told from how far it strayed so far.
+const LASTS: f32 = 12.0;
+/// Share of what a vertex was allowed that it keeps, at least.
+const KEEPS: f32 = 0.8;
+/// Substeps that detection looks ahead, at least and at most; where hardly anything is listed, up to as many as the last of these.
+const AHEAD: [f32; 3] = [8.0, 32.0, 64.0];
+/// Vertices that how the cloth falls as a whole is told by.
+const SAMPLES: usize = 32;
+
+/// Paths from the last detection on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Paths {
+    from: Vec<Vec4>,
+    /// Displacement (m) in a substep, w the inverse of how far vertices may stray (1/m).
+    by: Vec<Vec4>,
+    /// How far (m) each vertex may stray.
+    pub stray: Vec<f32>,
+    /// How many substeps the paths reach, and how many of these are over; none before the first detection.
+    pub ahead: f32,
+    pub since: Option<f32>,
+}
+
+impl Paths {
+    /// Forgets the state, which was put elsewhere.
+    pub(super) fn forget(&mut self) {
+        self.since = None;
+    }
+
+    /// Whether all vertices will be near their paths after this substep. Where `is_free`, nothing is led, and how the cloth strays as a whole
+    /// counts for nothing: it brings no two vertices nearer to one another.
+    pub(super) fn hold(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
+        let Some(since) = self.since else { return false };
+        if since >= self.ahead || self.from.len() != path.x.len() {
+            return false;
+        }
+        let (substeps, common) = (since + 1.0, if is_free { self.common(path) } else { Vec3A::ZERO });
+        let all = AtomicBool::new(true);
+        let look = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
+        if path.is_shared && path.x.len() > GRAIN {
+            let state = path.x.par_chunks(GRAIN).zip(path.u.par_chunks(GRAIN));
+            let paths = self.from.par_chunks(GRAIN).zip(self.by.par_chunks(GRAIN));
+            state.zip(paths).for_each(|((x, u), (from, by))| look([x, u, from, by]));
+        } else {
+            look([path.x, path.u, &self.from, &self.by]);
+        }
+        all.into_inner()
+    }
+
+    /// How far (m) a vertex will have strayed after this substep.
+    fn strayed(&self, path: Path<'_>, vertex: usize) -> Vec3A {
+        let steps = self.since.map_or(0.0, |since| since + 1.0);
+        (xyz(path.x[vertex]) - xyz(self.from[vertex])) + (xyz(path.u[vertex]) - xyz(self.by[vertex]) * steps)
+    }
+
+    /// How the cloth as a whole strays (m), by a few of its vertices: any vector will do.
+    fn common(&self, path: Path<'_>) -> Vec3A {
+        let each = path.x.len().div_ceil(SAMPLES);
+        let samples = (0..path.x.len()).step_by(each);
+        let count = samples.len() as f32;
+        samples.map(|vertex| self.strayed(path, vertex)).sum::<Vec3A>() / count
+    }
+
+    /// Allows each vertex to stray so far that the next paths last, told from how it strayed from the last; where `few` pairs are listed, as far
+    /// as can be. `speed` (m) is how far vertices go against each other in a substep.
+    pub(super) fn adapt(&mut self, x: &[Vec4], u: &[Vec4], few: bool, speed: f32, surface: &Surface, thickness: f32, is_free: bool, is_shared: bool) {
+        let most = &surface.roam;
+        let known = self.since.filter(|_| self.from.len() == x.len() && !few);
+        let mut stray = std::mem::take(&mut self.stray);
+        stray.resize(x.len(), 0.0);
+        if let Some(since) = known {
+            let path = Path { x, u, stray: &[], is_shared };
+            let common = if is_free { self.common(path) } else { Vec3A::ZERO };
+            let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
+            for_chunks(is_shared, &mut stray, GRAIN, |first, stray| {
+                for (vertex, stray) in (first..).zip(stray) {
+                    let far = (self.strayed(path, vertex) - common).length() * longer;
+                    *stray = far.max(KEEPS * *stray).clamp(LEAST * thickness, most[vertex]);
+                }
+            });
+        } else {
+            stray.copy_from_slice(most);
+        }
+        self.stray = stray;
+        self.ahead = match few && self.since.is_some() {
+            true => (2.0 * self.ahead).min(AHEAD[2]),
+            false => (thickness / speed.max(1e-12)).floor().clamp(AHEAD[0], AHEAD[1]),
+        };
+    }
+
+    /// Begins new paths.
+    pub(super) fn begin(&mut self, x: &[Vec4], u: &[Vec4]) {
+        self.from.clear();
+        self.from.extend_from_slice(x);
+        self.by.clear();
+        self.by.extend(u.iter().zip(&self.stray).map(|(u, stray)| u.with_w(1.0 / stray)));
+        self.since = Some(0.0);
+    }
+}
+
+/// Looks whether vertices are as near their paths as they are to be.
+struct OnPath<'a> {
+    x: &'a [Vec4],
+    u: &'a [Vec4],
+    from: &'a [Vec4],
+    by: &'a [Vec4],
+    substeps: f32,
+    common: Vec3A,
+    all: &'a AtomicBool,
+}
+
+impl OnPath<'_> {
+    /// How far vertices strayed over how far they may.
+    #[inline(always)]
+    fn row<L: Registers>(&self, first: usize, steps: L, common: L) -> L {
+        let range = first..first + L::VECTORS;
+        let by = L::load(&self.by[range.clone()]);
+        let way = L::load(&self.x[range.clone()]) - L::load(&self.from[range.clone()]) - common;
+        (way + by.neg_mul_add(steps, L::load(&self.u[range]))) * by.w()
+    }
+}
+
+impl Loop for OnPath<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let (steps, common, one) = (L::splat(self.substeps), L::repeat(self.common.extend(0.0)), L::splat(1.0));
+        let (mut farthest, whole) = (L::splat(0.0), self.x.len() / L::LANES * L::LANES);
+        for first in (0..whole).step_by(L::LANES) {
+            let (a, b) = (self.row(first, steps, common), self.row(first + L::VECTORS, steps, common));
+            let (c, d) = (self.row(first + 2 * L::VECTORS, steps, common), self.row(first + 3 * L::VECTORS, steps, common));
+            let stray = L::transpose([a, b, c, d]);
+            // What is not a number is not below the limit.
+            farthest = L::select(stray.dot(stray).lt(one), farthest, L::splat(f32::INFINITY));
+        }
+        let mut is_near = L::all(farthest.lt(one));
+        for i in whole..self.x.len() {
+            let stray = xyz(self.x[i]) - xyz(self.from[i]) - self.common + (xyz(self.u[i]) - xyz(self.by[i]) * self.substeps);
+            is_near &= (stray * self.by[i].w).length_squared() < 1.0;
+        }
+        if !is_near {
+            self.all.store(false, Ordering::Relaxed);
+        }
+    }
+}
