@@ -8,6 +8,7 @@
 //! timed by the time that it had a processor for, where the system tells it (Linux). A scene without contact soon differs from the one with it;
 //! so the cost of its step, which hardly depends on where it is, is what they are compared by.
 
+use std::f32::consts::PI;
 use std::time::Instant;
 
 use cloth_deformer::glam::{Quat, Vec3};
@@ -21,6 +22,8 @@ struct Scene {
     substeps: u32,
     pinned: Vec<u32>,
     colliders: Vec<Collider>,
+    /// Where the cloth begins, if that is not its rest shape.
+    start: Option<Vec<Vec3>>,
     /// Frames that are played first, and frames that are timed.
     frames: [u32; 2],
 }
@@ -45,13 +48,76 @@ fn scenes() -> Vec<Scene> {
         mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + n * n)));
         mesh
     };
+    // Bent over until one half lies above the other.
+    let (radius, quarter) = (0.05_f32, 0.5 * PI * 0.05);
+    let bent = |x: &Vec3| {
+        let (z, y) = match x.z {
+            along if along < -quarter => (along + quarter, 0.0),
+            along if along > quarter => (quarter - along, 2.0 * radius),
+            along => {
+                let (sin, cos) = ((along + quarter) / radius).sin_cos();
+                (radius * sin, radius * (1.0 - cos))
+            }
+        };
+        Vec3::new(x.x, 0.02 + y, z)
+    };
+    let fold = Some(grid(40).positions.iter().map(bent).collect());
     let row = |n: u32| (0..n).collect();
     vec![
-        Scene { name: "hangs, 64", mesh: grid(64), substeps: 40, pinned: row(64), colliders: vec![], frames: [120, 60] },
-        Scene { name: "swings, 64", mesh: grid(64), substeps: 40, pinned: row(64), colliders: vec![], frames: [1, 24] },
-        Scene { name: "two lie, 32", mesh: lying(32), substeps: 20, pinned: vec![], colliders: vec![floor], frames: [60, 30] },
-        Scene { name: "heap, 32", mesh: on_edge(32), substeps: 20, pinned: vec![], colliders: vec![floor], frames: [20, 70] },
-        Scene { name: "heap, 64", mesh: on_edge(64), substeps: 40, pinned: vec![], colliders: vec![floor], frames: [20, 30] },
+        Scene {
+            name: "hangs, 64",
+            mesh: grid(64),
+            substeps: 40,
+            pinned: row(64),
+            colliders: vec![],
+            start: None,
+            frames: [120, 60],
+        },
+        Scene {
+            name: "swings, 64",
+            mesh: grid(64),
+            substeps: 40,
+            pinned: row(64),
+            colliders: vec![],
+            start: None,
+            frames: [1, 24],
+        },
+        Scene {
+            name: "two lie, 32",
+            mesh: lying(32),
+            substeps: 20,
+            pinned: vec![],
+            colliders: vec![floor],
+            start: None,
+            frames: [60, 30],
+        },
+        Scene {
+            name: "fold, 40",
+            mesh: grid(40),
+            substeps: 20,
+            pinned: vec![],
+            colliders: vec![floor],
+            start: fold,
+            frames: [1, 60],
+        },
+        Scene {
+            name: "heap, 32",
+            mesh: on_edge(32),
+            substeps: 20,
+            pinned: vec![],
+            colliders: vec![floor],
+            start: None,
+            frames: [20, 70],
+        },
+        Scene {
+            name: "heap, 64",
+            mesh: on_edge(64),
+            substeps: 40,
+            pinned: vec![],
+            colliders: vec![floor],
+            start: None,
+            frames: [20, 30],
+        },
     ]
 }
 
@@ -74,7 +140,10 @@ fn timed(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
             contact,
             ..Options::default()
         };
-        Deformer::new(&scene.mesh, options).expect("the scene is sound")
+        let mut cloth = Deformer::new(&scene.mesh, options).expect("the scene is sound");
+        let still = vec![Vec3::ZERO; scene.mesh.positions.len()];
+        scene.start.iter().for_each(|start| cloth.set_state(start, &still).expect("the scene is sound"));
+        cloth
     });
     let (mut times, mut detections, start) = ([0.0; 2], 0, Instant::now());
     for frame in 0..scene.frames[0] + scene.frames[1] {

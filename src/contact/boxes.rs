@@ -30,8 +30,10 @@ impl Boxes {
         }
     }
 
+    #[inline(always)]
     pub(super) fn get(&self, item: usize) -> [Vec3A; 2] {
-        [&self.low, &self.high].map(|of| Vec3A::new(of[0][item], of[1][item], of[2][item]))
+        let (low, high) = (&self.low, &self.high);
+        [Vec3A::new(low[0][item], low[1][item], low[2][item]), Vec3A::new(high[0][item], high[1][item], high[2][item])]
     }
 
     /// Which of as many boxes as lanes from `first` on, but no more than `count`, touch a box: a bit each.

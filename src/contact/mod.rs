@@ -41,6 +41,8 @@ use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;
 
+/// How far (m per m of thickness) a vertex may stray from its path before everything is detected again, at least.
+const LEAST_STRAY: f32 = 0.1;
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
 
@@ -226,15 +228,13 @@ impl SelfContact {
     /// Lists what may meet from here on; false if the state is not finite, which the end of the step reports.
     fn detect(&mut self, plan: &Plan<'_>, path: Path<'_>, width: Width) -> bool {
         let SelfContact { options, surface, tree, lists, detection, paths, .. } = self;
-        let mean = mean(&plan.cloth.mass, path.u);
-        let square: f32 = path.u.iter().map(|&u| (xyz(u) - mean).length_squared()).sum();
-        if !(square.is_finite() && path.x.iter().map(|x| xyz(*x)).sum::<Vec3A>().is_finite()) {
+        let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
+        if !sum.is_finite() {
             return false;
         }
-        let speed = (square / path.u.len() as f32).sqrt();
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
-        let few = paths.since.is_some() && 4 * listed < path.x.len();
-        paths.adapt(path.x, path.u, few, speed, surface, options.thickness, plan.cloth.pinned.is_empty(), path.is_shared);
+        let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
+        paths.adapt(path, lists_are, surface, LEAST_STRAY * options.thickness, plan.cloth.pinned.is_empty());
         paths.begin(path.x, path.u);
         let path = Path { stray: &paths.stray, ..path };
         let look = Look { substeps: paths.ahead, margin: options.thickness };

@@ -10,14 +10,13 @@ use super::{GRAIN, Path, for_chunks};
 use crate::kernels::integrate::xyz;
 use crate::simd::{self, Loop, Registers, Width};
 
-/// How far (m per m of thickness) a vertex may stray from its path before everything is detected again, at least.
-const LEAST: f32 = 0.1;
 /// Substeps that a vertex is to stay near its path, told from how far it strayed so far.
 const LASTS: f32 = 12.0;
 /// Share of what a vertex was allowed that it keeps, at least.
 const KEEPS: f32 = 0.8;
-/// Substeps that detection looks ahead, at least and at most; where hardly anything is listed, up to as many as the last of these.
-const AHEAD: [f32; 3] = [8.0, 32.0, 64.0];
+/// Substeps that detection looks ahead, at least and at most; and by how much more it does where it lasted so long.
+const AHEAD: [f32; 2] = [6.0, 64.0];
+const FARTHER: f32 = 1.5;
 /// Vertices that how the cloth falls as a whole is told by.
 const SAMPLES: usize = 32;
 
@@ -75,30 +74,32 @@ impl Paths {
     }
 
     /// Allows each vertex to stray so far that the next paths last, told from how it strayed from the last; where `few` pairs are listed, as far
-    /// as can be. `speed` (m) is how far vertices go against each other in a substep.
-    pub(super) fn adapt(&mut self, x: &[Vec4], u: &[Vec4], few: bool, speed: f32, surface: &Surface, thickness: f32, is_free: bool, is_shared: bool) {
+    /// as can be. Looks farther ahead if the last paths lasted, unless the list is `is_long` already.
+    pub(super) fn adapt(&mut self, path: Path<'_>, [few, is_long]: [bool; 2], surface: &Surface, least: f32, is_free: bool) {
         let most = &surface.roam;
-        let known = self.since.filter(|_| self.from.len() == x.len() && !few);
+        let known = self.since.filter(|_| self.from.len() == path.x.len() && !few);
         let mut stray = std::mem::take(&mut self.stray);
-        stray.resize(x.len(), 0.0);
+        stray.resize(path.x.len(), 0.0);
         if let Some(since) = known {
-            let path = Path { x, u, stray: &[], is_shared };
             let common = if is_free { self.common(path) } else { Vec3A::ZERO };
             let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
-            for_chunks(is_shared, &mut stray, GRAIN, |first, stray| {
+            for_chunks(path.is_shared, &mut stray, GRAIN, |first, stray| {
                 for (vertex, stray) in (first..).zip(stray) {
                     let far = (self.strayed(path, vertex) - common).length() * longer;
-                    *stray = far.max(KEEPS * *stray).clamp(LEAST * thickness, most[vertex]);
+                    *stray = far.max(KEEPS * *stray).clamp(least.min(most[vertex]), most[vertex]);
                 }
             });
         } else {
             stray.copy_from_slice(most);
         }
         self.stray = stray;
-        self.ahead = match few && self.since.is_some() {
-            true => (2.0 * self.ahead).min(AHEAD[2]),
-            false => (thickness / speed.max(1e-12)).floor().clamp(AHEAD[0], AHEAD[1]),
+        let ahead = match self.since {
+            None => AHEAD[0],
+            Some(since) if since < self.ahead => FARTHER * since,
+            Some(_) if is_long => self.ahead / FARTHER,
+            Some(_) => FARTHER * self.ahead,
         };
+        self.ahead = ahead.round().clamp(AHEAD[0], AHEAD[1]);
     }
 
     /// Begins new paths.

@@ -33,6 +33,8 @@ pub(super) struct Acting {
     /// What each vertex has of them: pairs and its weights in them.
     corners: Vec<(u32, f32)>,
     starts: Vec<u32>,
+    /// Of each vertex its inverse mass (1/kg) times the sum of its weights.
+    mobility: Vec<f32>,
     /// How many press.
     pub pressing: u32,
 }
@@ -106,7 +108,7 @@ impl Group {
 impl Acting {
     /// Takes the pairs that act, and says how fast they do, if any of their vertices moves.
     pub(super) fn gather(&mut self, pairs: &[Vec<Near>; 2], vertices: &mut [Vertex], lists: &[Rows; 2], scale: f32) {
-        let Acting { groups, firsts, impulses, corners, starts, pressing } = self;
+        let Acting { groups, firsts, impulses, corners, starts, mobility, pressing } = self;
         groups.clear();
         for kind in Kind::ALL {
             firsts[kind as usize] = groups.len();
@@ -143,14 +145,13 @@ impl Acting {
                 }
             }
         }
+        mobility.clear();
+        mobility.extend(vertices.iter().map(|vertex| vertex.x.w * vertex.weight));
         for group in groups {
             for lane in 0..group.count as usize {
-                let weights = group.corners[lane].into_iter().zip(group.weights(lane));
-                let of = |(vertex, weight): (u32, f32)| {
-                    let vertex = &vertices[vertex as usize];
-                    vertex.x.w * weight.abs() * vertex.weight
-                };
-                let bound: f32 = weights.map(of).sum();
+                let (corners, weights) = (group.corners[lane], group.weights(lane));
+                let of = |k: usize| mobility[corners[k] as usize] * weights[k].abs();
+                let bound = (of(0) + of(1)) + (of(2) + of(3));
                 if bound > 0.0 {
                     group.rate[lane] = RELAXATION / bound;
                     let held = lists[group.kind as usize].lambda[group.listed[lane] as usize];

@@ -11,9 +11,9 @@ use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{self, EdgeIndex, sides};
 
 /// [`Surface::roam`] (m per m of thickness), at least and at most.
-const ROAM: [f32; 2] = [0.3, 0.8];
+const ROAM: [f32; 2] = [0.3, 1.6];
 /// Triangles in a leaf, at least.
-const LEAF: usize = 3;
+const LEAF: usize = 6;
 
 /// A cloth's features. Nothing of it changes.
 #[derive(Debug)]
@@ -187,13 +187,7 @@ fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
 }
 
 /// Sorts a range of all triangles into leaves, level by level: pieces apart first, then halves along the longest axis.
-fn split(
-    triangles: &mut [[u32; 3]],
-    range: Range<usize>,
-    count: usize,
-    depth: u32,
-    key: &impl Fn(&[u32; 3]) -> (u32, Vec3A),
-) {
+fn split(triangles: &mut [[u32; 3]], range: Range<usize>, count: usize, depth: u32, key: &impl Fn(&[u32; 3]) -> (u32, Vec3A)) {
     // Of node `index` of so many levels above the leaves; the root is the first of all.
     fn recurse(
         triangles: &mut [[u32; 3]],
