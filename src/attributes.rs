@@ -5,6 +5,7 @@ use std::fmt::Display;
 use glam::{DVec3, Quat, Vec3};
 
 use crate::error::StepError;
+use crate::record::{Recorded, Tape, Unreadable, recorded};
 
 /// Everything outside the cloth that acts on it, sampled once a step.
 ///
@@ -340,4 +341,38 @@ fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
 
 fn not_negative(name: impl Display, value: f32) -> Result<(), StepError> {
     if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite and 0 or above")) }
+}
+
+recorded!(Attributes { gravity, wind, air_density, drag, lift, damping, colliders, pin_targets });
+recorded!(Collider { shape, friction, id, teleported });
+
+impl Recorded for Shape {
+    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
+        let (zero, mut kind) = (
+            Vec3::ZERO,
+            match self {
+                Shape::Sphere { .. } => 0_u8,
+                Shape::Plane { .. } => 1,
+                Shape::Capsule { .. } => 2,
+            },
+        );
+        kind.record(tape)?;
+        if let Tape::In(_) = tape {
+            *self = match kind {
+                0 => Shape::Sphere { center: zero, radius: 0.0 },
+                1 => Shape::Plane { point: zero, normal: zero },
+                2 => Shape::Capsule { a: zero, b: zero, radius: 0.0 },
+                _ => return Err(Unreadable),
+            };
+        }
+        match self {
+            Shape::Sphere { center, radius } => center.record(tape).and_then(|()| radius.record(tape)),
+            Shape::Plane { point, normal } => point.record(tape).and_then(|()| normal.record(tape)),
+            Shape::Capsule { a, b, radius } => {
+                a.record(tape)?;
+                b.record(tape)?;
+                radius.record(tape)
+            }
+        }
+    }
 }

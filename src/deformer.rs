@@ -6,10 +6,12 @@ mod bench;
 mod forecast;
 mod quality;
 mod sleep;
+mod snapshot;
 mod state;
 
 pub use forecast::Forecast;
 use sleep::Stillness;
+pub use snapshot::Snapshot;
 
 use std::collections::VecDeque;
 use std::time::Instant;

@@ -248,3 +248,44 @@ pub enum Instability {
         length: f32,
     },
 }
+
+/// Why a [`Snapshot`](crate::Snapshot) cannot be gone on from. The state is what it was before.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StateError {
+    /// Bytes that do not begin as a snapshot does.
+    #[error("these bytes are no snapshot; give those of Snapshot::to_bytes")]
+    Foreign,
+    /// A snapshot of another version of the form.
+    #[error("the snapshot has form {found}, but this version of the crate reads form {known}; use the version that wrote it")]
+    Version {
+        /// Its form.
+        found: u32,
+        /// The form that is read here.
+        known: u32,
+    },
+    /// A snapshot that was cut, lengthened or altered since it was made.
+    #[error("the snapshot was cut or altered; take another copy, or an earlier one")]
+    Altered,
+    /// A snapshot of a cloth that was made of another mesh or with other options.
+    #[error(
+        "the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options that it was taken with"
+    )]
+    Other {
+        /// What differs first: `mesh`, or the name of an option.
+        what: &'static str,
+    },
+    /// The processor computes on another number of lanes at once, and so rounds differently.
+    #[error(
+        "the snapshot was taken on a processor with {taken} lanes, and this one has {here}, which gives other bits; restore it on one with {taken}"
+    )]
+    Lanes {
+        /// Lanes where it was taken.
+        taken: u32,
+        /// Lanes here.
+        here: u32,
+    },
+    /// The GPU did not take it.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}

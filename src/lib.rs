@@ -27,13 +27,14 @@ mod options;
 #[allow(unreachable_pub, reason = "the tests of the crate take it too")]
 #[path = "../tests/common/oracle.rs"]
 mod oracle;
+mod record;
 mod simd;
 mod step;
 
 pub use attributes::{Attributes, Collider, Shape};
-pub use deformer::{Deformer, Forecast};
+pub use deformer::{Deformer, Forecast, Snapshot};
 pub use device::Gpu;
-pub use error::{BuildError, Instability, StepError};
+pub use error::{BuildError, Instability, StateError, StepError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(all(feature = "gpu", feature = "bench"))]
@@ -41,6 +42,7 @@ pub use gpu::GpuStats;
 #[cfg(feature = "gpu")]
 pub use gpu::Surface;
 pub use io::obj::ObjError;
+pub use io::obj_template::ObjTemplate;
 pub use io::pc2::{Pc2Error, PointCache};
 pub use measure::Measure;
 pub use model::mesh::Mesh;

@@ -116,6 +116,18 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.pc2")]
     pub(crate) pc2: Option<PathBuf>,
 
+    /// Where the run is, every so many frames, for --resume
+    #[arg(long, value_name = "FILE")]
+    pub(crate) save: Option<PathBuf>,
+
+    /// Frames from --save to --save
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = value_parser!(u32).range(1..), requires = "save", allow_hyphen_values = true)]
+    pub(crate) every: u32,
+
+    /// Goes on where --save left off, with the same arguments: frames after that are written, those before are in --out
+    #[arg(long, value_name = "FILE")]
+    pub(crate) resume: Option<PathBuf>,
+
     /// A contact sheet of twelve frames
     #[arg(long, value_name = "FILE.png")]
     pub(crate) preview: Option<PathBuf>,

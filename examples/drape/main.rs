@@ -36,6 +36,7 @@ mod output;
 mod pins;
 mod preview;
 mod report;
+mod save;
 mod scene;
 
 /// Cells of the contact sheet, at most.
@@ -119,9 +120,26 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         warned.push(mem::discriminant(&warning));
         warn("warning", &describe(warning, 60.0 * dt));
     }
+    let acts = save::scene_text(dt, &attributes);
+    let resumed = save::resume(arguments, &mut deformer, &acts)?;
+    let done = resumed.as_ref().map_or(0, |saved| saved.frame);
+    report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
     let progress = progress(arguments);
+    progress.set_position(u64::from(done));
     let mut shape = mesh;
-    for frame in 1..=arguments.frames {
+    for frame in 1..=done {
+        let is_cell = preview_file.is_some() && is_shown(frame, arguments.frames);
+        if cache.is_some() || is_cell {
+            save::written(arguments, frame, &mut shape)?;
+        }
+        if let Some(cache) = &mut cache {
+            cache.push(&shape.positions).map_err(cache_failed)?;
+        }
+        if is_cell {
+            cells.push((frame, shape.positions.clone()));
+        }
+    }
+    for frame in done + 1..=arguments.frames {
         let failed = |error: StepError| Failure::step(frame, &error);
         let (mut seconds, mut counts) = (0.0, [0, 0]);
         if frame > 1 {
@@ -156,7 +174,10 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             Failure::new(Failure::UNSTABLE, message)
         })?);
         progress.inc(1);
-        if interrupted.load(Ordering::Relaxed) {
+        let is_interrupted = interrupted.load(Ordering::Relaxed);
+        let is_last = is_interrupted || frame == arguments.frames;
+        save::save(arguments, frame, is_last, &mut deformer, &acts, &report.frames)?;
+        if is_interrupted {
             progress.finish_and_clear();
             let message = format_args!("interrupted: {frame} of {} frames written", arguments.frames);
             return Err(Failure::new(Failure::INTERRUPTED, message));

@@ -57,8 +57,8 @@ pub(crate) fn frame_name(frame: u32) -> String {
 
 /// Refuses arguments by which one file would take the place of another, or of the mesh.
 pub(crate) fn check_apart(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { mesh, pc2, preview, report, .. } = arguments;
-    let named = [("the mesh", mesh), ("--pc2", pc2), ("--preview", preview), ("--report", report)];
+    let Arguments { mesh, pc2, preview, report, save, .. } = arguments;
+    let named = [("the mesh", mesh), ("--pc2", pc2), ("--preview", preview), ("--report", report), ("--save", save)];
     let files: Vec<(&str, PathBuf)> =
         named.into_iter().filter_map(|(name, path)| Some((name, resolved(path.as_ref()?)))).collect();
     let frames = Frames::new(arguments);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cloth_deformer::{Backend, Deformer, Measure, Mesh, Method};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     Failure,
@@ -25,7 +25,7 @@ pub(crate) struct Report {
 }
 
 /// One frame.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Frame {
     #[serde(rename = "frame")]
     number: u32,

@@ -79,7 +79,12 @@ pub(super) struct LetGo {
 impl LetGo {
     /// Looks for crossings.
     pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
-        self.crossings = crossings(&surface.edges, &surface.triangles, x);
+        self.take(crossings(&surface.edges, &surface.triangles, x), surface);
+    }
+
+    /// Takes what crosses.
+    pub(super) fn take(&mut self, crossings: Vec<[u32; 2]>, surface: &Surface) {
+        self.crossings = crossings;
         let [with_vertices, with_edges] = &mut self.pairs;
         with_vertices.clear();
         with_edges.clear();

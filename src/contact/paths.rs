@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::surface::Surface;
 use super::{GRAIN, Path, for_chunks};
 use crate::kernels::integrate::xyz;
+use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 
 /// Substeps that a vertex is to stay near its path, told from how far it strayed so far.
@@ -33,7 +34,16 @@ pub(super) struct Paths {
     pub since: Option<f32>,
 }
 
+recorded!(Paths { from, by, stray, ahead, since });
+
 impl Paths {
+    /// Whether they can be those of so many vertices, or are none.
+    pub(super) fn are_of(&self, vertices: usize) -> bool {
+        let Paths { from, by, stray, since, .. } = self;
+        let counts = [from.len(), by.len(), stray.len()];
+        counts == [vertices; 3] || counts == [0; 3] && since.is_none()
+    }
+
     /// Forgets the state, which was put elsewhere.
     pub(super) fn forget(&mut self) {
         self.since = None;

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use glam::Vec4;
 
+use crate::backend::Past;
 use crate::contact::SelfContact;
 use crate::cpu::coarse::Coarse;
 use crate::cpu::edge_batches::EdgeBatches;
@@ -23,7 +24,7 @@ use crate::cpu::watch::Found;
 use crate::failure::{Cause, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
-use crate::options::Method;
+use crate::options::{Contact, Method};
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
 use crate::step::plan::Plan;
@@ -112,6 +113,37 @@ impl Cpu {
         self.p.copy_from_slice(p);
         self.steps = 0;
         self.contact.iter_mut().for_each(|contact| contact.forget());
+    }
+
+    pub(crate) fn past(&self) -> Past {
+        let contact = self.contact.as_deref().map(SelfContact::past);
+        Past { steps: [self.steps, 0], untold: Vec::new(), contact }
+    }
+
+    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, [x, p]: [&[Vec4]; 2], past: &Past) -> bool {
+        if !past.untold.is_empty() {
+            return false;
+        }
+        match &past.contact {
+            None => self.contact = None,
+            Some(past) => {
+                if self.contact.is_none() {
+                    self.contact = options.and_then(|options| SelfContact::new(cloth, options)).map(Box::new);
+                }
+                if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
+                    return false;
+                }
+            }
+        }
+        self.x.copy_from_slice(x);
+        self.p.copy_from_slice(p);
+        self.steps = past.steps[0];
+        true
+    }
+
+    pub(crate) fn lanes(&self) -> usize {
+        self.width.lanes()
     }
 
     /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Says what is wrong if the motion

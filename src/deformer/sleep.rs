@@ -3,15 +3,18 @@
 use super::Deformer;
 use crate::attributes::Attributes;
 use crate::kernels::statistics::Statistics;
+use crate::record::recorded;
 
 /// For how long a cloth has been still, and under what.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Stillness {
     /// What acted on it in the last step.
     attributes: Attributes,
     /// For how long (s) those have not changed and it has hardly moved.
     time: f32,
 }
+
+recorded!(Stillness { attributes, time });
 
 impl Deformer {
     /// Whether the cloth would sleep through a step under `attributes`.

@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use crate::backend::Past;
 use crate::device::Gpu;
 use crate::failure::Failure;
 use crate::gpu::commit::{self, Commit};
@@ -370,6 +371,38 @@ impl GpuEngine {
         self.gpu.write(&state.p, 0, p);
         self.commit.begin(&self.gpu);
         self.counter.iter_mut().for_each(Counter::forget);
+    }
+
+    /// What there is to know besides the state; waits for it.
+    pub(crate) fn past(&mut self) -> Result<Past, Failure> {
+        let GpuEngine { gpu, commit, counter, .. } = self;
+        gpu.checked(|| {
+            let staging = gpu.staging("found", commit.found.size());
+            let found = gpu.read(&staging, &[&commit.found], |bytes| bytemuck::pod_read_unaligned::<Found>(bytes))?;
+            let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
+            Ok(Past { steps: [found.steps, found.next], untold, contact: None })
+        })
+        .map_err(Failure::Gpu)
+    }
+
+    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    pub(crate) fn resume(&mut self, cloth: &Cloth, [x, p]: [&[Vec4]; 2], past: &Past) -> Result<bool, Failure> {
+        self.is_whole()?;
+        let next = past.steps[1] as usize;
+        if past.contact.is_some() || next >= cloth.swept().len().max(1) || past.untold.len() > Counter::LATE {
+            return Ok(false);
+        }
+        let gpu = self.gpu.clone();
+        let counter = gpu.checked(|| {
+            let GpuEngine { forces, counter, .. } = &mut *self;
+            let counts = !past.untold.is_empty();
+            Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
+        });
+        self.counter = counter.map_err(Failure::Gpu)?;
+        self.set(x, p);
+        self.commit.go_on(&gpu, Found { steps: past.steps[0], next: past.steps[1], ..Found::NOTHING });
+        self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
+        Ok(true)
     }
 
     /// Waits for what was submitted.

@@ -11,9 +11,6 @@ use crate::gpu::stage::{Bind, Stage, WORKGROUP};
 use crate::gpu_fault::GpuFault;
 use crate::kernels::statistics::{Statistics, StrainGauge};
 
-/// Steps that statistics are late: as many may be queued before one waits for another. It is always as many, so that a motion can be
-/// repeated.
-const LATE: usize = 3;
 /// Most workgroups that count: each adds what it counted to what the others did.
 const MOST_WORKGROUPS: usize = 256;
 
@@ -24,9 +21,17 @@ pub(crate) struct Counter {
     counted: wgpu::Buffer,
     /// Items to count.
     items: usize,
-    under_way: VecDeque<UnderWay>,
+    /// Those of the last steps, the oldest first.
+    untold: VecDeque<Untold>,
     /// Buffers that were looked at.
     free: Vec<wgpu::Buffer>,
+}
+
+#[derive(Debug)]
+enum Untold {
+    UnderWay(UnderWay),
+    /// They are here, and to be told when their time has come.
+    Here(Box<Statistics>),
 }
 
 #[derive(Debug)]
@@ -38,6 +43,10 @@ struct UnderWay {
 }
 
 impl Counter {
+    /// Steps that statistics are late: as many may be queued before one waits for another. It is always as many, so that a motion can
+    /// be repeated.
+    pub(crate) const LATE: usize = 3;
+
     pub(crate) fn new(gpu: &Gpu, forces: &Forces, gauges: &[StrainGauge]) -> Counter {
         let counted = gpu.buffer("statistics", size_of::<Statistics>() as u64);
         let items = gauges.len().max(forces.vertices());
@@ -46,7 +55,7 @@ impl Counter {
         let bound = [&gauges, &state.x, &state.p].map(Bind::Read).into_iter().chain([Bind::Write(&counted)]).collect();
         let entry = Entry { shader: shaders::STATISTICS, name: "count", constants: &[] };
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        Counter { stage, counted, items, under_way: VecDeque::new(), free: Vec::new() }
+        Counter { stage, counted, items, untold: VecDeque::new(), free: Vec::new() }
     }
 
     /// Dispatches of a count.
@@ -70,11 +79,20 @@ impl Counter {
         let mapped = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&mapped);
         staging.map_async(wgpu::MapMode::Read, .., move |result| told.store(result.is_ok(), Ordering::Release));
-        self.under_way.push_back(UnderWay { staging, submission, mapped });
-        if self.under_way.len() <= LATE {
+        self.untold.push_back(Untold::UnderWay(UnderWay { staging, submission, mapped }));
+        if self.untold.len() <= Counter::LATE {
             return Ok(None);
         }
-        let Some(UnderWay { staging, submission, mapped }) = self.under_way.pop_front() else { return Ok(None) };
+        let Some(oldest) = self.untold.pop_front() else { return Ok(None) };
+        self.arrived(gpu, oldest).map(Some)
+    }
+
+    /// Waits for statistics.
+    fn arrived(&mut self, gpu: &Gpu, untold: Untold) -> Result<Statistics, GpuFault> {
+        let UnderWay { staging, submission, mapped } = match untold {
+            Untold::UnderWay(under_way) => under_way,
+            Untold::Here(seen) => return Ok(*seen),
+        };
         gpu.poll(wgpu::PollType::Poll)?;
         if !mapped.load(Ordering::Acquire) {
             gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
@@ -85,11 +103,24 @@ impl Counter {
         let seen = staging.get_mapped_range(..).map(|bytes| bytemuck::pod_read_unaligned(&bytes));
         staging.unmap();
         self.free.push(staging);
-        seen.map(Some).map_err(|error| GpuFault::from(error.to_string()))
+        seen.map_err(|error| GpuFault::from(error.to_string()))
+    }
+
+    /// Waits for those of the last steps, which stay untold.
+    pub(crate) fn untold(&mut self, gpu: &Gpu) -> Result<Vec<Statistics>, GpuFault> {
+        let untold = std::mem::take(&mut self.untold);
+        let seen: Vec<Statistics> = untold.into_iter().map(|untold| self.arrived(gpu, untold)).collect::<Result<_, _>>()?;
+        self.resume(&seen);
+        Ok(seen)
+    }
+
+    /// Goes on with those of the last steps.
+    pub(crate) fn resume(&mut self, untold: &[Statistics]) {
+        self.untold = untold.iter().map(|&seen| Untold::Here(Box::new(seen))).collect();
     }
 
     /// Forgets what is under way.
     pub(crate) fn forget(&mut self) {
-        self.under_way.clear();
+        self.untold.clear();
     }
 }

@@ -37,6 +37,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{Vec3A, Vec4};
 
+use crate::backend::Past;
 use crate::cpu::{Cpu, Elsewhere, SharedArray, State, Task};
 use crate::device::Gpu;
 use crate::failure::Failure;
@@ -46,6 +47,7 @@ use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
+use crate::options::Contact;
 use crate::step::plan::Plan;
 
 /// A cloth whose state is in memory and whose forces are computed on the GPU.
@@ -106,6 +108,12 @@ impl Hybrid {
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.sent = None;
         self.cpu.set(x, p);
+    }
+
+    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, state: [&[Vec4]; 2], past: &Past) -> bool {
+        self.sent = None;
+        self.cpu.resume(cloth, options, state, past)
     }
 
     /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.

@@ -2,4 +2,6 @@
 
 pub(crate) mod atomic_file;
 pub(crate) mod obj;
+mod obj_normals;
+pub(crate) mod obj_template;
 pub(crate) mod pc2;

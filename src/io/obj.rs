@@ -131,9 +131,7 @@ impl Mesh {
     /// [`ObjError::Read`] or [`ObjError::TooLong`], or what [`Mesh::parse_obj`] says, with the file's name.
     pub fn load_obj(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
         let path = path.as_ref();
-        let bytes = read(path).map_err(|reason| ObjError::Read { file: path.to_owned(), reason })?;
-        let Some(bytes) = bytes else { return Err(ObjError::TooLong { file: path.to_owned() }) };
-        parse(&String::from_utf8_lossy(&bytes), Some(path))
+        parse(&String::from_utf8_lossy(&read_file(path)?), Some(path))
     }
 
     /// Reads the text of an OBJ: its `v` lines are the vertices (m), in their order, used or not; its `f` lines are the
@@ -176,6 +174,12 @@ impl Mesh {
     pub fn write_obj(&self) -> Result<String, ObjError> {
         write(self, None)
     }
+}
+
+/// The bytes of a file.
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, ObjError> {
+    let bytes = read(path).map_err(|reason| ObjError::Read { file: path.to_owned(), reason })?;
+    bytes.ok_or_else(|| ObjError::TooLong { file: path.to_owned() })
 }
 
 /// The bytes of a file; none if they are more than an OBJ may have.
@@ -221,7 +225,7 @@ impl Statement<'_> {
     }
 }
 
-fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
+pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     let file = file.map(Path::to_owned);
     // Found twice rather than kept: a list of them would be longer than the text.
     let vertices = statements(text).filter(Statement::is_vertex).take(MAX_VERTICES + 1).count();
@@ -301,7 +305,7 @@ fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
 }
 
 /// A line without its comment and the space around it.
-fn bare(line: &str) -> &str {
+pub(super) fn bare(line: &str) -> &str {
     line.split('#').next().unwrap_or_default().trim()
 }
 

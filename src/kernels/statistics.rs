@@ -4,6 +4,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
+use crate::record::recorded;
+
 /// Classes of a histogram.
 pub(crate) const CLASSES: usize = 128;
 /// Bits of a number that are the same to a class: all but its exponent and the first three after it, which make eight classes an octave.
@@ -51,6 +53,14 @@ pub(crate) struct Statistics {
     pub low: [u32; 3],
     pub high: [u32; 3],
 }
+
+impl Default for Statistics {
+    fn default() -> Statistics {
+        Statistics::NONE
+    }
+}
+
+recorded!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high });
 
 impl Statistics {
     /// Of nothing.

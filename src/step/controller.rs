@@ -3,6 +3,7 @@
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Quality;
+use crate::record::recorded;
 use crate::step::load::Load;
 use crate::step::substep_count::{FRAMES, Rates};
 
@@ -49,6 +50,8 @@ pub(crate) struct Controller {
     /// For how long (s) fewer would have done.
     low: f64,
 }
+
+recorded!(Controller { factor, count, low });
 
 impl Default for Controller {
     fn default() -> Controller {

@@ -6,6 +6,7 @@ use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
 use crate::options::Cause;
+use crate::record::recorded;
 use crate::step::motion::Motion;
 
 /// The accelerations, speeds and pressures that membrane stress follows from.
@@ -22,6 +23,8 @@ pub(crate) struct Load {
     /// Pressure (Pa) of the wind on cloth that stands still across it.
     pub pressure: f64,
 }
+
+recorded!(Load { gravity, pins, cloth_speed, collider_speed, pressure });
 
 impl Load {
     /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, v the larger of both speeds, L the cloth's extent.

@@ -4,6 +4,7 @@ use glam::{Vec3, Vec4};
 
 use crate::attributes::Collider;
 use crate::model::cloth::Cloth;
+use crate::record::recorded;
 
 /// What the next step must know of the last.
 #[derive(Debug, Clone, Default)]
@@ -17,6 +18,8 @@ pub(crate) struct Motion {
     /// How it led them there (m/s); none if it led none.
     pub pin_velocities: Vec<Vec3>,
 }
+
+recorded!(Motion { h, colliders, pins, pin_velocities });
 
 impl Motion {
     /// Where a state in the cloth's order leaves off, made by a substep of `h` (0: set, not stepped to).

@@ -1,11 +1,15 @@
 //! As many substeps as a time allows.
 
+use crate::record::recorded;
+
 /// How long substeps have taken.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Pace {
     /// Time (s) that a substep takes; 0 if nothing is known.
     substep: f64,
 }
+
+recorded!(Pace { substep });
 
 /// Weight of the newest step, and how many times longer than usual a step may take and still be believed.
 const NEWEST: f64 = 0.2;

@@ -6,6 +6,7 @@ use crate::fabric::Fabric;
 use crate::limits::MAX_SUBSTEPS;
 use crate::model::cloth::{Cloth, Link};
 use crate::options::{Levels, Method, Options, Quality};
+use crate::record::recorded;
 use crate::step::load::pressure;
 
 /// What [`Quality`] counts substeps by: 1/60 s.
@@ -20,14 +21,14 @@ const FAR: f64 = 8.0;
 const GALE: f64 = 10.0;
 
 /// How a step is divided.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Division {
     pub substeps: u32,
     pub length: Length,
 }
 
 /// The length of a substep, and of what it is compared with.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Length {
     /// The substep (s).
     pub h: f32,
@@ -36,6 +37,9 @@ pub(crate) struct Length {
     /// `(S/S*)²`: the share of the stiffness that one sweep in the longest substep carries; 1 where it is resolved.
     pub resolved: f64,
 }
+
+recorded!(Division { substeps, length });
+recorded!(Length { h, longest, resolved });
 
 impl Length {
     /// Of a substep of which nothing else is known.

@@ -20,6 +20,7 @@ use crate::attributes::Attributes;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
 use crate::options::{Method, Options};
+use crate::record::recorded;
 use crate::step::load::{pressure, travel};
 use crate::step::motion::Motion;
 use crate::step::substep_count::{Length, Rates};
@@ -56,6 +57,8 @@ pub(crate) struct Watch {
     gone: f64,
 }
 
+recorded!(Watch { speed, spread, fallen, fastest, gone } but { per_mass, wave, bends, softest });
+
 /// Which pin and which collider is led fastest in a step, by their places in the lists, and how fast (m/s).
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Led {
@@ -88,6 +91,11 @@ impl Watch {
         });
         let spread = (longest.fold(0.0, f64::max) - f64::from(cloth.longest)).max(0.0);
         Watch { speed, spread, fallen: 0.0, fastest: 0.0, gone: 0.0, ..*self }
+    }
+
+    /// Of the same cloth and options, with what was met until then.
+    pub(crate) fn with_past(&self, past: &Watch) -> Watch {
+        Watch { per_mass: self.per_mass, wave: self.wave, bends: self.bends, softest: self.softest, ..*past }
     }
 
     /// With a step of `dt` (s) that starts from `motion`; and what is fastest in it.

@@ -1,0 +1,80 @@
+//! A run that was cut short goes on: what `--save` keeps, and `--resume` takes.
+//!
+//! A line of JSON, which frame it is and the figures so far, and behind it the bytes of the cloth's [`Snapshot`].
+
+use std::fs;
+use std::path::Path;
+
+use cloth_deformer::{Attributes, Deformer, Mesh, Snapshot};
+use serde::{Deserialize, Serialize};
+
+use crate::{Failure, arguments::Arguments, output::Output, report::Frame};
+
+/// What a run goes on from, besides the cloth.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Saved {
+    /// The last frame that was written.
+    pub(crate) frame: u32,
+    /// What acts on the cloth, as text: another scene is not gone on with.
+    scene: String,
+    pub(crate) frames: Vec<Frame>,
+}
+
+/// Keeps where a run is, if that is wanted after this frame.
+pub(crate) fn save(
+    arguments: &Arguments,
+    frame: u32,
+    is_last: bool,
+    deformer: &mut Deformer,
+    scene: &str,
+    frames: &[Frame],
+) -> Result<(), Failure> {
+    let Some(path) = arguments.save.as_deref().filter(|_| is_last || frame.is_multiple_of(arguments.every)) else {
+        return Ok(());
+    };
+    let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
+    let saved = Saved { frame, scene: scene.to_owned(), frames: frames.to_vec() };
+    let mut bytes = serde_json::to_vec(&saved).map_err(|error| Failure::input(format_args!("--save: {error}")))?;
+    bytes.push(b'\n');
+    bytes.extend(snapshot.to_bytes());
+    Output::reserve(path)?.write(&bytes)
+}
+
+/// Puts the cloth where a saved run was; `None` if there is none to go on with.
+pub(crate) fn resume(arguments: &Arguments, deformer: &mut Deformer, scene: &str) -> Result<Option<Saved>, Failure> {
+    let Some(path) = &arguments.resume else { return Ok(None) };
+    let refuse = |why: &dyn std::fmt::Display| Failure::input(format_args!("--resume {}: {why}", path.display()));
+    let bytes = fs::read(path).map_err(|error| refuse(&format_args!("{error}; name what --save wrote")))?;
+    let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
+    let (head, snapshot) = bytes.split_at(end);
+    let saved: Saved = serde_json::from_slice(head).map_err(|_| refuse(&"it is not what --save wrote, or was cut or altered"))?;
+    if saved.scene != scene {
+        return Err(refuse(&"it was saved with other gravity, wind, colliders or frames a second; give the same"));
+    }
+    if saved.frame > arguments.frames {
+        let message =
+            format_args!("it was saved after frame {}, and --frames is {}; ask for more", saved.frame, arguments.frames);
+        return Err(refuse(&message));
+    }
+    let snapshot = Snapshot::from_bytes(snapshot.get(1..).unwrap_or_default()).map_err(|error| refuse(&error))?;
+    deformer.restore(&snapshot).map_err(|error| refuse(&error))?;
+    Ok(Some(saved))
+}
+
+/// What acts on the cloth in every step, as text.
+pub(crate) fn scene_text(dt: f32, attributes: &Attributes) -> String {
+    format!("{dt:?} {attributes:?}")
+}
+
+/// A frame that was written before.
+pub(crate) fn written(arguments: &Arguments, frame: u32, shape: &mut Mesh) -> Result<(), Failure> {
+    let path = arguments.out.join(crate::output::frame_name(frame));
+    let read =
+        Mesh::load_obj(&path).map_err(|error| Failure::input(format_args!("--resume needs the frames so far: {error}")))?;
+    if read.positions.len() != shape.positions.len() {
+        let message = format_args!("--resume: {} has {} vertices; it is of another mesh", path.display(), read.positions.len());
+        return Err(Failure::input(message));
+    }
+    shape.positions = read.positions;
+    Ok(())
+}

@@ -1,0 +1,106 @@
+//! What contact knows of the motion so far, to go on from: the lists, what holds their pairs apart, and where detection looked last.
+
+use glam::Vec4;
+
+use super::SelfContact;
+use super::detection::{Kind, Listed, Rows, corners};
+use super::paths::Paths;
+use crate::record::recorded;
+
+/// As it is written to a file: all that the next substep depends on.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Past {
+    lists: [ListedRows; 2],
+    paths: Paths,
+    crossings: Vec<[u32; 2]>,
+    may_cross: bool,
+    h: f32,
+}
+
+/// [`Rows`], of whose pairs the corners follow from the cloth.
+#[derive(Debug, Clone, Default)]
+struct ListedRows {
+    starts: Vec<u32>,
+    others: Vec<u32>,
+    thickness: Vec<f32>,
+    lambda: Vec<Vec4>,
+}
+
+recorded!(Past { lists, paths, crossings, may_cross, h });
+recorded!(ListedRows { starts, others, thickness, lambda });
+
+impl SelfContact {
+    pub(crate) fn past(&self) -> Past {
+        let SelfContact {
+            lists,
+            paths,
+            let_go,
+            may_cross,
+            h,
+            // These follow from the cloth, or are made anew in each substep.
+            options: _,
+            surface: _,
+            tree: _,
+            detection: _,
+            contacts: _,
+            push: _,
+            crowd: _,
+            tally: _,
+        } = self;
+        let rows = |rows: &Rows| ListedRows {
+            starts: rows.starts.clone(),
+            others: rows.pairs.iter().map(|pair| pair.other).collect(),
+            thickness: rows.pairs.iter().map(|pair| pair.thickness).collect(),
+            lambda: rows.lambda.clone(),
+        };
+        Past {
+            lists: [rows(&lists[0]), rows(&lists[1])],
+            paths: paths.clone(),
+            crossings: let_go.crossings.clone(),
+            may_cross: *may_cross,
+            h: *h,
+        }
+    }
+
+    /// Goes on from there; false, and as it was, if that is the past of no such cloth.
+    pub(crate) fn resume(&mut self, past: &Past) -> bool {
+        let kinds = [Kind::VertexTriangle, Kind::EdgeEdge];
+        let lists = kinds.map(|kind| self.rows(kind, &past.lists[kind as usize]));
+        let [Some(first), Some(second)] = lists else { return false };
+        let (vertices, surface) = (self.surface.piece.len(), &self.surface);
+        let crosses =
+            |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
+        if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) {
+            return false;
+        }
+        self.lists = [first, second];
+        self.let_go.take(past.crossings.clone(), &self.surface);
+        (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);
+        true
+    }
+
+    fn rows(&self, kind: Kind, rows: &ListedRows) -> Option<Rows> {
+        let ListedRows { starts, others, thickness, lambda } = rows;
+        let surface = &self.surface;
+        let [features, other_features] = match kind {
+            Kind::VertexTriangle => [surface.piece.len(), surface.triangles.len()],
+            Kind::EdgeEdge => [surface.edges.len(); 2],
+        };
+        let is_whole = starts.is_empty() && others.is_empty()
+            || starts.len() == features + 1
+                && starts.is_sorted()
+                && starts[0] == 0
+                && starts[features] as usize == others.len()
+                && others.iter().all(|&other| (other as usize) < other_features);
+        if !is_whole || [thickness.len(), lambda.len()] != [others.len(); 2] {
+            return None;
+        }
+        let pairs = starts.windows(2).enumerate().flat_map(|(first, row)| {
+            (row[0] as usize..row[1] as usize).map(move |place| {
+                let corners = corners(surface, kind, [first as u32, others[place]]);
+                Listed { corners, other: others[place], thickness: thickness[place] }
+            })
+        });
+        Some(Rows { pairs: pairs.collect(), starts: starts.clone(), lambda: lambda.clone() })
+    }
+}

@@ -1,0 +1,305 @@
+//! The motion as it stands, to go on from later: what a snapshot holds, and how it is read.
+
+use std::collections::VecDeque;
+
+use glam::{Vec3, Vec4};
+
+use super::sleep::Stillness;
+use super::{Deformer, Taken};
+use crate::attributes::Collider;
+use crate::backend::Past;
+use crate::error::{StateError, StepError};
+use crate::kernels::statistics::Statistics;
+use crate::limits::MAX_POSITION;
+use crate::options::Options;
+use crate::record::{Hash, Recorded, recorded};
+use crate::step::controller::Controller;
+use crate::step::motion::Motion;
+use crate::step::pace::Pace;
+use crate::step::substep_count::Division;
+use crate::step::watch::{Led, Watch};
+
+/// How a snapshot begins, and which form it has.
+const NAME: [u8; 8] = *b"CLOTHRUN";
+const VERSION: u32 = 1;
+/// Bytes of the name, the version, and of the hash at the end.
+const HEAD: usize = NAME.len() + size_of::<u32>();
+const END: usize = size_of::<u64>();
+
+/// A motion as it stood: everything that its next steps follow from. Made by [`Deformer::snapshot`].
+///
+/// What it is of, the mesh and the options, is not in it, only hashes of them; 24 bytes a vertex are, and a few thousand besides (with
+/// [`Options::contact`] 32 bytes a vertex and some 30 a pair that is near). As bytes it may be kept in a file and go on elsewhere: numbers
+/// are little-endian, and the hash at the end tells a file that was cut or altered. With the `serde` feature it is
+/// `Serialize` and `Deserialize`, as those bytes.
+///
+/// ```
+/// # use cloth_deformer::{Attributes, Backend, Deformer, Mesh, Options, Snapshot};
+/// let (mesh, scene) = (Mesh::grid(8, 8, 1.0, 1.0), Attributes::default());
+/// let options = Options { backend: Backend::Cpu, pinned: vec![0, 7], ..Options::default() };
+/// let mut cloth = Deformer::new(&mesh, options.clone())?;
+/// cloth.step(1.0 / 60.0, &scene)?;
+/// let bytes = cloth.snapshot()?.to_bytes();
+/// cloth.step(1.0 / 60.0, &scene)?;
+///
+/// let mut other = Deformer::new(&mesh, options)?;
+/// other.restore(&Snapshot::from_bytes(&bytes)?)?;
+/// other.step(1.0 / 60.0, &scene)?;
+/// assert_eq!(other.positions()?, cloth.positions()?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, PartialEq, Eq)]
+pub struct Snapshot {
+    /// As [`Snapshot::to_bytes`] gives them; they were made here, or read once.
+    bytes: Vec<u8>,
+}
+
+impl std::fmt::Debug for Snapshot {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Snapshot({} bytes)", self.bytes.len())
+    }
+}
+
+impl Snapshot {
+    /// As bytes: what [`Snapshot::from_bytes`] takes.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.bytes.clone()
+    }
+
+    /// From bytes.
+    ///
+    /// # Errors
+    /// [`StateError::Foreign`], [`StateError::Version`] or [`StateError::Altered`] if they are not what [`Snapshot::to_bytes`] of this
+    /// version of the form gave, to the last byte.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Snapshot, StateError> {
+        decode(bytes)?;
+        Ok(Snapshot { bytes: bytes.to_vec() })
+    }
+
+    fn encode(mut content: Content) -> Snapshot {
+        let mut bytes = [&NAME[..], &VERSION.to_le_bytes(), &content.to_tape()].concat();
+        bytes.extend(Hash::NOTHING.with(&bytes).0.to_le_bytes());
+        Snapshot { bytes }
+    }
+}
+
+fn decode(bytes: &[u8]) -> Result<Content, StateError> {
+    if !bytes.starts_with(&NAME) {
+        return Err(StateError::Foreign);
+    }
+    let (head, rest) = bytes.split_at_checked(HEAD).ok_or(StateError::Altered)?;
+    let version = u32::from_le_bytes(std::array::from_fn(|k| head[NAME.len() + k]));
+    if version != VERSION {
+        return Err(StateError::Version { found: version, known: VERSION });
+    }
+    let (content, hash) = rest.split_last_chunk::<END>().ok_or(StateError::Altered)?;
+    if Hash::NOTHING.with(&bytes[..bytes.len() - END]).0.to_le_bytes() != *hash {
+        return Err(StateError::Altered);
+    }
+    Content::from_tape(content).map_err(|_| StateError::Altered)
+}
+
+/// What a snapshot holds.
+#[derive(Debug, Default)]
+struct Content {
+    /// Of what it is, a hash for each of [`Deformer::identity`].
+    identity: Vec<u64>,
+    /// Lanes that the processor computed on; none if it had no part.
+    lanes: Option<u32>,
+    state: State,
+}
+
+/// All that the next step depends on.
+#[derive(Debug, Default)]
+struct State {
+    /// Positions (m) and displacements (m), in the cloth's order.
+    x: Vec<Vec3>,
+    p: Vec<Vec3>,
+    engine: Past,
+    motion: Motion,
+    controller: Controller,
+    unjudged: VecDeque<Taken>,
+    seen: Option<Statistics>,
+    pace: Pace,
+    still: Stillness,
+    watch: Watch,
+    bounds: [f32; 2],
+    colliders: Vec<Collider>,
+    gravity: Vec3,
+}
+
+recorded!(Content { identity, lanes, state });
+recorded!(State { x, p, engine, motion, controller, unjudged, seen, pace, still, watch, bounds, colliders, gravity });
+recorded!(Taken { dt, load, controller, rate, division, levels });
+
+impl Default for Taken {
+    fn default() -> Taken {
+        let (load, controller, division) = Default::default();
+        let _: Division = division;
+        Taken { dt: 0.0, load, controller, rate: 0.0, division, levels: 0 }
+    }
+}
+
+impl Deformer {
+    /// The motion as it stands: steps that follow [`Deformer::restore`] are the same, bit for bit, as those that follow this.
+    ///
+    /// That holds for the same version of the crate and the same steps (`dt`, attributes), on any number of threads, for
+    /// [`Backend::Cpu`](crate::Backend::Cpu) and `Hybrid` on any processor with as many lanes (sixteen with AVX-512, eight with AVX2, four
+    /// elsewhere: [`StateError::Lanes`] tells), for `Gpu` and `Hybrid` on the same kind of GPU. [`Quality::Budget`](crate::Quality::Budget)
+    /// goes by the clock, and repeats nothing.
+    ///
+    /// Takes about as long as a step of few substeps; on a GPU it waits for the steps so far and reads them back.
+    ///
+    /// # Errors
+    /// As [`Deformer::positions`].
+    pub fn snapshot(&mut self) -> Result<Snapshot, StepError> {
+        // A step that failed on the GPU is told of here, and its state gone back from.
+        self.look_back()?;
+        self.positions()?;
+        let (mut x, mut p) = (Vec::new(), Vec::new());
+        let read = self.engine.read(|from_x, from_p| {
+            x.extend(from_x.iter().map(|x| x.truncate()));
+            p.extend(from_p.iter().map(|p| p.truncate()));
+        });
+        let engine = read.and_then(|()| self.engine.past()).map_err(|failure| self.failed(failure))?;
+        let state = State {
+            x,
+            p,
+            engine,
+            motion: self.motion.clone(),
+            controller: self.controller,
+            unjudged: self.unjudged.clone(),
+            seen: self.seen,
+            pace: self.pace,
+            still: self.still.clone(),
+            watch: self.watch,
+            bounds: self.bounds.into(),
+            colliders: self.colliders.clone(),
+            gravity: self.gravity,
+        };
+        let identity = self.identity().iter().map(|(_, hash)| hash.0).collect();
+        let lanes = self.engine.lanes().map(|lanes| lanes as u32);
+        Ok(Snapshot::encode(Content { identity, lanes, state }))
+    }
+
+    /// Goes on from a snapshot of this cloth, or of another that was made of the same mesh and options. Costs about as much as taking it.
+    ///
+    /// # Errors
+    /// [`StateError::Other`] if the mesh or an option differs, [`StateError::Lanes`] if the processor would compute other bits,
+    /// [`StateError::Altered`] if the content is impossible; [`StateError::Step`] if the GPU was lost. The state is then as it was.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StateError> {
+        let Content { identity, lanes, state } = decode(&snapshot.bytes)?;
+        let own = self.identity();
+        if identity.len() != own.len() {
+            return Err(StateError::Altered);
+        }
+        if let Some(((what, _), _)) = own.iter().zip(&identity).find(|((_, own), other)| own.0 != **other) {
+            return Err(StateError::Other { what });
+        }
+        let here = self.engine.lanes().map(|lanes| lanes as u32);
+        if let (Some(taken), Some(here)) = (lanes, here)
+            && taken != here
+        {
+            return Err(StateError::Lanes { taken, here });
+        }
+        if !self.fits(&state) {
+            return Err(StateError::Altered);
+        }
+        let rest = &self.cloth.rest;
+        let x: Vec<Vec4> = state.x.iter().zip(rest).map(|(x, rest)| x.extend(rest.w)).collect();
+        let p: Vec<Vec4> = state.p.iter().map(|p| p.extend(state.motion.h)).collect();
+        let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &state.engine);
+        if !resumed.map_err(|failure| StateError::Step(self.failed(failure)))? {
+            return Err(StateError::Altered);
+        }
+        let State { motion, controller, unjudged, seen, pace, still, watch, bounds, colliders, gravity, .. } = state;
+        self.watch = self.watch.with_past(&watch);
+        self.meeting = (self.watch, Led::default());
+        (self.motion, self.controller, self.unjudged, self.seen) = (motion, controller, unjudged, seen);
+        (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
+        (self.colliders, self.gravity) = (colliders, gravity);
+        self.shown = false;
+        Ok(())
+    }
+
+    /// Whether a state can be one of this cloth.
+    fn fits(&self, state: &State) -> bool {
+        let (vertices, pins) = (self.cloth.rest.len(), self.cloth.pinned.len());
+        let State { x, p, engine, motion, unjudged, seen, .. } = state;
+        let is_bounded = |v: &Vec3| v.abs().cmple(Vec3::splat(MAX_POSITION)).all();
+        let counts = |seen: &Statistics| seen.speed.iter().map(|&count| u64::from(count)).sum::<u64>() <= vertices as u64;
+        [x.len(), p.len()] == [vertices; 2]
+            && x.iter().chain(p).all(is_bounded)
+            && motion.h >= 0.0
+            && motion.pins.len() == pins
+            && motion.pin_velocities.len() <= pins
+            && unjudged.len() == engine.untold.len()
+            && seen.iter().chain(&engine.untold).all(counts)
+    }
+
+    /// Hashes of what the state is of, and what each is called.
+    fn identity(&self) -> [(&'static str, Hash); 12] {
+        // What options there are more decide here whether a motion can go on without them.
+        let Options { backend: _, gpu: _, mass: _, method, quality, levels, sleep, tethers, fabric, pinned, edge_scale, contact } =
+            &self.options;
+        let said = |value: &dyn std::fmt::Debug| Hash::NOTHING.with(format!("{value:?}").as_bytes());
+        let cloth = &self.cloth;
+        let shape = cloth.rest.iter().fold(said(&cloth.origin), |hash, x| hash.with(bytemuck::bytes_of(&x.truncate())));
+        let mesh = shape.with(bytemuck::cast_slice(&cloth.order)).with(bytemuck::cast_slice(&cloth.triangles));
+        let list = |list: &[f32]| Hash::NOTHING.with(bytemuck::cast_slice(list));
+        [
+            ("mesh", mesh),
+            ("backend", said(&self.backend())),
+            ("method", said(method)),
+            ("quality", said(quality)),
+            ("levels", said(levels)),
+            ("sleep", said(sleep)),
+            ("tethers", said(tethers)),
+            ("fabric", said(fabric)),
+            ("pinned", Hash::NOTHING.with(bytemuck::cast_slice(pinned))),
+            ("mass", list(&cloth.mass)),
+            ("edge_scale", edge_scale.as_deref().map_or(Hash::NOTHING, list)),
+            ("contact", said(contact)),
+        ]
+    }
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for Snapshot {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.bytes)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for Snapshot {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Snapshot, D::Error> {
+        deserializer.deserialize_byte_buf(BytesVisitor)
+    }
+}
+
+/// Takes bytes, or where a form has no bytes, a list of numbers.
+#[cfg(feature = "serde")]
+struct BytesVisitor;
+
+#[cfg(feature = "serde")]
+impl<'de> serde::de::Visitor<'de> for BytesVisitor {
+    type Value = Snapshot;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("the bytes of a snapshot")
+    }
+
+    fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<Snapshot, E> {
+        Snapshot::from_bytes(bytes).map_err(E::custom)
+    }
+
+    fn visit_seq<A: serde::de::SeqAccess<'de>>(self, mut numbers: A) -> Result<Snapshot, A::Error> {
+        let mut bytes = Vec::new();
+        while let Some(byte) = numbers.next_element::<u8>()? {
+            bytes.push(byte);
+        }
+        Snapshot::from_bytes(&bytes).map_err(serde::de::Error::custom)
+    }
+}

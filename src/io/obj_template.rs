@@ -1,0 +1,173 @@
+//! An OBJ that keeps all it came with, written again with other positions.
+
+use std::ops::Range;
+use std::path::Path;
+
+use glam::Vec3;
+
+use crate::io::atomic_file;
+use crate::io::obj::{self, ObjError};
+use crate::io::obj_normals::{Face, Normals};
+use crate::model::mesh::Mesh;
+
+/// An OBJ file as it came in, to be written again with other positions: polygons, texture coordinates, objects, groups, smoothing,
+/// materials, comments and their order stay as they are, byte for byte. What follows `x y z` in a `v` line stays too if it is a color; a weight goes,
+/// for positions are divided by it.
+///
+/// Normals (`vn`) turn with the polygons that they are on, and hard edges stay hard: at each vertex the polygons that had one normal there
+/// share one. Where the file gives one normal to several vertices (exporters merge those of a flat sheet) faces would have to name others for it to
+/// be right at each; they stay as they are, and it is the mean: [`ObjTemplate::shares_normals`] tells. Let the program that reads them make
+/// normals anew, or export without.
+///
+/// ```
+/// use cloth_deformer::{ObjTemplate, glam::Vec3};
+/// let text = "o sheet\nv 0 0 0\nv 1 0 0\nv 1 0 1 # a corner\nv 0 0 1\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1 4/1\n";
+/// let template = ObjTemplate::parse(text.as_bytes())?;
+/// let moved: Vec<Vec3> = template.mesh().positions.iter().map(|x| *x + Vec3::Y).collect();
+/// assert!(template.write(&moved)?.starts_with(b"o sheet\nv 0 1 0\nv 1 1 0\nv 1 1 1 # a corner\n"));
+/// # Ok::<(), cloth_deformer::ObjError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct ObjTemplate {
+    bytes: Vec<u8>,
+    mesh: Mesh,
+    /// Where the numbers of each `v` and each `vn` are.
+    vertices: Vec<Range<usize>>,
+    normals: Option<Normals>,
+}
+
+impl ObjTemplate {
+    /// Reads the OBJ file at `path`.
+    ///
+    /// # Errors
+    /// As [`Mesh::load_obj`].
+    pub fn load(path: impl AsRef<Path>) -> Result<ObjTemplate, ObjError> {
+        let path = path.as_ref();
+        ObjTemplate::new(obj::read_file(path)?, Some(path))
+    }
+
+    /// Reads the bytes of an OBJ.
+    ///
+    /// # Errors
+    /// As [`Mesh::parse_obj`].
+    pub fn parse(bytes: &[u8]) -> Result<ObjTemplate, ObjError> {
+        ObjTemplate::new(bytes.to_vec(), None)
+    }
+
+    fn new(bytes: Vec<u8>, file: Option<&Path>) -> Result<ObjTemplate, ObjError> {
+        let mesh = obj::parse(&String::from_utf8_lossy(&bytes), file)?;
+        // Bytes that are no ASCII are in names and comments; without them places in the text are places in the file.
+        let text: String = bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
+        let (mut vertices, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new());
+        for words in statements(&text) {
+            match words[0].1 {
+                // A fourth number is a weight, which divides the others.
+                "v" => vertices.push(words[1].0.start..words[if words.len() == 5 { 4 } else { 3 }].0.end),
+                "vn" => normals.push(numbers(&words)),
+                _ => faces.push(Face {
+                    corners: words[1..].iter().map(|&(_, corner)| corner).collect(),
+                    before: [vertices.len(), normals.len()],
+                }),
+            }
+        }
+        if vertices.len() != mesh.positions.len() {
+            let reason = "its vertices are not told apart by plain spaces".to_owned();
+            return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
+        }
+        // One that is none leaves all as they are.
+        let normals: Option<Vec<_>> = normals.into_iter().collect();
+        let normals = normals.filter(|normals| !normals.is_empty());
+        let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces));
+        Ok(ObjTemplate { bytes, mesh, vertices, normals })
+    }
+
+    /// The mesh that it came with.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Whether any normal is that of several vertices, and so cannot be right at each when the cloth moves.
+    #[must_use]
+    pub fn shares_normals(&self) -> bool {
+        self.normals.as_ref().is_some_and(Normals::are_shared)
+    }
+
+    /// The file with other positions (m), one per vertex.
+    ///
+    /// # Errors
+    /// [`ObjError::Mesh`] if there is not a finite position for each vertex.
+    pub fn write(&self, positions: &[Vec3]) -> Result<Vec<u8>, ObjError> {
+        self.written(positions, None)
+    }
+
+    /// Writes the file with other positions (m), one per vertex, to `path`, completely or not at all.
+    ///
+    /// # Errors
+    /// As [`ObjTemplate::write`], or [`ObjError::Write`]. What was at `path` is then as it was.
+    pub fn save(&self, positions: &[Vec3], path: impl AsRef<Path>) -> Result<(), ObjError> {
+        let path = path.as_ref();
+        let bytes = self.written(positions, Some(path))?;
+        atomic_file::write(path, &bytes).map_err(|reason| ObjError::Write { file: path.to_owned(), reason })
+    }
+
+    fn written(&self, positions: &[Vec3], file: Option<&Path>) -> Result<Vec<u8>, ObjError> {
+        let vertices = self.vertices.len();
+        let problem = match positions.iter().position(|x| !x.is_finite()) {
+            _ if positions.len() != vertices => Some(format!("{} positions were given for {vertices} vertices", positions.len())),
+            Some(vertex) => Some(format!("vertex {vertex} is at {}; positions must be finite numbers", positions[vertex])),
+            None => None,
+        };
+        if let Some(problem) = problem {
+            return Err(ObjError::Mesh { file: file.map(Path::to_owned), problem });
+        }
+        let turned = self.normals.as_ref().map(|normals| normals.turned(positions)).unwrap_or_default();
+        let mut numbers: Vec<(&Range<usize>, Vec3)> = self.vertices.iter().zip(positions.iter().copied()).collect();
+        numbers.extend(self.normals.iter().flat_map(Normals::places).zip(turned));
+        numbers.sort_unstable_by_key(|(place, _)| place.start);
+        let mut written = Vec::with_capacity(self.bytes.len() + 16 * numbers.len());
+        let mut end = 0;
+        for (place, Vec3 { x, y, z }) in numbers {
+            written.extend_from_slice(&self.bytes[end..place.start]);
+            written.extend(format!("{x} {y} {z}").bytes());
+            end = place.end;
+        }
+        written.extend_from_slice(&self.bytes[end..]);
+        Ok(written)
+    }
+}
+
+/// The words of each `v`, `vn` and `f` statement and where they are, lines that are continued by `\` joined.
+fn statements(text: &str) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
+    // A byte order mark, of which each byte is no ASCII.
+    let start = if text.starts_with("???") { 3 } else { 0 };
+    let mut lines = text[start..].lines();
+    std::iter::from_fn(move || {
+        loop {
+            let mut line = obj::bare(lines.next()?);
+            let mut words = Vec::new();
+            loop {
+                let continued = line.strip_suffix('\\');
+                words.extend(continued.unwrap_or(line).split_whitespace().map(|word| {
+                    let place = word.as_ptr() as usize - text.as_ptr() as usize;
+                    (place..place + word.len(), word)
+                }));
+                let is_statement = words.first().is_some_and(|(_, first)| matches!(*first, "v" | "vn" | "f"));
+                if !is_statement {
+                    break;
+                }
+                match continued {
+                    Some(_) => line = lines.next().map_or("", obj::bare),
+                    None => return Some(words),
+                }
+            }
+        }
+    })
+}
+
+/// The three numbers of a `vn` statement and their place; none if it has no three.
+fn numbers(words: &[(Range<usize>, &str)]) -> Option<(Range<usize>, Vec3)> {
+    let [(first, x), (_, y), (last, z)] = words.get(1..)? else { return None };
+    let number = |word: &str| word.parse::<f32>().ok().filter(|number| number.is_finite());
+    Some((first.start..last.end, Vec3::new(number(x)?, number(y)?, number(z)?)))
+}

@@ -1,0 +1,285 @@
+//! A run goes on from a snapshot bit for bit, in the same cloth and in a fresh one, on every backend; and bytes that are no snapshot of
+//! this cloth are refused.
+
+#[macro_use]
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{
+    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, Sleep, Snapshot,
+    StateError, StepReport,
+};
+use common::FRAME;
+
+on_every_backend!(
+    everything_goes_on_bit_for_bit,
+    a_small_cloth_goes_on_in_one_workgroup,
+    springs_and_relaxation_go_on,
+    a_cloth_falls_asleep_on_time,
+    a_snapshot_of_rest_is_a_reset
+);
+
+/// A cloth and what acts on it, frame by frame.
+struct Scene {
+    mesh: Mesh,
+    options: Options,
+    attributes: fn(u32) -> Attributes,
+}
+
+impl Scene {
+    fn cloth(&self) -> Deformer {
+        Deformer::new(&self.mesh, self.options.clone()).unwrap()
+    }
+
+    /// Positions and velocities, as bits, and the report of each of some frames.
+    fn play(&self, cloth: &mut Deformer, frames: std::ops::Range<u32>) -> Vec<(StepReport, Vec<u32>)> {
+        let step = |frame| {
+            let report = cloth.step(self.dt(frame), &(self.attributes)(frame)).unwrap();
+            (report, bits(cloth))
+        };
+        frames.map(step).collect()
+    }
+
+    /// Steps differ in length.
+    fn dt(&self, frame: u32) -> f32 {
+        if frame % 5 == 3 { 0.6 * FRAME } else { FRAME }
+    }
+
+    /// Takes a snapshot in several frames, and asserts that what follows is the same in the same cloth and in a fresh one.
+    fn goes_on(&self, at: &[u32], frames: u32) {
+        let mut cloth = self.cloth();
+        let (mut done, mut taken) = (Vec::new(), Vec::new());
+        let mut last = 0;
+        for &frame in at {
+            done.extend(self.play(&mut cloth, last..frame));
+            taken.push((frame, cloth.snapshot().unwrap()));
+            last = frame;
+        }
+        done.extend(self.play(&mut cloth, last..frames));
+        for (frame, snapshot) in taken {
+            let expected = &done[frame as usize..];
+            let read = Snapshot::from_bytes(&snapshot.to_bytes()).unwrap();
+            let mut fresh = self.cloth();
+            for (name, cloth) in [("the same", &mut cloth), ("a fresh", &mut fresh)] {
+                cloth.restore(&read).unwrap();
+                let again = self.play(cloth, frame..frames);
+                for (number, (again, expected)) in (frame..).zip(again.iter().zip(expected)) {
+                    assert_eq!(again.0, expected.0, "{name} cloth from frame {frame}: the report of frame {number}");
+                    assert!(again.1 == expected.1, "{name} cloth from frame {frame}: frame {number} differs");
+                }
+            }
+        }
+    }
+}
+
+fn bits(cloth: &mut Deformer) -> Vec<u32> {
+    let mut bits: Vec<u32> = cloth.positions().unwrap().iter().flat_map(|x| x.to_array()).map(f32::to_bits).collect();
+    bits.extend(cloth.velocities().unwrap().iter().flat_map(|v| v.to_array()).map(f32::to_bits));
+    bits
+}
+
+/// A sheet by two corners that are led, in a wind that turns, over two colliders that move, one of them known by its id; the list changes.
+fn moving(frame: u32) -> Attributes {
+    let t = FRAME * frame as f32;
+    let ball = Collider::sphere(Vec3::new(0.3 * (9.0 * t).sin(), -0.25, 0.1), 0.18).with_id(7);
+    let bar = Collider::capsule(Vec3::new(-0.5, -0.3, 0.2 * t), Vec3::new(0.5, -0.3, 0.3 * t), 0.05);
+    let colliders = if frame % 4 == 1 { vec![bar, ball] } else { vec![ball, bar] };
+    let lift = Vec3::new(0.1 * (5.0 * t).sin(), 0.2 * t, 0.0);
+    let pins = [Vec3::new(-0.5, 0.0, -0.5), Vec3::new(0.5, 0.0, -0.5)];
+    Attributes {
+        wind: Vec3::new(4.0 * (3.0 * t).cos(), 0.5, 4.0 * (3.0 * t).sin()),
+        air_density: 1.2,
+        damping: 0.1,
+        colliders,
+        pin_targets: Some(pins.map(|pin| pin + lift).to_vec()),
+        ..Attributes::default()
+    }
+}
+
+/// Levels, bending in passes, tethers, wind, colliders, pins, a promise about strain; and contact where there is any.
+fn everything(backend: Backend) -> Scene {
+    let contact = (backend != Backend::Gpu).then(|| Contact { thickness: 0.01, ..Contact::default() });
+    let fabric = Fabric { bending: 1e-3, damping: 0.05, ..Fabric::TOWEL };
+    let (quality, levels) = (Quality::Strain(0.05), Levels::Count(2));
+    let options = Options { backend, fabric, quality, levels, contact, pinned: vec![0, 23], ..Options::default() };
+    Scene { mesh: Mesh::grid(24, 24, 1.0, 1.0), options, attributes: moving }
+}
+
+fn everything_goes_on_bit_for_bit(backend: Backend) {
+    everything(backend).goes_on(&[2, 7], 11);
+}
+
+fn a_small_cloth_goes_on_in_one_workgroup(backend: Backend) {
+    let attributes = |frame| Attributes { air_density: 0.0, wind: Vec3::ZERO, ..moving(frame) };
+    let options = Options { backend, pinned: vec![0, 8], ..Options::default() };
+    Scene { mesh: Mesh::grid(9, 9, 1.0, 1.0), options, attributes }.goes_on(&[0, 11], 16);
+}
+
+fn springs_and_relaxation_go_on(backend: Backend) {
+    for method in [Method::Springs, Method::Relaxation { iterations: 4 }] {
+        let fabric = Fabric { stretch: 200.0, bending: 1e-4, ..Fabric::default() };
+        let options = Options { backend, method, fabric, pinned: vec![0, 8], ..Options::default() };
+        Scene { mesh: Mesh::grid(9, 9, 1.0, 1.0), options, attributes: moving }.goes_on(&[4], 8);
+    }
+}
+
+fn a_cloth_falls_asleep_on_time(backend: Backend) {
+    let sleep = Some(Sleep { after: 0.2, ..Sleep::default() });
+    let options = Options { backend, sleep, pinned: (0..25).collect(), ..Options::default() };
+    let attributes = |_| Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
+    let scene = Scene { mesh: Mesh::grid(5, 5, 1.0, 1.0), options, attributes };
+    scene.goes_on(&[6, 18], 24);
+    let mut cloth = scene.cloth();
+    assert!(scene.play(&mut cloth, 0..24).last().unwrap().0.asleep, "it never slept");
+}
+
+fn a_snapshot_of_rest_is_a_reset(backend: Backend) {
+    let scene = everything(backend);
+    let mut cloth = scene.cloth();
+    let rest = cloth.snapshot().unwrap();
+    let first = scene.play(&mut cloth, 0..4);
+    cloth.restore(&rest).unwrap();
+    assert!(scene.play(&mut cloth, 0..4) == first);
+}
+
+/// What contact knows of pairs holds them apart in the next substep: a heap goes on as it was.
+#[test]
+fn a_folded_cloth_in_contact_goes_on() {
+    let mut mesh = Mesh::grid(25, 25, 0.6, 0.6);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.z, x.x + 0.32, 0.02 * (9.0 * x.x).sin()));
+    let contact = Some(Contact { thickness: 0.01, friction: 0.4 });
+    let fabric = Fabric { bending: 1e-4, damping: 0.03, ..Fabric::COTTON };
+    let options = Options { backend: Backend::Cpu, contact, fabric, quality: Quality::Substeps(10), ..Options::default() };
+    let attributes = |_| Attributes { colliders: vec![Collider::plane(Vec3::ZERO, Vec3::Y)], ..Attributes::default() };
+    let scene = Scene { mesh, options, attributes };
+    let mut cloth = scene.cloth();
+    assert!(scene.play(&mut cloth, 0..24).last().unwrap().0.contacts > 50, "nothing touches");
+    scene.goes_on(&[21, 24], 28);
+}
+
+/// A small snapshot in the middle of a motion, and the cloth that it is of.
+fn small() -> (Scene, Deformer, Snapshot) {
+    let contact = Some(Contact::default());
+    let options = Options { backend: Backend::Cpu, contact, pinned: vec![0, 4], ..Options::default() };
+    let scene = Scene { mesh: Mesh::grid(5, 5, 1.0, 1.0), options, attributes: moving };
+    let mut cloth = scene.cloth();
+    scene.play(&mut cloth, 0..3);
+    let snapshot = cloth.snapshot().unwrap();
+    (scene, cloth, snapshot)
+}
+
+#[test]
+fn altered_and_cut_bytes_are_refused() {
+    let (_, _, snapshot) = small();
+    let bytes = snapshot.to_bytes();
+    for place in 0..bytes.len() {
+        let mut altered = bytes.clone();
+        altered[place] ^= 1 << (place % 8);
+        let refusal = Snapshot::from_bytes(&altered).unwrap_err();
+        let expected = match place {
+            0..8 => matches!(refusal, StateError::Foreign),
+            8..12 => matches!(refusal, StateError::Version { known: 1, .. }),
+            _ => refusal == StateError::Altered,
+        };
+        assert!(expected, "byte {place}: {refusal:?}");
+        assert!(Snapshot::from_bytes(&bytes[..place]).is_err(), "cut to {place} bytes");
+    }
+    assert!(Snapshot::from_bytes(&[&bytes[..], &[0]].concat()).is_err(), "a byte more");
+    assert!(Snapshot::from_bytes(b"v 0 0 0\n").unwrap_err().to_string().contains("no snapshot"));
+}
+
+/// FNV-1a, to make bytes that pass for whole.
+fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3));
+    bytes.extend(hash.to_le_bytes());
+    bytes
+}
+
+/// Whoever makes up the hash as well gets a state that is none, or an error, and no panic.
+#[test]
+fn content_by_chance_breaks_nothing() {
+    let (scene, mut cloth, snapshot) = small();
+    let before = scene.play(&mut cloth, 3..5);
+    let whole = snapshot.to_bytes();
+    let content = &whole[..whole.len() - 8];
+    let mut random = fastrand::Rng::with_seed(5);
+    let mut refused = 0;
+    for _ in 0..1500 {
+        let mut bytes = content.to_vec();
+        for _ in 0..random.usize(1..4) {
+            let place = random.usize(12..bytes.len());
+            bytes[place] = random.u8(..);
+        }
+        if random.u8(..) < 20 {
+            bytes.truncate(random.usize(12..bytes.len()));
+        }
+        let Ok(read) = Snapshot::from_bytes(&sealed(bytes)) else {
+            refused += 1;
+            continue;
+        };
+        if cloth.restore(&read).is_ok() {
+            // Such a motion may be wild; it is told of, or finite.
+            let stepped = cloth.step(FRAME, &moving(3));
+            assert!(stepped.is_err() || cloth.positions().is_ok_and(|x| x.iter().all(|x| x.is_finite())));
+        } else {
+            refused += 1;
+        }
+    }
+    assert!(refused > 300, "{refused} of 1500 refused");
+    cloth.restore(&snapshot).unwrap();
+    assert!(scene.play(&mut cloth, 3..5) == before);
+}
+
+#[test]
+fn a_snapshot_of_another_cloth_is_refused() {
+    let (scene, _, snapshot) = small();
+    let other = |what: &'static str, change: fn(&mut Scene)| {
+        let mut scene = Scene { mesh: scene.mesh.clone(), options: scene.options.clone(), attributes: moving };
+        change(&mut scene);
+        let mut cloth = scene.cloth();
+        let before = scene.play(&mut cloth, 0..2);
+        let refusal = cloth.restore(&snapshot).unwrap_err();
+        assert_eq!(refusal, StateError::Other { what });
+        assert!(refusal.to_string().contains(what) && refusal.to_string().contains("make the Deformer"), "{refusal}");
+        cloth.reset();
+        assert!(scene.play(&mut cloth, 0..2) == before, "{what}: the refusal changed the cloth");
+    };
+    other("mesh", |scene| scene.mesh.positions[3].y += 1e-6);
+    other("mesh", |scene| scene.mesh.triangles.truncate(30));
+    other("method", |scene| scene.options.method = Method::Relaxation { iterations: 2 });
+    other("quality", |scene| scene.options.quality = Quality::Substeps(7));
+    other("levels", |scene| scene.options.levels = Levels::Off);
+    other("sleep", |scene| scene.options.sleep = Some(Sleep::default()));
+    other("fabric", |scene| scene.options.fabric.damping = 0.1);
+    other("pinned", |scene| scene.options.pinned = vec![4, 0]);
+    other("mass", |scene| scene.options.mass = Some(vec![0.01; 25]));
+    other("edge_scale", |scene| scene.options.edge_scale = Some(vec![0.9; scene.mesh.edges().len()]));
+    other("contact", |scene| scene.options.contact = None);
+    #[cfg(feature = "gpu")]
+    other("backend", |scene| scene.options.backend = Backend::Hybrid);
+}
+
+/// Other lanes round otherwise: what they are is told, and refused.
+#[test]
+fn other_lanes_are_refused() {
+    let scene = everything(Backend::Cpu);
+    let mut cloth = scene.cloth();
+    let lanes = cloth.at_most_lanes(16) as u32;
+    let wide = scene.play(&mut cloth, 0..3);
+    let snapshot = cloth.snapshot().unwrap();
+    for fewer in [8, 4].into_iter().filter(|&fewer| fewer < lanes) {
+        let mut narrow = scene.cloth();
+        let here = narrow.at_most_lanes(fewer as usize) as u32;
+        assert!(scene.play(&mut narrow, 0..3) != wide, "{here} lanes give the bits of {lanes}: there is nothing to refuse");
+        assert_eq!(narrow.restore(&snapshot).unwrap_err(), StateError::Lanes { taken: lanes, here });
+    }
+}
+
+#[test]
+fn serde_takes_the_bytes() {
+    let (_, _, snapshot) = small();
+    let text = serde_json::to_string(&snapshot).unwrap();
+    assert_eq!(serde_json::from_str::<Snapshot>(&text).unwrap(), snapshot);
+    let refusal = serde_json::from_str::<Snapshot>(&text.replacen("67", "68", 1)).unwrap_err();
+    assert!(refusal.to_string().contains("no snapshot"), "{refusal}");
+}
