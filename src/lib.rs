@@ -41,9 +41,11 @@ pub use glam;
 pub use gpu::GpuStats;
 #[cfg(feature = "gpu")]
 pub use gpu::Surface;
+pub use io::cache_form::CacheForm;
 pub use io::obj::ObjError;
 pub use io::obj_template::ObjTemplate;
-pub use io::pc2::{Pc2Error, PointCache};
+pub use io::pc2_reader::{Pc2ReadError, PointCacheReader};
+pub use io::point_cache::{Pc2Error, PointCache};
 pub use measure::Measure;
 pub use model::mesh::Mesh;
 pub use options::{

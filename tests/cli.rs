@@ -1,10 +1,14 @@
 //! The main binary from outside: exit codes, one-line errors, and the files it leaves.
 
+#[allow(unreachable_pub, reason = "each program of tests takes it")]
+#[path = "common/program.rs"]
+mod program;
+
 use std::{
     collections::BTreeSet,
-    env, fs,
+    fs,
     io::BufReader,
-    path::{Path, PathBuf},
+    path::Path,
     process::{Command, Output},
 };
 
@@ -12,18 +16,9 @@ use cloth_deformer::{Mesh, glam::Vec3};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// `cargo test` builds the examples, but gives their path to no one: they are in `examples`, beside `deps`, where tests are.
-fn binary() -> PathBuf {
-    let test = env::current_exe().unwrap();
-    let profile = test.ancestors().nth(2).unwrap();
-    let path = profile.join("examples").join(format!("drape{}", env::consts::EXE_SUFFIX));
-    assert!(path.is_file(), "{} is missing: `cargo test` builds it, `cargo build --example drape` too", path.display());
-    path
-}
-
 /// A directory to run in, and the command that runs there. The CPU unless the test says otherwise.
 fn drape(directory: &TempDir, arguments: &[&str]) -> Command {
-    let mut command = Command::new(binary());
+    let mut command = Command::new(program::drape());
     command.current_dir(directory).args(arguments);
     if !arguments.contains(&"--backend") {
         command.args(["--backend", "cpu"]);

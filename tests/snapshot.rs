@@ -157,6 +157,20 @@ fn a_folded_cloth_in_contact_goes_on() {
     scene.goes_on(&[21, 24], 28);
 }
 
+/// How fast a cloth was thrown is a part of its past: by what it would be otherwise explained by, such a speed is none.
+#[test]
+fn a_thrown_cloth_flies_on() {
+    let fabric = Fabric { stretch: 1e-3, ..Fabric::default() };
+    let options = Options { backend: Backend::Cpu, fabric, ..Options::default() };
+    let scene = Scene { mesh: Mesh::grid(5, 5, 1.0, 1.0), options, attributes: |_| Attributes::default() };
+    let mut cloth = scene.cloth();
+    cloth.set_state(&scene.mesh.positions, &[Vec3::X * 50.0; 25]).unwrap();
+    let snapshot = cloth.snapshot().unwrap();
+    let mut fresh = scene.cloth();
+    fresh.restore(&snapshot).unwrap();
+    assert!(scene.play(&mut fresh, 0..3) == scene.play(&mut cloth, 0..3));
+}
+
 /// A small snapshot in the middle of a motion, and the cloth that it is of.
 fn small() -> (Scene, Deformer, Snapshot) {
     let contact = Some(Contact::default());

@@ -8,7 +8,6 @@
 
 use std::{
     fmt::Display,
-    fs,
     io::{self, IsTerminal},
     mem,
     process::ExitCode,
@@ -19,12 +18,13 @@ use std::{
     time::Instant,
 };
 
-use cloth_deformer::{BuildError, Crossing, Deformer, Mesh, Pc2Error, PointCache, StepError, Warning, glam::Vec3};
+use cloth_deformer::{BuildError, Crossing, Deformer, StepError, Warning, glam::Vec3};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
     arguments::Arguments,
     command::{say, warn},
+    frames::Frames,
     output::Output,
     report::{Frame, Report},
     scene::Scene,
@@ -32,6 +32,7 @@ use crate::{
 
 mod arguments;
 mod command;
+mod frames;
 mod output;
 mod pins;
 mod preview;
@@ -90,7 +91,7 @@ impl Failure {
 /// The whole program, from top to bottom.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::check_apart(arguments)?;
-    let Scene { name, mesh, options, attributes } = Scene::new(arguments)?;
+    let Scene { name, mesh, template, options, attributes } = Scene::new(arguments)?;
     let dt = arguments.dt();
     let method = options.method;
     let mut deformer = Deformer::new(&mesh, options).map_err(|error| Failure::build(&name, &error))?;
@@ -102,15 +103,10 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))?;
 
     // Whatever cannot be written is found out now, not after the simulation.
-    fs::create_dir_all(&arguments.out).map_err(|error| {
-        Failure::input(format_args!("--out {}: {error}; name a directory that can be made", arguments.out.display()))
-    })?;
+    let mut frames = Frames::begin(arguments, &mesh, template.as_ref())?;
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
     let report_file = reserve(&arguments.report)?;
     let preview_file = reserve(&arguments.preview)?;
-    let cache_failed = |error: Pc2Error| Failure::input(format_args!("--pc2: {error}"));
-    let cache = |path| PointCache::create(path, mesh.positions.len(), arguments.frames as usize);
-    let mut cache = arguments.pc2.as_deref().map(cache).transpose().map_err(cache_failed)?;
 
     let mut report = Report::new(&deformer, method, &mesh);
     let mut cells: Vec<(u32, Vec<Vec3>)> = Vec::new();
@@ -124,17 +120,21 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let resumed = save::resume(arguments, &mut deformer, &acts)?;
     let done = resumed.as_ref().map_or(0, |saved| saved.frame);
     report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
+    if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
+        warn(
+            "warning",
+            &format!("{name}: gives one normal to several vertices, which cannot turn with each; export it without normals"),
+        );
+    }
     let progress = progress(arguments);
     progress.set_position(u64::from(done));
     let mut shape = mesh;
     for frame in 1..=done {
         let is_cell = preview_file.is_some() && is_shown(frame, arguments.frames);
-        if cache.is_some() || is_cell {
+        if frames.has_caches() || is_cell {
             save::written(arguments, frame, &mut shape)?;
         }
-        if let Some(cache) = &mut cache {
-            cache.push(&shape.positions).map_err(cache_failed)?;
-        }
+        frames.cache(&shape.positions)?;
         if is_cell {
             cells.push((frame, shape.positions.clone()));
         }
@@ -159,10 +159,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         }
         // Frame 1 is the mesh as it was given, to the last bit: it has not been through the deformer.
-        save(&shape, arguments, frame)?;
-        if let Some(cache) = &mut cache {
-            cache.push(&shape.positions).map_err(cache_failed)?;
-        }
+        frames.write(frame, &shape)?;
         if preview_file.is_some() && is_shown(frame, arguments.frames) {
             cells.push((frame, shape.positions.clone()));
         }
@@ -185,9 +182,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     progress.finish_and_clear();
 
-    if let Some(cache) = cache {
-        cache.finish().map_err(cache_failed)?;
-    }
+    frames.finish()?;
     if let Some(file) = report_file {
         file.write(&report.json()?)?;
     }
@@ -199,10 +194,6 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         say(&report.summary(&arguments.out));
     }
     Ok(())
-}
-
-fn save(mesh: &Mesh, arguments: &Arguments, frame: u32) -> Result<(), Failure> {
-    mesh.save_obj(arguments.out.join(output::frame_name(frame))).map_err(Failure::input)
 }
 
 /// A bar on a terminal, nothing elsewhere.

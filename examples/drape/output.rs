@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Failure, arguments::Arguments};
+use crate::{Failure, arguments::Arguments, frames::cache_name};
 use atomic_file::AtomicFile;
 
 // The library's own: links are followed, and a pipe or a device is written to, not replaced.
@@ -55,12 +55,22 @@ pub(crate) fn frame_name(frame: u32) -> String {
     format!("frame_{frame:04}.obj")
 }
 
+/// The frame whose file has a name.
+pub(crate) fn frame_number(name: &str) -> Option<u32> {
+    let number = name.strip_prefix("frame_")?.strip_suffix(".obj")?.parse().ok()?;
+    (name == frame_name(number)).then_some(number)
+}
+
 /// Refuses arguments by which one file would take the place of another, or of the mesh.
 pub(crate) fn check_apart(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { mesh, pc2, preview, report, save, .. } = arguments;
+    let Arguments { mesh, pc2, preview, report, save, out, format, .. } = arguments;
+    let caches = format.iter().filter_map(|&format| cache_name(format)).map(|name| Some(out.join(name))).collect::<Vec<_>>();
     let named = [("the mesh", mesh), ("--pc2", pc2), ("--preview", preview), ("--report", report), ("--save", save)];
-    let files: Vec<(&str, PathBuf)> =
-        named.into_iter().filter_map(|(name, path)| Some((name, resolved(path.as_ref()?)))).collect();
+    let files: Vec<(&str, PathBuf)> = named
+        .into_iter()
+        .chain(caches.iter().map(|cache| ("--format", cache)))
+        .filter_map(|(name, path)| Some((name, resolved(path.as_ref()?))))
+        .collect();
     let frames = Frames::new(arguments);
     for (k, (name, path)) in files.iter().enumerate() {
         let shown = path.display();
@@ -95,9 +105,7 @@ impl Frames {
 
     /// The frame of this name.
     fn named(&self, path: &Path) -> Option<u32> {
-        let name = path.file_name()?.to_str()?;
-        let number = name.strip_prefix("frame_")?.strip_suffix(".obj")?.parse().ok()?;
-        ((1..=self.count).contains(&number) && name == frame_name(number)).then_some(number)
+        frame_number(path.file_name()?.to_str()?).filter(|&number| (1..=self.count).contains(&number))
     }
 
     /// The frame that is written to a resolved path.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cloth_deformer::{Attributes, Collider, Contact, Mesh, Options, Quality, glam::Vec3};
+use cloth_deformer::{Attributes, Collider, Contact, Mesh, ObjTemplate, Options, Quality, glam::Vec3};
 
 use crate::{
     Failure,
@@ -18,16 +18,17 @@ pub(crate) struct Scene {
     /// What to call the mesh when something is wrong with it.
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
+    /// The file that the mesh came in, if it came in one.
+    pub(crate) template: Option<ObjTemplate>,
     pub(crate) options: Options,
     pub(crate) attributes: Attributes,
 }
 
 impl Scene {
     pub(crate) fn new(arguments: &Arguments) -> Result<Scene, Failure> {
-        let (name, mesh) = match &arguments.mesh {
-            Some(path) => (path.display().to_string(), load(path)?),
-            None => ("the towel".to_owned(), towel()),
-        };
+        let template = arguments.mesh.as_deref().map(load).transpose()?;
+        let name = arguments.mesh.as_ref().map_or("the towel".to_owned(), |path| path.display().to_string());
+        let mesh = template.as_ref().map_or_else(towel, |template| template.mesh().clone());
         let quality = match (arguments.substeps, arguments.strain) {
             (Some(substeps), _) => Quality::Substeps(substeps),
             (None, Some(strain)) => Quality::Strain(strain),
@@ -52,17 +53,17 @@ impl Scene {
             attributes.wind = wind;
             attributes.air_density = AIR;
         }
-        Ok(Scene { name, mesh, options, attributes })
+        Ok(Scene { name, mesh, template, options, attributes })
     }
 }
 
 /// A mesh from a file. Points without a face are no cloth: each would fall by itself.
-fn load(path: &Path) -> Result<Mesh, Failure> {
-    let mesh = Mesh::load_obj(path).map_err(Failure::input)?;
-    if mesh.triangles.is_empty() {
+fn load(path: &Path) -> Result<ObjTemplate, Failure> {
+    let template = ObjTemplate::load(path).map_err(Failure::input)?;
+    if template.mesh().triangles.is_empty() {
         return Err(Failure::input(format_args!("{}: no faces; give at least one line `f a b c`", path.display())));
     }
-    Ok(mesh)
+    Ok(template)
 }
 
 /// The cloth of the 2013 plug-in's scene, spread out above the sphere: wide enough for its corners to reach the floor.

@@ -1,7 +1,9 @@
 //! Meshes and frames, in and out.
 
 pub(crate) mod atomic_file;
+pub(crate) mod cache_form;
 pub(crate) mod obj;
 mod obj_normals;
 pub(crate) mod obj_template;
-pub(crate) mod pc2;
+pub(crate) mod pc2_reader;
+pub(crate) mod point_cache;

@@ -17,6 +17,11 @@ pub(super) struct Face<'a> {
 }
 
 impl Face<'_> {
+    /// Its vertices, from 0; the face was checked.
+    pub(super) fn vertices(&self) -> Vec<u32> {
+        self.corners.iter().filter_map(|corner| self.named(corner, 0, usize::MAX)).collect()
+    }
+
     /// What a corner names as its vertex (0) or its normal (1), from 0.
     fn named(&self, corner: &str, which: usize, count: usize) -> Option<u32> {
         let number = corner.split('/').nth(2 * which)?.parse::<isize>().ok()?;
@@ -31,8 +36,7 @@ pub(super) struct Normals {
     /// Where in the file each is, and as it came.
     places: Vec<Range<usize>>,
     given: Vec<Vec3>,
-    /// Polygons of vertices, and how each lies at rest.
-    polygons: Vec<Vec<u32>>,
+    /// How each polygon lies at rest.
     rest: Vec<(Mat3, f32)>,
     /// Which normal, polygon and shared direction each corner has.
     corners: Vec<[u32; 3]>,
@@ -42,15 +46,18 @@ pub(super) struct Normals {
 }
 
 impl Normals {
-    /// Corners without a normal have none here.
-    pub(super) fn new(positions: &[Vec3], normals: Vec<(Range<usize>, Vec3)>, faces: &[Face<'_>]) -> Normals {
+    /// Of faces and their vertices. Corners without a normal have none here.
+    pub(super) fn new(
+        positions: &[Vec3],
+        normals: Vec<(Range<usize>, Vec3)>,
+        faces: &[Face<'_>],
+        polygons: &[Vec<u32>],
+    ) -> Normals {
         let (places, given): (Vec<_>, Vec<Vec3>) = normals.into_iter().unzip();
-        let (mut polygons, mut corners, mut directions) = (Vec::new(), Vec::new(), HashMap::new());
+        let (mut corners, mut directions) = (Vec::new(), HashMap::new());
         let mut vertex_of = vec![u32::MAX; given.len()];
         let mut is_shared = false;
-        for face in faces {
-            let vertices: Option<Vec<u32>> = face.corners.iter().map(|corner| face.named(corner, 0, positions.len())).collect();
-            let Some(vertices) = vertices else { continue };
+        for (index, (face, vertices)) in faces.iter().zip(polygons).enumerate() {
             for (&vertex, corner) in vertices.iter().zip(&face.corners) {
                 let Some(normal) = face.named(corner, 1, given.len()) else { continue };
                 let last = std::mem::replace(&mut vertex_of[normal as usize], vertex);
@@ -58,12 +65,11 @@ impl Normals {
                 let rounded = given[normal as usize].to_array().map(|x| (x / SAME).round() as i32);
                 let next = directions.len() as u32;
                 let direction = *directions.entry((vertex, rounded)).or_insert(next);
-                corners.push([normal, polygons.len() as u32, direction]);
+                corners.push([normal, index as u32, direction]);
             }
-            polygons.push(vertices);
         }
         let rest = polygons.iter().map(|polygon| frame(polygon, positions)).collect();
-        Normals { places, given, polygons, rest, corners, directions: directions.len(), is_shared }
+        Normals { places, given, rest, corners, directions: directions.len(), is_shared }
     }
 
     pub(super) fn places(&self) -> &[Range<usize>] {
@@ -76,12 +82,12 @@ impl Normals {
 
     /// As they are where the vertices are at `positions` (m): each the mean, by area, of what it would be if it had turned with one
     /// polygon.
-    pub(super) fn turned(&self, positions: &[Vec3]) -> Vec<Vec3> {
+    pub(super) fn turned(&self, polygons: &[Vec<u32>], positions: &[Vec3]) -> Vec<Vec3> {
         let turn = |(polygon, (rest, rest_area)): (&Vec<u32>, &(Mat3, f32))| {
             let (now, area) = frame(polygon, positions);
             (now * rest.transpose(), if *rest_area > 0.0 { area } else { 0.0 })
         };
-        let turns: Vec<(Mat3, f32)> = self.polygons.iter().zip(&self.rest).map(turn).collect();
+        let turns: Vec<(Mat3, f32)> = polygons.iter().zip(&self.rest).map(turn).collect();
         let mut directions = vec![Vec3::ZERO; self.directions];
         for &[normal, polygon, direction] in &self.corners {
             let (turn, area) = turns[polygon as usize];

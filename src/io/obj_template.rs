@@ -31,6 +31,7 @@ use crate::model::mesh::Mesh;
 pub struct ObjTemplate {
     bytes: Vec<u8>,
     mesh: Mesh,
+    polygons: Vec<Vec<u32>>,
     /// Where the numbers of each `v` and each `vn` are.
     vertices: Vec<Range<usize>>,
     normals: Option<Normals>,
@@ -74,17 +75,24 @@ impl ObjTemplate {
             let reason = "its vertices are not told apart by plain spaces".to_owned();
             return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
         }
+        let polygons: Vec<Vec<u32>> = faces.iter().map(|face| face.vertices()).collect();
         // One that is none leaves all as they are.
         let normals: Option<Vec<_>> = normals.into_iter().collect();
         let normals = normals.filter(|normals| !normals.is_empty());
-        let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces));
-        Ok(ObjTemplate { bytes, mesh, vertices, normals })
+        let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces, &polygons));
+        Ok(ObjTemplate { bytes, mesh, polygons, vertices, normals })
     }
 
     /// The mesh that it came with.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
+    }
+
+    /// The corners of each polygon, from 0, in the file's order: what [`Mesh::triangles`] are cut from.
+    #[must_use]
+    pub fn polygons(&self) -> &[Vec<u32>] {
+        &self.polygons
     }
 
     /// Whether any normal is that of several vertices, and so cannot be right at each when the cloth moves.
@@ -121,7 +129,7 @@ impl ObjTemplate {
         if let Some(problem) = problem {
             return Err(ObjError::Mesh { file: file.map(Path::to_owned), problem });
         }
-        let turned = self.normals.as_ref().map(|normals| normals.turned(positions)).unwrap_or_default();
+        let turned = self.normals.as_ref().map(|normals| normals.turned(&self.polygons, positions)).unwrap_or_default();
         let mut numbers: Vec<(&Range<usize>, Vec3)> = self.vertices.iter().zip(positions.iter().copied()).collect();
         numbers.extend(self.normals.iter().flat_map(Normals::places).zip(turned));
         numbers.sort_unstable_by_key(|(place, _)| place.start);

@@ -1,8 +1,4 @@
-//! Point caches out: the positions of a mesh frame by frame in one PC2 file, for Blender's Mesh Cache modifier and its kin.
-//!
-//! Little-endian: `POINTCACHE2` and a zero (12 bytes), the version 1 (`i32`), vertices (`i32`), the first sample's frame
-//! (`f32`), frames from sample to sample (`f32`), samples (`i32`), then for each sample three `f32` a vertex. The file says
-//! neither units nor axes: positions are written as they are, meters with y up.
+//! Point caches out: the positions of a mesh frame by frame in one file, in the forms of [`cache_form`](crate::io::cache_form).
 
 use std::{
     io::{self, Write},
@@ -12,6 +8,7 @@ use std::{
 use glam::Vec3;
 
 use crate::io::atomic_file::AtomicFile;
+use crate::io::cache_form::{CacheForm, bounds};
 
 /// Why a point cache could not be written. What was at its path is as it was.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +29,12 @@ pub enum Pc2Error {
         things: &'static str,
         /// How many there are.
         count: usize,
+    },
+    /// A form that says what cannot be.
+    #[error("{problem}")]
+    Form {
+        /// What is wrong with it, and what to do.
+        problem: String,
     },
     /// A sample that is not one finite position for each vertex.
     #[error("sample {sample} has {problem}; give a finite position for each of the cache's {vertices} vertices")]
@@ -61,7 +64,7 @@ pub enum Pc2Error {
     },
 }
 
-/// A PC2 file in the making: created for a number of samples, given them one by one, and finished. Until it is finished
+/// A point cache in the making: created for a number of samples, given them one by one, and finished. Until it is finished
 /// what was at its path stays as it was; dropped before, it leaves no trace.
 ///
 /// ```
@@ -83,6 +86,9 @@ pub enum Pc2Error {
 pub struct PointCache {
     path: PathBuf,
     file: AtomicFile,
+    form: CacheForm,
+    /// Corners of the box around each sample (m), where the form wants it.
+    boxes: Vec<[Vec3; 2]>,
     vertices: usize,
     samples: usize,
     /// Samples given so far; whether the next was cut short.
@@ -91,16 +97,24 @@ pub struct PointCache {
 }
 
 impl PointCache {
-    /// Begins a cache of so many samples of so many vertices, the first at frame 1, then one a frame.
+    /// Begins a PC2 file of so many samples of so many vertices, the first at frame 1, then one a frame.
     ///
     /// # Errors
     /// If the file cannot be made, or a number is beyond what a point cache can say.
     pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
+        PointCache::create_as(CacheForm::Pc2, path, vertices, samples)
+    }
+
+    /// Begins a cache of so many samples of so many vertices, one a frame from frame 1 on.
+    ///
+    /// # Errors
+    /// As [`PointCache::create`], or if the form's own numbers are out of their range.
+    pub fn create_as(form: CacheForm, path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
         let path = path.as_ref().to_path_buf();
-        let header = header(vertices, samples)?;
+        let header = form.header(vertices, samples)?;
         let begun = AtomicFile::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
         match begun {
-            Ok(file) => Ok(PointCache { path, file, vertices, samples, given: 0, cut_short: false }),
+            Ok(file) => Ok(PointCache { path, file, form, boxes: Vec::new(), vertices, samples, given: 0, cut_short: false }),
             Err(reason) => Err(Pc2Error::Write { file: path, reason }),
         }
     }
@@ -125,8 +139,10 @@ impl PointCache {
         if let Some(problem) = problem {
             return Err(Pc2Error::Sample { sample, problem, vertices: self.vertices });
         }
-        let mut numbers = positions.iter().flat_map(Vec3::to_array);
-        if let Err(reason) = numbers.try_for_each(|number| self.file.write_all(&number.to_le_bytes())) {
+        if matches!(self.form, CacheForm::Usda { .. }) {
+            self.boxes.push(bounds(positions));
+        }
+        if let Err(reason) = self.form.write_sample(&mut self.file, sample, positions) {
             self.cut_short = true;
             return Err(Pc2Error::Write { file: self.path.clone(), reason });
         }
@@ -138,13 +154,14 @@ impl PointCache {
     ///
     /// # Errors
     /// If samples are missing, one was cut short, or the system refuses.
-    pub fn finish(self) -> Result<(), Pc2Error> {
+    pub fn finish(mut self) -> Result<(), Pc2Error> {
         self.check_whole()?;
         if self.given < self.samples {
             return Err(Pc2Error::Samples { given: self.given, expected: self.samples });
         }
-        let path = self.path;
-        self.file.finish().map_err(|reason| Pc2Error::Write { file: path, reason })
+        let footer = self.form.footer(&self.boxes);
+        let written = self.file.write_all(&footer).and_then(|()| self.file.finish());
+        written.map_err(|reason| Pc2Error::Write { file: self.path, reason })
     }
 
     fn check_whole(&self) -> Result<(), Pc2Error> {
@@ -153,16 +170,4 @@ impl PointCache {
             false => Ok(()),
         }
     }
-}
-
-fn header(vertices: usize, samples: usize) -> Result<Vec<u8>, Pc2Error> {
-    let count = |things, count: usize| i32::try_from(count).map_err(|_| Pc2Error::TooMany { things, count });
-    let (vertices, samples) = (count("vertices", vertices)?, count("samples", samples)?);
-    let mut header = b"POINTCACHE2\0".to_vec();
-    header.extend(1_i32.to_le_bytes());
-    header.extend(vertices.to_le_bytes());
-    header.extend(1_f32.to_le_bytes());
-    header.extend(1_f32.to_le_bytes());
-    header.extend(samples.to_le_bytes());
-    Ok(header)
 }

@@ -1,0 +1,104 @@
+//! Where the frames go: an OBJ file each, and caches of all.
+
+use std::fs;
+use std::path::PathBuf;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{CacheForm, Mesh, ObjTemplate, Pc2Error, PointCache};
+
+use crate::{
+    Failure,
+    arguments::{Arguments, Format},
+    output::{frame_name, frame_number},
+};
+
+/// Files that frames are written to.
+pub(crate) struct Frames<'a> {
+    arguments: &'a Arguments,
+    /// The file that the mesh came in, if it came in one.
+    template: Option<&'a ObjTemplate>,
+    /// And which argument each is of.
+    caches: Vec<(&'static str, PointCache)>,
+}
+
+/// What a cache of a format is called in `--out`.
+pub(crate) fn cache_name(format: Format) -> Option<&'static str> {
+    match format {
+        Format::Obj => None,
+        Format::Pc2 => Some("cloth.pc2"),
+        Format::Mdd => Some("cloth.mdd"),
+        Format::Usda => Some("cloth.usda"),
+    }
+}
+
+impl<'a> Frames<'a> {
+    /// Begins all caches. Fails if one could not be written, or a frame that is none of this run's would be taken for one.
+    pub(crate) fn begin(arguments: &'a Arguments, mesh: &Mesh, template: Option<&'a ObjTemplate>) -> Result<Frames<'a>, Failure> {
+        let out = &arguments.out;
+        fs::create_dir_all(out).map_err(|error| {
+            Failure::input(format_args!("--out {}: {error}; name a directory that can be made", out.display()))
+        })?;
+        if arguments.writes(Format::Obj) {
+            let names = fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.file_name());
+            let later = names.filter_map(|name| frame_number(name.to_str()?)).filter(|&frame| frame > arguments.frames);
+            if let Some(frame) = later.max() {
+                let (path, frames) = (out.join(frame_name(frame)), arguments.frames);
+                let message = format_args!(
+                    "{} is of a longer run, and would be taken for one of these {frames} frames; remove it and those before, or name another --out",
+                    path.display()
+                );
+                return Err(Failure::input(message));
+            }
+        }
+        let named = arguments.format.iter().filter_map(|&format| Some(("--format", format, out.join(cache_name(format)?))));
+        let mut named: Vec<(&str, Format, PathBuf)> = named.collect();
+        named.extend(arguments.pc2.iter().map(|path| ("--pc2", Format::Pc2, path.clone())));
+        let fps = arguments.fps();
+        let mut caches = Vec::new();
+        for (option, format, path) in named {
+            let form = match format {
+                Format::Mdd => CacheForm::Mdd { fps },
+                Format::Usda => {
+                    let triangles = || mesh.triangles.iter().map(|triangle| triangle.to_vec()).collect();
+                    CacheForm::Usda { fps, faces: template.map_or_else(triangles, |template| template.polygons().to_vec()) }
+                }
+                Format::Obj | Format::Pc2 => CacheForm::Pc2,
+            };
+            let cache = PointCache::create_as(form, &path, mesh.positions.len(), arguments.frames as usize);
+            caches.push((option, cache.map_err(|error| failed(option, &error))?));
+        }
+        Ok(Frames { arguments, template, caches })
+    }
+
+    /// Whether anything holds all frames.
+    pub(crate) fn has_caches(&self) -> bool {
+        !self.caches.is_empty()
+    }
+
+    /// Writes a frame.
+    pub(crate) fn write(&mut self, frame: u32, shape: &Mesh) -> Result<(), Failure> {
+        if self.arguments.writes(Format::Obj) {
+            let path = self.arguments.out.join(frame_name(frame));
+            let written = match self.template {
+                Some(template) => template.save(&shape.positions, path),
+                None => shape.save_obj(path),
+            };
+            written.map_err(Failure::input)?;
+        }
+        self.cache(&shape.positions)
+    }
+
+    /// Adds a frame to the caches alone.
+    pub(crate) fn cache(&mut self, positions: &[Vec3]) -> Result<(), Failure> {
+        self.caches.iter_mut().try_for_each(|(option, cache)| cache.push(positions).map_err(|error| failed(option, &error)))
+    }
+
+    /// Puts the caches in their places.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        self.caches.into_iter().try_for_each(|(option, cache)| cache.finish().map_err(|error| failed(option, &error)))
+    }
+}
+
+fn failed(option: &str, error: &Pc2Error) -> Failure {
+    Failure::input(format_args!("{option}: {error}"))
+}

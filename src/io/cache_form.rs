@@ -1,0 +1,139 @@
+//! What point caches are written as, byte by byte.
+
+use std::fmt::Write as _;
+use std::io::{self, Write};
+
+use glam::Vec3;
+
+use crate::io::point_cache::Pc2Error;
+
+/// What a point cache is written as. Positions are written as they are, meters with y up; vertices in the mesh's order.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum CacheForm {
+    /// PC2, for Blender's Mesh Cache modifier and its kin. Little-endian: `POINTCACHE2` and a zero (12 bytes), the version 1 (`i32`), vertices
+    /// (`i32`), the first sample's frame (`f32`), frames from sample to sample (`f32`), samples (`i32`), then for each sample three `f32` a
+    /// vertex. The file says neither units nor axes.
+    Pc2,
+    /// MDD, as LightWave has it. Big-endian: samples (`i32`), vertices (`i32`), the time of each sample (`f32`, s), then for each sample
+    /// three `f32` a vertex.
+    Mdd {
+        /// Samples a second.
+        fps: f32,
+    },
+    /// USD as text: a `Mesh` whose points have a time sample for each frame, with its units, axis, rate and extent.
+    Usda {
+        /// Frames a second.
+        fps: f32,
+        /// The corners of each polygon: triangles ([`Mesh::triangles`](crate::Mesh::triangles)), or what the file had
+        /// ([`ObjTemplate::polygons`](crate::ObjTemplate::polygons)).
+        faces: Vec<Vec<u32>>,
+    },
+}
+
+impl CacheForm {
+    /// What comes ahead of the first sample.
+    pub(super) fn header(&self, vertices: usize, samples: usize) -> Result<Vec<u8>, Pc2Error> {
+        let count = |things, count: usize| i32::try_from(count).map_err(|_| Pc2Error::TooMany { things, count });
+        let (few_vertices, few_samples) = (count("vertices", vertices)?, count("samples", samples)?);
+        match self {
+            CacheForm::Pc2 => {
+                let mut header = b"POINTCACHE2\0".to_vec();
+                header.extend(1_i32.to_le_bytes());
+                header.extend(few_vertices.to_le_bytes());
+                header.extend(1_f32.to_le_bytes());
+                header.extend(1_f32.to_le_bytes());
+                header.extend(few_samples.to_le_bytes());
+                Ok(header)
+            }
+            CacheForm::Mdd { fps } => {
+                check_rate(*fps)?;
+                let mut header = [few_samples.to_be_bytes(), few_vertices.to_be_bytes()].concat();
+                let times = (0..samples).map(|sample| (sample as f64 / f64::from(*fps)) as f32);
+                header.extend(times.flat_map(f32::to_be_bytes));
+                Ok(header)
+            }
+            CacheForm::Usda { fps, faces } => {
+                check_rate(*fps)?;
+                let is_face = |face: &Vec<u32>| face.len() > 2 && face.iter().all(|&corner| (corner as usize) < vertices);
+                if let Some(face) = faces.iter().position(|face| !is_face(face)) {
+                    let corners = &faces[face];
+                    let problem = format!("face {face} has the corners {corners:?}; give three or more of {vertices} vertices");
+                    return Err(Pc2Error::Form { problem });
+                }
+                Ok(usda_header(*fps, faces, samples).into_bytes())
+            }
+        }
+    }
+
+    /// Writes sample number `sample`, from 1.
+    pub(super) fn write_sample(&self, file: &mut impl Write, sample: usize, positions: &[Vec3]) -> io::Result<()> {
+        let mut numbers = positions.iter().flat_map(Vec3::to_array);
+        match self {
+            CacheForm::Pc2 => numbers.try_for_each(|number| file.write_all(&number.to_le_bytes())),
+            CacheForm::Mdd { .. } => numbers.try_for_each(|number| file.write_all(&number.to_be_bytes())),
+            CacheForm::Usda { .. } => {
+                write!(file, "        {sample}: [")?;
+                for (index, Vec3 { x, y, z }) in positions.iter().enumerate() {
+                    let comma = if index > 0 { ", " } else { "" };
+                    write!(file, "{comma}({x}, {y}, {z})")?;
+                }
+                file.write_all(b"],\n")
+            }
+        }
+    }
+
+    /// What comes behind the last sample, given the box around each.
+    pub(super) fn footer(&self, boxes: &[[Vec3; 2]]) -> Vec<u8> {
+        let CacheForm::Usda { .. } = self else { return Vec::new() };
+        let mut text = "    }\n    float3[] extent.timeSamples = {\n".to_owned();
+        for ([low, high], sample) in boxes.iter().zip(1..) {
+            _ = writeln!(text, "        {sample}: [({}, {}, {}), ({}, {}, {})],", low.x, low.y, low.z, high.x, high.y, high.z);
+        }
+        text.push_str("    }\n}\n");
+        text.into_bytes()
+    }
+}
+
+/// The corners of the box around some positions.
+pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
+    let first = positions.first().copied().unwrap_or_default();
+    positions.iter().fold([first; 2], |[low, high], &x| [low.min(x), high.max(x)])
+}
+
+fn check_rate(fps: f32) -> Result<(), Pc2Error> {
+    match fps > 0.0 && fps.is_finite() {
+        true => Ok(()),
+        false => Err(Pc2Error::Form { problem: format!("fps = {fps}; frames a second must be finite and above 0") }),
+    }
+}
+
+fn usda_header(fps: f32, faces: &[Vec<u32>], samples: usize) -> String {
+    let list = |numbers: &mut dyn Iterator<Item = u32>| {
+        let words: Vec<String> = numbers.map(|number| number.to_string()).collect();
+        words.join(", ")
+    };
+    let counts = list(&mut faces.iter().map(|face| face.len() as u32));
+    let corners = list(&mut faces.iter().flatten().copied());
+    format!(
+        "#usda 1.0
+(
+    defaultPrim = \"Cloth\"
+    endTimeCode = {samples}
+    framesPerSecond = {fps}
+    metersPerUnit = 1
+    startTimeCode = 1
+    timeCodesPerSecond = {fps}
+    upAxis = \"Y\"
+)
+
+def Mesh \"Cloth\"
+{{
+    uniform bool doubleSided = 1
+    int[] faceVertexCounts = [{counts}]
+    int[] faceVertexIndices = [{corners}]
+    uniform token subdivisionScheme = \"none\"
+    point3f[] points.timeSamples = {{
+"
+    )
+}

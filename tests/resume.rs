@@ -1,0 +1,143 @@
+//! Frames that people can use, from outside: a run that was killed goes on as if it had not been, frames are what the file was, in every
+//! format, and none of another run's is taken for one.
+
+#[allow(unreachable_pub, reason = "each program of tests takes it")]
+#[path = "common/program.rs"]
+mod program;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use cloth_deformer::{Mesh, PointCacheReader};
+use tempfile::TempDir;
+
+/// In a directory; on the CPU.
+fn drape(directory: &TempDir, arguments: &str) -> Command {
+    let mut command = Command::new(program::drape());
+    command.current_dir(directory).args(arguments.split_whitespace()).args(["--backend", "cpu"]);
+    command
+}
+
+#[track_caller]
+fn succeeds(directory: &TempDir, arguments: &str) -> Output {
+    let output = drape(directory, arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+#[track_caller]
+fn fails(directory: &TempDir, arguments: &str, words: &[&str]) {
+    let output = drape(directory, arguments).output().unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    words.iter().for_each(|word| assert!(text.contains(word), "no `{word}` in: {text}"));
+}
+
+fn file(directory: &TempDir, name: &str) -> Vec<u8> {
+    fs::read(directory.path().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+fn frame(number: u32) -> String {
+    format!("frames/frame_{number:04}.obj")
+}
+
+/// A run that takes long enough to be killed in its middle.
+const RUN: &str = "--frames 40 --wind 3,0,1 --fabric denim --pin 0,63 --self-contact --strain 0.01 --save run.save --every 3 --pc2 run.pc2 --preview run.png";
+
+#[test]
+fn a_killed_run_goes_on_as_if_it_had_not_been() {
+    let whole = TempDir::new().unwrap();
+    succeeds(&whole, RUN);
+    let killed = TempDir::new().unwrap();
+    let mut times = 0;
+    for (until, more) in [(5, ""), (17, " --resume run.save")] {
+        let mut child = drape(&killed, &format!("{RUN}{more}")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let start = Instant::now();
+        while !killed.path().join(frame(until)).exists() {
+            assert!(start.elapsed() < Duration::from_secs(120), "no frame {until} after two minutes");
+            sleep(Duration::from_millis(1));
+        }
+        // Not a request to end: the process is gone at once.
+        child.kill().unwrap();
+        times += u32::from(!child.wait().unwrap().success());
+    }
+    assert_eq!(times, 2, "it was done before it was killed");
+    assert!(!killed.path().join(frame(40)).exists());
+    succeeds(&killed, &format!("{RUN} --report run.json --resume run.save"));
+    for name in (1..=40).map(frame).chain(["run.pc2", "run.png"].map(str::to_owned)) {
+        assert!(file(&whole, &name) == file(&killed, &name), "{name} differs");
+    }
+    let report: serde_json::Value = serde_json::from_slice(&file(&killed, "run.json")).unwrap();
+    let numbers: Vec<u64> = report["frames"].as_array().unwrap().iter().map(|row| row["frame"].as_u64().unwrap()).collect();
+    assert_eq!(numbers, (1..=40).collect::<Vec<u64>>());
+}
+
+#[test]
+fn only_the_same_run_is_resumed() {
+    let directory = TempDir::new().unwrap();
+    let run = "--frames 4 --save run.save --every 2 --quiet";
+    succeeds(&directory, run);
+    let more = "--frames 6 --quiet --resume run.save";
+    fails(&directory, &format!("{more} --gravity 0,-1,0"), &["run.save", "gravity"]);
+    fails(&directory, &format!("{more} --fps 30"), &["run.save", "frames a second"]);
+    fails(&directory, &format!("{more} --fabric silk"), &["run.save", "fabric differs"]);
+    fails(&directory, &format!("{more} --pin top"), &["run.save", "pinned differs"]);
+    fails(&directory, "--frames 3 --out other --resume run.save", &["run.save", "frame 4", "--frames is 3"]);
+    fails(&directory, "--resume missing.save", &["missing.save", "--save"]);
+    fails(&directory, "--every 3", &["--save"]);
+    fails(&directory, "--save run.save --format pc2", &["obj", "--format"]);
+    let bytes = file(&directory, "run.save");
+    for cut in [0, 10, bytes.len() / 2, bytes.len() - 1] {
+        fs::write(directory.path().join("cut.save"), &bytes[..cut]).unwrap();
+        fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "cut or altered"]);
+    }
+    succeeds(&directory, more);
+    assert!(directory.path().join(frame(6)).exists());
+}
+
+/// Two quads with everything, on a slope.
+const QUADS: &str = "mtllib a.mtl\no cloth\nv 0 1 0\nv 1 1 0\nv 1 1.1 1\nv 0 1.1 1\nv 2 1 0\nv 2 1.1 1\nvt 0 0\nvt 1 1\ng left\nusemtl red\ns 1\nf 1/1 4/2 3/1 2/2\ng right\nusemtl blue\ns off\nf 2/1 3/2 6/1 5/2\n";
+
+#[test]
+fn frames_are_what_the_file_was_in_every_format() {
+    let directory = TempDir::new().unwrap();
+    fs::write(directory.path().join("quads.obj"), QUADS).unwrap();
+    succeeds(&directory, "quads.obj --frames 3 --fps 24 --format obj,pc2,mdd,usda --quiet");
+    let but = |text: &str| text.lines().filter(|line| !line.starts_with("v ")).map(str::to_owned).collect::<Vec<_>>();
+    let mut cache = PointCacheReader::open(directory.path().join("frames/cloth.pc2")).unwrap();
+    assert_eq!((cache.samples(), cache.vertices()), (3, 6));
+    let (mdd, usda) = (file(&directory, "frames/cloth.mdd"), String::from_utf8(file(&directory, "frames/cloth.usda")).unwrap());
+    assert_eq!(mdd.len(), 8 + 3 * 4 + 3 * 6 * 12);
+    assert!(usda.contains("int[] faceVertexCounts = [4, 4]") && usda.contains("timeCodesPerSecond = 24"), "{usda}");
+    let mut sample = Vec::new();
+    for number in 1..=3 {
+        let text = String::from_utf8(file(&directory, &frame(number))).unwrap();
+        assert_eq!(but(&text), but(QUADS), "frame {number}");
+        let mesh = Mesh::parse_obj(&text).unwrap();
+        cache.read(number as usize - 1, &mut sample).unwrap();
+        assert_eq!(mesh.positions, sample);
+        let in_mdd = &mdd[8 + 12 + 72 * (number as usize - 1)..][..72];
+        let numbers: Vec<f32> = in_mdd.chunks(4).map(|word| f32::from_be_bytes(word.try_into().unwrap())).collect();
+        assert_eq!(numbers, mesh.positions.iter().flat_map(|x| x.to_array()).collect::<Vec<f32>>());
+    }
+    succeeds(&directory, "quads.obj --frames 3 --out alone --format usda --quiet");
+    let names: Vec<_> = fs::read_dir(directory.path().join("alone")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["cloth.usda"]);
+    fails(&directory, "quads.obj --format obj,fbx", &["--format", "fbx", "usda"]);
+    fails(&directory, "quads.obj --format pc2 --pc2 frames/cloth.pc2", &["--pc2", "--format", "same file"]);
+}
+
+#[test]
+fn frames_of_a_longer_run_are_not_mistaken_for_this_ones() {
+    let directory = TempDir::new().unwrap();
+    succeeds(&directory, "--frames 5 --quiet");
+    let before = file(&directory, &frame(2));
+    fails(&directory, "--frames 3 --quiet --fabric silk", &["frame_0005.obj", "longer run", "--out"]);
+    assert!(before == file(&directory, &frame(2)), "what is refused writes nothing");
+    assert!(Path::new(&directory.path().join(frame(5))).exists(), "and removes nothing");
+    succeeds(&directory, "--frames 5 --quiet --fabric silk");
+    succeeds(&directory, "--frames 3 --quiet --out other");
+}
