@@ -3,7 +3,6 @@
 //! A line of JSON, which frame it is and the figures so far, and behind it the bytes of the cloth's [`Snapshot`].
 
 use std::fs;
-use std::path::Path;
 
 use cloth_deformer::{Attributes, Deformer, Mesh, Snapshot};
 use serde::{Deserialize, Serialize};
