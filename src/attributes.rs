@@ -348,31 +348,32 @@ recorded!(Collider { shape, friction, id, teleported });
 
 impl Recorded for Shape {
     fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
-        let (zero, mut kind) = (
-            Vec3::ZERO,
-            match self {
-                Shape::Sphere { .. } => 0_u8,
-                Shape::Plane { .. } => 1,
-                Shape::Capsule { .. } => 2,
-            },
-        );
+        let mut kind = match self {
+            Shape::Sphere { .. } => 0_u8,
+            Shape::Plane { .. } => 1,
+            Shape::Capsule { .. } => 2,
+            Shape::TaperedCapsule { .. } => 3,
+            Shape::RoundedBox { .. } => 4,
+        };
         kind.record(tape)?;
         if let Tape::In(_) = tape {
+            let (zero, rotation, radius) = (Vec3::ZERO, Quat::IDENTITY, 0.0);
             *self = match kind {
-                0 => Shape::Sphere { center: zero, radius: 0.0 },
+                0 => Shape::Sphere { center: zero, radius },
                 1 => Shape::Plane { point: zero, normal: zero },
-                2 => Shape::Capsule { a: zero, b: zero, radius: 0.0 },
+                2 => Shape::Capsule { a: zero, b: zero, radius },
+                3 => Shape::TaperedCapsule { a: zero, radius_a: radius, b: zero, radius_b: radius },
+                4 => Shape::RoundedBox { center: zero, half: zero, rotation, radius },
                 _ => return Err(Unreadable),
             };
         }
-        match self {
-            Shape::Sphere { center, radius } => center.record(tape).and_then(|()| radius.record(tape)),
-            Shape::Plane { point, normal } => point.record(tape).and_then(|()| normal.record(tape)),
-            Shape::Capsule { a, b, radius } => {
-                a.record(tape)?;
-                b.record(tape)?;
-                radius.record(tape)
-            }
-        }
+        let parts: Vec<&mut dyn Recorded> = match self {
+            Shape::Sphere { center, radius } => vec![center, radius],
+            Shape::Plane { point, normal } => vec![point, normal],
+            Shape::Capsule { a, b, radius } => vec![a, b, radius],
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => vec![a, radius_a, b, radius_b],
+            Shape::RoundedBox { center, half, rotation, radius } => vec![center, half, rotation, radius],
+        };
+        parts.into_iter().try_for_each(|part| part.record(tape))
     }
 }

@@ -213,6 +213,7 @@ impl Engine {
     }
 
     /// Lanes that the processor's part is computed on; none if it has no part.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "only a GPU has all parts"))]
     pub(crate) fn lanes(&self) -> Option<usize> {
         match self {
             Engine::Cpu(cpu) => Some(cpu.lanes()),

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use glam::{Vec3, Vec4};
+use glam::{Quat, Vec3, Vec4};
 
 /// Bytes on their way out, or in.
 pub(crate) enum Tape<'a> {
@@ -50,7 +50,7 @@ pub(crate) trait Recorded {
     /// From bytes, all of them.
     fn from_tape(bytes: &[u8]) -> Result<Self, Unreadable>
     where
-        Self: Default,
+        Self: Sized + Default,
     {
         let (mut made, mut tape) = (Self::default(), Tape::In(bytes));
         made.record(&mut tape)?;
@@ -153,6 +153,15 @@ impl<T: Recorded + Default> Recorded for VecDeque<T> {
 impl Recorded for Vec3 {
     fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
         self.as_mut().record(tape)
+    }
+}
+
+impl Recorded for Quat {
+    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
+        let mut numbers = self.to_array();
+        numbers.record(tape)?;
+        *self = Quat::from_array(numbers);
+        Ok(())
     }
 }
 

@@ -121,7 +121,7 @@ fn frames_are_what_the_file_was_in_every_format() {
         assert_eq!(mesh.positions, sample);
         let in_mdd = &mdd[8 + 12 + 72 * (number as usize - 1)..][..72];
         let numbers: Vec<f32> = in_mdd.chunks(4).map(|word| f32::from_be_bytes(word.try_into().unwrap())).collect();
-        assert_eq!(numbers, mesh.positions.iter().flat_map(|x| x.to_array()).collect::<Vec<f32>>());
+        assert_eq!(numbers, mesh.positions.iter().flat_map(cloth_deformer::glam::Vec3::to_array).collect::<Vec<f32>>());
     }
     succeeds(&directory, "quads.obj --frames 3 --out alone --format usda --quiet");
     let names: Vec<_> = fs::read_dir(directory.path().join("alone")).unwrap().map(|entry| entry.unwrap().file_name()).collect();

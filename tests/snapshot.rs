@@ -4,7 +4,7 @@
 #[macro_use]
 mod common;
 
-use cloth_deformer::glam::Vec3;
+use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{
     Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, Sleep, Snapshot,
     StateError, StepReport,
@@ -83,7 +83,10 @@ fn moving(frame: u32) -> Attributes {
     let t = FRAME * frame as f32;
     let ball = Collider::sphere(Vec3::new(0.3 * (9.0 * t).sin(), -0.25, 0.1), 0.18).with_id(7);
     let bar = Collider::capsule(Vec3::new(-0.5, -0.3, 0.2 * t), Vec3::new(0.5, -0.3, 0.3 * t), 0.05);
-    let colliders = if frame % 4 == 1 { vec![bar, ball] } else { vec![ball, bar] };
+    let turn = Quat::from_rotation_y(2.0 * t);
+    let block = Collider::rounded_box(Vec3::new(0.0, -0.5, 0.3), Vec3::new(0.2, 0.1, 0.1), turn, 0.02).with_id(9);
+    let leg = Collider::tapered_capsule(Vec3::new(0.4, -0.6, 0.0), 0.08, Vec3::new(0.4, -0.3, 0.1 * t), 0.05).with_id(8);
+    let colliders = if frame % 4 == 1 { vec![bar, block, leg, ball] } else { vec![ball, bar, leg, block] };
     let lift = Vec3::new(0.1 * (5.0 * t).sin(), 0.2 * t, 0.0);
     let pins = [Vec3::new(-0.5, 0.0, -0.5), Vec3::new(0.5, 0.0, -0.5)];
     Attributes {

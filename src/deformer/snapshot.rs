@@ -171,7 +171,7 @@ impl Deformer {
             controller: self.controller,
             unjudged: self.unjudged.clone(),
             seen: self.seen,
-            pace: self.pace,
+            pace: self.pace.clone(),
             still: self.still.clone(),
             watch: self.watch,
             bounds: self.bounds.into(),

@@ -378,7 +378,7 @@ impl GpuEngine {
         let GpuEngine { gpu, commit, counter, .. } = self;
         gpu.checked(|| {
             let staging = gpu.staging("found", commit.found.size());
-            let found = gpu.read(&staging, &[&commit.found], |bytes| bytemuck::pod_read_unaligned::<Found>(bytes))?;
+            let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Found>)?;
             let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
             Ok(Past { steps: [found.steps, found.next], untold, contact: None })
         })

@@ -15,7 +15,7 @@ pub enum CacheForm {
     /// (`i32`), the first sample's frame (`f32`), frames from sample to sample (`f32`), samples (`i32`), then for each sample three `f32` a
     /// vertex. The file says neither units nor axes.
     Pc2,
-    /// MDD, as LightWave has it. Big-endian: samples (`i32`), vertices (`i32`), the time of each sample (`f32`, s), then for each sample
+    /// MDD, as `LightWave` has it. Big-endian: samples (`i32`), vertices (`i32`), the time of each sample (`f32`, s), then for each sample
     /// three `f32` a vertex.
     Mdd {
         /// Samples a second.

@@ -75,7 +75,7 @@ impl ObjTemplate {
             let reason = "its vertices are not told apart by plain spaces".to_owned();
             return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
         }
-        let polygons: Vec<Vec<u32>> = faces.iter().map(|face| face.vertices()).collect();
+        let polygons: Vec<Vec<u32>> = faces.iter().map(Face::vertices).collect();
         // One that is none leaves all as they are.
         let normals: Option<Vec<_>> = normals.into_iter().collect();
         let normals = normals.filter(|normals| !normals.is_empty());

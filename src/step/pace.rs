@@ -3,7 +3,7 @@
 use crate::record::recorded;
 
 /// How long substeps have taken.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Pace {
     /// Time (s) that a substep takes; 0 if nothing is known.
     substep: f64,
