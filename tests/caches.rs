@@ -28,7 +28,7 @@ fn an_mdd_has_every_number_in_its_place() {
     let (whole, real) = (|index| i32::from_be_bytes(word(index)), |index| f32::from_be_bytes(word(index)));
     assert_eq!((whole(0), whole(1), real(2), real(3)), (2, 4, 0.0, 0.04));
     assert_eq!(bytes.len(), 4 * (4 + 2 * 4 * 3));
-    for (k, number) in samples().concat().iter().flat_map(|x| x.to_array()).enumerate() {
+    for (k, number) in samples().concat().iter().flat_map(Vec3::to_array).enumerate() {
         assert_eq!(real(4 + k), number, "number {k}");
     }
 }

@@ -34,15 +34,10 @@ impl Scene {
     /// Positions and velocities, as bits, and the report of each of some frames.
     fn play(&self, cloth: &mut Deformer, frames: std::ops::Range<u32>) -> Vec<(StepReport, Vec<u32>)> {
         let step = |frame| {
-            let report = cloth.step(self.dt(frame), &(self.attributes)(frame)).unwrap();
+            let report = cloth.step(dt(frame), &(self.attributes)(frame)).unwrap();
             (report, bits(cloth))
         };
         frames.map(step).collect()
-    }
-
-    /// Steps differ in length.
-    fn dt(&self, frame: u32) -> f32 {
-        if frame % 5 == 3 { 0.6 * FRAME } else { FRAME }
     }
 
     /// Takes a snapshot in several frames, and asserts that what follows is the same in the same cloth and in a fresh one.
@@ -72,9 +67,14 @@ impl Scene {
     }
 }
 
+/// Steps (s) differ in length.
+fn dt(frame: u32) -> f32 {
+    if frame % 5 == 3 { 0.6 * FRAME } else { FRAME }
+}
+
 fn bits(cloth: &mut Deformer) -> Vec<u32> {
-    let mut bits: Vec<u32> = cloth.positions().unwrap().iter().flat_map(|x| x.to_array()).map(f32::to_bits).collect();
-    bits.extend(cloth.velocities().unwrap().iter().flat_map(|v| v.to_array()).map(f32::to_bits));
+    let mut bits: Vec<u32> = cloth.positions().unwrap().iter().flat_map(Vec3::to_array).map(f32::to_bits).collect();
+    bits.extend(cloth.velocities().unwrap().iter().flat_map(Vec3::to_array).map(f32::to_bits));
     bits
 }
 
