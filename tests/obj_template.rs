@@ -11,7 +11,7 @@ fn quads() -> String {
     let mut text = "# a modeler's\nmtllib sheet.mtl\no Sheet\n".to_owned();
     for row in 0..rows {
         for column in 0..columns {
-            _ = writeln!(text, "v {}.5 0 {}.250", column, row);
+            _ = writeln!(text, "v {column}.5 0 {row}.250");
             _ = writeln!(text, "vt {} {}", column as f32 / 45.0, row as f32 / 30.0);
         }
     }
