@@ -73,6 +73,14 @@ pub enum BuildError {
         /// What it must be.
         remedy: &'static str,
     },
+    /// A step of a run that [`tune`](crate::tune()) needs failed.
+    #[error("frame {frame}: {error}")]
+    Step {
+        /// The frame, numbered from 1.
+        frame: u32,
+        /// Why.
+        error: StepError,
+    },
     /// No adapter for the backend that was asked for.
     #[error("no GPU for {backend}: {reason}; install a Vulkan, Metal or DX12 driver, or ask for the CPU")]
     NoGpu {

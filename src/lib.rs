@@ -30,6 +30,7 @@ mod oracle;
 mod record;
 mod simd;
 mod step;
+mod tune;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::{Deformer, Forecast, Snapshot};
@@ -51,5 +52,6 @@ pub use model::mesh::Mesh;
 pub use options::{
     Backend, Cause, Contact, Crossing, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning,
 };
+pub use tune::{Setting, Term, Tolerance, Trial, Tuned, tune};
 #[cfg(feature = "gpu")]
 pub use wgpu;

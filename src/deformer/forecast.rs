@@ -7,9 +7,9 @@ use crate::failure::{Cause, Failure};
 #[cfg(feature = "gpu")]
 use crate::gpu_fault::{Excess, GpuFault};
 use crate::model::cloth::Slivers;
-use crate::options::{Method, Warning};
+use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;
-use crate::step::substep_count::Division;
+use crate::step::substep_count::{Division, FRAMES, Rates};
 use crate::step::watch::Led;
 
 /// What a step of some length under some attributes will be, from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
@@ -56,6 +56,16 @@ impl Deformer {
         let warnings = self.warnings(dt, substeps, limited, led);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
+    }
+
+    /// Substeps in 1/60 s that resolve the stiffness as far as that shows, at least 20.
+    pub(crate) fn resolving_substeps(&self) -> u32 {
+        (self.rates.resolving_what_shows(&self.cloth) / FRAMES).ceil().max(20.0) as u32
+    }
+
+    /// Substeps in 1/60 s that explicit springs need with these options.
+    pub(crate) fn explicit_substeps(&self, options: &Options) -> u32 {
+        (Rates::new(&self.cloth, options).explicit() / FRAMES).ceil().min(f64::from(u32::MAX)) as u32
     }
 
     /// What a step of some substeps warns of, bending being softened at `limited` vertices and this much led this fast.

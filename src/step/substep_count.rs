@@ -108,9 +108,7 @@ impl Rates {
             Levels::Off => 0,
             Levels::Count(count) => count as usize,
             Levels::Auto => {
-                // Stiffer than what lets its own weight stretch the cloth by a ten-thousandth, there is nothing to resolve.
-                let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
-                let shortfall = self.resolving(cloth.stretch.min(useful)) * f64::from(length.longest);
+                let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest);
                 let gale = pressure(attributes) > GALE * cloth.density * STANDARD_GRAVITY;
                 let pays_from = if cloth.rest.len() < SMALL { FAR } else { 1.15 };
                 if shortfall < pays_from || gale {
@@ -135,6 +133,13 @@ impl Rates {
     /// Substeps a second that resolve a stiffness (N/m).
     pub(crate) fn resolving(&self, stretch: f64) -> f64 {
         self.unit * stretch.sqrt()
+    }
+
+    /// The same for a cloth, whose stiffness shows up to some: beyond what lets its own weight stretch it by a ten-thousandth there is nothing
+    /// to resolve.
+    pub(crate) fn resolving_what_shows(&self, cloth: &Cloth) -> f64 {
+        let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
+        self.resolving(cloth.stretch.min(useful))
     }
 
     /// The strain beyond the fabric's own that a membrane stress (N/m) leaves with unresolved substeps of some length (s):

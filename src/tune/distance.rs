@@ -1,0 +1,58 @@
+//! How far two runs of a scene are apart.
+
+use glam::Vec3;
+
+use super::clip::{Clip, Look};
+
+/// How long (s) a difference in speed is counted for, where motion is compared by its statistics.
+const COUNTED: f64 = 0.1;
+
+/// What is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Distance {
+    /// Each vertex with itself.
+    Vertices,
+    /// Where there is cloth and how fast it moves, whichever part of it: of a motion that no two runs repeat there is no more to compare.
+    Spread,
+}
+
+impl Distance {
+    /// The distance (mm) in the frames that a search goes by, or those that it is checked on: the largest, or of statistics, which one
+    /// frame says little about, the root mean square.
+    pub(super) fn between(self, a: &Clip, b: &Clip, checked: bool) -> f64 {
+        let pairs = || a.part(checked).zip(b.part(checked));
+        1e3 * match self {
+            Distance::Vertices => pairs().map(|(a, b)| rms(&a.positions, &b.positions)).fold(0.0, f64::max),
+            Distance::Spread => {
+                let squares: f64 = pairs().map(|(a, b)| spread(a, b).powi(2)).sum();
+                (squares / pairs().count().max(1) as f64).sqrt()
+            }
+        }
+    }
+}
+
+/// Root mean square distance (m) over the vertices.
+fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();
+    (sum / a.len().max(1) as f64).sqrt()
+}
+
+/// The distance (m) by which coordinates, each axis sorted for itself, differ, and the way that a difference in speed makes.
+fn spread(a: &Look, b: &Look) -> f64 {
+    let sorted = |look: &Look, axis: usize| {
+        let mut values: Vec<f32> = look.positions.iter().map(|x| x[axis]).collect();
+        values.sort_by(f32::total_cmp);
+        values
+    };
+    let mut sum = (COUNTED * (a.speed - b.speed)).powi(2);
+    for axis in 0..3 {
+        let pairs = sorted(a, axis).into_iter().zip(sorted(b, axis));
+        let squares: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        sum += squares / a.positions.len().max(1) as f64;
+    }
+    sum.sqrt()
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/tune_distance.rs"]
+mod tests;

@@ -1,0 +1,249 @@
+//! The search: the resolved run, terms, substeps, and the kinds of solvers.
+
+use super::clip::{Clip, Scene};
+use super::distance::Distance;
+use super::{Setting, Term, Tolerance, Trial, Tuned};
+use crate::deformer::Deformer;
+use crate::error::{BuildError, StepError};
+use crate::options::{Levels, Method, Quality};
+
+/// Runs of the scene, at most.
+const MOST_CLIPS: usize = 20;
+/// Substeps of the second run over those of the first that both should resolve the scene, and how far (m) its vertices start off.
+const AGAIN: f64 = 1.42;
+const NUDGE: f32 = 1e-5;
+/// Share of the resolved substeps at which terms are left out, and the fewest substeps that says anything.
+const SHARE: f64 = 0.125;
+const FEWEST: u32 = 5;
+/// Iterations of the relaxation that is tried, and its time and that of springs over a sweep without levels, about.
+const ITERATIONS: u32 = 4;
+const OF_RELAXATION: f64 = 2.2;
+const OF_SPRINGS: f64 = 0.7;
+
+/// The names of [`Setting::terms`].
+const TERMS: [&str; 3] = ["bending", "damping", "air"];
+
+/// What is known before kinds of solvers are compared.
+struct Found {
+    resolved: Option<Trial>,
+    chaotic: bool,
+    terms: Vec<Term>,
+    /// Small steps with the terms that are left.
+    plain: Setting,
+}
+
+/// What errors are measured by.
+enum Judge {
+    /// Against the resolved run.
+    Position(Distance, Clip),
+    /// By the clip itself.
+    Strain,
+}
+
+impl Judge {
+    fn error(&self, clip: &Clip, checked: bool) -> f64 {
+        match self {
+            Judge::Position(distance, resolved) => distance.between(clip, resolved, checked),
+            Judge::Strain => clip.stretch(),
+        }
+    }
+}
+
+pub(super) struct Search<'a> {
+    scene: Scene<'a>,
+    /// What is left of the tolerance.
+    tolerance: f64,
+    judge: Judge,
+    trials: Vec<Trial>,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(scene: Scene<'a>, tolerance: f64) -> Search<'a> {
+        Search { scene, tolerance, judge: Judge::Strain, trials: Vec::new() }
+    }
+
+    pub(super) fn run(mut self, tolerance: Tolerance) -> Result<Tuned, BuildError> {
+        let given = Setting::of(self.scene.options);
+        let plain = Setting { method: Method::SmallSteps, ..given };
+        let cloth = Deformer::new(self.scene.mesh, plain.options(self.scene.options))?;
+        let count = cloth.resolving_substeps();
+        let found = match tolerance {
+            Tolerance::Position(_) => {
+                let found = self.look_at_position(plain, count)?;
+                self.try_out(given)?;
+                self.descend(found.plain, (SHARE * f64::from(count)).ceil() as u32, count)?;
+                found
+            }
+            Tolerance::Strain(strain) => {
+                self.descend_strain(plain, strain, count)?;
+                Found { resolved: None, chaotic: false, terms: Vec::new(), plain }
+            }
+        };
+        self.try_other_kinds(found.plain, &cloth)?;
+        Ok(self.choose(found))
+    }
+
+    /// Plays the resolved run twice, sees what can be compared, and drops the terms that are not worth their time.
+    fn look_at_position(&mut self, plain: Setting, count: u32) -> Result<Found, BuildError> {
+        let resolved = Setting { levels: Levels::Off, ..plain.with_substeps(count) };
+        let clip = self.scene.play(&resolved, 0.0)?;
+        let again = self.scene.play(&resolved.with_substeps((AGAIN * f64::from(count)).ceil() as u32), NUDGE)?;
+        let apart = |distance: Distance| distance.between(&clip, &again, false).max(distance.between(&clip, &again, true));
+        let floor = apart(Distance::Vertices);
+        let chaotic = floor > 0.5 * self.tolerance;
+        let distance = if chaotic { Distance::Spread } else { Distance::Vertices };
+        let floor = apart(distance);
+        self.tolerance = match chaotic {
+            true => self.tolerance.max(1.5 * floor),
+            false => (self.tolerance.powi(2) - floor.powi(2)).sqrt(),
+        };
+        let trial = Trial { error: floor as f32, checked: floor as f32, ..self.noted(resolved, &clip) };
+        self.judge = Judge::Position(distance, clip);
+        self.trials.push(trial);
+
+        let eighth = plain.with_substeps(((SHARE * f64::from(count)).ceil() as u32).max(FEWEST));
+        let base = self.scene.play(&eighth, 0.0)?;
+        let trial = self.noted(eighth, &base);
+        self.trials.push(trial);
+        let mut terms = Vec::new();
+        for (term, name) in TERMS.into_iter().enumerate().filter(|(term, _)| self.scene.has(*term)) {
+            let mut without = eighth;
+            without.terms[term] = false;
+            let Some(clip) = finished(self.scene.play(&without, 0.0))? else { continue };
+            let apart = distance.between(&base, &clip, false);
+            let error = if chaotic { (apart.powi(2) - floor.powi(2)).max(0.0).sqrt() } else { apart };
+            let milliseconds = (base.milliseconds - clip.milliseconds) as f32;
+            terms.push((term, Term { name, error: error as f32, milliseconds, dropped: false }));
+        }
+        let mut left = 0.25 * self.tolerance.powi(2);
+        let mut plain = plain;
+        terms.sort_by(|a, b| a.1.error.total_cmp(&b.1.error));
+        for (term, Term { error, dropped, .. }) in &mut terms {
+            // Damping is that of bending, and goes with it.
+            let gone = *term == 1 && !plain.terms[0];
+            left -= if gone { 0.0 } else { f64::from(*error).powi(2) };
+            *dropped = gone || left >= 0.0;
+            plain.terms[*term] = !*dropped;
+        }
+        // What is little by itself may be too much together with what the substeps leave.
+        if self.keeps(&trial) && !self.try_out(Setting { terms: plain.terms, ..eighth })? {
+            plain.terms = [true; 3];
+            terms.iter_mut().for_each(|(_, term)| term.dropped = false);
+        }
+        Ok(Found {
+            resolved: self.trials.first().copied(),
+            chaotic,
+            terms: terms.into_iter().map(|(_, term)| term).collect(),
+            plain,
+        })
+    }
+
+    /// Halves the substeps from some number on until the tolerance is missed, or doubles them until it is kept, as by `most` it is; then
+    /// tries between the two.
+    fn descend(&mut self, setting: Setting, from: u32, most: u32) -> Result<(), BuildError> {
+        let (mut kept, mut missed) = (from.clamp(FEWEST.min(most), most), 0);
+        while kept < most && !self.try_out(setting.with_substeps(kept))? {
+            (missed, kept) = (kept, kept.saturating_mul(2).min(most));
+        }
+        while missed == 0 && kept > 1 {
+            match self.try_out(setting.with_substeps(kept / 2))? {
+                true => kept /= 2,
+                false => missed = kept / 2,
+            }
+        }
+        let between = (f64::from(kept) * f64::from(missed)).sqrt().round() as u32;
+        if between > missed && between < kept {
+            self.try_out(setting.with_substeps(between))?;
+        }
+        Ok(())
+    }
+
+    /// The promise about strain, and even substeps about as many.
+    fn descend_strain(&mut self, plain: Setting, strain: f32, most: u32) -> Result<(), BuildError> {
+        self.try_out(Setting { quality: Quality::Strain(strain), ..plain })?;
+        let mean = self.trials.last().map_or(f32::from(20_u8), |trial| trial.substeps);
+        self.descend(plain, mean.ceil().max(1.0) as u32, most.max(2 * mean as u32))
+    }
+
+    /// Other kinds of solvers, at the most substeps with which they could still be cheaper.
+    fn try_other_kinds(&mut self, plain: Setting, cloth: &Deformer) -> Result<(), BuildError> {
+        let Some(best) = self.best() else { return Ok(()) };
+        // What a substep without levels takes, from the run that took most of them.
+        let bare = self.trials.iter().filter(|trial| trial.levels == 0 && trial.substeps > 0.0 && trial.error.is_finite());
+        let Some(bare) = bare.max_by(|a, b| a.substeps.total_cmp(&b.substeps)).copied() else { return Ok(()) };
+        let sweep = f64::from(bare.milliseconds / bare.substeps);
+        let fitting = |share: f64| (0.9 * f64::from(best.milliseconds) / (share * sweep)) as u32;
+        let (count, few) = (fitting(1.0), best.substeps.ceil() as u32);
+        if best.levels > 0 && count > few {
+            self.halve(Setting { levels: Levels::Off, ..plain }, count)?;
+        }
+        let relaxed = Setting { method: Method::Relaxation { iterations: ITERATIONS }, levels: Levels::Off, ..plain };
+        self.halve(relaxed, fitting(OF_RELAXATION))?;
+        let springs = Setting { method: Method::Springs, levels: Levels::Off, ..plain };
+        let needed = cloth.explicit_substeps(&springs.options(self.scene.options));
+        if needed <= fitting(OF_SPRINGS) {
+            self.try_out(springs.with_substeps(needed))?;
+        }
+        Ok(())
+    }
+
+    /// Halves the substeps for as long as the tolerance is kept.
+    fn halve(&mut self, setting: Setting, from: u32) -> Result<(), BuildError> {
+        let mut count = from;
+        while count > 0 && self.try_out(setting.with_substeps(count))? {
+            count /= 2;
+        }
+        Ok(())
+    }
+
+    /// Plays a setting, unless it was or there were too many; whether it keeps the tolerance.
+    fn try_out(&mut self, setting: Setting) -> Result<bool, BuildError> {
+        if let Some(trial) = self.trials.iter().find(|trial| trial.setting == setting) {
+            return Ok(self.keeps(trial));
+        }
+        if self.trials.len() >= MOST_CLIPS - 1 - TERMS.len() {
+            return Ok(false);
+        }
+        let trial = match finished(self.scene.play(&setting, 0.0))? {
+            Some(clip) => self.noted(setting, &clip),
+            None => Trial { setting, substeps: 0.0, levels: 0, error: f32::INFINITY, checked: f32::INFINITY, milliseconds: 0.0 },
+        };
+        self.trials.push(trial);
+        Ok(self.keeps(&trial))
+    }
+
+    fn noted(&self, setting: Setting, clip: &Clip) -> Trial {
+        let error = |checked| self.judge.error(clip, checked) as f32;
+        let (substeps, milliseconds) = (clip.substeps as f32, clip.milliseconds as f32);
+        Trial { setting, substeps, levels: clip.levels, error: error(false), checked: error(true), milliseconds }
+    }
+
+    fn keeps(&self, trial: &Trial) -> bool {
+        f64::from(trial.error) <= self.tolerance
+    }
+
+    /// The cheapest so far that keeps the tolerance.
+    fn best(&self) -> Option<Trial> {
+        let kept = self.trials.iter().filter(|trial| self.keeps(trial));
+        kept.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds)).copied()
+    }
+
+    /// The cheapest that keeps the tolerance in the frames that it is checked on too; if there is none, the one that is off the least.
+    fn choose(self, Found { resolved, chaotic, terms, .. }: Found) -> Tuned {
+        let verified = |trial: &&Trial| self.keeps(trial) && f64::from(trial.checked) <= self.tolerance;
+        let best = self.trials.iter().filter(verified).min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
+        let least = || self.trials.iter().min_by(|a, b| a.error.total_cmp(&b.error));
+        let best = *best.or_else(least).expect("at least one was tried");
+        let options = best.setting.options(self.scene.options);
+        Tuned { best, options, resolved, chaotic, terms, trials: self.trials }
+    }
+}
+
+/// A run, unless the setting cannot hold the motion together.
+fn finished(played: Result<Clip, BuildError>) -> Result<Option<Clip>, BuildError> {
+    match played {
+        Ok(clip) => Ok(Some(clip)),
+        Err(BuildError::Step { error: StepError::Unstable { .. } | StepError::TooManySubsteps { .. }, .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,125 @@
+//! Tuning, judged by runs of its own: what is chosen keeps the tolerance, terms that do nothing go, chaos is recognized.
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{
+    Attributes, Backend, BuildError, Deformer, Fabric, Levels, Mesh, Options, Quality, StepError, Tolerance, tune,
+};
+
+const FRAME: f32 = 1.0 / 60.0;
+
+fn hung(n: u32, fabric: Fabric) -> (Mesh, Options) {
+    (Mesh::grid(n, n, 1.0, 1.0), Options { backend: Backend::Cpu, fabric, pinned: (0..n).collect(), ..Options::default() })
+}
+
+fn membrane() -> Fabric {
+    Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 }
+}
+
+/// Positions after each frame.
+fn play(mesh: &Mesh, options: Options, frames: u32) -> Vec<Vec<Vec3>> {
+    let mut cloth = Deformer::new(mesh, options).unwrap();
+    let frame = |_| {
+        cloth.step(FRAME, &Attributes::default()).unwrap();
+        cloth.positions().unwrap().to_vec()
+    };
+    (0..frames).map(frame).collect()
+}
+
+/// The largest root mean square distance (mm) over the frames.
+fn apart(a: &[Vec<Vec3>], b: &[Vec<Vec3>]) -> f32 {
+    let rms = |(a, b): (&Vec<Vec3>, &Vec<Vec3>)| {
+        (a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum::<f32>() / a.len() as f32).sqrt()
+    };
+    1e3 * a.iter().zip(b).map(rms).fold(0.0, f32::max)
+}
+
+#[test]
+fn what_is_chosen_is_as_far_off_as_it_says() {
+    let (mesh, options) = hung(20, membrane());
+    let finer = Options { quality: Quality::Substeps(400), levels: Levels::Off, ..options.clone() };
+    let truth = play(&mesh, finer, 30);
+    let mut substeps = Vec::new();
+    for tolerance in [40.0, 10.0, 2.0] {
+        let tuned = tune(&mesh, &options, |_| Attributes::default(), 30, Tolerance::Position(tolerance)).unwrap();
+        let off = apart(&truth, &play(&mesh, tuned.options.clone(), 30));
+        let said = tuned.best.error.max(tuned.best.checked);
+        println!("{tolerance} mm: {} is {off} mm off, {said} as it says", tuned.best.setting);
+        assert!(!tuned.chaotic && tuned.trials.len() <= 20);
+        assert!(said <= tolerance && off <= 1.05 * tolerance, "{off} mm off");
+        assert!((off / said - 1.0).abs() < 0.25 || off < 0.1, "{off} mm off, {said} as it says");
+        assert!(tuned.best.milliseconds <= tuned.resolved.unwrap().milliseconds);
+        substeps.push(tuned.best.substeps);
+    }
+    assert!(substeps[0] < substeps[2], "more accuracy for as many substeps: {substeps:?}");
+}
+
+#[test]
+fn a_term_goes_if_the_scene_is_the_same_without_it() {
+    let (mesh, options) = hung(16, Fabric { bending: 1e-9, damping: 0.06, ..membrane() });
+    let wind = |_| Attributes { wind: Vec3::new(0.0, 0.0, 5.0), air_density: 1.225, ..Attributes::default() };
+    let tuned = tune(&mesh, &options, wind, 30, Tolerance::Position(20.0)).unwrap();
+    let dropped: Vec<_> = tuned.terms.iter().map(|term| (term.name, term.dropped)).collect();
+    println!("{:?}", tuned.terms);
+    assert!(dropped.contains(&("bending", true)) && dropped.contains(&("air", false)), "{dropped:?}");
+    assert_eq!(tuned.options.fabric.bending, 0.0);
+    assert_eq!(tuned.best.setting.attributes(wind(1)).air_density, 1.225);
+
+    // A strip that stands out like a board is nothing without its bending; the air is so thin that it is not missed.
+    let mesh = Mesh::grid(11, 4, 0.2, 0.06);
+    let pinned = (0..4).flat_map(|row| [11 * row, 11 * row + 1]).collect();
+    let options = Options { fabric: Fabric { bending: 1e-3, damping: 0.06, ..membrane() }, pinned, ..options };
+    let thin = |_| Attributes { air_density: 1e-6, ..Attributes::default() };
+    let tuned = tune(&mesh, &options, thin, 30, Tolerance::Position(5.0)).unwrap();
+    let dropped: Vec<_> = tuned.terms.iter().map(|term| (term.name, term.dropped)).collect();
+    assert!(dropped.contains(&("bending", false)) && dropped.contains(&("air", true)), "{dropped:?}");
+    assert_eq!(tuned.best.setting.attributes(thin(1)).air_density, 0.0);
+}
+
+#[test]
+fn a_motion_that_no_two_runs_repeat_is_compared_by_its_statistics() {
+    let (mesh, options) = hung(20, membrane());
+    let tuned = tune(&mesh, &options, |_| Attributes::default(), 120, Tolerance::Position(0.05)).unwrap();
+    assert!(tuned.chaotic);
+    // As far as two resolved runs are apart by vertices none would ever pass.
+    assert!(tuned.resolved.unwrap().error > 0.025);
+    assert!(tuned.best.milliseconds <= tuned.resolved.unwrap().milliseconds);
+}
+
+#[test]
+fn a_strain_is_kept_with_the_fewest_substeps() {
+    let (mesh, options) = hung(20, membrane());
+    let tuned = tune(&mesh, &options, |_| Attributes::default(), 60, Tolerance::Strain(0.03)).unwrap();
+    let beyond = |options: Options| {
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let is_beyond = |_: &u32| {
+            cloth.step(FRAME, &Attributes::default()).unwrap();
+            cloth.measure().unwrap().stretch_share > 0.03
+        };
+        (0..60).filter(is_beyond).count()
+    };
+    println!("{}", tuned.best.setting);
+    assert!(tuned.resolved.is_none() && tuned.best.error <= 0.03);
+    assert_eq!(beyond(tuned.options.clone()), 0);
+    // Half as many miss it.
+    let half = Quality::Substeps((tuned.best.substeps / 2.0) as u32);
+    assert!(beyond(Options { quality: half, ..tuned.options }) > 0);
+}
+
+#[test]
+fn what_cannot_be_tuned_is_refused() {
+    let (mesh, options) = hung(5, membrane());
+    let still = |_| Attributes::default();
+    for most in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        for tolerance in [Tolerance::Position(most), Tolerance::Strain(most)] {
+            let refused = tune(&mesh, &options, still, 5, tolerance).unwrap_err();
+            assert!(matches!(&refused, BuildError::Value { name, .. } if name == "tolerance"), "{refused}");
+        }
+    }
+    let refused = tune(&mesh, &options, still, 0, Tolerance::Position(1.0)).unwrap_err();
+    assert!(matches!(&refused, BuildError::Value { name, .. } if name == "frames"), "{refused}");
+    let broken = |frame| Attributes { gravity: Vec3::Y * if frame == 3 { f32::NAN } else { -9.81 }, ..Attributes::default() };
+    let refused = tune(&mesh, &options, broken, 5, Tolerance::Position(1.0)).unwrap_err();
+    assert!(matches!(refused, BuildError::Step { frame: 3, error: StepError::Attribute { .. } }), "{refused}");
+    let refused = tune(&mesh, &Options { pinned: vec![99], ..options }, still, 5, Tolerance::Position(1.0)).unwrap_err();
+    assert!(matches!(refused, BuildError::Pin { .. }), "{refused}");
+}
