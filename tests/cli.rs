@@ -1,57 +1,15 @@
 //! The main binary from outside: exit codes, one-line errors, and the files it leaves.
 
-#[allow(unreachable_pub, reason = "each program of tests takes it")]
+#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 
-use std::{
-    collections::BTreeSet,
-    fs,
-    io::BufReader,
-    path::Path,
-    process::{Command, Output},
-};
+use std::{collections::BTreeSet, fs, io::BufReader, path::Path, process::Command};
 
 use cloth_deformer::{Mesh, glam::Vec3};
+use program::{drape, fails, run, stderr, succeeds};
 use serde_json::Value;
 use tempfile::TempDir;
-
-/// A directory to run in, and the command that runs there. The CPU unless the test says otherwise.
-fn drape(directory: &TempDir, arguments: &[&str]) -> Command {
-    let mut command = Command::new(program::drape());
-    command.current_dir(directory).args(arguments);
-    if !arguments.contains(&"--backend") {
-        command.args(["--backend", "cpu"]);
-    }
-    command
-}
-
-fn run(directory: &TempDir, arguments: &[&str]) -> Output {
-    drape(directory, arguments).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-#[track_caller]
-fn succeeds(output: &Output) {
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
-}
-
-/// The exit code, and one line on stderr that says each of `words`.
-#[track_caller]
-fn fails(output: &Output, code: i32, words: &[&str]) {
-    let text = stderr(output);
-    assert_eq!(output.status.code(), Some(code), "{text}");
-    let errors: Vec<&str> = text.lines().filter(|line| !line.starts_with("warning: ")).collect();
-    assert_eq!(errors.len(), 1, "not one line: {text}");
-    assert!(errors[0].starts_with("error: "), "{text}");
-    for word in words {
-        assert!(errors[0].contains(word), "no `{word}` in: {text}");
-    }
-    assert!(output.stdout.is_empty(), "a failure leaves stdout empty");
-}
 
 /// Names of all files in a directory, hidden ones too.
 fn names(directory: impl AsRef<Path>) -> BTreeSet<String> {

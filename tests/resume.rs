@@ -1,7 +1,7 @@
 //! Frames that people can use, from outside: a run that was killed goes on as if it had not been, frames are what the file was, in every
 //! format, and none of another run's is taken for one.
 
-#[allow(unreachable_pub, reason = "each program of tests takes it")]
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 
@@ -16,7 +16,7 @@ use tempfile::TempDir;
 
 /// In a directory; on the CPU.
 fn drape(directory: &TempDir, arguments: &str) -> Command {
-    let mut command = Command::new(program::drape());
+    let mut command = Command::new(program::path());
     command.current_dir(directory).args(arguments.split_whitespace()).args(["--backend", "cpu"]);
     command
 }

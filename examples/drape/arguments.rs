@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Parser, value_parser};
-use cloth_deformer::{Backend, Fabric, Levels, Method, glam::Vec3};
+use cloth_deformer::{
+    Backend, Collider, Fabric, Levels, Method,
+    glam::{Quat, Vec3},
+};
 
 use crate::{
     Failure,
@@ -18,7 +21,8 @@ pub(crate) const BACKENDS: [(&str, Backend); 4] =
 /// Names of the methods.
 pub(crate) const METHODS: [(&str, Method); 3] =
     [("small-steps", Method::SmallSteps), ("relaxation", Method::Relaxation { iterations: 20 }), ("springs", Method::Springs)];
-const LEVELS: [(&str, Levels); 2] = [("auto", Levels::Auto), ("off", Levels::Off)];
+/// Names of the levels.
+pub(crate) const LEVELS: [(&str, Levels); 2] = [("auto", Levels::Auto), ("off", Levels::Off)];
 
 /// What frames are written as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,11 +33,13 @@ pub(crate) enum Format {
     Usda,
 }
 
-const FORMATS: [(&str, Format); 4] = [("obj", Format::Obj), ("pc2", Format::Pc2), ("mdd", Format::Mdd), ("usda", Format::Usda)];
+/// Names of the formats.
+pub(crate) const FORMATS: [(&str, Format); 4] =
+    [("obj", Format::Obj), ("pc2", Format::Pc2), ("mdd", Format::Mdd), ("usda", Format::Usda)];
 
-/// Drapes a cloth over a sphere and a floor, and writes every frame as an OBJ file.
+/// Drapes cloth over what there is, and writes every frame as an OBJ file.
 ///
-/// Lengths are meters, masses kilograms, y is up. Without a mesh, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
+/// Lengths are meters, masses kilograms, y is up. Without a mesh or a scene, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
 #[derive(Debug, Parser)]
 #[command(
     name = "drape",
@@ -48,25 +54,34 @@ pub(crate) struct Arguments {
     #[arg(value_name = "MESH.obj")]
     pub(crate) mesh: Option<PathBuf>,
 
-    /// Directory of the frames, `frame_0001.obj` and so on; made if it is not there
-    #[arg(long, value_name = "DIR", default_value = "frames")]
-    pub(crate) out: PathBuf,
+    /// A scene: cloths, pins, colliders, wind, and how they move; what else is said here takes the place of what it says. See
+    /// examples/scenes
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) scene: Option<PathBuf>,
 
-    /// Number of frames, the rest state included
-    #[arg(long, value_name = "N", default_value_t = 120, value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
-    pub(crate) frames: u32,
+    /// What the mesh's coordinates are multiplied by: 0.01 if they are centimeters [default: 1]
+    #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) scale: Option<f32>,
 
-    /// Frames a second
-    #[arg(long, value_name = "F", default_value = "60", value_parser = rate, allow_hyphen_values = true)]
-    fps: f32,
+    /// Directory of the frames, `frame_0001.obj` and so on; made if it is not there [default: frames]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
 
-    /// Where the work is done; auto takes a GPU if there is one and the mesh is large enough to gain from it
-    #[arg(long, default_value = "auto", value_parser = one_of(&BACKENDS))]
-    pub(crate) backend: Backend,
+    /// Number of frames, the rest state included [default: 120]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
+    pub(crate) frames: Option<u32>,
 
-    /// How the edges hold together
-    #[arg(long, default_value = "small-steps", value_parser = one_of(&METHODS))]
-    method: Method,
+    /// Frames a second [default: 60]
+    #[arg(long, value_name = "F", value_parser = rate, allow_hyphen_values = true)]
+    pub(crate) fps: Option<f32>,
+
+    /// Where the work is done; auto takes a GPU if there is one and the mesh is large enough to gain from it [default: auto]
+    #[arg(long, value_parser = one_of(&BACKENDS))]
+    pub(crate) backend: Option<Backend>,
+
+    /// How the edges hold together [default: small-steps]
+    #[arg(long, value_parser = one_of(&METHODS))]
+    pub(crate) method: Option<Method>,
 
     /// Substeps in 1/60 s; frames of another length take as many as keep them no longer
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), conflicts_with = "strain", allow_hyphen_values = true)]
@@ -78,30 +93,43 @@ pub(crate) struct Arguments {
 
     /// Sweeps a substep, for --method relaxation [default: 20]
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
-    iterations: Option<u32>,
+    pub(crate) iterations: Option<u32>,
 
-    /// Corrections on coarser cloths, which keep fine cloth from stretching: as many as pay, or none
-    #[arg(long, value_name = "WHICH", default_value = "auto", value_parser = one_of(&LEVELS))]
-    pub(crate) levels: Levels,
+    /// Corrections on coarser cloths, which keep fine cloth from stretching: as many as pay, or none [default: auto]
+    #[arg(long, value_name = "WHICH", value_parser = one_of(&LEVELS))]
+    pub(crate) levels: Option<Levels>,
 
-    /// What the cloth is made of
-    #[arg(long, value_name = "NAME", default_value = "towel", value_parser = one_of(Fabric::PRESETS))]
-    pub(crate) fabric: Fabric,
+    /// What the cloth is made of [default: towel]
+    #[arg(long, value_name = "NAME", value_parser = one_of(Fabric::PRESETS))]
+    pub(crate) fabric: Option<Fabric>,
 
     /// Vertices that stay where they are: none; top: the highest ones, or the side of lowest z if the mesh lies flat;
-    /// corners: the four nearest the corners of its bounding rectangle; or vertex numbers from 0, in the file's order
-    #[arg(long, value_name = "none|top|corners|INDEX,INDEX..", default_value = "none", allow_hyphen_values = true)]
-    pub(crate) pin: Pin,
+    /// corners: the four nearest the corners of its bounding rectangle; or vertex numbers from 0, in the file's order [default: none]
+    #[arg(long, value_name = "none|top|corners|INDEX,INDEX..", allow_hyphen_values = true)]
+    pub(crate) pin: Option<Pin>,
 
-    /// A sphere: center and radius [default: radius 0.3 of the mesh's largest extent, its top 0.1 of it below the mesh]
+    /// A sphere: center and radius; as often as there are spheres. Without a sphere, a capsule or a box, there is a sphere below the mesh, its
+    /// top 0.1 of the mesh's largest extent lower, its radius 0.3 of it
     #[arg(long, value_name = "X,Y,Z,R", value_parser = ball, conflicts_with = "no_sphere", allow_hyphen_values = true)]
-    pub(crate) sphere: Option<Ball>,
+    pub(crate) sphere: Vec<Collider>,
+
+    /// A capsule: the ends of its axis and its radius, or one at each end
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z,R[,R]", value_parser = capsule, allow_hyphen_values = true)]
+    pub(crate) capsule: Vec<Collider>,
+
+    /// A box: center, half of its width, height and depth, and the radius of its edges
+    #[arg(long = "box", value_name = "X,Y,Z,W,H,D[,R]", value_parser = solid_box, allow_hyphen_values = true)]
+    pub(crate) solid_box: Vec<Collider>,
+
+    /// A plane: a point of it, and its normal out of the solid
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = plane, conflicts_with = "no_floor", allow_hyphen_values = true)]
+    pub(crate) plane: Vec<Collider>,
 
     /// No sphere
     #[arg(long)]
     pub(crate) no_sphere: bool,
 
-    /// Height of the floor [default: under the default sphere, 0.7 of the mesh's largest extent below the mesh]
+    /// Height of the floor [default, without a plane: 0.7 of the mesh's largest extent below the mesh]
     #[arg(long, value_name = "Y", value_parser = finite, conflicts_with = "no_floor", allow_hyphen_values = true)]
     pub(crate) floor: Option<f32>,
 
@@ -109,9 +137,9 @@ pub(crate) struct Arguments {
     #[arg(long)]
     pub(crate) no_floor: bool,
 
-    /// Gravity (m/s2)
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,-9.81,0", value_parser = vector, allow_hyphen_values = true)]
-    pub(crate) gravity: Vec3,
+    /// Gravity (m/s2) [default: 0,-9.81,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub(crate) gravity: Option<Vec3>,
 
     /// Velocity of the air (m/s), which has 1.225 kg/m3; without this there is no air
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
@@ -121,12 +149,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "METRES", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
     pub(crate) self_contact: Option<f32>,
 
-    /// Coefficient of friction with the sphere, the floor and itself [default: 0.3]
+    /// Coefficient of friction with all colliders and itself [default: 0.3]
     #[arg(long, value_name = "MU", value_parser = not_negative, allow_hyphen_values = true)]
     pub(crate) friction: Option<f32>,
 
     /// What frames are written as, with commas between: obj, a file each; pc2, mdd or usda, all in one file, `cloth.pc2` and so on, in --out
-    #[arg(long, value_name = "FORMATS", default_value = "obj", value_delimiter = ',', value_parser = one_of(&FORMATS))]
+    /// [default: obj]
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = one_of(&FORMATS))]
     pub(crate) format: Vec<Format>,
 
     /// All frames in one point cache as well, for Blender's Mesh Cache modifier and its kin
@@ -158,54 +187,10 @@ pub(crate) struct Arguments {
     pub(crate) quiet: bool,
 }
 
-/// A sphere.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Ball {
-    pub(crate) center: Vec3,
-    pub(crate) radius: f32,
-}
-
 impl Arguments {
     /// The arguments this process was given, or the help that was asked for.
     pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
-        match command::read::<Arguments>()? {
-            Ok(arguments) => arguments.checked().map(Ok),
-            Err(help) => Ok(Err(help)),
-        }
-    }
-
-    /// What no value can say alone.
-    fn checked(self) -> Result<Arguments, Failure> {
-        if self.iterations.is_some() && !matches!(self.method, Method::Relaxation { .. }) {
-            return Err(Failure::input("--iterations belongs to --method relaxation; add that, or leave it out"));
-        }
-        if (self.save.is_some() || self.resume.is_some()) && !self.writes(Format::Obj) {
-            return Err(Failure::input("--save and --resume need the frames as OBJ files; add obj to --format"));
-        }
-        Ok(self)
-    }
-
-    /// The method, with its iterations.
-    pub(crate) fn method(&self) -> Method {
-        match (self.method, self.iterations) {
-            (Method::Relaxation { .. }, Some(iterations)) => Method::Relaxation { iterations },
-            (method, _) => method,
-        }
-    }
-
-    /// Whether frames are written so.
-    pub(crate) fn writes(&self, format: Format) -> bool {
-        self.format.contains(&format)
-    }
-
-    /// Frames a second.
-    pub(crate) fn fps(&self) -> f32 {
-        self.fps
-    }
-
-    /// The time step (s).
-    pub(crate) fn dt(&self) -> f32 {
-        1.0 / self.fps
+        command::read()
     }
 }
 
@@ -243,7 +228,49 @@ fn vector(text: &str) -> Result<Vec3, String> {
     numbers(text).map(Vec3::from_array)
 }
 
-fn ball(text: &str) -> Result<Ball, String> {
+fn ball(text: &str) -> Result<Collider, String> {
     let [x, y, z, radius] = numbers(text)?;
-    if radius > 0.0 { Ok(Ball { center: Vec3::new(x, y, z), radius }) } else { Err("the radius must be above 0".to_owned()) }
+    above_0("the radius", radius)?;
+    Ok(Collider::sphere(Vec3::new(x, y, z), radius))
+}
+
+fn capsule(text: &str) -> Result<Collider, String> {
+    let [ends @ .., ra, rb] = numbers_or(text, |[ends @ .., radius]: [f32; 7]| {
+        let [ax, ay, az, bx, by, bz] = ends;
+        [ax, ay, az, bx, by, bz, radius, radius]
+    })?;
+    let [ax, ay, az, bx, by, bz] = ends;
+    [ra, rb].into_iter().try_for_each(|radius| above_0("a radius", radius))?;
+    let (a, b) = (Vec3::new(ax, ay, az), Vec3::new(bx, by, bz));
+    Ok(if ra == rb { Collider::capsule(a, b, ra) } else { Collider::tapered_capsule(a, ra, b, rb) })
+}
+
+fn solid_box(text: &str) -> Result<Collider, String> {
+    let [x, y, z, w, h, d, radius] = numbers_or(text, |[x, y, z, w, h, d]: [f32; 6]| [x, y, z, w, h, d, 0.0])?;
+    [w, h, d].into_iter().try_for_each(|half| above_0("half of its width, height and depth", half))?;
+    let half = Vec3::new(w, h, d);
+    match (0.0..=half.min_element()).contains(&radius) {
+        true => Ok(Collider::rounded_box(Vec3::new(x, y, z), half, Quat::IDENTITY, radius)),
+        false => Err(format!("the radius must be from 0 to {}, the least of W, H and D", half.min_element())),
+    }
+}
+
+fn plane(text: &str) -> Result<Collider, String> {
+    let [x, y, z, nx, ny, nz] = numbers(text)?;
+    let normal = Vec3::new(nx, ny, nz);
+    let has_direction = normal.as_dvec3().try_normalize().is_some();
+    has_direction.then(|| Collider::plane(Vec3::new(x, y, z), normal)).ok_or_else(|| "its normal has no direction".to_owned())
+}
+
+fn above_0(what: &str, number: f32) -> Result<(), String> {
+    if number > 0.0 { Ok(()) } else { Err(format!("{what} must be above 0")) }
+}
+
+/// `N` numbers, or as few as `M`, which are made up to as many.
+fn numbers_or<const M: usize, const N: usize>(text: &str, complete: impl Fn([f32; M]) -> [f32; N]) -> Result<[f32; N], String> {
+    match text.split(',').count() {
+        given if given == M => numbers(text).map(complete),
+        given if given == N => numbers(text),
+        given => Err(format!("it has {given} numbers; give {M} or {N}, with commas between")),
+    }
 }

@@ -8,13 +8,13 @@ use cloth_deformer::{CacheForm, Mesh, ObjTemplate, Pc2Error, PointCache};
 
 use crate::{
     Failure,
-    arguments::{Arguments, Format},
-    output::{frame_name, frame_number},
+    arguments::Format,
+    output::{Outputs, frame_name, frame_number},
 };
 
 /// Files that frames are written to.
 pub(crate) struct Frames<'a> {
-    arguments: &'a Arguments,
+    outputs: &'a Outputs,
     /// The file that the mesh came in, if it came in one.
     template: Option<&'a ObjTemplate>,
     /// And which argument each is of.
@@ -33,16 +33,16 @@ pub(crate) fn cache_name(format: Format) -> Option<&'static str> {
 
 impl<'a> Frames<'a> {
     /// Begins all caches. Fails if one could not be written, or a frame that is none of this run's would be taken for one.
-    pub(crate) fn begin(arguments: &'a Arguments, mesh: &Mesh, template: Option<&'a ObjTemplate>) -> Result<Frames<'a>, Failure> {
-        let out = &arguments.out;
+    pub(crate) fn begin(outputs: &'a Outputs, mesh: &Mesh, template: Option<&'a ObjTemplate>) -> Result<Frames<'a>, Failure> {
+        let out = &outputs.folder;
         fs::create_dir_all(out).map_err(|error| {
             Failure::input(format_args!("--out {}: {error}; name a directory that can be made", out.display()))
         })?;
-        if arguments.writes(Format::Obj) {
+        if outputs.writes(Format::Obj) {
             let names = fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.file_name());
-            let later = names.filter_map(|name| frame_number(name.to_str()?)).filter(|&frame| frame > arguments.frames);
+            let later = names.filter_map(|name| frame_number(name.to_str()?)).filter(|&frame| frame > outputs.frames);
             if let Some(frame) = later.max() {
-                let (path, frames) = (out.join(frame_name(frame)), arguments.frames);
+                let (path, frames) = (out.join(frame_name(frame)), outputs.frames);
                 let message = format_args!(
                     "{} is of a longer run, and would be taken for one of these {frames} frames; remove it and those before, or name another --out",
                     path.display()
@@ -50,10 +50,10 @@ impl<'a> Frames<'a> {
                 return Err(Failure::input(message));
             }
         }
-        let named = arguments.format.iter().filter_map(|&format| Some(("--format", format, out.join(cache_name(format)?))));
+        let named = outputs.formats.iter().filter_map(|&format| Some(("--format", format, out.join(cache_name(format)?))));
         let mut named: Vec<(&str, Format, PathBuf)> = named.collect();
-        named.extend(arguments.pc2.iter().map(|path| ("--pc2", Format::Pc2, path.clone())));
-        let fps = arguments.fps();
+        named.extend(outputs.pc2.iter().map(|path| ("--pc2", Format::Pc2, path.clone())));
+        let fps = outputs.fps;
         let mut caches = Vec::new();
         for (option, format, path) in named {
             let form = match format {
@@ -64,10 +64,10 @@ impl<'a> Frames<'a> {
                 }
                 Format::Obj | Format::Pc2 => CacheForm::Pc2,
             };
-            let cache = PointCache::create_as(form, &path, mesh.positions.len(), arguments.frames as usize);
+            let cache = PointCache::create_as(form, &path, mesh.positions.len(), outputs.frames as usize);
             caches.push((option, cache.map_err(|error| failed(option, &error))?));
         }
-        Ok(Frames { arguments, template, caches })
+        Ok(Frames { outputs, template, caches })
     }
 
     /// Whether anything holds all frames.
@@ -77,8 +77,8 @@ impl<'a> Frames<'a> {
 
     /// Writes a frame.
     pub(crate) fn write(&mut self, frame: u32, shape: &Mesh) -> Result<(), Failure> {
-        if self.arguments.writes(Format::Obj) {
-            let path = self.arguments.out.join(frame_name(frame));
+        if self.outputs.writes(Format::Obj) {
+            let path = self.outputs.folder.join(frame_name(frame));
             let written = match self.template {
                 Some(template) => template.save(&shape.positions, path),
                 None => shape.save_obj(path),

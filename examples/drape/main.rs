@@ -18,7 +18,7 @@ use std::{
     time::Instant,
 };
 
-use cloth_deformer::{BuildError, Crossing, Deformer, StepError, Warning, glam::Vec3};
+use cloth_deformer::{BuildError, Deformer, Mesh, StepError, Warning};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
@@ -26,8 +26,10 @@ use crate::{
     command::{say, warn},
     frames::Frames,
     output::Output,
+    preview::Cell,
     report::{Frame, Report},
     scene::Scene,
+    warnings::describe,
 };
 
 mod arguments;
@@ -39,6 +41,7 @@ mod preview;
 mod report;
 mod save;
 mod scene;
+mod warnings;
 
 /// Cells of the contact sheet, at most.
 const CELLS: u32 = 12;
@@ -63,6 +66,11 @@ impl Failure {
 
     fn new(code: u8, message: impl Display) -> Failure {
         Failure { code, message: message.to_string() }
+    }
+
+    /// What it says.
+    pub(crate) fn message(&self) -> &str {
+        &self.message
     }
 
     /// Something the user gave cannot be used.
@@ -90,11 +98,11 @@ impl Failure {
 
 /// The whole program, from top to bottom.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
-    output::check_apart(arguments)?;
-    let Scene { name, mesh, template, options, attributes } = Scene::new(arguments)?;
-    let dt = arguments.dt();
-    let method = options.method;
-    let mut deformer = Deformer::new(&mesh, options).map_err(|error| Failure::build(&name, &error))?;
+    let scene = Scene::new(arguments)?;
+    let Scene { name, mesh, template, options, outputs, .. } = &scene;
+    output::check_apart(outputs)?;
+    let dt = scene.dt();
+    let mut deformer = Deformer::new(mesh, options.clone()).map_err(|error| Failure::build(name, &error))?;
 
     // From here on there are files that a signal must not leave half written; until here it ends the program at once.
     let interrupted = Arc::new(AtomicBool::new(false));
@@ -103,21 +111,21 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))?;
 
     // Whatever cannot be written is found out now, not after the simulation.
-    let mut frames = Frames::begin(arguments, &mesh, template.as_ref())?;
+    let mut frames = Frames::begin(outputs, mesh, template.as_ref())?;
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
-    let report_file = reserve(&arguments.report)?;
-    let preview_file = reserve(&arguments.preview)?;
+    let report_file = reserve(&outputs.report)?;
+    let preview_file = reserve(&outputs.preview)?;
 
-    let mut report = Report::new(&deformer, method, &mesh);
-    let mut cells: Vec<(u32, Vec<Vec3>)> = Vec::new();
+    let mut report = Report::new(&deformer, options.method, mesh);
+    let mut cells: Vec<Cell> = Vec::new();
     let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
     // What the scene asks too much of is said before the first frame.
-    for warning in deformer.forecast(dt, &attributes).map_err(|error| Failure::step(1, &error))?.warnings {
+    for warning in deformer.forecast(dt, &scene.attributes(1)).map_err(|error| Failure::step(1, &error))?.warnings {
         warned.push(mem::discriminant(&warning));
         warn("warning", &describe(warning, 60.0 * dt));
     }
-    let acts = save::scene_text(dt, &attributes);
-    let resumed = save::resume(arguments, &mut deformer, &acts)?;
+    let acts = scene.acts();
+    let resumed = save::resume(outputs, &mut deformer, &acts)?;
     let done = resumed.as_ref().map_or(0, |saved| saved.frame);
     report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
     if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
@@ -126,23 +134,25 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
             &format!("{name}: gives one normal to several vertices, which cannot turn with each; export it without normals"),
         );
     }
-    let progress = progress(arguments);
+    let progress = progress(arguments, outputs.frames);
     progress.set_position(u64::from(done));
-    let mut shape = mesh;
+    let mut shape = mesh.clone();
+    let cell = |frame: u32, shape: &Mesh| {
+        let is_cell = preview_file.is_some() && is_shown(frame, outputs.frames);
+        is_cell.then(|| Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame).colliders })
+    };
     for frame in 1..=done {
-        let is_cell = preview_file.is_some() && is_shown(frame, arguments.frames);
-        if frames.has_caches() || is_cell {
-            save::written(arguments, frame, &mut shape)?;
+        if frames.has_caches() || cell(frame, &shape).is_some() {
+            save::written(outputs, frame, &mut shape)?;
         }
         frames.cache(&shape.positions)?;
-        if is_cell {
-            cells.push((frame, shape.positions.clone()));
-        }
+        cells.extend(cell(frame, &shape));
     }
-    for frame in done + 1..=arguments.frames {
+    for frame in done + 1..=outputs.frames {
         let failed = |error: StepError| Failure::step(frame, &error);
         let (mut seconds, mut counts) = (0.0, [0, 0]);
         if frame > 1 {
+            let attributes = scene.attributes(frame);
             let start = Instant::now();
             let done = deformer.step(dt, &attributes).map_err(failed)?;
             // A GPU has only been told what to do: the step is over when it has done it.
@@ -160,9 +170,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         // Frame 1 is the mesh as it was given, to the last bit: it has not been through the deformer.
         frames.write(frame, &shape)?;
-        if preview_file.is_some() && is_shown(frame, arguments.frames) {
-            cells.push((frame, shape.positions.clone()));
-        }
+        cells.extend(cell(frame, &shape));
         let measure = deformer.measure().map_err(failed)?;
         let row = Frame::new(frame, seconds, counts, measure);
         report.frames.push(row.ok_or_else(|| {
@@ -172,11 +180,11 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         })?);
         progress.inc(1);
         let is_interrupted = interrupted.load(Ordering::Relaxed);
-        let is_last = is_interrupted || frame == arguments.frames;
-        save::save(arguments, frame, is_last, &mut deformer, &acts, &report.frames)?;
+        let is_last = is_interrupted || frame == outputs.frames;
+        save::save(outputs, frame, is_last, &mut deformer, &acts, &report.frames)?;
         if is_interrupted {
             progress.finish_and_clear();
-            let message = format_args!("interrupted: {frame} of {} frames written", arguments.frames);
+            let message = format_args!("interrupted: {frame} of {} frames written", outputs.frames);
             return Err(Failure::new(Failure::INTERRUPTED, message));
         }
     }
@@ -187,21 +195,21 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         file.write(&report.json()?)?;
     }
     if let Some(file) = preview_file {
-        let sheet = preview::contact_sheet(&cells, &shape.triangles, &attributes.colliders);
+        let sheet = preview::contact_sheet(&cells, &shape.triangles);
         file.write(&sheet.map_err(|error| Failure::input(format_args!("--preview: {error}")))?)?;
     }
     if !arguments.quiet {
-        say(&report.summary(&arguments.out));
+        say(&report.summary(&outputs.folder));
     }
     Ok(())
 }
 
 /// A bar on a terminal, nothing elsewhere.
-fn progress(arguments: &Arguments) -> ProgressBar {
+fn progress(arguments: &Arguments, frames: u32) -> ProgressBar {
     if arguments.quiet || !io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new(u64::from(arguments.frames));
+    let bar = ProgressBar::new(u64::from(frames));
     match ProgressStyle::with_template("{bar:40} frame {pos} of {len}, {eta} left") {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
@@ -215,28 +223,4 @@ fn is_shown(frame: u32, frames: u32) -> bool {
     // The cell whose place `index * (cells - 1) / last`, rounded to nearest, is reached first at this index.
     let steps = (cells - 1).max(1);
     (0..cells).any(|cell| (cell * last + steps / 2) / steps == index)
-}
-
-/// `sixtieths`: how many times 1/60 s a step is, by which `--substeps` counts.
-fn describe(warning: Warning, sixtieths: f32) -> String {
-    match warning {
-        Warning::BendingLimited { vertices } => {
-            format!("bending is softened at {vertices} vertices to stay stable; more --substeps would bring it all")
-        }
-        Warning::ExplicitLimit { substeps, needed } => {
-            let enough = (needed as f32 / sixtieths).ceil();
-            format!("springs are unstable at {substeps} substeps a frame; take --substeps {enough}, or --method small-steps")
-        }
-        Warning::Slivers { edges, worst: [a, b] } => {
-            format!(
-                "{edges} edges are a hundred times shorter than their triangles, the worst between vertices {a} and {b}; merge their ends"
-            )
-        }
-        Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
-            format!(
-                "{pairs} edges go through triangles where contact begins, the first between vertices {a} and {b} through {c}, {d}, {e}; they are let go until they part"
-            )
-        }
-        other => format!("{other:?}"),
-    }
 }

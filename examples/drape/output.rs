@@ -7,13 +7,39 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{Failure, arguments::Arguments, frames::cache_name};
+use crate::{Failure, arguments::Format, frames::cache_name};
 use atomic_file::AtomicFile;
 
 // The library's own: links are followed, and a pipe or a device is written to, not replaced.
 #[expect(dead_code, reason = "the library writes all at once as well")]
 #[path = "../../src/io/atomic_file.rs"]
 mod atomic_file;
+
+/// Where a run's files are written.
+pub(crate) struct Outputs {
+    /// The frames', made if it is not there; and their number.
+    pub(crate) folder: PathBuf,
+    pub(crate) frames: u32,
+    /// Frames a second.
+    pub(crate) fps: f32,
+    pub(crate) formats: Vec<Format>,
+    pub(crate) pc2: Option<PathBuf>,
+    pub(crate) preview: Option<PathBuf>,
+    pub(crate) report: Option<PathBuf>,
+    /// Where the run is kept, every so many frames; and where it goes on from.
+    pub(crate) save: Option<PathBuf>,
+    pub(crate) every: u32,
+    pub(crate) resume: Option<PathBuf>,
+    /// Files that are read: none is written to.
+    pub(crate) read: Vec<PathBuf>,
+}
+
+impl Outputs {
+    /// Whether frames are written so.
+    pub(crate) fn writes(&self, format: Format) -> bool {
+        self.formats.contains(&format)
+    }
+}
 
 /// A file that will be written later. Until then a temporary file beside it shows that it can be; dropped unwritten, it leaves no
 /// trace.
@@ -61,20 +87,25 @@ pub(crate) fn frame_number(name: &str) -> Option<u32> {
     (name == frame_name(number)).then_some(number)
 }
 
-/// Refuses arguments by which one file would take the place of another, or of the mesh.
-pub(crate) fn check_apart(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { mesh, pc2, preview, report, save, out, format, .. } = arguments;
-    let caches = format.iter().filter_map(|&format| cache_name(format)).map(|name| Some(out.join(name))).collect::<Vec<_>>();
-    let named = [("the mesh", mesh), ("--pc2", pc2), ("--preview", preview), ("--report", report), ("--save", save)];
-    let files: Vec<(&str, PathBuf)> = named
-        .into_iter()
-        .chain(caches.iter().map(|cache| ("--format", cache)))
-        .filter_map(|(name, path)| Some((name, resolved(path.as_ref()?))))
-        .collect();
-    let frames = Frames::new(arguments);
+/// Refuses outputs of which one would take the place of another, or of what is read.
+pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
+    let Outputs { folder, formats, pc2, preview, report, save, read, .. } = outputs;
+    let read = read.iter().map(|path| {
+        let is_scene = path.extension().is_some_and(|extension| extension == "toml");
+        (if is_scene { "the scene" } else { "the mesh" }, resolved(path))
+    });
+    let read: Vec<(&str, PathBuf)> = read.collect();
+    let named = [("--pc2", pc2), ("--preview", preview), ("--report", report), ("--save", save)];
+    let named = named.into_iter().filter_map(|(name, path)| Some((name, resolved(path.as_ref()?))));
+    let caches = formats.iter().filter_map(|&format| cache_name(format));
+    let written = named.chain(caches.map(|name| ("--format", resolved(&folder.join(name)))));
+    let files: Vec<(&str, PathBuf)> = read.iter().cloned().chain(written).collect();
+    let frames = Frames::new(outputs);
     for (k, (name, path)) in files.iter().enumerate() {
         let shown = path.display();
-        if let Some((other, _)) = files[..k].iter().find(|(_, other)| other == path) {
+        // Two cloths may well be of one mesh.
+        let earlier = if k < read.len() { &[] } else { &files[..k] };
+        if let Some((other, _)) = earlier.iter().find(|(_, other)| other == path) {
             return Err(Failure::input(format_args!("{other} and {name} name the same file, {shown}; give each its own")));
         }
         if let Some(frame) = frames.number_of(path) {
@@ -94,8 +125,8 @@ struct Frames {
 }
 
 impl Frames {
-    fn new(arguments: &Arguments) -> Frames {
-        let mut frames = Frames { folder: resolved(&arguments.out), count: arguments.frames, links: Vec::new() };
+    fn new(outputs: &Outputs) -> Frames {
+        let mut frames = Frames { folder: resolved(&outputs.folder), count: outputs.frames, links: Vec::new() };
         // A folder that is not there yet has no links; one that cannot be read is told of where it is written to.
         let entries = fs::read_dir(&frames.folder).into_iter().flatten().flatten();
         let links = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_symlink()));

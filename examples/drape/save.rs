@@ -4,10 +4,14 @@
 
 use std::fs;
 
-use cloth_deformer::{Attributes, Deformer, Mesh, Snapshot};
+use cloth_deformer::{Deformer, Mesh, Snapshot};
 use serde::{Deserialize, Serialize};
 
-use crate::{Failure, arguments::Arguments, output::Output, report::Frame};
+use crate::{
+    Failure,
+    output::{Output, Outputs},
+    report::Frame,
+};
 
 /// What a run goes on from, besides the cloth.
 #[derive(Serialize, Deserialize)]
@@ -21,14 +25,14 @@ pub(crate) struct Saved {
 
 /// Keeps where a run is, if that is wanted after this frame.
 pub(crate) fn save(
-    arguments: &Arguments,
+    outputs: &Outputs,
     frame: u32,
     is_last: bool,
     deformer: &mut Deformer,
     scene: &str,
     frames: &[Frame],
 ) -> Result<(), Failure> {
-    let Some(path) = arguments.save.as_deref().filter(|_| is_last || frame.is_multiple_of(arguments.every)) else {
+    let Some(path) = outputs.save.as_deref().filter(|_| is_last || frame.is_multiple_of(outputs.every)) else {
         return Ok(());
     };
     let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
@@ -40,8 +44,8 @@ pub(crate) fn save(
 }
 
 /// Puts the cloth where a saved run was; `None` if there is none to go on with.
-pub(crate) fn resume(arguments: &Arguments, deformer: &mut Deformer, scene: &str) -> Result<Option<Saved>, Failure> {
-    let Some(path) = &arguments.resume else { return Ok(None) };
+pub(crate) fn resume(outputs: &Outputs, deformer: &mut Deformer, scene: &str) -> Result<Option<Saved>, Failure> {
+    let Some(path) = &outputs.resume else { return Ok(None) };
     let refuse = |why: &dyn std::fmt::Display| Failure::input(format_args!("--resume {}: {why}", path.display()));
     let bytes = fs::read(path).map_err(|error| refuse(&format_args!("{error}; name what --save wrote")))?;
     let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
@@ -50,9 +54,8 @@ pub(crate) fn resume(arguments: &Arguments, deformer: &mut Deformer, scene: &str
     if saved.scene != scene {
         return Err(refuse(&"it was saved with other gravity, wind, colliders or frames a second; give the same"));
     }
-    if saved.frame > arguments.frames {
-        let message =
-            format_args!("it was saved after frame {}, and --frames is {}; ask for more", saved.frame, arguments.frames);
+    if saved.frame > outputs.frames {
+        let message = format_args!("it was saved after frame {}, and --frames is {}; ask for more", saved.frame, outputs.frames);
         return Err(refuse(&message));
     }
     let snapshot = Snapshot::from_bytes(snapshot.get(1..).unwrap_or_default()).map_err(|error| refuse(&error))?;
@@ -60,14 +63,9 @@ pub(crate) fn resume(arguments: &Arguments, deformer: &mut Deformer, scene: &str
     Ok(Some(saved))
 }
 
-/// What acts on the cloth in every step, as text.
-pub(crate) fn scene_text(dt: f32, attributes: &Attributes) -> String {
-    format!("{dt:?} {attributes:?}")
-}
-
 /// A frame that was written before.
-pub(crate) fn written(arguments: &Arguments, frame: u32, shape: &mut Mesh) -> Result<(), Failure> {
-    let path = arguments.out.join(crate::output::frame_name(frame));
+pub(crate) fn written(outputs: &Outputs, frame: u32, shape: &mut Mesh) -> Result<(), Failure> {
+    let path = outputs.folder.join(crate::output::frame_name(frame));
     let read =
         Mesh::load_obj(&path).map_err(|error| Failure::input(format_args!("--resume needs the frames so far: {error}")))?;
     if read.positions.len() != shape.positions.len() {

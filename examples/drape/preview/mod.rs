@@ -5,13 +5,15 @@
 //! light reaches it, and the samples of a pixel are averaged in linear light. All cells share one camera, which holds the
 //! whole motion.
 
-use std::ops::Range;
+mod shapes;
+mod view;
 
-use cloth_deformer::{
-    Collider, Shape,
-    glam::{Vec2, Vec3, Vec3Swizzles},
-};
+use cloth_deformer::glam::{Vec2, Vec3, Vec3Swizzles};
+use cloth_deformer::{Collider, Shape};
 use rayon::prelude::*;
+
+use shapes::{collider_normal, corners, shrunk, trace};
+use view::{Frame, rasterise};
 
 /// Size of a cell (pixels).
 const WIDTH: usize = 320;
@@ -40,18 +42,23 @@ const HORIZON: Vec3 = Vec3::new(0.90, 0.91, 0.93);
 const ZENITH: Vec3 = Vec3::new(0.62, 0.69, 0.78);
 const INK: Vec3 = Vec3::new(0.05, 0.06, 0.08);
 
-/// Draws each `(number, positions (m))` into a cell of its own, row by row, four to a row, with the colliders that were
-/// there; returns the picture as a PNG file's bytes.
+/// A frame to be drawn.
+#[derive(Debug)]
+pub(crate) struct Cell {
+    pub(crate) frame: u32,
+    /// Where the cloth was (m).
+    pub(crate) positions: Vec<Vec3>,
+    /// The colliders that were there.
+    pub(crate) colliders: Vec<Collider>,
+}
+
+/// Draws each frame into a cell of its own, row by row, four to a row; returns the picture as a PNG file's bytes.
 ///
 /// # Errors
 /// If the PNG encoder refuses; a sheet without cells is not a picture.
-pub(crate) fn contact_sheet(
-    frames: &[(u32, Vec<Vec3>)],
-    triangles: &[[u32; 3]],
-    colliders: &[Collider],
-) -> Result<Vec<u8>, png::EncodingError> {
-    let scene = Scene::new(frames, triangles, colliders);
-    let cells: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|(number, positions)| scene.draw(*number, positions)).collect();
+pub(crate) fn contact_sheet(frames: &[Cell], triangles: &[[u32; 3]]) -> Result<Vec<u8>, png::EncodingError> {
+    let scene = Scene::new(frames, triangles);
+    let cells: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|cell| scene.draw(cell)).collect();
 
     let columns = cells.len().min(COLUMNS);
     let rows = cells.len().div_ceil(COLUMNS);
@@ -78,65 +85,76 @@ pub(crate) fn contact_sheet(
 /// What all cells share.
 struct Scene<'a> {
     triangles: &'a [[u32; 3]],
-    /// The colliders, a little smaller than they are: see [`shrunk`].
-    colliders: Vec<Collider>,
     camera: Frame,
     light: Frame,
     /// Middle and radius of all that moves or stands there (m).
     middle: Vec3,
     radius: f32,
+    /// The cloth's longest edge (m) in the first frame.
+    edge: f32,
 }
 
 impl<'a> Scene<'a> {
-    fn new(frames: &[(u32, Vec<Vec3>)], triangles: &'a [[u32; 3]], colliders: &[Collider]) -> Scene<'a> {
-        let mut points: Vec<Vec3> = frames.iter().flat_map(|(_, positions)| positions.iter().copied()).collect();
-        points.extend(colliders.iter().flat_map(|collider| corners(collider.shape)));
+    fn new(frames: &[Cell], triangles: &'a [[u32; 3]]) -> Scene<'a> {
+        let mut points: Vec<Vec3> = frames.iter().flat_map(|cell| cell.positions.iter().copied()).collect();
+        points.extend(frames.iter().flat_map(|cell| &cell.colliders).flat_map(|collider| corners(&collider.shape)));
         let (low, high) = bounds(&points);
         let middle = 0.5 * (low + high);
         let radius = points.iter().map(|point| point.distance(middle)).fold(f32::MIN_POSITIVE, f32::max);
-        let edge = frames.first().map_or(0.0, |(_, positions)| longest_edge(positions, triangles));
         Scene {
             triangles,
-            colliders: colliders.iter().map(|&collider| shrunk(collider, edge, radius)).collect(),
             camera: Frame::perspective(&points),
             light: Frame::parallel(middle, radius),
             middle,
             radius,
+            edge: frames.first().map_or(0.0, |cell| longest_edge(&cell.positions, triangles)),
         }
     }
 
     /// One cell, in sRGB.
-    fn draw(&self, number: u32, positions: &[Vec3]) -> Vec<[u8; 3]> {
-        let shadow = self.visible(&self.light, positions, SHADOW, SHADOW);
-        let seen = self.visible(&self.camera, positions, WIDTH * SAMPLES, HEIGHT * SAMPLES);
-        let normals = vertex_normals(positions, self.triangles);
+    fn draw(&self, cell: &Cell) -> Vec<[u8; 3]> {
+        let colliders = cell.colliders.iter().map(|collider| shrunk(collider, self.edge, self.radius)).collect();
+        let moment = Moment { scene: self, positions: &cell.positions, colliders };
+        let shadow = moment.visible(&self.light, SHADOW, SHADOW);
+        let seen = moment.visible(&self.camera, WIDTH * SAMPLES, HEIGHT * SAMPLES);
+        let normals = vertex_normals(&cell.positions, self.triangles);
 
         let mut pixels = vec![Vec3::ZERO; WIDTH * HEIGHT];
         for (index, sample) in seen.iter().enumerate() {
             let (column, row) = (index % (WIDTH * SAMPLES), index / (WIDTH * SAMPLES));
-            let color = self.shade(sample, column, row, positions, &normals, &shadow);
+            let color = moment.shade(sample, column, row, &normals, &shadow);
             pixels[row / SAMPLES * WIDTH + column / SAMPLES] += color / (SAMPLES * SAMPLES) as f32;
         }
-        label(&mut pixels, number);
+        label(&mut pixels, cell.frame);
         pixels.into_iter().map(srgb).collect()
     }
+}
 
+/// The scene in one frame.
+struct Moment<'a> {
+    scene: &'a Scene<'a>,
+    positions: &'a [Vec3],
+    /// The colliders, a little smaller than they are: see [`shrunk`].
+    colliders: Vec<Collider>,
+}
+
+impl Moment<'_> {
     /// What `frame` sees through the middle of each of its samples.
-    fn visible(&self, frame: &Frame, positions: &[Vec3], width: usize, height: usize) -> Vec<Sample> {
+    fn visible(&self, frame: &Frame, width: usize, height: usize) -> Vec<Sample> {
         let mut samples: Vec<Sample> = (0..width * height)
             .map(|index| {
                 let (origin, direction) = frame.ray(index % width, index / width, width, height);
                 let mut nearest = Sample { nearness: f32::NEG_INFINITY, thing: Thing::Nothing };
                 for (number, collider) in self.colliders.iter().enumerate() {
-                    if let Some(depth) = trace(collider.shape, origin, direction) {
+                    if let Some(depth) = trace(&collider.shape, origin, direction) {
                         nearest = nearest.or(Sample { nearness: frame.nearness(depth), thing: Thing::Collider(number) });
                     }
                 }
                 nearest
             })
             .collect();
-        for (number, &triangle) in self.triangles.iter().enumerate() {
-            let corners = triangle.map(|vertex| frame.project(positions[vertex as usize], width, height));
+        for (number, &triangle) in self.scene.triangles.iter().enumerate() {
+            let corners = triangle.map(|vertex| frame.project(self.positions[vertex as usize], width, height));
             rasterise(corners, width, height, |index, nearness| {
                 samples[index] = samples[index].or(Sample { nearness, thing: Thing::Triangle(number) });
             });
@@ -145,15 +163,16 @@ impl<'a> Scene<'a> {
     }
 
     /// Light that reaches the camera through one sample, linear.
-    fn shade(&self, sample: &Sample, column: usize, row: usize, positions: &[Vec3], normals: &[Vec3], shadow: &[Sample]) -> Vec3 {
-        let (origin, direction) = self.camera.ray(column, row, WIDTH * SAMPLES, HEIGHT * SAMPLES);
+    fn shade(&self, sample: &Sample, column: usize, row: usize, normals: &[Vec3], shadow: &[Sample]) -> Vec3 {
+        let (scene, positions) = (self.scene, self.positions);
+        let (origin, direction) = scene.camera.ray(column, row, WIDTH * SAMPLES, HEIGHT * SAMPLES);
         let backdrop = HORIZON.lerp(ZENITH, (1.0 - row as f32 / (HEIGHT * SAMPLES) as f32).powf(1.5));
-        let point = origin + self.camera.depth(sample.nearness) * direction;
+        let point = origin + scene.camera.depth(sample.nearness) * direction;
         let to_eye = -direction.normalize();
         match sample.thing {
             Thing::Nothing => backdrop,
             Thing::Triangle(number) => {
-                let triangle = self.triangles[number].map(|vertex| vertex as usize);
+                let triangle = scene.triangles[number].map(|vertex| vertex as usize);
                 let flat = normal(triangle.map(|vertex| positions[vertex]));
                 let outside = flat.dot(to_eye) >= 0.0;
                 let smooth = interpolate(point, triangle.map(|vertex| positions[vertex]), triangle.map(|vertex| normals[vertex]));
@@ -165,15 +184,15 @@ impl<'a> Scene<'a> {
                 surface(albedo, facing, lit) + sheen * HORIZON
             }
             Thing::Collider(number) => {
-                let shape = self.colliders[number].shape;
+                let shape = &self.colliders[number].shape;
                 let facing = collider_normal(shape, point);
                 let lit = self.lit(point, facing, shadow);
                 let Shape::Plane { point: on, normal } = shape else {
                     let half = (to_eye + LIGHT.normalize()).normalize();
                     return surface(SOLID, facing, lit) + 0.18 * lit * facing.dot(half).max(0.0).powi(40) * Vec3::ONE;
                 };
-                let tile = checker(self.middle, self.radius, on, normal, point);
-                let far = smoothstep(1.3, 4.5, point.distance(self.middle) / self.radius);
+                let tile = checker(scene.middle, scene.radius, *on, *normal, point);
+                let far = smoothstep(1.3, 4.5, point.distance(scene.middle) / scene.radius);
                 surface(tile, facing, lit).lerp(backdrop, far)
             }
         }
@@ -184,8 +203,8 @@ impl<'a> Scene<'a> {
         const REACH: isize = 3;
         let slope = 1.0 - facing.dot(LIGHT.normalize()).clamp(0.0, 1.0);
         // A texel is wide: lift the point off its own surface, the more the more the light grazes it.
-        let lifted = point + facing * self.radius * (0.010 + 0.014 * slope);
-        let texel = self.light.project(lifted, SHADOW, SHADOW);
+        let lifted = point + facing * self.scene.radius * (0.010 + 0.014 * slope);
+        let texel = self.scene.light.project(lifted, SHADOW, SHADOW);
         let (mut light, mut total) = (0.0, 0.0);
         for y in -REACH..=REACH {
             for x in -REACH..=REACH {
@@ -227,175 +246,6 @@ enum Thing {
     Nothing,
     Triangle(usize),
     Collider(usize),
-}
-
-/// A view of the scene: where from, along which axes, and whether the rays spread.
-struct Frame {
-    eye: Vec3,
-    right: Vec3,
-    up: Vec3,
-    back: Vec3,
-    /// Half the view's height (m): at depth 1 m if the rays spread, everywhere if they are parallel.
-    half: f32,
-    spreads: bool,
-}
-
-impl Frame {
-    fn toward(eye: Vec3, back: Vec3, half: f32, spreads: bool) -> Frame {
-        let back = back.normalize();
-        let right = Vec3::Y.cross(back).normalize();
-        Frame { eye, right, up: back.cross(right), back, half, spreads }
-    }
-
-    /// The camera: from [`CAMERA`], as near as it can be with every point in sight.
-    fn perspective(points: &[Vec3]) -> Frame {
-        const MARGIN: f32 = 1.06;
-        let mut frame = Frame::toward(Vec3::ZERO, CAMERA, LENS, true);
-        let aspect = WIDTH as f32 / HEIGHT as f32;
-        let local: Vec<Vec3> =
-            points.iter().map(|point| Vec3::new(point.dot(frame.right), point.dot(frame.up), point.dot(frame.back))).collect();
-        // A point is in sight when |x| <= slope (eye.z - z): each side's plane is as far out as its outermost point.
-        let side = |slope: f32, axis: fn(&Vec3) -> f32| {
-            let most = |sign: f32| local.iter().map(|p| sign * axis(p) + slope * p.z).fold(f32::NEG_INFINITY, f32::max);
-            let (high, low) = (most(1.0), most(-1.0));
-            (0.5 * (high - low), 0.5 * (high + low) / slope)
-        };
-        let (x, far_x) = side(LENS * aspect / MARGIN, |p| p.x);
-        let (y, far_y) = side(LENS / MARGIN, |p| p.y);
-        let nearest = local.iter().map(|p| p.z).fold(f32::NEG_INFINITY, f32::max);
-        // A single point has no size to fit: stand a step back from it.
-        let z = far_x.max(far_y).max(nearest + 1e-3 * (1.0 + nearest.abs()));
-        frame.eye = x * frame.right + y * frame.up + z * frame.back;
-        frame
-    }
-
-    /// The light: parallel rays around everything within `radius` of `middle`.
-    fn parallel(middle: Vec3, radius: f32) -> Frame {
-        Frame::toward(middle + 2.0 * radius * LIGHT.normalize(), LIGHT, 1.02 * radius, false)
-    }
-
-    /// The ray through the middle of a sample: origin, and a direction that is 1 m long along the view.
-    fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (Vec3, Vec3) {
-        let pixel = 2.0 * self.half / height as f32;
-        let x = (column as f32 + 0.5 - 0.5 * width as f32) * pixel;
-        let y = (0.5 * height as f32 - row as f32 - 0.5) * pixel;
-        let across = x * self.right + y * self.up;
-        if self.spreads { (self.eye, across - self.back) } else { (self.eye + across, -self.back) }
-    }
-
-    /// Column, row and nearness of a point.
-    fn project(&self, point: Vec3, width: usize, height: usize) -> Vec3 {
-        let seen = point - self.eye;
-        let depth = -seen.dot(self.back);
-        let shrink = if self.spreads { 1.0 / depth } else { 1.0 } * 0.5 * height as f32 / self.half;
-        let x = 0.5 * width as f32 + shrink * seen.dot(self.right);
-        let y = 0.5 * height as f32 - shrink * seen.dot(self.up);
-        Vec3::new(x, y, self.nearness(depth))
-    }
-
-    fn nearness(&self, depth: f32) -> f32 {
-        if self.spreads { 1.0 / depth } else { -depth }
-    }
-
-    fn depth(&self, nearness: f32) -> f32 {
-        if self.spreads { 1.0 / nearness } else { -nearness }
-    }
-}
-
-/// Calls `fill(index, nearness)` for every sample whose middle the triangle covers, whichever way round it is.
-fn rasterise([a, b, c]: [Vec3; 3], width: usize, height: usize, mut fill: impl FnMut(usize, f32)) {
-    let area = (b - a).xy().perp_dot((c - a).xy());
-    // Not `area == 0.0`: what is not finite has no inside either.
-    if !(area.abs() > 0.0 && area.is_finite()) {
-        return;
-    }
-    let span = |low: f32, high: f32, count: usize| -> Range<usize> {
-        (low - 0.5).ceil().max(0.0) as usize..((high + 0.5).floor().max(0.0) as usize).min(count)
-    };
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    for row in span(low.y, high.y, height) {
-        for column in span(low.x, high.x, width) {
-            let at = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
-            let beta = (at - a.xy()).perp_dot((c - a).xy()) / area;
-            let gamma = (b - a).xy().perp_dot(at - a.xy()) / area;
-            if beta >= 0.0 && gamma >= 0.0 && beta + gamma <= 1.0 {
-                fill(row * width + column, a.z + beta * (b.z - a.z) + gamma * (c.z - a.z));
-            }
-        }
-    }
-}
-
-/// How many `direction`s from `origin` the ray enters the shape, if it does.
-fn trace(shape: Shape, origin: Vec3, direction: Vec3) -> Option<f32> {
-    let ball = |center: Vec3, radius: f32| {
-        let (a, b) = (direction.length_squared(), direction.dot(origin - center));
-        let inside = b * b - a * ((origin - center).length_squared() - radius * radius);
-        (inside >= 0.0).then(|| (-b - inside.sqrt()) / a)
-    };
-    let hit = match shape {
-        Shape::Sphere { center, radius } => ball(center, radius),
-        Shape::Plane { point, normal } => {
-            let speed = direction.dot(normal);
-            (speed < 0.0).then(|| (point - origin).dot(normal) / speed)
-        }
-        Shape::Capsule { a, b, radius } => {
-            // The tube where the ray meets it between the ends, else the nearer of the end balls.
-            let (axis, from) = (b - a, origin - a);
-            let long = axis.length_squared();
-            let (d, m) = (direction * long - axis * axis.dot(direction), from * long - axis * axis.dot(from));
-            let (qa, qb) = (d.length_squared(), d.dot(m));
-            let inside = qb * qb - qa * (m.length_squared() - (radius * long).powi(2));
-            let tube = (qa > 0.0 && inside >= 0.0).then(|| (-qb - inside.sqrt()) / qa);
-            tube.filter(|t| (0.0..=long).contains(&(from + t * direction).dot(axis)))
-                .or_else(|| [ball(a, radius), ball(b, radius)].into_iter().flatten().min_by(f32::total_cmp))
-        }
-        // A shape that is not known here is not drawn.
-        _ => None,
-    };
-    hit.filter(|&t| t > 0.0)
-}
-
-fn collider_normal(shape: Shape, at: Vec3) -> Vec3 {
-    match shape {
-        Shape::Sphere { center, .. } => at - center,
-        Shape::Plane { normal, .. } => normal,
-        Shape::Capsule { a, b, .. } => {
-            let along = (at - a).dot(b - a) / (b - a).length_squared().max(f32::MIN_POSITIVE);
-            at - a.lerp(b, along.clamp(0.0, 1.0))
-        }
-        _ => Vec3::ZERO,
-    }
-    .normalize_or_zero()
-}
-
-/// The collider as it is drawn: cloth that lies on it would flicker through, since its triangles are chords of a ball
-/// (sagitta `edge² / 8r` each way) and coincide with a plane.
-fn shrunk(collider: Collider, edge: f32, scene: f32) -> Collider {
-    let gap = 0.002 * scene;
-    let smaller = |radius: f32| (radius - gap - edge * edge / (4.0 * radius)).max(0.9 * radius);
-    let shape = match collider.shape {
-        Shape::Sphere { center, radius } => Shape::Sphere { center, radius: smaller(radius) },
-        Shape::Plane { point, normal } => Shape::Plane { point: point - gap * normal.normalize_or_zero(), normal },
-        Shape::Capsule { a, b, radius } => Shape::Capsule { a, b, radius: smaller(radius) },
-        other => other,
-    };
-    Collider { shape, ..collider }
-}
-
-/// Corners of a box around a shape of finite size.
-fn corners(shape: Shape) -> Vec<Vec3> {
-    let around = |center: Vec3, radius: f32| {
-        (0..8).map(move |corner| {
-            let sign = |bit: i32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-            // A ball's box is loose at its corners: this one touches the ball along the diagonals too.
-            center + 0.8 * radius * Vec3::new(sign(0), sign(1), sign(2))
-        })
-    };
-    match shape {
-        Shape::Sphere { center, radius } => around(center, radius).collect(),
-        Shape::Capsule { a, b, radius } => around(a, radius).chain(around(b, radius)).collect(),
-        _ => Vec::new(),
-    }
 }
 
 fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {

@@ -1,0 +1,103 @@
+//! Views of a scene: the camera's and the light's, and what of a triangle they see.
+
+use std::ops::Range;
+
+use cloth_deformer::glam::{Vec2, Vec3, Vec3Swizzles};
+
+use super::{CAMERA, HEIGHT, LENS, LIGHT, WIDTH};
+
+/// A view of the scene: where from, along which axes, and whether the rays spread.
+pub(super) struct Frame {
+    eye: Vec3,
+    right: Vec3,
+    up: Vec3,
+    back: Vec3,
+    /// Half the view's height (m): at depth 1 m if the rays spread, everywhere if they are parallel.
+    half: f32,
+    spreads: bool,
+}
+
+impl Frame {
+    fn toward(eye: Vec3, back: Vec3, half: f32, spreads: bool) -> Frame {
+        let back = back.normalize();
+        let right = Vec3::Y.cross(back).normalize();
+        Frame { eye, right, up: back.cross(right), back, half, spreads }
+    }
+
+    /// The camera: from [`CAMERA`], as near as it can be with every point in sight.
+    pub(super) fn perspective(points: &[Vec3]) -> Frame {
+        const MARGIN: f32 = 1.06;
+        let mut frame = Frame::toward(Vec3::ZERO, CAMERA, LENS, true);
+        let aspect = WIDTH as f32 / HEIGHT as f32;
+        let local: Vec<Vec3> =
+            points.iter().map(|point| Vec3::new(point.dot(frame.right), point.dot(frame.up), point.dot(frame.back))).collect();
+        // A point is in sight when |x| <= slope (eye.z - z): each side's plane is as far out as its outermost point.
+        let side = |slope: f32, axis: fn(&Vec3) -> f32| {
+            let most = |sign: f32| local.iter().map(|p| sign * axis(p) + slope * p.z).fold(f32::NEG_INFINITY, f32::max);
+            let (high, low) = (most(1.0), most(-1.0));
+            (0.5 * (high - low), 0.5 * (high + low) / slope)
+        };
+        let (x, far_x) = side(LENS * aspect / MARGIN, |p| p.x);
+        let (y, far_y) = side(LENS / MARGIN, |p| p.y);
+        let nearest = local.iter().map(|p| p.z).fold(f32::NEG_INFINITY, f32::max);
+        // A single point has no size to fit: stand a step back from it.
+        let z = far_x.max(far_y).max(nearest + 1e-3 * (1.0 + nearest.abs()));
+        frame.eye = x * frame.right + y * frame.up + z * frame.back;
+        frame
+    }
+
+    /// The light: parallel rays around everything within `radius` of `middle`.
+    pub(super) fn parallel(middle: Vec3, radius: f32) -> Frame {
+        Frame::toward(middle + 2.0 * radius * LIGHT.normalize(), LIGHT, 1.02 * radius, false)
+    }
+
+    /// The ray through the middle of a sample: origin, and a direction that is 1 m long along the view.
+    pub(super) fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (Vec3, Vec3) {
+        let pixel = 2.0 * self.half / height as f32;
+        let x = (column as f32 + 0.5 - 0.5 * width as f32) * pixel;
+        let y = (0.5 * height as f32 - row as f32 - 0.5) * pixel;
+        let across = x * self.right + y * self.up;
+        if self.spreads { (self.eye, across - self.back) } else { (self.eye + across, -self.back) }
+    }
+
+    /// Column, row and nearness of a point.
+    pub(super) fn project(&self, point: Vec3, width: usize, height: usize) -> Vec3 {
+        let seen = point - self.eye;
+        let depth = -seen.dot(self.back);
+        let shrink = if self.spreads { 1.0 / depth } else { 1.0 } * 0.5 * height as f32 / self.half;
+        let x = 0.5 * width as f32 + shrink * seen.dot(self.right);
+        let y = 0.5 * height as f32 - shrink * seen.dot(self.up);
+        Vec3::new(x, y, self.nearness(depth))
+    }
+
+    pub(super) fn nearness(&self, depth: f32) -> f32 {
+        if self.spreads { 1.0 / depth } else { -depth }
+    }
+
+    pub(super) fn depth(&self, nearness: f32) -> f32 {
+        if self.spreads { 1.0 / nearness } else { -nearness }
+    }
+}
+
+/// Calls `fill(index, nearness)` for every sample whose middle the triangle covers, whichever way round it is.
+pub(super) fn rasterise([a, b, c]: [Vec3; 3], width: usize, height: usize, mut fill: impl FnMut(usize, f32)) {
+    let area = (b - a).xy().perp_dot((c - a).xy());
+    // Not `area == 0.0`: what is not finite has no inside either.
+    if !(area.abs() > 0.0 && area.is_finite()) {
+        return;
+    }
+    let span = |low: f32, high: f32, count: usize| -> Range<usize> {
+        (low - 0.5).ceil().max(0.0) as usize..((high + 0.5).floor().max(0.0) as usize).min(count)
+    };
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    for row in span(low.y, high.y, height) {
+        for column in span(low.x, high.x, width) {
+            let at = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
+            let beta = (at - a.xy()).perp_dot((c - a).xy()) / area;
+            let gamma = (b - a).xy().perp_dot(at - a.xy()) / area;
+            if beta >= 0.0 && gamma >= 0.0 && beta + gamma <= 1.0 {
+                fill(row * width + column, a.z + beta * (b.z - a.z) + gamma * (c.z - a.z));
+            }
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! The air: its velocity at a time, gusts included.
+
+use cloth_deformer::Attributes;
+use cloth_deformer::glam::{Quat, Vec3};
+
+use super::file::{Gusts, Wind};
+use super::keys::Animated;
+
+/// Density of the air at sea level and 15 °C (kg/m³) (ISO 2533).
+const AIR: f32 = 1.225;
+
+impl Wind {
+    /// Air that moves evenly (m/s).
+    pub(super) fn steady(velocity: Vec3) -> Wind {
+        Wind { velocity: Animated::still(velocity), density: None, drag: None, lift: None, damping: None, gusts: None }
+    }
+
+    /// The air after `time` (s), as attributes that have no air yet.
+    pub(super) fn blow(&self, time: f64, attributes: Attributes) -> Attributes {
+        let Wind { velocity, density, drag, lift, damping, gusts } = self;
+        let velocity = velocity.at(time);
+        let drag = drag.map_or(attributes.drag, |drag| drag.0);
+        Attributes {
+            wind: gusts.as_ref().map_or(velocity, |gusts| gusts.of(velocity, time)),
+            air_density: density.map_or(AIR, |density| density.0),
+            drag,
+            lift: lift.map_or(drag, |lift| lift.0),
+            damping: damping.map_or(0.0, |damping| damping.0),
+            ..attributes
+        }
+    }
+}
+
+impl Gusts {
+    /// What they make of a velocity (m/s) after `time` (s).
+    fn of(&self, velocity: Vec3, time: f64) -> Vec3 {
+        let at = time / f64::from(self.period.map_or(1.0, |period| period.0));
+        let swell = 1.0 + self.strength.0 * noise(self.seed, 0, at);
+        let turn = self.turn.map_or(0.0, |turn| turn.0) * noise(self.seed, 1, at);
+        Quat::from_rotation_y(turn.to_radians()) * velocity * swell
+    }
+}
+
+/// Smooth noise from -1 to 1: numbers by chance at whole times, and an even way between them; half of it twice as fast.
+fn noise(seed: u32, channel: u64, at: f64) -> f32 {
+    let by_chance = |place: u64| {
+        let key = u64::from(seed) << 32 ^ channel << 60 ^ place;
+        2.0 * fastrand::Rng::with_seed(key).f64() - 1.0
+    };
+    let octave = |at: f64, first: u64| {
+        let (place, s) = (at.floor(), at - at.floor());
+        let [from, to] = [place, place + 1.0].map(|place| by_chance(first + place as u64));
+        from + (to - from) * s * s * (3.0 - 2.0 * s)
+    };
+    ((octave(at, 0) + 0.5 * octave(2.0 * at, 1 << 31)) / 1.5) as f32
+}

@@ -1,0 +1,167 @@
+//! The cloths of a run: pieces of one mesh, and what holds them.
+
+use std::path::{Path, PathBuf};
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Fabric, Mesh, ObjTemplate};
+use toml::Spanned;
+
+use super::colliders::turn;
+use super::file::{Cloth, File, Grid, Source};
+use super::pins::Group;
+use crate::Failure;
+use crate::arguments::Arguments;
+use crate::command::warn;
+use crate::pins::{Pin, bounds};
+
+/// Vertices that a mesh may have.
+const MOST: u64 = 1 << 24;
+/// A cloth of so many meters is most likely one of so many centimeters.
+const LARGE: f32 = 100.0;
+
+/// All cloths of a run.
+pub(super) struct Cloths {
+    /// What to call the mesh when something is wrong with it.
+    pub(super) name: String,
+    pub(super) mesh: Mesh,
+    /// The file that it is from, if it is from one alone.
+    pub(super) template: Option<ObjTemplate>,
+    pub(super) fabric: Fabric,
+    pub(super) pins: Vec<Group>,
+    /// Files that were read.
+    pub(super) files: Vec<PathBuf>,
+}
+
+impl Cloths {
+    /// The towel or the mesh of the command line.
+    pub(super) fn of_arguments(arguments: &Arguments) -> Result<Cloths, Failure> {
+        let template = arguments.mesh.as_deref().map(load).transpose()?;
+        let name = arguments.mesh.as_ref().map_or("the towel".to_owned(), |path| path.display().to_string());
+        let mut mesh = template.as_ref().map_or_else(towel, |template| template.mesh().clone());
+        place(&mut mesh, arguments.scale, None, None);
+        let pins = vec![Group::still(arguments.pin.as_ref().unwrap_or(&Pin::None), &mesh)];
+        let fabric = arguments.fabric.unwrap_or(Fabric::TOWEL);
+        doubt(&name, &mesh);
+        Ok(Cloths { name, mesh, template, fabric, pins, files: arguments.mesh.iter().cloned().collect() })
+    }
+
+    /// The pieces of a scene file, of which the command line may replace the mesh of the only one, every scale, the fabric and all pins.
+    pub(super) fn of_scene(arguments: &Arguments, source: &Source, file: &File) -> Result<Cloths, Failure> {
+        if file.cloth.is_empty() {
+            return Err(source.wrong(0, "there is no cloth; give at least one [[cloth]] with a mesh or a grid"));
+        }
+        if file.cloth.len() > 1 && arguments.mesh.is_some() {
+            let message = "the scene has several cloths; MESH.obj can take the place of an only one";
+            return Err(source.wrong_in(&file.cloth[1], message));
+        }
+        let mut all = Cloths {
+            name: source.name(),
+            mesh: Mesh::default(),
+            template: None,
+            fabric: arguments.fabric.or(file.cloth[0].get_ref().fabric).unwrap_or(Fabric::TOWEL),
+            pins: Vec::new(),
+            files: Vec::new(),
+        };
+        for (number, given) in file.cloth.iter().enumerate() {
+            all.add(arguments, source, number + 1, given)?;
+        }
+        if let Some(pin) = &arguments.pin {
+            all.pins = vec![Group::still(pin, &all.mesh)];
+        }
+        Ok(all)
+    }
+
+    /// Adds a piece.
+    fn add(&mut self, arguments: &Arguments, source: &Source, number: usize, given: &Spanned<Cloth>) -> Result<(), Failure> {
+        let cloth = given.get_ref();
+        let name = cloth.name.clone().unwrap_or_else(|| format!("cloth {number}"));
+        let wrong = |what: &str| source.wrong_in(given, format_args!("{name}: {what}"));
+        if arguments.fabric.is_none() && cloth.fabric.unwrap_or(Fabric::TOWEL) != self.fabric {
+            return Err(wrong("its fabric is not that of the first cloth; the cloths of a scene are all of one fabric"));
+        }
+        let obj = match (&arguments.mesh, &cloth.mesh) {
+            (Some(path), _) => Some(path.clone()),
+            (None, Some(path)) => Some(source.beside(path.get_ref())),
+            (None, None) => None,
+        };
+        let template = match (&obj, &cloth.mesh) {
+            (Some(path), Some(mesh)) if arguments.mesh.is_none() => {
+                Some(load(path).map_err(|failure| source.wrong_in(mesh, failure.message()))?)
+            }
+            (Some(path), _) => Some(load(path)?),
+            (None, _) => None,
+        };
+        let mut piece = match (&template, &cloth.grid) {
+            (Some(_), Some(_)) if cloth.mesh.is_some() => return Err(wrong("it has a mesh and a grid; give one of them")),
+            (Some(template), _) => template.mesh().clone(),
+            (None, Some(given)) => {
+                let Grid { columns, rows, width, height } = given.get_ref();
+                if *columns < 2 || *rows < 2 || u64::from(*columns) * u64::from(*rows) > MOST {
+                    let message = format!(
+                        "{name}: a grid of {columns} x {rows} vertices; give 2 or more a side, and {MOST} in all at most"
+                    );
+                    return Err(source.wrong_in(given, message));
+                }
+                Mesh::grid(*columns, *rows, width.0, height.0)
+            }
+            (None, None) => return Err(wrong("it has no mesh; give `mesh = \"FILE.obj\"` or a grid")),
+        };
+        place(&mut piece, arguments.scale.or(cloth.scale.map(|scale| scale.0)), cloth.rotate, cloth.at);
+        doubt(&name, &piece);
+        let first = self.mesh.positions.len() as u32;
+        if arguments.pin.is_none() {
+            for (number, pin) in cloth.pin.iter().enumerate() {
+                let group = Group::read(source, number + 1, pin, &piece, obj.as_deref(), first)?;
+                let held = |vertex: &u32| self.pins.iter().any(|earlier| earlier.vertices.contains(vertex));
+                let twice = |(place, vertex): (usize, &u32)| group.vertices[..place].contains(vertex);
+                if let Some((_, vertex)) = group.vertices.iter().enumerate().find(|&(k, v)| held(v) || twice((k, v))) {
+                    let vertex = vertex - first;
+                    return Err(source.wrong_in(pin, format_args!("{name}: vertex {vertex} is pinned twice; name it once")));
+                }
+                self.pins.push(group);
+            }
+        }
+        self.mesh.positions.append(&mut piece.positions);
+        self.mesh.triangles.extend(piece.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        self.files.extend(obj);
+        self.template = template.filter(|_| number == 1);
+        Ok(())
+    }
+}
+
+/// A mesh from a file. Points without a face are no cloth: each would fall by itself.
+fn load(path: &Path) -> Result<ObjTemplate, Failure> {
+    let template = ObjTemplate::load(path).map_err(Failure::input)?;
+    if template.mesh().triangles.is_empty() {
+        return Err(Failure::input(format_args!("{}: no faces; give at least one line `f a b c`", path.display())));
+    }
+    Ok(template)
+}
+
+/// The cloth of the 2013 plug-in's scene, spread out above the sphere: wide enough for its corners to reach the floor.
+fn towel() -> Mesh {
+    let mut mesh = Mesh::grid(64, 64, 1.2, 1.2);
+    place(&mut mesh, None, None, Some(Vec3::new(0.0, 0.7, 0.0)));
+    mesh
+}
+
+/// Scales, turns (degrees) and moves (m) a mesh, where that is asked for.
+fn place(mesh: &mut Mesh, scale: Option<f32>, rotate: Option<Vec3>, at: Option<Vec3>) {
+    let rotation = rotate.map(turn);
+    for x in &mut mesh.positions {
+        *x = scale.map_or(*x, |scale| scale * *x);
+        *x = rotation.map_or(*x, |rotation| rotation * *x);
+        *x = at.map_or(*x, |at| at + *x);
+    }
+}
+
+/// Says a word where a mesh is most likely in other units.
+fn doubt(name: &str, mesh: &Mesh) {
+    let (low, high) = bounds(mesh);
+    let extent = (high - low).max_element();
+    if extent >= LARGE {
+        let message =
+            format!("{name} is {extent} m across; if those are centimeters, scale it by 0.01 (`--scale`, or `scale` in a scene)");
+        warn("warning", &message);
+    }
+}

@@ -1,0 +1,239 @@
+//! Colliders: those of a scene file, which may move, and those of the command line.
+
+use cloth_deformer::glam::{EulerRot, Quat, Vec3};
+use cloth_deformer::{Collider, Mesh, Shape};
+use toml::Spanned;
+
+use super::file::{self, File, ShapeName, Source};
+use super::keys::{Animated, Extent, NotNegative, Positive};
+use crate::Failure;
+use crate::arguments::Arguments;
+use crate::pins::bounds;
+
+/// A collider that may move.
+#[derive(Debug)]
+pub(super) struct Moving {
+    motion: Motion,
+    friction: Option<f32>,
+    id: Option<u64>,
+}
+
+/// Its shape's numbers.
+#[derive(Debug)]
+enum Motion {
+    Still(Collider),
+    Sphere { center: Animated<Vec3>, radius: Animated<NotNegative> },
+    Plane { point: Animated<Vec3>, normal: Animated<Vec3> },
+    Capsule { a: Animated<Vec3>, b: Animated<Vec3>, radius: Animated<NotNegative> },
+    TaperedCapsule { a: Animated<Vec3>, radius_a: Animated<Positive>, b: Animated<Vec3>, radius_b: Animated<Positive> },
+    Box { center: Animated<Vec3>, half: Animated<Extent>, rotate: Animated<Vec3>, radius: Animated<NotNegative> },
+}
+
+/// Turned by so many degrees about x, then y, then z.
+pub(super) fn turn(degrees: Vec3) -> Quat {
+    let Vec3 { x, y, z } = degrees * (std::f32::consts::PI / 180.0);
+    Quat::from_euler(EulerRot::ZYX, z, y, x)
+}
+
+impl Moving {
+    /// Where it is after `time` (s), `dt` (s) after the last frame.
+    pub(super) fn at(&self, time: f64, dt: f64) -> Collider {
+        let collider = match &self.motion {
+            Motion::Still(collider) => *collider,
+            Motion::Sphere { center, radius } => Collider::sphere(center.at(time), radius.at(time).0),
+            Motion::Plane { point, normal } => Collider::plane(point.at(time), normal.at(time)),
+            Motion::Capsule { a, b, radius } => Collider::capsule(a.at(time), b.at(time), radius.at(time).0),
+            Motion::TaperedCapsule { a, radius_a, b, radius_b } => {
+                Collider::tapered_capsule(a.at(time), radius_a.at(time).0, b.at(time), radius_b.at(time).0)
+            }
+            Motion::Box { center, half, rotate, radius } => {
+                Collider::rounded_box(center.at(time), half.at(time).0, turn(rotate.at(time)), radius.at(time).0)
+            }
+        };
+        let collider = if self.jumps(time - dt, time) { collider.teleported() } else { collider };
+        let friction = self.friction.unwrap_or(collider.friction);
+        Collider { id: self.id, ..collider.with_friction(friction) }
+    }
+
+    /// Whether a loop that does not close began anew between two times (s).
+    fn jumps(&self, from: f64, to: f64) -> bool {
+        match &self.motion {
+            Motion::Still(_) => false,
+            Motion::Sphere { center, radius } => center.jumps(from, to) || radius.jumps(from, to),
+            Motion::Plane { point, normal } => point.jumps(from, to) || normal.jumps(from, to),
+            Motion::Capsule { a, b, radius } => a.jumps(from, to) || b.jumps(from, to) || radius.jumps(from, to),
+            Motion::TaperedCapsule { a, radius_a, b, radius_b } => {
+                a.jumps(from, to) || b.jumps(from, to) || radius_a.jumps(from, to) || radius_b.jumps(from, to)
+            }
+            Motion::Box { center, half, rotate, radius } => {
+                center.jumps(from, to) || half.jumps(from, to) || rotate.jumps(from, to) || radius.jumps(from, to)
+            }
+        }
+    }
+
+    /// One of a scene file.
+    fn read(
+        source: &Source,
+        number: usize,
+        given: &Spanned<file::Collider>,
+        times: impl Iterator<Item = f64>,
+    ) -> Result<Moving, Failure> {
+        let file::Collider {
+            name,
+            shape,
+            friction,
+            id,
+            center,
+            radius,
+            point,
+            normal,
+            a,
+            b,
+            radius_a,
+            radius_b,
+            half,
+            rotate,
+            mesh,
+        } = given.get_ref();
+        let name = name.clone().unwrap_or_else(|| format!("collider {number}"));
+        let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
+        let (called, known) = numbers_of(*shape);
+        let given_numbers = [
+            ("center", center.is_some()),
+            ("radius", radius.is_some()),
+            ("point", point.is_some()),
+            ("normal", normal.is_some()),
+            ("a", a.is_some()),
+            ("b", b.is_some()),
+            ("radius_a", radius_a.is_some()),
+            ("radius_b", radius_b.is_some()),
+            ("half", half.is_some()),
+            ("rotate", rotate.is_some()),
+            ("mesh", mesh.is_some()),
+        ];
+        if let Some((other, _)) = given_numbers.into_iter().find(|&(number, is_given)| is_given && !known.contains(&number)) {
+            return Err(wrong(format!("{called} has no `{other}`; it has {}", known.join(", "))));
+        }
+        let missing = |number: &str| wrong(format!("{called} needs `{number}`"));
+        let vector = |value: &Option<Animated<Vec3>>, number: &str| value.clone().ok_or_else(|| missing(number));
+        let above_0 = || {
+            let radius = radius.clone().ok_or_else(|| missing("radius"))?;
+            if radius.values().all(|radius| radius.0 > 0.0) {
+                Ok(radius)
+            } else {
+                Err(wrong("`radius` must be above 0".to_owned()))
+            }
+        };
+        let tapered = |radius: &Option<Animated<Positive>>, number: &str| radius.clone().ok_or_else(|| missing(number));
+        let motion = match shape {
+            ShapeName::Sphere => Motion::Sphere { center: vector(center, "center")?, radius: above_0()? },
+            ShapeName::Plane => {
+                Motion::Plane { point: vector(point, "point")?, normal: normal.clone().unwrap_or(Animated::still(Vec3::Y)) }
+            }
+            ShapeName::Capsule => Motion::Capsule { a: vector(a, "a")?, b: vector(b, "b")?, radius: above_0()? },
+            ShapeName::TaperedCapsule => Motion::TaperedCapsule {
+                a: vector(a, "a")?,
+                radius_a: tapered(radius_a, "radius_a")?,
+                b: vector(b, "b")?,
+                radius_b: tapered(radius_b, "radius_b")?,
+            },
+            ShapeName::Box => Motion::Box {
+                center: vector(center, "center")?,
+                half: half.clone().ok_or_else(|| missing("half"))?,
+                rotate: rotate.clone().unwrap_or(Animated::still(Vec3::ZERO)),
+                radius: radius.clone().unwrap_or(Animated::still(NotNegative::ZERO)),
+            },
+            ShapeName::Mesh => {
+                return Err(wrong("a body's mesh is not simulated yet; stand spheres, capsules and boxes in for it".to_owned()));
+            }
+        };
+        let moving = Moving { motion, friction: friction.map(|friction| friction.0), id: *id };
+        // What keys bring about between them is found now, with a line, not in the middle of a run.
+        for time in times {
+            match moving.at(time, 0.0).shape {
+                Shape::Plane { normal, .. } if normal.as_dvec3().try_normalize().is_none() => {
+                    return Err(wrong(format!("at {time} s `normal` has no direction")));
+                }
+                Shape::RoundedBox { half, radius, .. } if radius > half.min_element() => {
+                    return Err(wrong(format!("at {time} s `radius` = {radius} m is more than the least of `half` = {half}")));
+                }
+                _ => {}
+            }
+        }
+        Ok(moving)
+    }
+
+    /// One that stands still.
+    fn still(collider: Collider) -> Moving {
+        Moving { motion: Motion::Still(collider), friction: None, id: None }
+    }
+}
+
+/// What a shape is called, and the numbers that it has.
+fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
+    match shape {
+        ShapeName::Sphere => ("a sphere", &["center", "radius"]),
+        ShapeName::Plane => ("a plane", &["point", "normal"]),
+        ShapeName::Capsule => ("a capsule", &["a", "b", "radius"]),
+        ShapeName::TaperedCapsule => ("a tapered capsule", &["a", "radius_a", "b", "radius_b"]),
+        ShapeName::Box => ("a box", &["center", "half", "rotate", "radius"]),
+        ShapeName::Mesh => ("a mesh", &["mesh"]),
+    }
+}
+
+/// All colliders of a run of so many frames. A shape that the command line names takes the place of the file's of the same shape.
+pub(super) fn colliders(
+    arguments: &Arguments,
+    scene: Option<(&Source, &File)>,
+    mesh: &Mesh,
+    times: impl Iterator<Item = f64> + Clone,
+) -> Result<Vec<Moving>, Failure> {
+    let Arguments { sphere, capsule, solid_box, plane, floor, no_sphere, no_floor, .. } = arguments;
+    let (mut all, mut under) = (Vec::new(), None);
+    if let Some((source, file)) = scene {
+        for (number, given) in file.collider.iter().enumerate() {
+            let is_replaced = match given.get_ref().shape {
+                ShapeName::Sphere => *no_sphere || !sphere.is_empty(),
+                ShapeName::Plane => *no_floor || floor.is_some() || !plane.is_empty(),
+                ShapeName::Capsule | ShapeName::TaperedCapsule => !capsule.is_empty(),
+                ShapeName::Box => !solid_box.is_empty(),
+                ShapeName::Mesh => false,
+            };
+            let moving = Moving::read(source, number + 1, given, times.clone())?;
+            if let Some(id) = moving.id
+                && let Some(earlier) = file.collider[..number].iter().find(|earlier| earlier.get_ref().id == Some(id))
+            {
+                let other = earlier.get_ref().name.as_deref().unwrap_or("another collider");
+                return Err(source.wrong_in(given, format_args!("id = {id} is that of {other}; give each its own")));
+            }
+            if !is_replaced {
+                all.push(moving);
+            }
+        }
+    } else {
+        let [ball, ground] = usual(arguments, mesh);
+        let is_bare = sphere.is_empty() && capsule.is_empty() && solid_box.is_empty();
+        all.extend((is_bare && !no_sphere).then(|| Moving::still(ball)));
+        under = (plane.is_empty() && floor.is_none() && !no_floor).then(|| Moving::still(ground));
+    }
+    let floor = floor.map(|height| Collider::plane(Vec3::new(0.0, height, 0.0), Vec3::Y));
+    all.extend([sphere, capsule, solid_box].into_iter().flatten().copied().map(Moving::still));
+    all.extend(under);
+    all.extend(floor.into_iter().chain(plane.iter().copied()).map(Moving::still));
+    for moving in &mut all {
+        moving.friction = arguments.friction.or(moving.friction);
+    }
+    Ok(all)
+}
+
+/// The sphere and the floor of a run without a scene, to the mesh's size: for one whose largest extent is 1 m (or the towel), a sphere of
+/// radius 0.3 m whose top is 0.1 m below the mesh, and a floor that it rests on.
+fn usual(arguments: &Arguments, mesh: &Mesh) -> [Collider; 2] {
+    let (low, high) = bounds(mesh);
+    let extent = (high - low).max_element();
+    // A mesh of one point has no size to go by.
+    let size = if extent > 0.0 && arguments.mesh.is_some() { extent } else { 1.0 };
+    let ground = low.y - 0.7 * size;
+    let center = (0.5 * (low + high)).with_y(ground + 0.3 * size);
+    [Collider::sphere(center, 0.3 * size), Collider::plane(Vec3::new(0.0, ground, 0.0), Vec3::Y)]
+}

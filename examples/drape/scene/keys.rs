@@ -1,0 +1,295 @@
+//! Values that may change with time: what a scene file says about them, and what they are at a time.
+
+use std::fmt;
+
+use cloth_deformer::glam::Vec3;
+use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
+
+/// A value, or key frames of it.
+///
+/// Written as `value`, as `[{ time = 0, value = .. }, { time = 1.5, value = .. }]`, or, to go through them again and again, as
+/// `{ loop = true, keys = [..] }`. Times are seconds from frame 1, and ascend. Between two keys a value goes evenly, before the first and
+/// after the last it stays.
+#[derive(Debug, Clone)]
+pub(crate) struct Animated<T> {
+    /// One at least.
+    keys: Vec<Key<T>>,
+    repeats: bool,
+}
+
+#[derive(Debug, Clone, Copy, serde::Deserialize)]
+#[serde(deny_unknown_fields, bound = "T: Value")]
+struct Key<T> {
+    /// Seconds.
+    time: Time,
+    #[serde(deserialize_with = "plain")]
+    value: T,
+}
+
+/// What can be animated: numbers, and a way between two.
+pub(crate) trait Value: Copy + PartialEq {
+    /// What to write, as errors say it.
+    const WANTED: &'static str;
+
+    fn from_numbers(numbers: &[f64]) -> Option<Self>;
+
+    /// A value between this (0) and another (1).
+    fn toward(self, other: Self, share: f32) -> Self;
+}
+
+impl Value for Vec3 {
+    const WANTED: &'static str = "three finite numbers [x, y, z]";
+
+    fn from_numbers(numbers: &[f64]) -> Option<Vec3> {
+        let &[x, y, z] = numbers else { return None };
+        Some(Vec3::new(x as f32, y as f32, z as f32)).filter(|vector| vector.is_finite())
+    }
+
+    fn toward(self, other: Vec3, share: f32) -> Vec3 {
+        self.lerp(other, share)
+    }
+}
+
+/// A vector of numbers that are all above 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Extent(pub(crate) Vec3);
+
+impl Value for Extent {
+    const WANTED: &'static str = "three finite numbers [x, y, z] above 0";
+
+    fn from_numbers(numbers: &[f64]) -> Option<Extent> {
+        Vec3::from_numbers(numbers).filter(|vector| vector.min_element() > 0.0).map(Extent)
+    }
+
+    fn toward(self, other: Extent, share: f32) -> Extent {
+        Extent(self.0.lerp(other.0, share))
+    }
+}
+
+/// A number from 0 on, 0 included if `ZERO`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Size<const ZERO: bool>(pub(crate) f32);
+
+impl NotNegative {
+    pub(crate) const ZERO: NotNegative = Size(0.0);
+}
+
+impl<'de, const ZERO: bool> Deserialize<'de> for Size<ZERO> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Size<ZERO>, D::Error> {
+        plain(deserializer)
+    }
+}
+
+/// A number above 0.
+pub(crate) type Positive = Size<false>;
+/// A number that is 0 or above.
+pub(crate) type NotNegative = Size<true>;
+
+impl<const ZERO: bool> Value for Size<ZERO> {
+    const WANTED: &'static str = if ZERO { "a finite number, 0 or above" } else { "a finite number above 0" };
+
+    fn from_numbers(numbers: &[f64]) -> Option<Size<ZERO>> {
+        let &[number] = numbers else { return None };
+        let number = number as f32;
+        (number.is_finite() && (number > 0.0 || ZERO && number == 0.0)).then_some(Size(number))
+    }
+
+    fn toward(self, other: Size<ZERO>, share: f32) -> Size<ZERO> {
+        Size(self.0 + (other.0 - self.0) * share)
+    }
+}
+
+/// Seconds from frame 1.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Time(f64);
+
+impl<'de> Deserialize<'de> for Time {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Time, D::Error> {
+        let time = f64::deserialize(deserializer)?;
+        let error = || D::Error::custom(format_args!("time = {time} must be finite, and 0 s or later"));
+        (time >= 0.0 && time.is_finite()).then_some(Time(time)).ok_or_else(error)
+    }
+}
+
+impl<T: Value> Animated<T> {
+    /// The same value at all times.
+    pub(crate) fn still(value: T) -> Animated<T> {
+        Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false }
+    }
+
+    /// The value after `time` (s).
+    pub(crate) fn at(&self, time: f64) -> T {
+        let time = self.within(time).0;
+        let next = self.keys.partition_point(|key| key.time.0 <= time);
+        match (next.checked_sub(1).map(|last| self.keys[last]), self.keys.get(next)) {
+            (None, _) => self.keys[0].value,
+            (Some(last), None) => last.value,
+            (Some(last), Some(next)) => {
+                let share = (time - last.time.0) / (next.time.0 - last.time.0);
+                last.value.toward(next.value, share as f32)
+            }
+        }
+    }
+
+    /// The values of all keys.
+    pub(crate) fn values(&self) -> impl Iterator<Item = T> {
+        self.keys.iter().map(|key| key.value)
+    }
+
+    /// Whether between two times (s) it began anew from another value than it ended with.
+    pub(crate) fn jumps(&self, from: f64, to: f64) -> bool {
+        self.keys[0].value != self.keys[self.keys.len() - 1].value && self.within(from).1 != self.within(to).1
+    }
+
+    /// A time within the keys, and how many times they were gone through before.
+    fn within(&self, time: f64) -> (f64, f64) {
+        let (first, last) = (self.keys[0].time.0, self.keys[self.keys.len() - 1].time.0);
+        if !self.repeats || time < first || last <= first {
+            return (time, 0.0);
+        }
+        let rounds = ((time - first) / (last - first)).floor();
+        (time - rounds * (last - first), rounds)
+    }
+
+    fn from_keys<E: Error>(keys: Vec<Key<T>>, repeats: bool) -> Result<Animated<T>, E> {
+        if keys.is_empty() {
+            return Err(E::custom("there are no keys; give at least one { time = .., value = .. }"));
+        }
+        if let Some(pair) = keys.windows(2).find(|pair| pair[1].time <= pair[0].time) {
+            let [Time(last), Time(next)] = [pair[0].time, pair[1].time];
+            return Err(E::custom(format_args!(
+                "a key at {next} s comes after one at {last} s; put them in the order of their times"
+            )));
+        }
+        Ok(Animated { keys, repeats })
+    }
+}
+
+/// A value that does not change.
+pub(crate) fn plain<'de, T: Value, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
+    let Numbers(numbers) = Numbers::deserialize(deserializer)?;
+    T::from_numbers(&numbers).ok_or_else(|| D::Error::custom(format_args!("{numbers:?} is not {}", T::WANTED)))
+}
+
+/// [`plain`], where there is something.
+pub(crate) fn maybe<'de, T: Value, D: Deserializer<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    plain(deserializer).map(Some)
+}
+
+/// A number, or a list of numbers.
+#[derive(serde::Deserialize)]
+#[serde(from = "OneOrMore")]
+struct Numbers(Vec<f64>);
+
+#[derive(serde::Deserialize)]
+#[serde(untagged, expecting = "it is no number and no list of numbers")]
+enum OneOrMore {
+    One(f64),
+    More(Vec<f64>),
+}
+
+impl From<OneOrMore> for Numbers {
+    fn from(numbers: OneOrMore) -> Numbers {
+        Numbers(match numbers {
+            OneOrMore::One(number) => vec![number],
+            OneOrMore::More(numbers) => numbers,
+        })
+    }
+}
+
+impl<'de, T: Value> Deserialize<'de> for Animated<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Animated<T>, D::Error> {
+        deserializer.deserialize_any(AnimatedVisitor(std::marker::PhantomData))
+    }
+}
+
+struct AnimatedVisitor<T>(std::marker::PhantomData<T>);
+
+impl<'de, T: Value> Visitor<'de> for AnimatedVisitor<T> {
+    type Value = Animated<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, or keys [{{ time = .., value = .. }}, ..]", T::WANTED)
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Animated<T>, E> {
+        value(&[number])
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Animated<T>, E> {
+        value(&[number as f64])
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Animated<T>, A::Error> {
+        let (mut numbers, mut keys) = (Vec::new(), Vec::new());
+        while let Some(item) = items.next_element::<Item<T>>()? {
+            match item {
+                Item::Number(number) => numbers.push(number),
+                Item::Key(key) => keys.push(key),
+            }
+        }
+        match keys.is_empty() {
+            true => value(&numbers),
+            false if numbers.is_empty() => Animated::from_keys(keys, false),
+            false => Err(A::Error::custom("it has numbers among its keys; give one or the other")),
+        }
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Animated<T>, A::Error> {
+        let Keys { keys, repeats } = Keys::deserialize(MapAccessDeserializer::new(map))?;
+        Animated::from_keys(keys, repeats)
+    }
+}
+
+fn value<T: Value, E: Error>(numbers: &[f64]) -> Result<Animated<T>, E> {
+    let error = || E::custom(format_args!("{numbers:?} is not {}", T::WANTED));
+    T::from_numbers(numbers).map(Animated::still).ok_or_else(error)
+}
+
+/// Keys that may be gone through again and again.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields, bound = "T: Value")]
+struct Keys<T> {
+    keys: Vec<Key<T>>,
+    #[serde(rename = "loop", default)]
+    repeats: bool,
+}
+
+/// What stands in a list: a number or a key.
+enum Item<T> {
+    Number(f64),
+    Key(Key<T>),
+}
+
+impl<'de, T: Value> Deserialize<'de> for Item<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Item<T>, D::Error> {
+        deserializer.deserialize_any(ItemVisitor(std::marker::PhantomData))
+    }
+}
+
+struct ItemVisitor<T>(std::marker::PhantomData<T>);
+
+impl<'de, T: Value> Visitor<'de> for ItemVisitor<T> {
+    type Value = Item<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number or a key { time = .., value = .. }")
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Item<T>, E> {
+        Ok(Item::Number(number))
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Item<T>, E> {
+        Ok(Item::Number(number as f64))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Item<T>, A::Error> {
+        Key::deserialize(MapAccessDeserializer::new(map)).map(Item::Key)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Item<T>, A::Error> {
+        while items.next_element::<IgnoredAny>()?.is_some() {}
+        Err(A::Error::custom("a list in a list; a key is written { time = .., value = .. }"))
+    }
+}

@@ -1,0 +1,221 @@
+//! A run: the cloth, what it is made of and what acts on it in each frame, from the command line and the scene file.
+
+mod air;
+mod cloths;
+mod colliders;
+mod file;
+mod keys;
+mod pins;
+
+use std::path::PathBuf;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers};
+use toml::Spanned;
+
+use crate::Failure;
+use crate::arguments::{Arguments, Format};
+use crate::output::Outputs;
+use cloths::Cloths;
+use colliders::{Moving, colliders};
+use file::{File, Source, Wind};
+use keys::Animated;
+use pins::Group;
+
+/// Frames, and frames a second, unless something else is said.
+const FRAMES: u32 = 120;
+const RATE: f32 = 60.0;
+
+/// All that a run needs.
+pub(crate) struct Scene {
+    /// What to call the mesh when something is wrong with it.
+    pub(crate) name: String,
+    pub(crate) mesh: Mesh,
+    /// The file that the mesh came in, if it came in one alone.
+    pub(crate) template: Option<ObjTemplate>,
+    pub(crate) options: Options,
+    pub(crate) outputs: Outputs,
+    gravity: Animated<Vec3>,
+    wind: Option<Wind>,
+    colliders: Vec<Moving>,
+    pins: Vec<Group>,
+}
+
+impl Scene {
+    pub(crate) fn new(arguments: &Arguments) -> Result<Scene, Failure> {
+        let read = arguments.scene.as_deref().map(Source::read).transpose()?;
+        let scene = read.as_ref().map(|(source, file)| (source, file));
+        let usual = File::default();
+        let file = scene.map_or(&usual, |(_, file)| file);
+
+        let frames = arguments.frames.or(file.frames.map(u32::from)).unwrap_or(FRAMES);
+        let rate = rate(arguments, scene)?;
+        let Cloths { name, mesh, template, fabric, pins, mut files } = match scene {
+            Some((source, file)) => Cloths::of_scene(arguments, source, file)?,
+            None => Cloths::of_arguments(arguments)?,
+        };
+        files.extend(arguments.scene.clone());
+        let times = (1..=frames).map(|frame| f64::from(frame - 1) / f64::from(rate));
+        let colliders = colliders(arguments, scene, &mesh, times)?;
+        let wind = wind(arguments, scene)?;
+        let gravity = arguments.gravity.map(Animated::still).or(file.gravity.clone());
+        let options = Options {
+            backend: arguments.backend.or(file.backend).unwrap_or_default(),
+            fabric,
+            pinned: pins.iter().flat_map(|group| group.vertices.iter().copied()).collect(),
+            contact: contact(arguments, file),
+            ..solver(arguments, scene)?
+        };
+        Ok(Scene {
+            name,
+            mesh,
+            template,
+            options,
+            outputs: outputs(arguments, file, frames, rate, files)?,
+            gravity: gravity.unwrap_or(Animated::still(Attributes::default().gravity)),
+            wind,
+            colliders,
+            pins,
+        })
+    }
+
+    /// A frame (s).
+    pub(crate) fn dt(&self) -> f32 {
+        1.0 / self.outputs.fps
+    }
+
+    /// All that acts on the cloth, as text: by it a run is known again.
+    pub(crate) fn acts(&self) -> String {
+        let Scene { gravity, wind, colliders, pins, .. } = self;
+        let led: Vec<&Group> = pins.iter().filter(|group| group.moves()).collect();
+        format!("{:?} {gravity:?} {wind:?} {colliders:?} {led:?}", self.dt())
+    }
+
+    /// What acts on the cloth in the step that leads to a frame.
+    pub(crate) fn attributes(&self, frame: u32) -> Attributes {
+        let time = f64::from(frame - 1) / f64::from(self.outputs.fps);
+        let is_led = self.pins.iter().any(Group::moves);
+        let attributes = Attributes {
+            gravity: self.gravity.at(time),
+            colliders: self.colliders.iter().map(|moving| moving.at(time, f64::from(self.dt()))).collect(),
+            pin_targets: is_led.then(|| self.pins.iter().flat_map(|group| group.at(time)).collect()),
+            ..Attributes::default()
+        };
+        match &self.wind {
+            Some(wind) => wind.blow(time, attributes),
+            None => attributes,
+        }
+    }
+}
+
+/// Frames a second, whose step is a number too.
+fn rate(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<f32, Failure> {
+    let given = scene.and_then(|(source, file)| file.fps.as_ref().map(|fps| (source, fps)));
+    match (arguments.fps, given) {
+        (Some(rate), _) => Ok(rate),
+        (None, Some((source, fps))) if !(1.0 / fps.get_ref().0).is_finite() => {
+            Err(source.wrong_in(fps, "a frame of 1/fps seconds is not finite; give more frames a second"))
+        }
+        (None, Some((_, fps))) => Ok(fps.get_ref().0),
+        (None, None) => Ok(RATE),
+    }
+}
+
+/// The air: a velocity of the command line takes the place of the file's.
+fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Option<Wind>, Failure> {
+    let given = scene.and_then(|(source, file)| file.wind.as_ref().map(|wind| (source, wind)));
+    if let Some((source, wind)) = given
+        && let (lift, drag) = (wind.get_ref().lift, wind.get_ref().drag)
+        && let Some(lift) = lift.filter(|lift| lift.0 > drag.map_or(Attributes::default().drag, |drag| drag.0))
+    {
+        return Err(source.wrong_in(wind, format_args!("lift = {} must not exceed drag", lift.0)));
+    }
+    let wind = given.map(|(_, wind)| wind.get_ref().clone());
+    Ok(match (arguments.wind, wind) {
+        (None, wind) => wind,
+        (Some(velocity), None) => Some(Wind::steady(velocity)),
+        (Some(velocity), Some(wind)) => Some(Wind { velocity: Animated::still(velocity), ..wind }),
+    })
+}
+
+fn contact(arguments: &Arguments, file: &File) -> Option<Contact> {
+    let usual = Contact::default();
+    let given = file.contact.as_ref();
+    let thickness = given.map(|contact| contact.thickness.map_or(usual.thickness, |thickness| thickness.0));
+    let friction = given.and_then(|contact| contact.friction).map_or(usual.friction, |friction| friction.0);
+    let thickness = arguments.self_contact.or(thickness)?;
+    Some(Contact { thickness, friction: arguments.friction.unwrap_or(friction) })
+}
+
+/// How the cloth is solved, and how finely.
+fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Options, Failure> {
+    let given: Option<(&Source, &Spanned<file::Quality>)> =
+        scene.and_then(|(source, file)| file.quality.as_ref().map(|quality| (source, quality)));
+    let usual = file::Quality::default();
+    let file = given.map_or(&usual, |(_, quality)| quality.get_ref());
+    let wrong = |what: &str| match given {
+        Some((source, quality)) => source.wrong_in(quality, what),
+        None => Failure::input(what),
+    };
+
+    let substeps = file.substeps.map(|count| Quality::Substeps(count.into()));
+    let strain = file.strain.map(|strain| match file.share {
+        Some(share) => Quality::Hold { stretch: strain.0, share: share.0 },
+        None => Quality::Strain(strain.0),
+    });
+    let budget = file.budget.map(|budget| Quality::Budget(budget.0));
+    let named: Vec<Quality> = [substeps, strain, budget].into_iter().flatten().collect();
+    if named.len() > 1 || (file.share.is_some() && strain.is_none()) {
+        return Err(wrong("give one of substeps, strain and budget, and a share to a strain alone"));
+    }
+    if file.share.is_some_and(|share| !(0.5..=1.0).contains(&share.0)) {
+        return Err(wrong("share must be from 0.5 to 1; 0.99 is usual"));
+    }
+    let quality = match (arguments.substeps, arguments.strain) {
+        (Some(substeps), _) => Quality::Substeps(substeps),
+        (None, Some(strain)) => Quality::Strain(strain),
+        (None, None) => named.first().copied().unwrap_or_default(),
+    };
+    let method = match (arguments.method.or(file.method).unwrap_or_default(), arguments.iterations, file.iterations) {
+        (Method::Relaxation { .. }, Some(iterations), _) => Method::Relaxation { iterations },
+        (Method::Relaxation { .. }, None, Some(iterations)) => Method::Relaxation { iterations: iterations.into() },
+        (_, Some(_), _) => {
+            return Err(Failure::input("--iterations belongs to --method relaxation; add that, or leave it out"));
+        }
+        (_, None, Some(_)) if arguments.method.is_none() => {
+            return Err(wrong("iterations belong to method = \"relaxation\"; add that, or leave them out"));
+        }
+        (method, ..) => method,
+    };
+    Ok(Options {
+        quality,
+        method,
+        levels: arguments.levels.or(file.levels).unwrap_or(Levels::Auto),
+        tethers: file.tethers.unwrap_or(Tethers::Auto),
+        ..Options::default()
+    })
+}
+
+/// Where everything is written.
+fn outputs(arguments: &Arguments, file: &File, frames: u32, fps: f32, read: Vec<PathBuf>) -> Result<Outputs, Failure> {
+    let output = &file.output;
+    let of = |argument: &Option<PathBuf>, file: &Option<PathBuf>| argument.clone().or(file.clone());
+    let formats = if arguments.format.is_empty() { output.formats() } else { arguments.format.clone() };
+    let Arguments { save, every, resume, .. } = arguments;
+    if (save.is_some() || resume.is_some()) && !formats.contains(&Format::Obj) {
+        return Err(Failure::input("--save and --resume need the frames as OBJ files; add obj to --format"));
+    }
+    Ok(Outputs {
+        folder: of(&arguments.out, &output.folder).unwrap_or_else(|| "frames".into()),
+        frames,
+        fps,
+        formats,
+        pc2: of(&arguments.pc2, &output.pc2),
+        preview: of(&arguments.preview, &output.preview),
+        report: of(&arguments.report, &output.report),
+        save: save.clone(),
+        every: *every,
+        resume: resume.clone(),
+        read,
+    })
+}

@@ -1,0 +1,118 @@
+//! Pins of a scene file: which vertices of a cloth they hold, and where they lead them.
+
+use std::path::Path;
+
+use cloth_deformer::Mesh;
+use cloth_deformer::glam::Vec3;
+use toml::Spanned;
+
+use super::colliders::turn;
+use super::file::{self, Bounds, Rule, Source};
+use super::keys::{Animated, Extent};
+use crate::Failure;
+use crate::pins::{Pin, bounds};
+
+/// How far apart two colors may be, in each channel, to be the same.
+const SAME_COLOR: f32 = 0.02;
+
+/// Pinned vertices that are led together.
+#[derive(Debug)]
+pub(super) struct Group {
+    /// Numbers of vertices in the whole mesh.
+    pub(super) vertices: Vec<u32>,
+    /// Where they are at frame 1 (m).
+    rest: Vec<Vec3>,
+    about: Vec3,
+    by: Option<Animated<Vec3>>,
+    rotate: Option<Animated<Vec3>>,
+    scale: Option<Animated<Extent>>,
+}
+
+impl Group {
+    /// Vertices of a whole mesh that stay where they are.
+    pub(super) fn still(pin: &Pin, mesh: &Mesh) -> Group {
+        let vertices = pin.vertices(mesh);
+        // A vertex that is not there is told of by the deformer.
+        let rest = vertices.iter().map(|&vertex| mesh.positions.get(vertex as usize).copied().unwrap_or_default()).collect();
+        Group { vertices, rest, about: Vec3::ZERO, by: None, rotate: None, scale: None }
+    }
+
+    /// One of a cloth whose own mesh is `piece`, placed, its first vertex being `first` of the whole; `obj` is the file that it is from.
+    pub(super) fn read(
+        source: &Source,
+        number: usize,
+        given: &Spanned<file::Pin>,
+        piece: &Mesh,
+        obj: Option<&Path>,
+        first: u32,
+    ) -> Result<Group, Failure> {
+        let file::Pin { name, rule, vertices, color, within, by, rotate, scale, about } = given.get_ref();
+        let name = name.clone().unwrap_or_else(|| format!("pin {number}"));
+        let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
+        let chosen: Vec<u32> = match (rule, vertices, color, within) {
+            (Some(Rule::Top), None, None, None) => Pin::Top.vertices(piece),
+            (Some(Rule::Corners), None, None, None) => Pin::Corners.vertices(piece),
+            (None, Some(list), None, None) => list.clone(),
+            (None, None, Some(color), None) => {
+                let obj =
+                    obj.ok_or_else(|| wrong("a grid has no colors; choose its vertices by rule, vertices or box".to_owned()))?;
+                colored(obj, *color)?
+            }
+            (None, None, None, Some(Bounds { low, high })) => {
+                let is_inside = |x: &Vec3| x.cmpge(*low).all() && x.cmple(*high).all();
+                (0..).zip(&piece.positions).filter(|(_, x)| is_inside(x)).map(|(vertex, _)| vertex).collect()
+            }
+            _ => return Err(wrong("give one of rule, vertices, color and box, which choose its vertices".to_owned())),
+        };
+        let count = piece.positions.len();
+        if let Some(vertex) = chosen.iter().find(|&&vertex| vertex as usize >= count) {
+            return Err(wrong(format!("vertex {vertex} is not there; the cloth has {count} vertices, numbered from 0")));
+        }
+        if chosen.is_empty() {
+            return Err(wrong("no vertex is chosen by it".to_owned()));
+        }
+        let rest: Vec<Vec3> = chosen.iter().map(|&vertex| piece.positions[vertex as usize]).collect();
+        let (low, high) = bounds(&Mesh { positions: rest.clone(), triangles: Vec::new() });
+        let group = Group {
+            vertices: chosen.iter().map(|vertex| vertex + first).collect(),
+            about: about.unwrap_or(0.5 * (low + high)),
+            rest,
+            by: by.clone(),
+            rotate: rotate.clone(),
+            scale: scale.clone(),
+        };
+        let begins_at_rest = group.at(0.0).zip(&group.rest).all(|(at, rest)| at.distance(*rest) <= 1e-5 * (1.0 + rest.length()));
+        if !begins_at_rest {
+            return Err(wrong("at 0 s it is not where the cloth is; its first keys must say move = [0, 0, 0], rotate = [0, 0, 0], scale = [1, 1, 1]".to_owned()));
+        }
+        Ok(group)
+    }
+
+    /// Whether it is led at all.
+    pub(super) fn moves(&self) -> bool {
+        self.by.is_some() || self.rotate.is_some() || self.scale.is_some()
+    }
+
+    /// Where its vertices are after `time` (s).
+    pub(super) fn at(&self, time: f64) -> impl Iterator<Item = Vec3> {
+        let scale = self.scale.as_ref().map_or(Vec3::ONE, |scale| scale.at(time).0);
+        let rotation = turn(self.rotate.as_ref().map_or(Vec3::ZERO, |rotate| rotate.at(time)));
+        let to = self.about + self.by.as_ref().map_or(Vec3::ZERO, |by| by.at(time));
+        let is_led = self.moves();
+        self.rest.iter().map(move |&rest| if is_led { to + rotation * (scale * (rest - self.about)) } else { rest })
+    }
+}
+
+/// Vertices of an OBJ file that have a color: `v x y z r g b`, or one number more, a weight before or an opacity behind.
+fn colored(obj: &Path, color: Vec3) -> Result<Vec<u32>, Failure> {
+    let text = std::fs::read(obj).map_err(|error| Failure::input(format_args!("{}: {error}", obj.display())))?;
+    let text = String::from_utf8_lossy(&text);
+    let vertices = text.lines().filter_map(|line| line.trim_start().strip_prefix("v ").or(line.trim_start().strip_prefix("v\t")));
+    let has_color = |line: &str| {
+        let numbers: Vec<f32> =
+            line.split('#').next().unwrap_or("").split_whitespace().map_while(|word| word.parse().ok()).collect();
+        let rgb = numbers.get(3..6).filter(|_| numbers.len() < 8);
+        rgb.is_some_and(|rgb| (Vec3::from_slice(rgb) - color).abs().max_element() <= SAME_COLOR)
+    };
+    Ok((0..).zip(vertices).filter(|(_, line)| has_color(line)).map(|(vertex, _)| vertex).collect())
+}

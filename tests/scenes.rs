@@ -1,0 +1,346 @@
+//! Scene files: those that come with the program run, what each key says is what happens, and what cannot be is refused with its line.
+
+#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[path = "common/program.rs"]
+mod program;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cloth_deformer::Mesh;
+use cloth_deformer::glam::{Quat, Vec3};
+use program::{drape, fails, run, stderr, succeeds};
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes")
+}
+
+/// Runs a scene's text with the CPU in a directory of its own.
+fn scene(text: &str, arguments: &[&str]) -> (TempDir, std::process::Output) {
+    let directory = TempDir::new().unwrap();
+    fs::write(directory.path().join("s.toml"), text).unwrap();
+    let output = run(&directory, &[&["--scene", "s.toml", "--quiet"], arguments].concat());
+    (directory, output)
+}
+
+/// Positions of a frame.
+fn frame(directory: &TempDir, number: u32) -> Vec<Vec3> {
+    Mesh::load_obj(directory.path().join(format!("frames/frame_{number:04}.obj"))).unwrap().positions
+}
+
+#[test]
+fn every_example_runs() {
+    let files = fs::read_dir(examples()).unwrap().map(|entry| entry.unwrap().path());
+    let mut scenes: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|extension| extension == "toml")).collect();
+    scenes.sort();
+    let names: Vec<&str> = scenes.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
+    for wanted in ["towel", "flag", "tablecloth", "cape", "curtain", "hammock", "skirt"] {
+        assert!(names.contains(&wanted), "{wanted} among {names:?}");
+    }
+    for (scene, name) in scenes.iter().zip(names) {
+        let directory = TempDir::new().unwrap();
+        let arguments = ["--scene", scene.to_str().unwrap(), "--frames", "6", "--report", "r.json", "--quiet"];
+        let output = run(&directory, &arguments);
+        succeeds(&output);
+        let report: Value = serde_json::from_slice(&fs::read(directory.path().join("r.json")).unwrap()).unwrap();
+        let rows = report["frames"].as_array().unwrap();
+        let most = |key: &str| rows.iter().map(|row| row[key].as_f64().unwrap()).fold(0.0, f64::max);
+        println!("{name}: strain {}, penetration {}", most("mean_strain"), most("penetration"));
+        assert!(most("mean_strain") < 0.02 && most("penetration") < 1e-3, "{name}: {report}");
+        assert_ne!(frame(&directory, 1), frame(&directory, 6), "{name} moves");
+    }
+}
+
+#[test]
+fn the_towel_is_what_is_played_without_a_scene() {
+    let directory = TempDir::new().unwrap();
+    succeeds(&run(&directory, &["--frames", "40", "--out", "plain", "--quiet"]));
+    let towel = examples().join("towel.toml");
+    succeeds(&run(&directory, &["--scene", towel.to_str().unwrap(), "--frames", "40", "--out", "scene", "--quiet"]));
+    for number in 1..=40 {
+        let read = |folder: &str| fs::read(directory.path().join(folder).join(format!("frame_{number:04}.obj"))).unwrap();
+        assert!(read("plain") == read("scene"), "frame {number}");
+    }
+}
+
+/// A cloth of 3 x 3 vertices that nothing acts on but what a test adds.
+const SHEET: &str = "
+frames = 31
+gravity = [0, 0, 0]
+[[cloth]]
+grid = { columns = 3, rows = 3, width = 2, height = 2 }
+";
+
+/// Rotation before motion, scale before both; linear between keys, and again from the start of a loop.
+#[test]
+fn pins_go_where_their_keys_say() {
+    let text = "
+[[cloth.pin]]
+box = { low = [-1.1, -1, -1.1], high = [-0.9, 1, 1.1] }
+about = [-1, 0, 0]
+move = { loop = true, keys = [{ time = 0, value = [0, 0, 0] }, { time = 0.2, value = [0, 0.2, 0] }, { time = 0.4, value = [0, 0, 0] }] }
+rotate = [{ time = 0, value = [0, 0, 0] }, { time = 0.5, value = [30, 0, 0] }]
+scale = [{ time = 0, value = [1, 1, 1] }, { time = 0.5, value = [1, 1, 0.5] }]
+";
+    let (directory, output) = scene(&(SHEET.to_owned() + text), &[]);
+    succeeds(&output);
+    for number in [1, 7, 13, 19, 31] {
+        let time = (number - 1) as f32 / 60.0;
+        let up = 0.2 - (time.rem_euclid(0.4) - 0.2).abs();
+        let turn = Quat::from_rotation_x((60.0 * time).to_radians());
+        let x = frame(&directory, number);
+        for (vertex, z) in [(0, -1.0), (3, 0.0), (6, 1.0)] {
+            let goal = Vec3::new(-1.0, up, 0.0) + turn * Vec3::new(0.0, 0.0, z * (1.0 - time));
+            assert!(x[vertex].distance(goal) < 1e-5, "frame {number}, vertex {vertex}: {} and not {goal}", x[vertex]);
+        }
+    }
+}
+
+/// A table lifts what lies on it from frame to frame.
+#[test]
+fn colliders_go_where_their_keys_say() {
+    let table = "
+[[collider]]
+shape = \"box\"
+center = [{ time = 0, value = [0, -0.5, 0] }, { time = 0.25, value = [0, -0.4, 0] }, { time = 0.5, value = [0, -0.4, 0] }]
+half = [1.5, 0.5, 1.5]
+";
+    let (directory, output) = scene(&(SHEET.replace("gravity = [0, 0, 0]", "") + table), &[]);
+    succeeds(&output);
+    let height = |number: u32| frame(&directory, number).iter().map(|x| x.y).fold(f32::MAX, f32::min);
+    assert!((height(15) - 0.1 * 14.0 / 15.0).abs() < 1e-4, "lifted to {}", height(15));
+}
+
+/// A loop that does not close begins anew without a velocity: a table that sinks and is up again throws nothing.
+#[test]
+fn a_loop_that_does_not_close_throws_nothing() {
+    let table = "
+[[collider]]
+shape = \"box\"
+center = { loop = true, keys = [{ time = 0, value = [0, -0.5, 0] }, { time = 0.25, value = [0, -0.6, 0] }] }
+half = [1.5, 0.5, 1.5]
+";
+    let (directory, output) = scene(&(SHEET.replace("gravity = [0, 0, 0]", "") + table), &[]);
+    succeeds(&output);
+    let highest = |number: u32| frame(&directory, number).iter().map(|x| x.y).fold(f32::MIN, f32::max);
+    assert!(highest(15) < -0.09, "it sank with the table, to {}", highest(15));
+    // From -0.1 m to 0 m in a frame are 6 m/s.
+    assert!((16..=31).all(|number| highest(number) < 0.05), "thrown to {}", highest(31));
+}
+
+#[test]
+fn the_wind_and_gravity_go_as_their_keys_say() {
+    // In thick air, without weight, cloth soon goes with the wind; damping is the same for every vertex.
+    let wind = "
+[wind]
+velocity = [{ time = 0, value = [0, 0, 0] }, { time = 0.25, value = [1, 0, 0] }]
+density = 0
+damping = 1000
+";
+    let (directory, output) = scene(&(SHEET.to_owned() + wind), &[]);
+    succeeds(&output);
+    let speed = |number: u32| 60.0 * (frame(&directory, number + 1)[4].x - frame(&directory, number)[4].x);
+    // A step has the wind of its end.
+    assert!((speed(9) - 9.0 / 15.0).abs() < 0.01 && (speed(25) - 1.0).abs() < 1e-3, "{} and {} m/s", speed(9), speed(25));
+
+    let text = SHEET
+        .replace("gravity = [0, 0, 0]", "gravity = [{ time = 0.2, value = [0, 0, 0] }, { time = 0.201, value = [0, -6, 0] }]");
+    let (directory, output) = scene(&text, &[]);
+    succeeds(&output);
+    assert!(frame(&directory, 13)[4].y.abs() < 1e-6);
+    let (fallen, time) = (-frame(&directory, 31)[4].y, 18.0 / 60.0);
+    assert!((fallen - 3.0 * time * time).abs() < 0.02 * fallen, "fallen by {fallen} m");
+}
+
+/// Gusts are the same in every run of one seed, others of another, and within their strength.
+#[test]
+fn gusts_have_a_seed() {
+    let text = |seed: u32| {
+        format!(
+            "{SHEET}\n[wind]\nvelocity = [1, 0, 0]\ndensity = 0\ndamping = 1000\ngusts = {{ strength = 0.5, period = 0.1, seed = {seed} }}"
+        )
+    };
+    let [(one, _), (again, _), (other, _)] = [1, 1, 2].map(|seed| scene(&text(seed), &[]));
+    assert_eq!(frame(&one, 31), frame(&again, 31));
+    assert_ne!(frame(&one, 31), frame(&other, 31));
+    let speeds: Vec<f32> = (5..30).map(|number| 60.0 * (frame(&one, number + 1)[4].x - frame(&one, number)[4].x)).collect();
+    let [low, high] = [speeds.iter().copied().fold(f32::MAX, f32::min), speeds.iter().copied().fold(f32::MIN, f32::max)];
+    assert!(low > 0.49 && high < 1.51 && high - low > 0.2, "from {low} to {high} m/s");
+}
+
+/// Several cloths are pieces of one mesh, each from its own file or grid, in its own place; pins choose within one.
+#[test]
+fn cloths_are_pieces_of_one_mesh() {
+    let directory = TempDir::new().unwrap();
+    let obj = "v 0 0 0 1 0 0\nv 100 0 0 1 1 1\nv 0 0 100 1.0 0.0 0.0 # red\nf 1 3 2\n";
+    fs::write(directory.path().join("t.obj"), obj).unwrap();
+    fs::create_dir(directory.path().join("scenes")).unwrap();
+    let text = "
+[[cloth]]
+grid = { columns = 2, rows = 2, width = 1, height = 1 }
+pin = [{ vertices = [3] }]
+[[cloth]]
+mesh = \"../t.obj\"
+scale = 0.01
+rotate = [0, 0, 90]
+at = [0, 5, 0]
+pin = [{ color = [1, 0, 0] }]
+";
+    fs::write(directory.path().join("scenes/s.toml"), text).unwrap();
+    succeeds(&run(&directory, &["--scene", "scenes/s.toml", "--frames", "4", "--quiet"]));
+    let (first, last) = (frame(&directory, 1), frame(&directory, 4));
+    let expected = [Vec3::new(0.0, 5.0, 0.0), Vec3::new(0.0, 6.0, 0.0), Vec3::new(0.0, 5.0, 1.0)];
+    assert!(first.len() == 7 && first[4..].iter().zip(expected).all(|(x, goal)| x.distance(goal) < 1e-6), "{first:?}");
+    let held: Vec<usize> = (0..7).filter(|&vertex| first[vertex] == last[vertex]).collect();
+    assert_eq!(held, [3, 4, 6]);
+    let faces = Mesh::load_obj(directory.path().join("frames/frame_0004.obj")).unwrap().triangles;
+    assert_eq!(faces.last(), Some(&[4, 6, 5]));
+}
+
+#[test]
+fn the_command_line_overrides_the_file() {
+    let text = SHEET.to_owned()
+        + "fabric = \"silk\"\n[[collider]]\nshape = \"plane\"\npoint = [0, 0, 0]\n[output]\nfolder = \"of the file\"\n";
+    let (directory, output) =
+        scene(&text, &["--gravity", "0,-6,0", "--frames", "3", "--fps", "30", "--no-floor", "--out", "frames"]);
+    succeeds(&output);
+    let fallen = -frame(&directory, 3)[4].y;
+    assert!((fallen - 3.0 / 225.0).abs() < 1e-4, "{fallen} m");
+    assert!(!directory.path().join("of the file").exists());
+    // Without the flag the floor of the file holds it; a floor of the command line takes its place.
+    for (floor, height) in [(&[][..], 0.0), (&["--floor", "-0.005"][..], -0.005)] {
+        let (directory, output) = scene(&text, &[&["--gravity", "0,-6,0", "--out", "frames"], floor].concat());
+        succeeds(&output);
+        assert!((frame(&directory, 31)[4].y - height).abs() < 1e-5);
+    }
+}
+
+/// What is named on the command line may be named again and again.
+#[test]
+fn colliders_of_the_command_line_repeat() {
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(9, 9, 2.0, 2.0).save_obj(directory.path().join("m.obj")).unwrap();
+    let arguments = "m.obj --frames 40 --quiet --substeps 20 --sphere -0.5,-0.3,-0.5,0.2 --sphere 0.5,-0.3,-0.5,0.2 \
+        --capsule -0.5,-0.25,0.5,0.5,-0.25,0.5,0.1 --capsule 0,-0.3,-1,0,-0.3,1,0.05,0.1 \
+        --box 0,-0.5,0,0.2,0.2,0.2,0.05 --plane 0,-0.5,0,0,1,0 --plane 0.9,0,0,-1,0,0";
+    succeeds(&run(&directory, &arguments.split_whitespace().collect::<Vec<_>>()));
+    let x = frame(&directory, 40);
+    assert!(x.iter().all(|x| x.y > -0.51 && x.x < 0.901), "on the floor and before the wall");
+    assert!(x.iter().all(|x| x.distance(Vec3::new(-0.5, -0.3, -0.5)) > 0.199));
+    let mean = x.iter().map(|x| x.y).sum::<f32>() / 81.0;
+    assert!(mean > -0.4, "held up by what there is: {mean} m on average");
+    for (arguments, words) in [
+        (["--capsule", "0,0,0,1,0,0"], ["--capsule", "7"]),
+        (["--capsule", "0,0,0,1,0,0,0.1,-1"], ["--capsule", "radius"]),
+        (["--box", "0,0,0,1,1"], ["--box", "6"]),
+        (["--box", "0,0,0,1,1,0.1,0.2"], ["--box", "0.1"]),
+        (["--box", "0,0,0,1,0,1"], ["--box", "above 0"]),
+        (["--plane", "0,0,0,0,0,0"], ["--plane", "direction"]),
+        (["--scale", "0"], ["--scale", "above 0"]),
+    ] {
+        fails(&run(&directory, &arguments), 2, &words);
+    }
+}
+
+#[test]
+fn a_mesh_in_centimeters_is_told_of_and_scaled() {
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(3, 3, 120.0, 120.0).save_obj(directory.path().join("m.obj")).unwrap();
+    let large = run(&directory, &["m.obj", "--frames", "1", "--quiet"]);
+    succeeds(&large);
+    assert!(stderr(&large).contains("120 m across") && stderr(&large).contains("--scale"), "{}", stderr(&large));
+    let scaled = run(&directory, &["m.obj", "--frames", "1", "--quiet", "--scale", "0.01"]);
+    succeeds(&scaled);
+    assert_eq!(stderr(&scaled), "");
+    assert!((frame(&directory, 1)[0].x + 0.6).abs() < 1e-6);
+}
+
+/// One line, which names the file, the line in it, and these words; nothing is written.
+#[test]
+fn what_cannot_be_is_refused_with_its_line() {
+    let in_cloth = |text: &str| format!("[[cloth]]\ngrid = {{ columns = 3, rows = 3, width = 1, height = 1 }}\n{text}");
+    let pin = |text: &str| in_cloth(&format!("[[cloth.pin]]\n{text}"));
+    let collider = |text: &str| in_cloth(&format!("[[collider]]\nname = \"it\"\n{text}"));
+    let table: Vec<(String, u32, &[&str])> = vec![
+        (String::new(), 1, &["no cloth", "[[cloth]]"]),
+        ("frames = 0".into(), 1, &["zero"]),
+        ("fps = -1".into(), 1, &["above 0"]),
+        ("fps = 1e-42\n[[cloth]]".into(), 1, &["finite"]),
+        ("frames = 3\nframe = 3".into(), 2, &["unknown", "`frame`"]),
+        ("frames = [".into(), 1, &[]),
+        ("backend = \"abacus\"".into(), 1, &["abacus", "hybrid"]),
+        ("gravity = [0, nan, 0]".into(), 1, &["NaN", "finite"]),
+        ("gravity = [{ time = 0, value = [0, 0, 0], ease = 1 }]".into(), 1, &["ease"]),
+        ("gravity = [\n  { time = 1, value = [0, 0, 0] },\n  { time = 1, value = [0, 0, 0] },\n]".into(), 1, &["1 s", "order"]),
+        ("gravity = { loop = true, keys = [] }".into(), 1, &["no keys"]),
+        ("gravity = [1, { time = 0, value = [0, 0, 0] }]".into(), 1, &["numbers among its keys"]),
+        (
+            "[quality]\nstrain = 0.1\nsubsteps = 4\n[[cloth]]\ngrid = { columns = 2, rows = 2, width = 1, height = 1 }".into(),
+            1,
+            &["one of"],
+        ),
+        (in_cloth("[quality]\nshare = 0.9"), 3, &["share"]),
+        (in_cloth("[quality]\niterations = 3"), 3, &["relaxation"]),
+        (in_cloth("[wind]\nvelocity = [0, 0, 0]\nlift = 2"), 3, &["lift = 2", "drag"]),
+        ("[[cloth]]\nname = \"it\"".into(), 1, &["it", "mesh", "grid"]),
+        ("[[cloth]]\n\nmesh = \"not there.obj\"".into(), 3, &["not there.obj"]),
+        ("[[cloth]]\ngrid = { columns = 1, rows = 3, width = 1, height = 1 }".into(), 2, &["1 x 3", "2 or more"]),
+        ("[[cloth]]\ngrid = { columns = 90000, rows = 90000, width = 1, height = 1 }".into(), 2, &["90000"]),
+        (in_cloth("fabric = \"steel\""), 3, &["steel", "denim"]),
+        (in_cloth("fabric = { density = 0 }"), 3, &["above 0"]),
+        (in_cloth("fabric = { colour = 0 }"), 3, &["colour", "density"]),
+        (in_cloth("\n[[cloth]]\nname = \"two\"\nfabric = \"silk\"\nmesh = \"x.obj\""), 4, &["two", "one fabric"]),
+        (pin("name = \"it\""), 3, &["it", "one of rule"]),
+        (pin("vertices = [9]"), 3, &["vertex 9", "9 vertices"]),
+        (pin("vertices = [1, 1]"), 3, &["vertex 1", "twice"]),
+        (pin("vertices = [1]\n[[cloth.pin]]\nrule = \"top\""), 5, &["vertex 1", "twice"]),
+        (pin("color = [1, 0, 0]"), 3, &["grid", "colors"]),
+        (pin("box = { low = [5, 5, 5], high = [6, 6, 6] }"), 3, &["no vertex"]),
+        (pin("rule = \"left\""), 4, &["left", "corners"]),
+        (pin("rule = \"top\"\nmove = [0, 1, 0]"), 3, &["0 s", "move"]),
+        (collider("shape = \"cube\""), 5, &["cube", "tapered-capsule"]),
+        (collider("shape = \"sphere\"\nradius = 1"), 3, &["it", "center"]),
+        (collider("shape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 0"), 3, &["it", "radius", "above 0"]),
+        (collider("shape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nhalf = [1, 1, 1]"), 3, &["half", "center, radius"]),
+        (collider("shape = \"plane\"\npoint = [0, 0, 0]\nnormal = [0, 0, 0]"), 3, &["it", "direction"]),
+        (collider("shape = \"box\"\ncenter = [0, 0, 0]\nhalf = [1, 0, 1]"), 7, &["above 0"]),
+        (
+            collider(
+                "shape = \"box\"\ncenter = [0, 0, 0]\nhalf = [1, 1, 1]\nradius = [{ time = 0, value = 0 }, { time = 1, value = 3 }]",
+            ),
+            3,
+            &["it", "radius", "least of `half`"],
+        ),
+        (collider("shape = \"mesh\"\nmesh = \"body.obj\""), 3, &["it", "mesh"]),
+        (
+            collider("shape = \"plane\"\npoint = [0, 0, 0]\nid = 4\n[[collider]]\nshape = \"plane\"\npoint = [0, 0, 0]\nid = 4"),
+            8,
+            &["id = 4", "it"],
+        ),
+        (in_cloth("[output]\nformat = \"mp4\""), 4, &["format"]),
+    ];
+    for (text, line, words) in table {
+        let (directory, output) = scene(&text, &[]);
+        println!("{text:?} -> {}", stderr(&output).trim_end());
+        fails(&output, 2, &[&[format!("s.toml:{line}: ").as_str()], words].concat());
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "nothing is written");
+    }
+    let directory = TempDir::new().unwrap();
+    fails(&run(&directory, &["--scene", "missing.toml"]), 2, &["missing.toml"]);
+    let two = "[[cloth]]\nmesh = \"a.obj\"\n[[cloth]]\nmesh = \"a.obj\"\n";
+    let (_, output) = scene(two, &["other.obj"]);
+    fails(&output, 2, &["s.toml:3", "several cloths"]);
+}
+
+/// A scene file and its meshes are not written over.
+#[test]
+fn nothing_is_written_over_the_scene() {
+    let text = SHEET.to_owned() + "[output]\nreport = \"s.toml\"\n";
+    let (directory, output) = scene(&text, &[]);
+    fails(&output, 2, &["the scene", "--report"]);
+    assert_eq!(fs::read_to_string(directory.path().join("s.toml")).unwrap(), text);
+    let output = drape(&directory, &["--scene", "s.toml", "--preview", "s.toml", "--report", "r.json"]).output().unwrap();
+    fails(&output, 2, &["the scene", "--preview"]);
+}
