@@ -319,7 +319,7 @@ fn what_cannot_be_is_refused_with_its_line() {
             8,
             &["id = 4", "it"],
         ),
-        (in_cloth("[output]\nformat = \"mp4\""), 4, &["format"]),
+        (in_cloth("[output]\nformat = [\"mp4\"]"), 4, &["mp4", "usda"]),
     ];
     for (text, line, words) in table {
         let (directory, output) = scene(&text, &[]);
