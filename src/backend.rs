@@ -15,7 +15,7 @@ use crate::gpu_fault::{Excess, GpuFault};
 #[cfg(feature = "gpu")]
 use crate::hybrid::Hybrid;
 use crate::kernels::statistics::Statistics;
-use crate::model::cloth::Cloth;
+use crate::model::cloth::{Change, Cloth};
 use crate::options::{Backend, Options, Quality};
 use crate::record::recorded;
 use crate::step::plan::Plan;
@@ -210,6 +210,25 @@ impl Engine {
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.resume(cloth, [x, p], past),
         }
+    }
+
+    /// Goes on as a cloth that was changed, from the same state with other inverse masses; nothing is changed if it fails.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, clippy::unused_self, reason = "memory is always there"))]
+    pub(crate) fn change(
+        &mut self,
+        cloth: &Cloth,
+        options: &Options,
+        change: Change,
+        [x, p]: [&[Vec4]; 2],
+    ) -> Result<(), Failure> {
+        match self {
+            Engine::Cpu(cpu) => cpu.change(cloth, change),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.change(cloth, change).map_err(Failure::Gpu)?,
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.change(cloth, options.method, change, [x, p])?,
+        }
+        Ok(())
     }
 
     /// Lanes that the processor's part is computed on; none if it has no part.

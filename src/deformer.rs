@@ -3,6 +3,7 @@
 
 #[cfg(feature = "bench")]
 mod bench;
+mod change;
 mod forecast;
 mod quality;
 mod sleep;

@@ -297,3 +297,15 @@ pub enum StateError {
     #[error(transparent)]
     Step(#[from] StepError),
 }
+
+/// Why [`Deformer::set_fabric`](crate::Deformer::set_fabric), `set_mass` or `set_pinned` refused. The cloth is what it was before.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChangeError {
+    /// What was given is out of its range.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The state could not be read from the GPU, or the GPU has no room.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}

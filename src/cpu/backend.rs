@@ -23,7 +23,7 @@ use crate::cpu::threads::ThreadChoice;
 use crate::cpu::watch::Found;
 use crate::failure::{Cause, Failure};
 use crate::kernels::statistics::Statistics;
-use crate::model::cloth::Cloth;
+use crate::model::cloth::{Change, Cloth};
 use crate::options::{Contact, Method};
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
@@ -144,6 +144,19 @@ impl Cpu {
 
     pub(crate) fn lanes(&self) -> usize {
         self.width.lanes()
+    }
+
+    /// Goes on as a cloth that was changed. What depends on stiffness alone is packed anew for the next length of substep, which is another.
+    pub(crate) fn change(&mut self, cloth: &Cloth, change: Change) {
+        if change == Change::Stiffness {
+            return;
+        }
+        self.x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
+        self.coarse.forget();
+        (self.packed_for, self.scheduled_for) = (None, None);
+        if change == Change::Edges {
+            (self.partition, self.edges) = (None, Vec::new());
+        }
     }
 
     /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Says what is wrong if the motion

@@ -10,7 +10,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
 use crate::gpu::stage::Sent;
-use crate::gpu::state::{PING_PONG, ping_pong};
+use crate::gpu::state::{PING_PONG, State, ping_pong};
 use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
@@ -21,7 +21,7 @@ use crate::gpu::watch::{Found, Report};
 use crate::gpu_fault::GpuFault;
 use crate::kernels::contact::Body;
 use crate::kernels::statistics::Statistics;
-use crate::model::cloth::Cloth;
+use crate::model::cloth::{Change, Cloth};
 use crate::multigrid::hierarchy::Level;
 use crate::options::Method;
 use crate::step::plan::Plan;
@@ -81,6 +81,11 @@ pub(crate) enum Path {
 
 impl GpuEngine {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, GpuFault> {
+        let (path, size) = GpuEngine::best(&gpu, cloth, method);
+        GpuEngine::with_path(gpu, cloth, method, path, size)
+    }
+
+    fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Path, TileSize) {
         let vertices = cloth.rest.len();
         let path = match method {
             _ if vertices <= SMALL => Path::SingleWorkgroup,
@@ -89,13 +94,26 @@ impl GpuEngine {
         };
         let room = gpu.workgroup_memory() / IN_TILE;
         let size = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
-        GpuEngine::with_path(gpu, cloth, method, path, size)
+        (path, size)
     }
 
     /// With the best path up to `path`.
     pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, GpuFault> {
+        let mut engine = GpuEngine::make(gpu, cloth, method, (path, size), None)?;
+        engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
+        Ok(engine)
+    }
+
+    /// Without a state, or with one that is there.
+    fn make(
+        gpu: Gpu,
+        cloth: &Cloth,
+        method: Method,
+        (path, size): (Path, TileSize),
+        own: Option<State>,
+    ) -> Result<GpuEngine, GpuFault> {
         gpu.clone().checked(|| {
-            let forces = Forces::new(&gpu, cloth, 2)?;
+            let forces = Forces::new(&gpu, cloth, 2, own)?;
             let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
             let tiled = path != Path::PerColor && method == Method::SmallSteps;
             let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
@@ -125,9 +143,35 @@ impl GpuEngine {
             if path == Path::SingleWorkgroup {
                 engine.make_single_workgroup(cloth, method, &[]);
             }
-            engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
             Ok(engine)
         })
+    }
+
+    /// Goes on as a cloth that was changed, at `x` with its inverse masses; in the same buffers, which renderers hold.
+    pub(crate) fn change(
+        &mut self,
+        cloth: &Cloth,
+        method: Method,
+        change: Change,
+        [x, p]: [&[Vec4]; 2],
+    ) -> Result<(), Failure> {
+        self.is_whole()?;
+        if change == Change::Stiffness {
+            self.forces.forget_springs();
+            return Ok(());
+        }
+        let steps = self.past()?.steps[0];
+        let (gpu, own) = (self.gpu.clone(), self.forces.states[0].clone());
+        let best = GpuEngine::best(&gpu, cloth, method);
+        let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own)).map_err(Failure::Gpu)?;
+        // What is on its way to the caller arrives.
+        std::mem::swap(&mut made.readback, &mut self.readback);
+        (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());
+        *self = made;
+        self.gpu.write(&self.forces.states[0].x, 0, x);
+        self.gpu.write(&self.forces.states[0].p, 0, p);
+        self.commit.go_on(&self.gpu, Found { steps, ..Found::NOTHING });
+        Ok(())
     }
 
     pub(crate) fn adapter(&self) -> &str {

@@ -40,8 +40,8 @@ pub(crate) struct Forces {
 }
 
 impl Forces {
-    /// With this many states beside the cloth's own.
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize) -> Result<Forces, GpuFault> {
+    /// With this many states beside the cloth's own, which may be there already.
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize, own: Option<State>) -> Result<Forces, GpuFault> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
         // Of the buffers that the cloth may come to need later, the largest: bending's moments, springs, panels.
         gpu.meets(
@@ -49,8 +49,11 @@ impl Forces {
             (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
         )?;
         let u = gpu.buffer("u", size);
-        let x = gpu.buffer_for("x", size, wgpu::BufferUsages::VERTEX);
-        let mut states = vec![State { x, p: gpu.buffer("p", size) }];
+        let own = own.unwrap_or_else(|| {
+            let x = gpu.buffer_for("x", size, wgpu::BufferUsages::VERTEX);
+            State { x, p: gpu.buffer("p", size) }
+        });
+        let mut states = vec![own];
         states.extend((0..copies).map(|_| State { x: gpu.buffer("x of a copy", size), p: gpu.buffer("p of a copy", size) }));
         let params = Sent::uniform(gpu, "params", size_of::<Params>());
         let substeps = Sent::uniform(gpu, "substeps", SLOT);
@@ -120,6 +123,11 @@ impl Forces {
             });
         }
         false
+    }
+
+    /// Springs are made anew by the next step.
+    pub(crate) fn forget_springs(&mut self) {
+        self.springs = None;
     }
 
     /// Binds the numbers of one substep for the stages encoded next.

@@ -3,7 +3,7 @@
 use crate::gpu::stage::Bind;
 
 /// Positions and displacements, one of each a vertex.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct State {
     /// Positions and inverse masses.
     pub x: wgpu::Buffer,

@@ -46,7 +46,7 @@ use crate::gpu_fault::GpuFault;
 use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::{Params, Substep};
-use crate::model::cloth::Cloth;
+use crate::model::cloth::{Change, Cloth};
 use crate::options::Contact;
 use crate::step::plan::Plan;
 
@@ -81,7 +81,7 @@ struct Exchanges<'a> {
 impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, GpuFault> {
         gpu.clone().checked(|| {
-            let forces = Forces::new(&gpu, cloth, 0)?;
+            let forces = Forces::new(&gpu, cloth, 0, None)?;
             // The inverse masses; the rest of it is sent.
             gpu.write(&forces.states[0].x, 0, &cloth.rest);
             let in_place = gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
@@ -114,6 +114,20 @@ impl Hybrid {
     pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, state: [&[Vec4]; 2], past: &Past) -> bool {
         self.sent = None;
         self.cpu.resume(cloth, options, state, past)
+    }
+
+    /// Goes on as a cloth that was changed.
+    pub(crate) fn change(&mut self, cloth: &Cloth, change: Change) -> Result<(), GpuFault> {
+        if change == Change::Stiffness {
+            self.forces.forget_springs();
+            return Ok(());
+        }
+        let mut made = Hybrid::new(self.gpu.clone(), cloth)?;
+        std::mem::swap(&mut made.cpu, &mut self.cpu);
+        made.every = self.every;
+        *self = made;
+        self.cpu.change(cloth, change);
+        Ok(())
     }
 
     /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.

@@ -97,8 +97,8 @@ impl Cloth {
     pub(crate) fn new(mesh: &Mesh, options: &Options) -> Result<Cloth, BuildError> {
         check_mesh(mesh)?;
         let mesh_edges = mesh.edges();
-        check_options(mesh, &mesh_edges, options)?;
         let vertices = mesh.positions.len();
+        check_options(vertices, mesh_edges.len(), options)?;
         let order = vertex_order::vertex_order(&mesh_edges, vertices);
         let rank = vertex_order::inverse(&order);
         let origin = local_origin(&mesh.positions);
@@ -182,6 +182,68 @@ impl Cloth {
         Ok(cloth)
     }
 
+    /// The same cloth, as one made anew with other options would be: its fabric, masses and pins. What follows from the mesh alone is copied.
+    pub(crate) fn changed(&self, options: &Options) -> Result<(Cloth, Change), BuildError> {
+        check_options(self.rest.len(), self.links.len(), options)?;
+        let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
+        let (mass, density) = masses(options, &self.order, &self.areas(&positions))?;
+        let rank = vertex_order::inverse(&self.order);
+        let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
+        let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
+        pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
+
+        let stretch = f64::from(options.fabric.stretch);
+        let mut links = self.links.clone();
+        links.iter_mut().for_each(|link| link.stiffness = if link.shape == 0.0 { 0.0 } else { stretch * link.shape });
+        let is_pinned = |vertex: u32| [self.rest[vertex as usize].w, inverse_mass[vertex as usize]].map(|w| w == 0.0);
+        let changes = |link: &Link| {
+            let [a, b] = link.ends.map(is_pinned);
+            (a[0] && b[0]) != (a[1] && b[1])
+        };
+        let change = if links.iter().any(changes) {
+            Change::Edges
+        } else if mass != self.mass || pinned != self.pinned {
+            Change::Masses
+        } else {
+            Change::Stiffness
+        };
+        let colors = match change {
+            Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass),
+            _ => self.colors.clone(),
+        };
+        let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
+        let mut cloth = Cloth {
+            order: self.order.clone(),
+            rest,
+            mass,
+            triangles: self.triangles.clone(),
+            links,
+            colors,
+            pinned,
+            density,
+            stretch,
+            panels: OnceLock::new(),
+            springs: OnceLock::new(),
+            bending: self.bending.clone(),
+            gauges: OnceLock::new(),
+            tethers: None,
+            ..*self
+        };
+        if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
+            cloth.tethers = Tethers::new(&cloth);
+        }
+        Ok((cloth, change))
+    }
+
+    /// Area (m²) of each vertex: a third of each of its triangles'.
+    fn areas(&self, rest: &[Vec3]) -> Vec<f64> {
+        let mut area = vec![0.0; rest.len()];
+        for &triangle in &self.triangles {
+            triangle.iter().for_each(|&vertex| area[vertex as usize] += area_of(triangle, rest) / 3.0);
+        }
+        area
+    }
+
     /// The edges that the sweep visits: all but those between two pins.
     pub(crate) fn swept(&self) -> &[Link] {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
@@ -209,10 +271,7 @@ impl Cloth {
     pub(crate) fn panels(&self) -> &Panels {
         self.panels.get_or_init(|| {
             let rest: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
-            let mut area = vec![0.0; rest.len()];
-            for &triangle in &self.triangles {
-                triangle.iter().for_each(|&vertex| area[vertex as usize] += area_of(triangle, &rest) / 3.0);
-            }
+            let area = self.areas(&rest);
             let density = |vertex: u32| f64::from(self.mass[vertex as usize]) / area[vertex as usize];
             let panel = |&corners: &[u32; 3]| {
                 let least = corners.iter().map(|&vertex| density(vertex)).fold(f64::INFINITY, f64::min);
@@ -252,6 +311,17 @@ impl Cloth {
     }
 }
 
+/// What a change of the options changes of a cloth, besides the stiffness.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Change {
+    /// Nothing.
+    Stiffness,
+    /// Masses, or who is pinned.
+    Masses,
+    /// And which edges are swept, and so their order.
+    Edges,
+}
+
 /// Colors the edges with a free end and sorts them by color, the others behind them: the range of each color.
 fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
     let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
@@ -284,8 +354,7 @@ fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
     Ok(())
 }
 
-fn check_options(mesh: &Mesh, edges: &[[u32; 2]], options: &Options) -> Result<(), BuildError> {
-    let vertices = mesh.positions.len();
+fn check_options(vertices: usize, edges: usize, options: &Options) -> Result<(), BuildError> {
     let value = |name: &str, value: f32, holds: bool, remedy: &'static str| match holds {
         true => Ok(()),
         false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
@@ -319,7 +388,7 @@ fn check_options(mesh: &Mesh, edges: &[[u32; 2]], options: &Options) -> Result<(
         each("mass", mass, is_mass, "must be finite and above 0 kg; use `pinned` for a fixed vertex")?;
     }
     if let Some(scale) = &options.edge_scale {
-        length("edge_scale", scale, edges.len(), "edges")?;
+        length("edge_scale", scale, edges, "edges")?;
         each("edge_scale", scale, |x| x >= 0.0 && x.is_finite(), "must be finite and 0 or above")?;
     }
     Ok(())

@@ -36,16 +36,18 @@ pub(crate) struct Length {
     pub longest: f32,
     /// `(S/S*)²`: the share of the stiffness that one sweep in the longest substep carries; 1 where it is resolved.
     pub resolved: f64,
+    /// How often the fabric, the masses or the pins were changed before: what was computed for a length is of that cloth.
+    pub changes: u32,
 }
 
 recorded!(Division { substeps, length });
-recorded!(Length { h, longest, resolved });
+recorded!(Length { h, longest, resolved } but { changes });
 
 impl Length {
     /// Of a substep of which nothing else is known.
     #[cfg(test)]
     pub(crate) fn of(h: f32) -> Length {
-        Length { h, longest: h, resolved: 0.0 }
+        Length { h, longest: h, resolved: 0.0, changes: 0 }
     }
 }
 
@@ -58,12 +60,19 @@ pub(crate) struct Rates {
     loaded: f64,
     /// Substeps a second at the explicit limit; 0 unless the method is explicit.
     explicit: f64,
+    /// [`Length::changes`].
+    changes: u32,
 }
 
 impl Rates {
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Rates {
         let explicit = if options.method == Method::Springs { explicit_rate(cloth, options.fabric) } else { 0.0 };
-        Rates { unit: unit_rate(cloth, |_| 1.0), loaded: unit_rate(cloth, |link| cloth.load_share(link)), explicit }
+        Rates { unit: unit_rate(cloth, |_| 1.0), loaded: unit_rate(cloth, |link| cloth.load_share(link)), explicit, changes: 0 }
+    }
+
+    /// Of a cloth that was changed.
+    pub(crate) fn changed(&self, cloth: &Cloth, options: &Options) -> Rates {
+        Rates { changes: self.changes.wrapping_add(1), ..Rates::new(cloth, options) }
     }
 
     /// Substeps a second that the quality comes to; `count` is what [`Controller`](crate::step::controller::Controller) chose in 1/60 s,
@@ -90,7 +99,7 @@ impl Rates {
         let (substeps, h) = (needed as u32, dt / needed as f32);
         let longest = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
         let resolving = self.resolving(cloth.stretch) * f64::from(longest);
-        Ok(Division { substeps, length: Length { h, longest, resolved: resolving.max(1.0).powi(-2) } })
+        Ok(Division { substeps, length: Length { h, longest, resolved: resolving.max(1.0).powi(-2), changes: self.changes } })
     }
 
     /// Coarse levels to ask for.
