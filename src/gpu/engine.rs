@@ -148,13 +148,7 @@ impl GpuEngine {
     }
 
     /// Goes on as a cloth that was changed, at `x` with its inverse masses; in the same buffers, which renderers hold.
-    pub(crate) fn change(
-        &mut self,
-        cloth: &Cloth,
-        method: Method,
-        change: Change,
-        [x, p]: [&[Vec4]; 2],
-    ) -> Result<(), Failure> {
+    pub(crate) fn change(&mut self, cloth: &Cloth, method: Method, change: Change, [x, p]: [&[Vec4]; 2]) -> Result<(), Failure> {
         self.is_whole()?;
         if change == Change::Stiffness {
             self.forces.forget_springs();

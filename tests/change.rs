@@ -1,0 +1,217 @@
+//! Fabric, masses and pins change while the cloth moves: it is then the cloth that would have been made so, where it was, and moving as it did.
+
+#[macro_use]
+mod common;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Attributes, Backend, ChangeError, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality};
+use common::{FRAME, play, rms};
+
+on_every_backend!(
+    a_changed_cloth_is_one_made_so,
+    a_change_to_the_same_changes_nothing,
+    pins_that_are_let_go_fall_and_pinned_vertices_stay,
+    what_was_changed_outlasts_a_reset,
+    refusals_change_nothing
+);
+
+/// Wind, a ball, and the first pins led.
+fn scene(pins: usize) -> Attributes {
+    let pin_targets = (pins > 0).then(|| (0..pins).map(|pin| Vec3::new(pin as f32 * 0.05 - 0.5, 0.02, -0.5)).collect());
+    let ball = Collider::sphere(Vec3::new(0.0, -0.3, 0.1), 0.2);
+    Attributes { wind: Vec3::new(1.0, 0.0, 3.0), air_density: 1.2, colliders: vec![ball], pin_targets, ..Attributes::default() }
+}
+
+fn options(backend: Backend) -> Options {
+    let fabric = Fabric { bending: 1e-4, damping: 0.03, ..Fabric::COTTON };
+    Options {
+        backend,
+        fabric,
+        quality: Quality::Substeps(12),
+        levels: Levels::Count(2),
+        pinned: vec![0, 20],
+        ..Options::default()
+    }
+}
+
+/// Each change in the middle of a motion gives the cloth that is made so: both are put in one place, and go the same way.
+fn a_changed_cloth_is_one_made_so(backend: Backend) {
+    let mesh = Mesh::grid(21, 21, 1.0, 1.0);
+    let before = options(backend);
+    let stiff = Fabric { stretch: 9000.0, bending: 3e-4, damping: 0.0, ..before.fabric };
+    let heavy = Fabric { density: 0.5, ..before.fabric };
+    let mass: Vec<f32> = (0..441).map(|vertex| 1e-4 * (1.0 + 0.5 * (vertex as f32).sin())).collect();
+    let row: Vec<u32> = (0..21).collect();
+    type Change = Box<dyn Fn(&mut Deformer)>;
+    let changes: Vec<(&str, Options, Change)> = vec![
+        ("stiff", Options { fabric: stiff, ..before.clone() }, Box::new(move |cloth| cloth.set_fabric(stiff).unwrap())),
+        (
+            "limp",
+            Options { fabric: Fabric::default(), ..before.clone() },
+            Box::new(|cloth| {
+                cloth.set_fabric(Fabric::default()).unwrap();
+            }),
+        ),
+        ("heavy", Options { fabric: heavy, ..before.clone() }, Box::new(move |cloth| cloth.set_fabric(heavy).unwrap())),
+        (
+            "mass",
+            Options { mass: Some(mass.clone()), ..before.clone() },
+            Box::new(move |cloth| {
+                cloth.set_mass(Some(mass.clone())).unwrap();
+            }),
+        ),
+        ("row", Options { pinned: row.clone(), ..before.clone() }, Box::new(move |cloth| cloth.set_pinned(row.clone()).unwrap())),
+        ("one", Options { pinned: vec![220], ..before.clone() }, Box::new(|cloth| cloth.set_pinned(vec![220]).unwrap())),
+        (
+            "none",
+            Options { pinned: vec![], ..before.clone() },
+            Box::new(|cloth| {
+                // There and back again, by way of edges between pins.
+                cloth.set_pinned((0..63).collect()).unwrap();
+                cloth.set_pinned(vec![]).unwrap();
+            }),
+        ),
+    ];
+    for (name, after, change) in changes {
+        let mut changed = Deformer::new(&mesh, before.clone()).unwrap();
+        play(&mut changed, 3, &scene(2));
+        change(&mut changed);
+        let (x, v) = (changed.positions().unwrap().to_vec(), changed.velocities().unwrap().to_vec());
+        let mut made = Deformer::new(&mesh, after.clone()).unwrap();
+        for cloth in [&mut changed, &mut made] {
+            cloth.set_state(&x, &v).unwrap();
+            play(cloth, 4, &scene(after.pinned.len().min(21)));
+        }
+        let (changed, made) = (changed.positions().unwrap().to_vec(), made.positions().unwrap().to_vec());
+        let (apart, moved) = (rms(&changed, &made), rms(&made, &x));
+        println!("{name}: {apart} of {moved}");
+        assert!(moved > 0.01, "{name}: nothing moved");
+        // One and the same on a CPU; a GPU adds some sums in another order each time.
+        assert!(if backend == Backend::Gpu { apart < 1e-5 * moved } else { apart == 0.0 }, "{name}: {apart} of {moved}");
+    }
+}
+
+/// And what it does not set it carries over: the motion goes on.
+fn a_change_to_the_same_changes_nothing(backend: Backend) {
+    let mesh = Mesh::grid(13, 13, 1.0, 1.0);
+    let options = Options { levels: Levels::Auto, pinned: vec![0, 12], ..options(backend) };
+    let mut plain = Deformer::new(&mesh, options.clone()).unwrap();
+    play(&mut plain, 8, &scene(2));
+    let mut changed = Deformer::new(&mesh, options.clone()).unwrap();
+    play(&mut changed, 3, &scene(2));
+    changed.set_fabric(options.fabric).unwrap();
+    play(&mut changed, 1, &scene(2));
+    // There and back, through other masses and another order of the edges.
+    changed.set_mass(Some(vec![0.01; 169])).unwrap();
+    changed.set_mass(None).unwrap();
+    play(&mut changed, 1, &scene(2));
+    changed.set_pinned((0..13).collect()).unwrap();
+    changed.set_pinned(vec![0, 12]).unwrap();
+    play(&mut changed, 3, &scene(2));
+    assert_eq!(changed.positions().unwrap(), plain.positions().unwrap());
+}
+
+/// Loose points fall by the closed form from the substep on in which they are let go, at the velocity that they were led by.
+fn pins_that_are_let_go_fall_and_pinned_vertices_stay(backend: Backend) {
+    let mesh = Mesh { positions: (0..4).map(|k| Vec3::X * k as f32).collect(), triangles: vec![] };
+    let options = Options { backend, quality: Quality::Substeps(8), pinned: vec![0, 1], ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    let speed = Vec3::new(0.6, 0.0, 1.2);
+    for frame in 1..=3 {
+        let led = speed * (FRAME * frame as f32);
+        let pin_targets = Some(vec![mesh.positions[0], mesh.positions[1] + led]);
+        cloth.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
+    }
+    let start = cloth.positions().unwrap().to_vec();
+    cloth.set_pinned(vec![3, 0]).unwrap();
+    assert_eq!(cloth.positions().unwrap(), start);
+    play(&mut cloth, 12, &Attributes::default());
+    let end = cloth.positions().unwrap().to_vec();
+    assert_eq!([end[0], end[3]], [start[0], start[3]], "pins stay where they are");
+    // The kick of the first substep is from its middle to the middle of the last, when it was led: half a substep's less than free fall.
+    let (t, h) = (12.0 * FRAME, FRAME / 8.0);
+    let fallen = |t: f32| 0.5 * -9.81 * t * (t + h);
+    let expected = start[1] + speed * t + Vec3::Y * fallen(t);
+    assert!(end[1].distance(expected) < 1e-4, "{} is not {expected}", end[1]);
+    // What fell all the while falls on.
+    let whole = 15.0 * FRAME;
+    assert!((end[2].y + 0.5 * 9.81 * whole * whole).abs() < 2e-3, "{}", end[2]);
+    // Pins are led in the order of the new list.
+    let pin_targets = Some(vec![Vec3::ONE, Vec3::ZERO]);
+    cloth.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
+    let end = cloth.positions().unwrap();
+    assert!(end[3].distance(Vec3::ONE) < 1e-6 && end[0].length() < 1e-6);
+}
+
+fn what_was_changed_outlasts_a_reset(backend: Backend) {
+    let mesh = Mesh::grid(11, 11, 1.0, 1.0);
+    let before = Options { pinned: vec![0, 10], ..options(backend) };
+    let (fabric, pinned) = (Fabric { density: 0.3, ..Fabric::SILK }, vec![5, 0, 1]);
+    let mut changed = Deformer::new(&mesh, before.clone()).unwrap();
+    play(&mut changed, 2, &scene(2));
+    changed.set_fabric(fabric).unwrap();
+    changed.set_pinned(pinned.clone()).unwrap();
+    play(&mut changed, 2, &scene(3));
+    changed.reset();
+    assert_eq!(changed.positions().unwrap(), mesh.positions);
+    let mut made = Deformer::new(&mesh, Options { fabric, pinned, ..before }).unwrap();
+    [&mut changed, &mut made].into_iter().for_each(|cloth| play(cloth, 5, &scene(3)));
+    assert!(rms(changed.positions().unwrap(), made.positions().unwrap()) < 1e-6);
+}
+
+fn refusals_change_nothing(backend: Backend) {
+    let mesh = Mesh::grid(7, 7, 1.0, 1.0);
+    let options = Options { pinned: vec![0, 6], ..options(backend) };
+    let (mut plain, mut cloth) = (Deformer::new(&mesh, options.clone()).unwrap(), Deformer::new(&mesh, options).unwrap());
+    [&mut plain, &mut cloth].into_iter().for_each(|cloth| play(cloth, 3, &scene(2)));
+    let refused = |result: Result<(), ChangeError>, words: &[&str]| {
+        let message = result.unwrap_err().to_string();
+        words.iter().for_each(|word| assert!(message.contains(word), "no {word} in {message}"));
+    };
+    for (name, bad) in [("density", 0.0), ("density", f32::NAN), ("stretch", -1.0), ("bending", f32::INFINITY), ("damping", -0.1)]
+    {
+        let mut fabric = Fabric::COTTON;
+        match name {
+            "density" => fabric.density = bad,
+            "stretch" => fabric.stretch = bad,
+            "bending" => fabric.bending = bad,
+            _ => fabric.damping = bad,
+        }
+        refused(cloth.set_fabric(fabric), &[&format!("fabric.{name} = {bad}"), "must be"]);
+    }
+    refused(cloth.set_mass(Some(vec![1.0; 48])), &["mass has 48 values", "49 vertices"]);
+    refused(cloth.set_mass(Some([vec![1.0; 48], vec![0.0]].concat())), &["mass[48] = 0", "pinned"]);
+    refused(cloth.set_pinned(vec![1, 49]), &["pinned[1] = 49", "49 vertices"]);
+    refused(cloth.set_pinned(vec![1, 2, 1]), &["pinned[2] = 1", "once"]);
+    [&mut plain, &mut cloth].into_iter().for_each(|cloth| play(cloth, 3, &scene(2)));
+    assert_eq!(cloth.positions().unwrap(), plain.positions().unwrap());
+}
+
+/// What depends on the fabric in other ways: springs, and a promise about strain.
+#[test]
+fn springs_and_promises_know_the_new_fabric() {
+    let mesh = Mesh::grid(9, 9, 1.0, 1.0);
+    let soft = Fabric { stretch: 100.0, ..Fabric::default() };
+    let stiff = Fabric { stretch: 900.0, ..Fabric::default() };
+    let options = Options { backend: Backend::Cpu, method: Method::Springs, fabric: soft, ..Options::default() };
+    let mut springs = Deformer::new(&mesh, options.clone()).unwrap();
+    let needs = |cloth: &Deformer| cloth.forecast(FRAME, &Attributes::default()).unwrap().explicit.unwrap();
+    let before = needs(&springs);
+    play(&mut springs, 2, &Attributes::default());
+    springs.set_fabric(stiff).unwrap();
+    assert!((needs(&springs) / before - 3.0).abs() < 1e-3, "the limit goes with the root of the stiffness");
+    play(&mut springs, 2, &Attributes::default());
+    let infinite = Fabric { stretch: f32::INFINITY, ..soft };
+    assert!(springs.set_fabric(infinite).unwrap_err().to_string().contains("SmallSteps"));
+
+    // A woven sheet stretches less under its own weight than a knitted one that it is made of.
+    let knitted = Options { method: Method::SmallSteps, fabric: soft, pinned: (0..9).collect(), ..options };
+    let mut cloth = Deformer::new(&mesh, knitted).unwrap();
+    let damped = Attributes { damping: 3.0, ..Attributes::default() };
+    play(&mut cloth, 150, &damped);
+    let knit = cloth.measure().unwrap().mean_strain;
+    cloth.set_fabric(stiff).unwrap();
+    play(&mut cloth, 150, &damped);
+    let woven = cloth.measure().unwrap().mean_strain;
+    assert!((knit / woven - 9.0).abs() < 1.0, "{knit} and {woven}");
+}
