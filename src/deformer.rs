@@ -9,6 +9,7 @@ mod quality;
 mod sleep;
 mod snapshot;
 mod state;
+mod warp;
 
 pub use forecast::Forecast;
 use sleep::Stillness;

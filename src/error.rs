@@ -309,3 +309,26 @@ pub enum ChangeError {
     #[error(transparent)]
     Step(#[from] StepError),
 }
+
+/// Why [`Deformer::warp`](crate::Deformer::warp) refused. The cloth is where it was before.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum WarpError {
+    /// A motion that does more than turn and move.
+    #[error("motion {problem}: {motion}; give a rotation and a translation")]
+    NotRigid {
+        /// What it does besides.
+        problem: &'static str,
+        /// The motion.
+        motion: Box<glam::Affine3A>,
+    },
+    /// A motion to where positions are no longer computed with.
+    #[error("motion takes vertex {vertex} beyond 1e15 m; move it less far")]
+    TooFar {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// The state could not be read from the GPU.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}

@@ -35,7 +35,7 @@ mod tune;
 pub use attributes::{Attributes, Collider, Shape};
 pub use deformer::{Deformer, Forecast, Snapshot};
 pub use device::Gpu;
-pub use error::{BuildError, ChangeError, Instability, StateError, StepError};
+pub use error::{BuildError, ChangeError, Instability, StateError, StepError, WarpError};
 pub use fabric::Fabric;
 pub use glam;
 #[cfg(all(feature = "gpu", feature = "bench"))]

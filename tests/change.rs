@@ -205,7 +205,8 @@ fn springs_and_promises_know_the_new_fabric() {
     assert!(springs.set_fabric(infinite).unwrap_err().to_string().contains("SmallSteps"));
 
     // A woven sheet stretches less under its own weight than a knitted one that it is made of.
-    let knitted = Options { method: Method::SmallSteps, fabric: soft, pinned: (0..9).collect(), ..options };
+    let knitted =
+        Options { method: Method::SmallSteps, quality: Quality::Substeps(60), fabric: soft, pinned: (0..9).collect(), ..options };
     let mut cloth = Deformer::new(&mesh, knitted).unwrap();
     let damped = Attributes { damping: 3.0, ..Attributes::default() };
     play(&mut cloth, 150, &damped);

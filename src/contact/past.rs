@@ -5,6 +5,7 @@ use glam::Vec4;
 use super::SelfContact;
 use super::detection::{Kind, Listed, Rows, corners};
 use super::paths::Paths;
+use crate::model::rigid::Rigid;
 use crate::record::recorded;
 
 /// As it is written to a file: all that the next substep depends on.
@@ -28,6 +29,14 @@ struct ListedRows {
 
 recorded!(Past { lists, paths, crossings, may_cross, h });
 recorded!(ListedRows { starts, others, thickness, lambda });
+
+impl Past {
+    /// The same of a cloth that was moved as a whole.
+    pub(crate) fn warp(&mut self, rigid: &Rigid) {
+        self.paths.warp(rigid);
+        self.lists.iter_mut().for_each(|rows| rigid.vectors4(&mut rows.lambda));
+    }
+}
 
 impl SelfContact {
     pub(crate) fn past(&self) -> Past {

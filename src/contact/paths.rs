@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::surface::Surface;
 use super::{GRAIN, Path, for_chunks};
 use crate::kernels::integrate::xyz;
+use crate::model::rigid::Rigid;
 use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 
@@ -42,6 +43,12 @@ impl Paths {
         let Paths { from, by, stray, since, .. } = self;
         let counts = [from.len(), by.len(), stray.len()];
         counts == [vertices; 3] || counts == [0; 3] && since.is_none()
+    }
+
+    /// Those of a cloth that was moved as a whole.
+    pub(super) fn warp(&mut self, rigid: &Rigid) {
+        rigid.points4(&mut self.from);
+        rigid.vectors4(&mut self.by);
     }
 
     /// Forgets the state, which was put elsewhere.

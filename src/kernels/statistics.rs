@@ -2,8 +2,9 @@
 //! the same in any order.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 
+use crate::model::rigid::Rigid;
 use crate::record::recorded;
 
 /// Classes of a histogram.
@@ -86,6 +87,18 @@ impl Statistics {
         self.low = std::array::from_fn(|axis| self.low[axis].min(other.low[axis]));
         self.high = std::array::from_fn(|axis| self.high[axis].max(other.high[axis]));
         self
+    }
+
+    /// The same of a cloth that was moved as a whole: the box around it is no smaller than it was, turned.
+    pub(crate) fn warp(&mut self, rigid: &Rigid) {
+        let [low, high] = [self.low, self.high].map(unordered);
+        if !(low.is_finite() && high.is_finite()) {
+            return;
+        }
+        let corner = |k: usize| rigid.point(Vec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low));
+        let around = |(low, high): (Vec3, Vec3), x: Vec3| (low.min(x), high.max(x));
+        let (low, high) = (0..8).map(corner).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), around);
+        (self.low, self.high) = (low.to_array().map(ordered), high.to_array().map(ordered));
     }
 
     /// The stretch that this share of the area does not exceed.

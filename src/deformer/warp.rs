@@ -1,0 +1,54 @@
+//! The whole cloth moved at once, without a kick.
+
+use glam::{Affine3A, Vec4};
+
+use super::Deformer;
+use crate::error::WarpError;
+use crate::limits::MAX_POSITION;
+use crate::model::rigid::Rigid;
+
+impl Deformer {
+    /// Moves the cloth and its pins rigidly, as if the world had moved: a character is teleported, or a scene is put elsewhere. Positions go where
+    /// `motion` takes them (m, in the world), velocities turn with them, and nothing is stretched or kicked; the next step goes on as it would
+    /// have, with what acts on the cloth moved along.
+    ///
+    /// Colliders are not moved: those of the next step arrive where they are, without a velocity. [`Attributes::pin_targets`](crate::Attributes::pin_targets)
+    /// of the next step are to be where the pins are now, or near. The rest shape stays, and with it where [`Deformer::reset`] goes back to.
+    ///
+    /// Takes less than a step; on a GPU it waits for the steps so far, reads them back and writes them.
+    ///
+    /// # Errors
+    /// [`WarpError::NotRigid`] if the motion scales, shears or mirrors by more than rounding, [`WarpError::TooFar`] if a vertex would be beyond 1e15 m, and
+    /// as [`Deformer::positions`]; the cloth is then where it was.
+    pub fn warp(&mut self, motion: Affine3A) -> Result<(), WarpError> {
+        let rigid = Rigid::new(motion, self.cloth.origin);
+        let rigid = rigid.map_err(|problem| WarpError::NotRigid { problem, motion: Box::new(motion) })?;
+        self.look_back()?;
+        self.positions()?;
+        let (mut x, mut p) = (Vec::<Vec4>::new(), Vec::<Vec4>::new());
+        let read = self.engine.read(|from_x, from_p| {
+            x.extend_from_slice(from_x);
+            p.extend_from_slice(from_p);
+        });
+        let past = read.and_then(|()| self.engine.past());
+        let mut past = past.map_err(|failure| self.failed(failure))?;
+        rigid.points4(&mut x);
+        rigid.vectors4(&mut p);
+        let is_out = |x: &Vec4| !x.truncate().abs().cmple(glam::Vec3::splat(MAX_POSITION)).all();
+        if let Some(place) = x.iter().position(is_out) {
+            return Err(WarpError::TooFar { vertex: self.cloth.order[place] as usize });
+        }
+        past.untold.iter_mut().for_each(|seen| seen.warp(&rigid));
+        past.contact.iter_mut().for_each(|contact| contact.warp(&rigid));
+        let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &past);
+        resumed.map_err(|failure| self.failed(failure))?;
+        self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
+        self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
+        self.motion.colliders.clear();
+        self.colliders.clear();
+        self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
+        self.wake();
+        self.shown = false;
+        Ok(())
+    }
+}
