@@ -5,7 +5,7 @@ use glam::Vec4;
 use super::SelfContact;
 use super::detection::{Kind, Listed, Rows, corners};
 use super::paths::Paths;
-use crate::model::rigid::Rigid;
+use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
 
 /// As it is written to a file: all that the next substep depends on.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::surface::Surface;
 use super::{GRAIN, Path, for_chunks};
 use crate::kernels::integrate::xyz;
-use crate::model::rigid::Rigid;
+use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 

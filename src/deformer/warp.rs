@@ -4,8 +4,8 @@ use glam::{Affine3A, Vec4};
 
 use super::Deformer;
 use crate::error::WarpError;
+use crate::kernels::rigid::Rigid;
 use crate::limits::MAX_POSITION;
-use crate::model::rigid::Rigid;
 
 impl Deformer {
     /// Moves the cloth and its pins rigidly, as if the world had moved: a character is teleported, or a scene is put elsewhere. Positions go where

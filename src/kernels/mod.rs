@@ -11,6 +11,7 @@ pub(crate) mod distance;
 pub(crate) mod integrate;
 pub(crate) mod pair;
 pub(crate) mod params;
+pub(crate) mod rigid;
 pub(crate) mod spring;
 pub(crate) mod statistics;
 pub(crate) mod tether;

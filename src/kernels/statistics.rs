@@ -4,7 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{BVec3, Vec3};
 
-use crate::model::rigid::Rigid;
+use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
 
 /// Classes of a histogram.

@@ -6,7 +6,6 @@ pub(crate) mod coloring;
 pub(crate) mod csr;
 pub(crate) mod disjoint_sets;
 pub(crate) mod mesh;
-pub(crate) mod rigid;
 pub(crate) mod strain_gauges;
 pub(crate) mod tethers;
 pub(crate) mod vertex_order;
