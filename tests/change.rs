@@ -15,6 +15,9 @@ on_every_backend!(
     refusals_change_nothing
 );
 
+/// What is done to a cloth.
+type Change = Box<dyn Fn(&mut Deformer)>;
+
 /// Wind, a ball, and the first pins led.
 fn scene(pins: usize) -> Attributes {
     let pin_targets = (pins > 0).then(|| (0..pins).map(|pin| Vec3::new(pin as f32 * 0.05 - 0.5, 0.02, -0.5)).collect());
@@ -42,7 +45,6 @@ fn a_changed_cloth_is_one_made_so(backend: Backend) {
     let heavy = Fabric { density: 0.5, ..before.fabric };
     let mass: Vec<f32> = (0..441).map(|vertex| 1e-4 * (1.0 + 0.5 * (vertex as f32).sin())).collect();
     let row: Vec<u32> = (0..21).collect();
-    type Change = Box<dyn Fn(&mut Deformer)>;
     let changes: Vec<(&str, Options, Change)> = vec![
         ("stiff", Options { fabric: stiff, ..before.clone() }, Box::new(move |cloth| cloth.set_fabric(stiff).unwrap())),
         (
