@@ -213,7 +213,10 @@ impl Engine {
     }
 
     /// Goes on as a cloth that was changed, from the same state with other inverse masses; nothing is changed if it fails.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, clippy::unused_self, reason = "memory is always there"))]
+    #[cfg_attr(
+        not(feature = "gpu"),
+        expect(clippy::unnecessary_wraps, unused_variables, reason = "a GPU may fail, and takes the state")
+    )]
     pub(crate) fn change(
         &mut self,
         cloth: &Cloth,
