@@ -1,10 +1,13 @@
 //! What acts on the cloth during one step, sampled by the caller from anything that moves.
 
 use std::fmt::Display;
+use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3};
 
 use crate::error::StepError;
+use crate::limits::{MAX_POSITION, MAX_VERTICES};
+use crate::model::mesh::Mesh;
 use crate::record::{Recorded, Tape, Unreadable, recorded};
 
 /// Everything outside the cloth that acts on it, sampled once a step.
@@ -58,11 +61,11 @@ impl Default for Attributes {
     }
 }
 
-/// A rigid body the cloth cannot enter.
+/// A body that the cloth cannot enter.
 ///
 /// A plain struct, made by [`Collider::sphere`] and its like, or written with `..Collider::default()`, neither of which the next
 /// version's fields break.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Collider {
     /// Its surface.
     pub shape: Shape,
@@ -76,7 +79,7 @@ pub struct Collider {
 }
 
 /// The surface of a [`Collider`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Shape {
     /// A ball.
@@ -125,6 +128,11 @@ pub enum Shape {
         /// Radius of its edges and corners (m), from 0 (sharp) to the least of `half`.
         radius: f32,
     },
+    /// A surface of triangles, open or closed, which the cloth is held off from on both sides: see [`Collider::mesh`].
+    Mesh {
+        /// Its vertices where they are at the end of the step (m), and its triangles.
+        mesh: Arc<Mesh>,
+    },
 }
 
 impl Default for Collider {
@@ -170,6 +178,22 @@ impl Collider {
         Collider::of(Shape::RoundedBox { center, half, rotation, radius })
     }
 
+    /// A mesh whose vertices are here at the end of the step (m); friction 0.3. Its triangles stay the same as long as it is known from step to
+    /// step, by its [`id`](Collider::id) or place; its vertices may move as they like, and go straight ahead during the step.
+    ///
+    /// Cloth is held off from it by the thickness of [`Options::contact`](crate::Options::contact), or that of
+    /// [`Contact::default`](crate::Contact) where the cloth has no contact with itself: from both sides, for a mesh has no inside, so thin parts
+    /// and open ones hold as well; its edges and the cloth's as well as its vertices. Nothing comes through, if nothing does where it appears
+    /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and what is led moves no faster than the substeps resolve
+    /// ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). Not on the GPU yet, where a step refuses it.
+    ///
+    /// The mesh of the last step is kept to see where it comes from: give a new one in each step in which it moves, the same `Arc` where it
+    /// does not, which costs less.
+    #[must_use]
+    pub fn mesh(mesh: Arc<Mesh>) -> Collider {
+        Collider::of(Shape::Mesh { mesh })
+    }
+
     fn of(shape: Shape) -> Collider {
         Collider { shape, friction: Collider::FRICTION, id: None, teleported: false }
     }
@@ -192,7 +216,7 @@ impl Collider {
         Collider { friction, ..self }
     }
 
-    /// Signed distance (m) from the surface to `point` (m), negative inside.
+    /// Signed distance (m) from the surface to `point` (m), negative inside. A mesh has no inside; of it all triangles are looked at.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
         self.depth_from(point.as_dvec3()) as f32
@@ -226,10 +250,20 @@ impl Collider {
                 let beyond = local.abs() - (half.as_dvec3() - f64::from(radius));
                 beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0) - f64::from(radius)
             }
+            Shape::Mesh { ref mesh } => mesh.distance(x),
         }
     }
 
-    /// The same collider in coordinates that begin at `origin`.
+    /// Whether this may have moved to where another is: all may but a mesh, to one of other triangles.
+    pub(crate) fn is_followed_by(&self, now: &Collider) -> bool {
+        match (&self.shape, &now.shape) {
+            (Shape::Mesh { mesh }, Shape::Mesh { mesh: now }) => mesh.has_triangles_of(now),
+            (Shape::Mesh { .. }, _) | (_, Shape::Mesh { .. }) => false,
+            _ => true,
+        }
+    }
+
+    /// The same collider in coordinates that begin at `origin`, but for a mesh.
     pub(crate) fn relative_to(&self, origin: Vec3) -> Collider {
         let shape = match self.shape {
             Shape::Sphere { center, radius } => Shape::Sphere { center: center - origin, radius },
@@ -241,6 +275,8 @@ impl Collider {
             Shape::RoundedBox { center, half, rotation, radius } => {
                 Shape::RoundedBox { center: center - origin, half, rotation, radius }
             }
+            // Its vertices are many: who takes them subtracts the origin.
+            Shape::Mesh { ref mesh } => Shape::Mesh { mesh: Arc::clone(mesh) },
         };
         Collider { shape, ..*self }
     }
@@ -327,11 +363,39 @@ impl Collider {
                 }
                 Ok(())
             }
+            Shape::Mesh { ref mesh } => validate_mesh(index, mesh),
         }
     }
 }
 
-fn invalid(name: impl Display, value: impl Display, remedy: impl Display) -> StepError {
+fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
+    let Mesh { positions, triangles } = mesh;
+    if triangles.is_empty() {
+        return Err(invalid(
+            format_args!("colliders[{index}].mesh"),
+            "a mesh without triangles",
+            "has no surface; give it one, or leave it out",
+        ));
+    }
+    if positions.len() > MAX_VERTICES {
+        let remedy = format_args!("has more than {MAX_VERTICES}; split it");
+        return Err(invalid(format_args!("colliders[{index}].mesh: vertices"), positions.len(), remedy));
+    }
+    let inside = |x: &Vec3| x.abs().cmple(Vec3::splat(MAX_POSITION)).all();
+    if let Some(vertex) = positions.iter().position(|x| !inside(x)) {
+        let name = format_args!("colliders[{index}].mesh.positions[{vertex}]");
+        return Err(invalid(name, positions[vertex], "must be finite and within 1e15 m"));
+    }
+    let names_others = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= positions.len());
+    if let Some(triangle) = triangles.iter().position(names_others) {
+        let name = format_args!("colliders[{index}].mesh.triangles[{triangle}]");
+        let remedy = format_args!("names a vertex that it lacks: it has {}, numbered from 0", positions.len());
+        return Err(invalid(name, format_args!("{:?}", triangles[triangle]), remedy));
+    }
+    Ok(())
+}
+
+pub(crate) fn invalid(name: impl Display, value: impl Display, remedy: impl Display) -> StepError {
     StepError::Attribute { name: name.to_string(), value: value.to_string(), remedy: remedy.to_string() }
 }
 
@@ -354,6 +418,7 @@ impl Recorded for Shape {
             Shape::Capsule { .. } => 2,
             Shape::TaperedCapsule { .. } => 3,
             Shape::RoundedBox { .. } => 4,
+            Shape::Mesh { .. } => 5,
         };
         kind.record(tape)?;
         if let Tape::In(_) = tape {
@@ -364,6 +429,7 @@ impl Recorded for Shape {
                 2 => Shape::Capsule { a: zero, b: zero, radius },
                 3 => Shape::TaperedCapsule { a: zero, radius_a: radius, b: zero, radius_b: radius },
                 4 => Shape::RoundedBox { center: zero, half: zero, rotation, radius },
+                5 => Shape::Mesh { mesh: Arc::default() },
                 _ => return Err(Unreadable),
             };
         }
@@ -373,6 +439,7 @@ impl Recorded for Shape {
             Shape::Capsule { a, b, radius } => vec![a, b, radius],
             Shape::TaperedCapsule { a, radius_a, b, radius_b } => vec![a, radius_a, b, radius_b],
             Shape::RoundedBox { center, half, rotation, radius } => vec![center, half, rotation, radius],
+            Shape::Mesh { mesh } => vec![mesh],
         };
         parts.into_iter().try_for_each(|part| part.record(tape))
     }

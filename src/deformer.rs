@@ -4,6 +4,7 @@
 #[cfg(feature = "bench")]
 mod bench;
 mod change;
+mod contact;
 mod forecast;
 mod quality;
 mod sleep;
@@ -198,9 +199,12 @@ impl Deformer {
             return Err(StepError::TimeStep { dt });
         }
         attributes.validate(self.cloth.pinned.len())?;
-        let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref());
+        self.motion.check(&attributes.colliders)?;
+        let thickness = self.contact_thickness(attributes)?;
+        let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
         let controller = self.controlled(dt, &load);
         let rate = self.rates.rate(&self.options, controller.count());
+        let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.led_speed)));
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         Ok(Taken { dt, load, controller, rate, division, levels })
@@ -258,7 +262,7 @@ impl Deformer {
         self.gravity = attributes.gravity;
         self.shown = false;
         let mut warnings = self.warnings(dt, substeps, limited, self.meeting.1);
-        warnings.extend(self.crossing_warning());
+        warnings.extend(self.contact_warnings(&taken, attributes));
         let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let contacts = self.engine.contact().map_or(0, |contact| contact.tally.contacts);

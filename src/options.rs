@@ -175,11 +175,12 @@ pub struct Options {
 
 /// Contact of cloth with cloth.
 ///
-/// No edge ever comes through a triangle, if none does at the start and pins move by no more than a third of the thickness in a substep. A
-/// start with crossings is reported ([`Warning::Crossings`]); what crosses is let go until it parts.
+/// No edge ever comes through a triangle, if none does at the start and pins move by no more than a third of the thickness in a substep
+/// against one another ([`Warning::ContactOutruns`]). A start with crossings is reported ([`Warning::Crossings`]); what crosses is let go until it parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// How far apart cloth is held (m), above 0; less where it is finer than that: half the distance at rest.
+    /// How far apart cloth is held (m), above 0, from itself and from mesh colliders; less from itself where it is finer than that: half the
+    /// distance at rest.
     pub thickness: f32,
     /// Coulomb's coefficient of friction of cloth on cloth, 0 or above.
     pub friction: f32,
@@ -313,6 +314,24 @@ pub enum Warning {
         speed: f32,
         /// The speed (m/s) of an edge a substep.
         carried: f32,
+    },
+    /// Pins or mesh colliders move against one another by more than a third of the thickness in a substep: what is caught between them may be
+    /// gone through. Take more substeps ([`Quality::Strain`] takes up to 256 in 1/60 s for this), a larger
+    /// [`Contact::thickness`], or lead them more slowly.
+    ContactOutruns {
+        /// How fast (m/s) the fastest moves against the middle between the extremes of all their velocities: what moves all of them alike is
+        /// no trouble.
+        speed: f32,
+        /// How fast (m/s) it may.
+        resolved: f32,
+    },
+    /// Edges and triangles of the cloth and of a mesh collider go through one another, as they did where either appeared. They are let go until
+    /// they part, and then held.
+    BodyCrossings {
+        /// Number of pairs of an edge and a triangle, with all mesh colliders.
+        pairs: usize,
+        /// The first such collider, by its place in [`Attributes::colliders`](crate::Attributes::colliders).
+        collider: usize,
     },
     /// Edges go through triangles of the cloth, as they did where the state was set ([`Options::contact`]). They are let go until they part, and
     /// then held.

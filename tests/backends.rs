@@ -136,7 +136,7 @@ fn moved(attributes: &Attributes, frame: u32) -> Attributes {
     let t = frame as f32;
     let by = Vec3::new(0.01, 0.004, -0.006) * t;
     let shift = |collider: &Collider| {
-        let shape = match collider.shape {
+        let shape = match collider.shape.clone() {
             Shape::Sphere { center, radius } => Shape::Sphere { center: center + by, radius: radius + 0.003 * t },
             Shape::Plane { point, normal } => Shape::Plane { point: point + 0.3 * by, normal },
             Shape::Capsule { a, b, radius } => Shape::Capsule { a: a + by, b: b - 0.5 * by, radius: radius + 0.002 * t },

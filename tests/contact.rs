@@ -236,7 +236,7 @@ fn nothing_tunnels(backend: Backend) {
             let options = Options { backend, quality: Quality::Substeps(1), ..Options::default() };
             let mut deformer = Deformer::new(&mesh, options).unwrap();
             deformer.set_state(&mesh.positions, &[Vec3::new(0.0, -speed, 0.0); 25]).unwrap();
-            let attributes = Attributes { gravity: Vec3::ZERO, colliders: vec![shape], ..Attributes::default() };
+            let attributes = Attributes { gravity: Vec3::ZERO, colliders: vec![shape.clone()], ..Attributes::default() };
             let mut last = mesh.positions.clone();
             let mut touched = 0;
             for _ in 0..=(0.8 / (speed * h)).ceil() as u32 {

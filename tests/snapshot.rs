@@ -160,6 +160,23 @@ fn a_folded_cloth_in_contact_goes_on() {
     scene.goes_on(&[21, 24], 28);
 }
 
+/// Bodies that are meshes are a part of the past as well: where they were left, and what they hold.
+#[test]
+fn a_cloth_on_a_mesh_goes_on() {
+    let mut mesh = Mesh::grid(13, 13, 0.5, 0.5);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.02 + 0.001 * (50.0 * x.x).sin());
+    let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(10), ..Options::default() };
+    let attributes = |frame| {
+        let mut body = Mesh::grid(4, 4, 0.7, 0.7);
+        body.positions.iter_mut().for_each(|x| *x += Vec3::new(0.01, 0.003, 0.0) * frame as f32);
+        Attributes { colliders: vec![Collider::mesh(body.into()).with_id(3)], ..Attributes::default() }
+    };
+    let scene = Scene { mesh, options, attributes };
+    let mut cloth = scene.cloth();
+    assert!(scene.play(&mut cloth, 0..12).last().unwrap().0.contacts > 20, "nothing touches");
+    scene.goes_on(&[9, 12], 16);
+}
+
 /// How fast a cloth was thrown is a part of its past: by what it would be otherwise explained by, such a speed is none.
 #[test]
 fn a_thrown_cloth_flies_on() {

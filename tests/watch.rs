@@ -262,7 +262,7 @@ fn what_outruns_the_substeps_is_warned_of() {
         assert!((speed / (60.0 * by) - 1.0).abs() < 1e-3 && (of_ball / (60.0 * by) - 1.0).abs() < 1e-3, "{warnings:?}");
         assert!((carried / (600.0 * diagonal) - 1.0).abs() < 1e-3 && carried == by_substeps, "{warnings:?}");
         let mut put = scene(a + by * Vec3::Y, 0.0);
-        put.colliders[1] = put.colliders[1].teleported();
+        put.colliders[1] = put.colliders[1].clone().teleported();
         assert_eq!(deformer.step(FRAME, &put).unwrap().warnings, [], "what is put there has no speed");
     }
 }

@@ -60,8 +60,8 @@ fn towel() -> Scene {
     let mut mesh = Mesh::grid(64, 64, 1.0, 1.0);
     mesh.positions.iter_mut().for_each(|x| x.y += 0.6);
     let ball = Collider::sphere(Vec3::new(0.0, 0.2, 0.0), 0.3);
-    let floor = Collider::plane(Vec3::new(0.0, -0.5, 0.0), Vec3::Y);
-    let script = move |_| Attributes { colliders: vec![ball, floor], ..Attributes::default() };
+    let colliders = vec![ball, Collider::plane(Vec3::new(0.0, -0.5, 0.0), Vec3::Y)];
+    let script = move |_| Attributes { colliders: colliders.clone(), ..Attributes::default() };
     Scene { name: "towel", mesh, options: options(Fabric::COTTON, vec![]), frames: 120, script: Box::new(script) }
 }
 

@@ -1,5 +1,7 @@
 //! Boxes around features, coordinate by coordinate, so that one is compared with as many others as there are lanes.
 
+use std::ops::Range;
+
 use glam::Vec3A;
 use rayon::prelude::*;
 
@@ -13,13 +15,15 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// Bounds so many features, a coordinate's share of which `of` gives by its number and theirs; coordinates are shared by threads.
-    pub(super) fn bound(&mut self, count: usize, is_shared: bool, of: impl Fn(usize, usize) -> [f32; 2] + Sync) {
+    /// Bounds some features, a coordinate of which `of` bounds by its number and theirs; coordinates are shared by threads.
+    pub(super) fn bound(&mut self, items: Range<usize>, is_shared: bool, of: impl Fn(usize, usize) -> [f32; 2] + Sync) {
         let fill = |(axis, (low, high)): (usize, (&mut Vec<f32>, &mut Vec<f32>))| {
             // Groups of as many as lanes end past the last.
-            low.resize(count + MAX_LANES, 0.0);
-            high.resize(count + MAX_LANES, 0.0);
-            for (item, (low, high)) in low[..count].iter_mut().zip(&mut high[..count]).enumerate() {
+            let count = low.len().max(items.end + MAX_LANES);
+            low.resize(count, 0.0);
+            high.resize(count, 0.0);
+            let [low, high] = [&mut low[items.clone()], &mut high[items.clone()]];
+            for (item, (low, high)) in items.clone().zip(low.iter_mut().zip(high)) {
                 [*low, *high] = of(axis, item);
             }
         };

@@ -6,8 +6,13 @@ use super::detection::{Kind, Listed};
 use super::surface::Surface;
 
 /// Pairs of an edge and a triangle, by their places in the lists, that share no vertex and go through one another where the vertices are at
-/// `x` (m); in order.
-pub(crate) fn crossings(edges: &[[u32; 2]], triangles: &[[u32; 3]], x: &[Vec4]) -> Vec<[u32; 2]> {
+/// `x` (m), of those of which `may_meet` is true of a vertex of each; in order.
+pub(crate) fn crossings(
+    edges: &[[u32; 2]],
+    triangles: &[[u32; 3]],
+    x: &[Vec4],
+    may_meet: impl Fn(u32, u32) -> bool,
+) -> Vec<[u32; 2]> {
     let at = |vertex: u32| x[vertex as usize].truncate();
     let (low, high) = triangles.iter().flatten().map(|&v| at(v)).fold((at(0), at(0)), |(low, high), x| (low.min(x), high.max(x)));
     let extent = high - low;
@@ -47,7 +52,7 @@ pub(crate) fn crossings(edges: &[[u32; 2]], triangles: &[[u32; 3]], x: &[Vec4]) 
             let corners = triangles[triangle as usize];
             let [a, b, c] = corners.map(at);
             let is_near = a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all();
-            if is_near && !ends.iter().any(|end| corners.contains(end)) {
+            if is_near && may_meet(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end)) {
                 let double = |v: u32| at(v).as_dvec3();
                 if goes_through(ends.map(double), corners.map(double)) {
                     found.push([edge, triangle]);
@@ -77,9 +82,14 @@ pub(super) struct LetGo {
 }
 
 impl LetGo {
-    /// Looks for crossings.
-    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
-        self.take(crossings(&surface.edges, &surface.triangles, x), surface);
+    /// Looks for crossings: of the cloth with itself, if it meets itself, and with bodies.
+    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool) {
+        let owner = |vertex: u32| surface.owner[vertex as usize];
+        let may_meet = |a: u32, b: u32| match (owner(a), owner(b)) {
+            (0, 0) => meets_itself,
+            (a, b) => a == 0 || b == 0,
+        };
+        self.take(crossings(&surface.edges, &surface.triangles, x, may_meet), surface);
     }
 
     /// Takes what crosses.

@@ -4,6 +4,8 @@
 //! than its thickness, what either may stray from its path ([`Path::stray`]) and half of what they move against each other is not met, and
 //! not listed. When a vertex strays farther, everything is detected again. A list is as long as it need be: nothing is dropped.
 
+use std::ops::Range;
+
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
 
@@ -71,7 +73,8 @@ struct Found {
 /// Buffers, kept from detection to detection.
 #[derive(Debug, Default)]
 pub(super) struct Detection {
-    leaves: Vec<[u32; 2]>,
+    /// Pairs of leaves of the cloth, and of a leaf of the cloth and one of the bodies.
+    leaves: [Vec<[u32; 2]>; 2],
     /// Vertices in the middle of their paths (m), w what they may stray from them.
     middle: Vec<Vec4>,
     /// Boxes around all that triangles, edges and vertices may stray to from there.
@@ -84,7 +87,10 @@ pub(super) struct Detection {
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub surface: &'a Surface,
-    pub rest: &'a [Vec4],
+    /// Whether the cloth meets itself.
+    pub meets_itself: bool,
+    /// Whether bodies are where they were when detection looked last.
+    pub bodies_rest: bool,
     pub path: Path<'a>,
     pub look: Look,
     /// Thickness (m) of what is far apart at rest.
@@ -98,39 +104,58 @@ impl Detection {
     pub(super) fn run(
         &mut self,
         scene: Scene<'_>,
-        tree: &mut Tree,
+        [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
         is_let_go: impl Fn(Kind, u32, &Listed) -> bool,
     ) -> Result<(), usize> {
-        self.bound(&scene);
-        tree.refit(scene.surface, &self.boxes[TRIANGLES], scene.path, scene.look.substeps);
-        tree.walk(scene.look, scene.path.is_shared, &mut self.leaves);
-        if self.leaves.len() > CROWD[0] + (CROWD[1] << scene.surface.leaves.depth) {
-            return Err(self.leaves.len());
+        let Scene { surface, path, look, .. } = scene;
+        self.move_on(&scene);
+        for (tree, rests) in [(&mut *cloth, false), (&mut *bodies, scene.bodies_rest)] {
+            if !rests {
+                self.bound(&scene, tree.leaves.all());
+                tree.refit(surface, &self.boxes[TRIANGLES], path, look.substeps);
+            }
         }
-        let tasks = self.leaves.len().div_ceil(GRAIN);
+        let [own, across] = &mut self.leaves;
+        own.clear();
+        across.clear();
+        if scene.meets_itself {
+            cloth.walk(look, path.is_shared, own);
+        }
+        if surface.has_bodies() {
+            cloth.walk_across(bodies, look, path.is_shared, across);
+        }
+        let pairs = own.len() + across.len();
+        if pairs > CROWD[0] + (CROWD[1] << cloth.leaves.depth.max(bodies.leaves.depth)) {
+            return Err(pairs);
+        }
+        let tasks = own.len().div_ceil(GRAIN) + across.len().div_ceil(GRAIN);
         if self.found.len() < tasks {
             self.found.resize_with(tasks, Found::default);
         }
-        let (tree, middle, boxes) = (&*tree, &self.middle, &self.boxes);
-        let look = |(found, leaves): (&mut Found, &[[u32; 2]])| {
-            found.near.iter_mut().for_each(Vec::clear);
-            found.listed.iter_mut().for_each(Vec::clear);
-            simd::run(scene.width, Candidates { scene: &scene, boxes, tree, leaves, near: &mut found.near });
-            for kind in Kind::ALL {
-                let (near, listed) = (&found.near[kind as usize], &mut found.listed[kind as usize]);
-                simd::run(scene.width, Measure { scene: &scene, middle, kind, near, listed });
+        let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
+        let (found_own, found_across) = self.found[..tasks].split_at_mut(own.len().div_ceil(GRAIN));
+        for (leaves, found, other) in [(&*own, found_own, cloth), (&*across, found_across, bodies)] {
+            let look = |(found, leaves): (&mut Found, &[[u32; 2]])| {
+                found.near.iter_mut().for_each(Vec::clear);
+                found.listed.iter_mut().for_each(Vec::clear);
+                let (is_own, near) = (std::ptr::eq(cloth, other), &mut found.near);
+                simd::run(scene.width, Candidates { scene: &scene, boxes, trees: [cloth, other], is_own, leaves, near });
+                for kind in Kind::ALL {
+                    let (near, listed) = (&found.near[kind as usize], &mut found.listed[kind as usize]);
+                    simd::run(scene.width, Measure { scene: &scene, middle, kind, near, listed });
+                }
+            };
+            if path.is_shared && found.len() > 1 {
+                found.par_iter_mut().zip(leaves.par_chunks(GRAIN)).for_each(look);
+            } else {
+                found.iter_mut().zip(leaves.chunks(GRAIN)).for_each(look);
             }
-        };
-        if scene.path.is_shared && tasks > 1 {
-            self.found[..tasks].par_iter_mut().zip(self.leaves.par_chunks(GRAIN)).for_each(look);
-        } else {
-            self.found[..tasks].iter_mut().zip(self.leaves.chunks(GRAIN)).for_each(look);
         }
         for kind in Kind::ALL {
             let rows = match kind {
-                Kind::VertexTriangle => scene.path.x.len(),
-                Kind::EdgeEdge => scene.surface.edges.len(),
+                Kind::VertexTriangle => path.x.len(),
+                Kind::EdgeEdge => surface.edges.len(),
             };
             let found = &self.found[..tasks];
             let found = || {
@@ -141,14 +166,19 @@ impl Detection {
         Ok(())
     }
 
-    /// Puts everything in the middle of its path.
-    fn bound(&mut self, scene: &Scene<'_>) {
-        let Scene { surface, path, look, .. } = *scene;
+    /// Puts all vertices in the middle of their paths.
+    fn move_on(&mut self, scene: &Scene<'_>) {
+        let Scene { path, look, .. } = *scene;
         self.middle.resize(path.x.len(), Vec4::ZERO);
         for_chunks(path.is_shared, &mut self.middle, GROUP, |first, middle| {
             let state = path.x[first..].iter().zip(&path.u[first..]).zip(&path.stray[first..]);
             middle.iter_mut().zip(state).for_each(|(y, ((&x, &u), &stray))| *y = (x + u * (0.5 * look.substeps)).with_w(stray));
         });
+    }
+
+    /// Bounds some triangles, edges and vertices there.
+    fn bound(&mut self, scene: &Scene<'_>, [triangles, edges, vertices]: [Range<usize>; 3]) {
+        let Scene { surface, path, .. } = *scene;
         let middle = &self.middle;
         let around = |axis: usize, vertices: &[u32]| {
             vertices.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], &vertex| {
@@ -156,11 +186,10 @@ impl Detection {
                 [low.min(y[axis] - y.w), high.max(y[axis] + y.w)]
             })
         };
-        let [triangles, edges, vertices] = &mut self.boxes;
-        triangles.bound(surface.triangles.len(), path.is_shared, |axis, item| around(axis, &surface.triangles[item]));
-        edges.bound(surface.edges.len(), path.is_shared, |axis, item| around(axis, &surface.edges[item]));
-        let order = &surface.leaves.order;
-        vertices.bound(order.len(), path.is_shared, |axis, item| around(axis, &order[item..=item]));
+        let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
+        of_triangles.bound(triangles, path.is_shared, |axis, item| around(axis, &surface.triangles[item]));
+        of_edges.bound(edges, path.is_shared, |axis, item| around(axis, &surface.edges[item]));
+        of_vertices.bound(vertices, path.is_shared, |axis, item| around(axis, &surface.order[item..=item]));
     }
 }
 
@@ -216,7 +245,9 @@ impl Rows {
 struct Candidates<'a> {
     scene: &'a Scene<'a>,
     boxes: &'a [Boxes; 3],
-    tree: &'a Tree,
+    trees: [&'a Tree; 2],
+    /// The trees are one.
+    is_own: bool,
     leaves: &'a [[u32; 2]],
     near: &'a mut [Vec<[u32; 2]>; 2],
 }
@@ -224,18 +255,23 @@ struct Candidates<'a> {
 impl Loop for Candidates<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Candidates { scene, boxes, tree, leaves, near } = self;
+        let Candidates { scene, boxes, trees: [cloth, others], is_own, leaves, near } = self;
         let surface = scene.surface;
-        let first = 1_usize << surface.leaves.depth;
         let [vertex_triangle, edge_edge] = near;
         for &[a, b] in leaves {
-            let (one, other) = (&tree.nodes[first + a as usize], &tree.nodes[first + b as usize]);
+            let (one, other) = (cloth.leaf(a), others.leaf(b));
             let reach = one.reach(other, scene.look.margin, scene.look.substeps);
-            pierce::<L>(surface, boxes, [a, b], other.place, reach, vertex_triangle);
-            if a != b {
-                pierce::<L>(surface, boxes, [b, a], one.place, reach, vertex_triangle);
+            let (of_a, of_b) = (&cloth.leaves, &others.leaves);
+            let [a, b] = [a as usize, b as usize];
+            let is_one = is_own && a == b;
+            let (vertices, triangles) = (of_a.vertices_of(a), of_b.triangles_of(b));
+            pierce::<L>(surface, boxes, [vertices, triangles], grown(other.place, reach), reach, vertex_triangle);
+            if !is_one {
+                let (vertices, triangles) = (of_b.vertices_of(b), of_a.triangles_of(a));
+                pierce::<L>(surface, boxes, [vertices, triangles], grown(one.place, reach), reach, vertex_triangle);
             }
-            meet::<L>(surface, &boxes[EDGES], [a, b], other.place, reach, edge_edge);
+            let edges = [of_a.edges_of(a), of_b.edges_of(b)];
+            meet::<L>(surface, &boxes[EDGES], edges, is_one, grown(other.place, reach), reach, edge_edge);
         }
     }
 }
@@ -246,23 +282,22 @@ fn grown([low, high]: [Vec3A; 2], by: Vec3A) -> [Vec3A; 2] {
     [low - by, high + by]
 }
 
-/// Pairs of the vertices of one leaf and the triangles of another, which are within `place`.
+/// Pairs of some vertices and triangles, which are within reach of `place`.
 #[inline(always)]
 fn pierce<L: Registers>(
     surface: &Surface,
     boxes: &[Boxes; 3],
-    [a, b]: [u32; 2],
+    [vertices, triangles]: [Range<usize>; 2],
     place: [Vec3A; 2],
     reach: Vec3A,
     near: &mut Vec<[u32; 2]>,
 ) {
-    let (vertices, triangles) = (surface.leaves.vertices_of(a as usize), surface.leaves.triangles_of(b as usize));
     for first in vertices.clone().step_by(L::LANES) {
-        let mut left = boxes[VERTICES].touching::<L>(first, vertices.end - first, grown(place, reach));
+        let mut left = boxes[VERTICES].touching::<L>(first, vertices.end - first, place);
         while left != 0 {
             let item = first + left.trailing_zeros() as usize;
             left &= left - 1;
-            let (vertex, around) = (surface.leaves.order[item], grown(boxes[VERTICES].get(item), reach));
+            let (vertex, around) = (surface.order[item], grown(boxes[VERTICES].get(item), reach));
             for first in triangles.clone().step_by(L::LANES) {
                 let mut found = boxes[TRIANGLES].touching::<L>(first, triangles.end - first, around);
                 while found != 0 {
@@ -277,25 +312,25 @@ fn pierce<L: Registers>(
     }
 }
 
-/// Pairs of the edges of one leaf and those of another, which are within `place`.
+/// Pairs of some edges and others, which are within reach of `place`, or of the same edges.
 #[inline(always)]
 fn meet<L: Registers>(
     surface: &Surface,
     boxes: &Boxes,
-    [a, b]: [u32; 2],
+    [edges, others]: [Range<usize>; 2],
+    is_one: bool,
     place: [Vec3A; 2],
     reach: Vec3A,
     near: &mut Vec<[u32; 2]>,
 ) {
-    let (edges, others) = (surface.leaves.edges_of(a as usize), surface.leaves.edges_of(b as usize));
     for first in edges.clone().step_by(L::LANES) {
-        let mut left = boxes.touching::<L>(first, edges.end - first, grown(place, reach));
+        let mut left = boxes.touching::<L>(first, edges.end - first, place);
         while left != 0 {
             let edge = first + left.trailing_zeros() as usize;
             left &= left - 1;
             let ([i, j], around) = (surface.edges[edge], grown(boxes.get(edge), reach));
-            // Of one leaf each pair is looked at once.
-            let start = if a == b { edge + 1 } else { others.start };
+            // Of the same edges each pair is looked at once.
+            let start = if is_one { edge + 1 } else { others.start };
             for first in (start..others.end).step_by(L::LANES) {
                 let mut found = boxes.touching::<L>(first, others.end - first, around);
                 while found != 0 {
@@ -358,7 +393,7 @@ impl Loop for Measure<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let Measure { scene, middle, kind, near, listed } = self;
-        let Scene { surface, rest, path, look, thickness, .. } = *scene;
+        let Scene { surface, path, look, thickness, .. } = *scene;
         let half = L::splat(0.5 * look.substeps);
         for group in near.chunks(L::LANES) {
             let mut places = [corners(surface, kind, group[0]); MAX_LANES];
@@ -382,7 +417,7 @@ impl Loop for Measure<'_> {
             if L::all(L::splat(thickness).lt(left)) {
                 continue;
             }
-            let x = corners_of::<L>(rest, &places);
+            let x = corners_of::<L>(&surface.rest, &places);
             let apart = between(closest(kind, x), x);
             let at_rest = apart.dot(apart).sqrt();
             let mut numbers = [Vec4::ZERO; MAX_LANES];

@@ -1,4 +1,4 @@
-//! Contact of cloth with itself: of each piece with itself and with the others.
+//! Contact of cloth with itself, of each piece with itself and with the others, and with bodies that are meshes.
 //!
 //! # Theory
 //! The state is held free of crossings, rather than mended. [`detection`] lists what may meet within some substeps ([`tree`]).
@@ -9,6 +9,7 @@
 //! Between the sweep and the move ([`SelfContact::resolve`]); loops over vertices, pairs and leaves, each of which writes what is its own and
 //! gathers what is others', in an order that does not depend on threads.
 
+mod bodies;
 mod boxes;
 pub(crate) mod crossings;
 mod detection;
@@ -22,18 +23,21 @@ mod tree;
 mod truncation;
 mod vertices;
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use glam::{Vec3A, Vec4};
+use glam::{DVec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};
 use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
+use bodies::Bodies;
 use crossings::LetGo;
 use detection::{Detection, Rows, Scene};
 use near::{Contacts, Start};
@@ -75,8 +79,12 @@ pub(crate) struct Tally {
 #[derive(Debug)]
 pub(crate) struct SelfContact {
     options: Contact,
+    /// Whether the cloth meets itself, or bodies alone.
+    meets_itself: bool,
     surface: Surface,
-    tree: Tree,
+    /// Over the cloth, and over the bodies.
+    trees: [Tree; 2],
+    bodies: Bodies,
     lists: [Rows; 2],
     detection: Detection,
     contacts: Contacts,
@@ -95,13 +103,19 @@ pub(crate) struct SelfContact {
 
 impl SelfContact {
     /// None if the cloth has no triangles.
-    pub(crate) fn new(cloth: &Cloth, options: Contact) -> Option<SelfContact> {
-        let surface = Surface::new(cloth, options.thickness)?;
-        let tree = Tree::new(&surface);
+    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<SelfContact> {
+        let options = contact.unwrap_or_default();
+        let (mut surface, leaves) = Surface::new(cloth, options.thickness)?;
+        let of_cloth = Tree::of_cloth(&surface, leaves);
+        let first = surface.rest.len();
+        let leaves = surface.add_bodies(&meshes, options.thickness);
+        let bodies = Bodies::new(first, meshes);
         Some(SelfContact {
             options,
-            tree,
+            meets_itself: contact.is_some(),
             surface,
+            trees: [of_cloth, Tree::of_bodies(leaves)],
+            bodies,
             lists: Default::default(),
             detection: Detection::default(),
             contacts: Contacts::default(),
@@ -115,6 +129,16 @@ impl SelfContact {
         })
     }
 
+    /// Whether it is of these bodies.
+    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+        self.bodies.are(meshes)
+    }
+
+    /// Vertices, those of bodies included, that the state must have room for.
+    pub(crate) fn vertices(&self) -> usize {
+        self.surface.rest.len()
+    }
+
     /// Forgets what it knows of the state, which was put elsewhere.
     pub(crate) fn forget(&mut self) {
         self.may_cross = true;
@@ -123,17 +147,34 @@ impl SelfContact {
         self.lists.iter_mut().for_each(Rows::clear);
     }
 
-    /// Edges that go through triangles where detection looked last, by the cloth's vertices.
-    pub(crate) fn crossings(&self) -> impl ExactSizeIterator<Item = Crossing> {
+    /// Edges that go through triangles of the cloth where detection looked last, by its vertices.
+    pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
+        let crossing = |(edge, triangle)| Crossing { edge, triangle };
+        self.all_crossings().filter(|(edge, triangle)| self.owner(edge[0]) + self.owner(triangle[0]) == 0).map(crossing)
+    }
+
+    /// Edges and triangles of the cloth and of a body that go through one another there: of each pair the place of the body.
+    pub(crate) fn crossings_with_bodies(&self) -> impl Iterator<Item = usize> {
+        let bodies = self.all_crossings().map(|(edge, triangle)| self.owner(edge[0]).max(self.owner(triangle[0])) as usize);
+        bodies.filter(|&owner| owner > 0).map(|owner| owner - 1)
+    }
+
+    fn all_crossings(&self) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
         let Surface { edges, triangles, .. } = &self.surface;
-        let crossing =
-            |&[edge, triangle]: &[u32; 2]| Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
-        self.let_go.crossings.iter().map(crossing)
+        self.let_go.crossings.iter().map(|&[edge, triangle]| (edges[edge as usize], triangles[triangle as usize]))
+    }
+
+    fn owner(&self, vertex: u32) -> u32 {
+        self.surface.owner[vertex as usize]
     }
 
     /// Where a step begins.
-    pub(crate) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.crowd) = (Tally::default(), 0);
+        if self.bodies.begin(plan, self.options.friction, x, u) {
+            self.may_cross = true;
+            self.paths.forget();
+        }
     }
 
     /// Contact in one substep, with the colliders and of the cloth with itself: changes displacements `u` (m), and positions `x` (m) by what
@@ -150,22 +191,31 @@ impl SelfContact {
         if self.crowd > 0 {
             return;
         }
+        self.bodies.lead(plan, substep, x, u);
         let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
-        let (is_free, path) = (plan.cloth.pinned.is_empty(), Path { x, u, stray: &[], is_shared });
-        if !self.paths.hold(path, is_free, width) && !self.detect(plan, path, width) {
+        let frame = self.bodies.frame(plan, u);
+        let (is_free, path) = (frame.is_none(), Path { x, u, stray: &[], is_shared });
+        let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
+        let may_stray = Path { x: &x[..moving], u: &u[..moving], ..path };
+        if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, is_free, width) {
             return;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);
         let is_held = self.lists.iter().any(|rows| !rows.pairs.is_empty());
         if is_held {
-            let mean = if plan.cloth.pinned.is_empty() { mean(&plan.cloth.mass, u) } else { Vec3A::ZERO };
-            let start = Start { x, u, push: &self.push, most_push, mean, reach: &self.surface.reach, is_shared, width };
+            let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
+            let (surface, friction) = (&self.surface, &*self.bodies.friction);
+            let start = Start { x, u, push: &self.push, most_push, mean, surface, friction, is_shared, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
             self.contacts.gather(&mut self.lists, start, scale);
             if !self.contacts.is_empty() {
-                self.hold(plan, substep, mean, u, is_shared, width);
+                let lost = self.hold(plan, substep, mean, u, is_shared, width);
+                // Pins, bodies and colliders would take it up.
+                if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
+                    give_back(&plan.cloth.mass, lost, u);
+                }
             }
         }
         self.tally.near = self.contacts.pairs.iter().map(|pairs| pairs.len() as u32).sum();
@@ -177,23 +227,18 @@ impl SelfContact {
         }
     }
 
-    /// Holds near pairs apart.
-    fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool, width: Width) {
-        let SelfContact { contacts, options, push, .. } = self;
-        contacts.respond(plan, substep, options.friction, is_shared, width);
+    /// Holds near pairs apart; the momentum (kg m) that it takes away.
+    fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool, width: Width) -> DVec3 {
+        let SelfContact { contacts, push, .. } = self;
+        contacts.respond(plan, substep, is_shared, width);
         let lost = contacts.truncate(mean, &plan.cloth.mass, is_shared, width);
         for (vertex, by) in contacts.vertices.iter().zip(&contacts.u).filter(|(vertex, _)| vertex.x.w > 0.0) {
             let index = vertex.index as usize;
             u[index] = by.with_w(u[index].w);
             push.get_mut(index).into_iter().for_each(|push| *push = vertex.push.extend(0.0));
         }
-        // Pins and colliders would take it up.
-        if lost != glam::DVec3::ZERO && plan.cloth.pinned.is_empty() && plan.bodies.is_empty() {
-            let mass: f64 = plan.cloth.mass.iter().map(|&mass| f64::from(mass)).sum();
-            let back = (lost / mass).as_vec3().extend(0.0);
-            u.iter_mut().for_each(|u| *u += back);
-        }
         contacts.acting.keep(&mut self.lists);
+        lost
     }
 
     /// Takes vertices out of the colliders; the most that one is moved by besides its displacement (m).
@@ -211,14 +256,15 @@ impl SelfContact {
             return 0.0;
         }
         self.push.resize(x.len(), Vec4::ZERO);
+        let (x, u, push) = (&x[..self.bodies.first], &mut u[..self.bodies.first], &mut self.push[..self.bodies.first]);
         let is_pushed = AtomicBool::new(false);
         let meet = |((x, u), push): ((&[Vec4], &mut [Vec4]), &mut [Vec4])| {
             simd::run(width, Meet { plan, substep, x, u, push, is_pushed: &is_pushed });
         };
         if is_shared && x.len() > GRAIN {
-            x.par_chunks(GRAIN).zip(u.par_chunks_mut(GRAIN)).zip(self.push.par_chunks_mut(GRAIN)).for_each(meet);
+            x.par_chunks(GRAIN).zip(u.par_chunks_mut(GRAIN)).zip(push.par_chunks_mut(GRAIN)).for_each(meet);
         } else {
-            meet(((x, u), &mut self.push));
+            meet(((x, u), push));
         }
         if !is_pushed.into_inner() {
             self.push.clear();
@@ -228,25 +274,32 @@ impl SelfContact {
     }
 
     /// Lists what may meet from here on; false if the state is not finite, which the end of the step reports.
-    fn detect(&mut self, plan: &Plan<'_>, path: Path<'_>, width: Width) -> bool {
-        let SelfContact { options, surface, tree, lists, detection, paths, .. } = self;
+    fn detect(&mut self, path: Path<'_>, is_free: bool, width: Width) -> bool {
+        let SelfContact { options, surface, trees, lists, detection, paths, bodies, .. } = self;
         let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
         if !sum.is_finite() {
             return false;
         }
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
-        paths.adapt(path, lists_are, surface, LEAST_STRAY * options.thickness, plan.cloth.pinned.is_empty());
+        paths.adapt(path, lists_are, surface, LEAST_STRAY * options.thickness, is_free);
+        if bodies.are_still {
+            paths.stray[bodies.first..].fill(0.0);
+        }
         paths.begin(path.x, path.u);
         let path = Path { stray: &paths.stray, ..path };
         let look = Look { substeps: paths.ahead, margin: options.thickness };
-        let scene = Scene { surface, rest: &plan.cloth.rest, path, look, thickness: options.thickness, width };
+        let (meets_itself, bodies_rest) = (self.meets_itself, bodies.are_known);
+        let scene = Scene { surface, meets_itself, bodies_rest, path, look, thickness: options.thickness, width };
+        bodies.are_known = bodies.are_still;
         if self.may_cross {
-            self.let_go.find(surface, path.x);
+            self.let_go.find(surface, path.x, self.meets_itself);
             self.may_cross = !self.let_go.crossings.is_empty();
         }
         let let_go = &self.let_go;
-        if let Err(crowd) = detection.run(scene, tree, lists, |kind, first, pair| let_go.has(kind, first, pair)) {
+        let [of_cloth, of_bodies] = trees;
+        if let Err(crowd) = detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| let_go.has(kind, first, pair))
+        {
             self.crowd = crowd;
             return false;
         }
@@ -264,6 +317,13 @@ fn mean(mass: &[f32], u: &[Vec4]) -> Vec3A {
         total += mass;
     }
     sum / total
+}
+
+/// Gives the cloth as a whole a momentum (kg m) back that was taken away.
+fn give_back(mass: &[f32], lost: DVec3, u: &mut [Vec4]) {
+    let mass: f64 = mass.iter().map(|&mass| f64::from(mass)).sum();
+    let back = (lost / mass).as_vec3().extend(0.0);
+    u.iter_mut().for_each(|u| *u += back);
 }
 
 /// Calls `work(first, items)` for chunks of a list.

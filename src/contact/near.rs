@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::detection::{Kind, Listed, Rows, between, closest, square};
 use super::lanes::{corners_of, scattered};
 use super::response::Acting;
+use super::surface::Surface;
 use crate::kernels::integrate::xyz;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
@@ -106,7 +107,9 @@ pub(super) struct Start<'a> {
     /// The most of it.
     pub most_push: f32,
     pub mean: Vec3A,
-    pub reach: &'a [f32],
+    pub surface: &'a Surface,
+    /// By the owners of a pair's second side, or its first: see [`Bodies::friction`](super::bodies::Bodies).
+    pub friction: &'a [f32],
     pub is_shared: bool,
     pub width: Width,
 }
@@ -116,7 +119,7 @@ impl Contacts {
     pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>, scale: f32) {
         self.find(lists, start);
         self.index(start);
-        self.acting.gather(&self.pairs, &mut self.vertices, lists, scale);
+        self.acting.gather(&self.pairs, &mut self.vertices, lists, start, scale);
         // What is not near holds nothing.
         lists.iter_mut().for_each(|rows| rows.lambda.fill(Vec4::ZERO));
     }
@@ -158,7 +161,7 @@ impl Contacts {
             let (x, u) = (start.x[index], start.u[index].with_w(0.0));
             let push = start.push.get(index).map_or(Vec3A::ZERO, |&push| xyz(push));
             let travel = (xyz(u) + push - start.mean).length();
-            let reach = start.reach[index];
+            let reach = start.surface.reach[index];
             *place = self.vertices.len() as u32;
             self.vertices.push(Vertex { index: index as u32, x, push, weight: 0.0, travel, reach, share: 1.0 });
             self.x.push(x);

@@ -1,16 +1,21 @@
 //! What contact knows of the motion so far, to go on from: the lists, what holds their pairs apart, and where detection looked last.
 
+use std::sync::Arc;
+
 use glam::Vec4;
 
 use super::SelfContact;
 use super::detection::{Kind, Listed, Rows, corners};
 use super::paths::Paths;
 use crate::kernels::rigid::Rigid;
+use crate::model::mesh::Mesh;
 use crate::record::recorded;
 
 /// As it is written to a file: all that the next substep depends on.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Past {
+    /// Where the last step left the bodies.
+    pub bodies: Vec<Arc<Mesh>>,
     lists: [ListedRows; 2],
     paths: Paths,
     crossings: Vec<[u32; 2]>,
@@ -27,7 +32,7 @@ struct ListedRows {
     lambda: Vec<Vec4>,
 }
 
-recorded!(Past { lists, paths, crossings, may_cross, h });
+recorded!(Past { bodies, lists, paths, crossings, may_cross, h });
 recorded!(ListedRows { starts, others, thickness, lambda });
 
 impl Past {
@@ -35,12 +40,18 @@ impl Past {
     pub(crate) fn warp(&mut self, rigid: &Rigid) {
         self.paths.warp(rigid);
         self.lists.iter_mut().for_each(|rows| rigid.vectors4(&mut rows.lambda));
+        // Bodies stay where they are.
+        if !self.bodies.is_empty() {
+            self.paths.forget();
+            self.may_cross = true;
+        }
     }
 }
 
 impl SelfContact {
     pub(crate) fn past(&self) -> Past {
         let SelfContact {
+            bodies,
             lists,
             paths,
             let_go,
@@ -48,8 +59,9 @@ impl SelfContact {
             h,
             // These follow from the cloth, or are made anew in each substep.
             options: _,
+            meets_itself: _,
             surface: _,
-            tree: _,
+            trees: _,
             detection: _,
             contacts: _,
             push: _,
@@ -63,6 +75,7 @@ impl SelfContact {
             lambda: rows.lambda.clone(),
         };
         Past {
+            bodies: bodies.last.clone(),
             lists: [rows(&lists[0]), rows(&lists[1])],
             paths: paths.clone(),
             crossings: let_go.crossings.clone(),
@@ -71,7 +84,7 @@ impl SelfContact {
         }
     }
 
-    /// Goes on from there; false, and as it was, if that is the past of no such cloth.
+    /// Goes on from there, where it is of its bodies; false, and as it was, if that is the past of no such cloth.
     pub(crate) fn resume(&mut self, past: &Past) -> bool {
         let kinds = [Kind::VertexTriangle, Kind::EdgeEdge];
         let lists = kinds.map(|kind| self.rows(kind, &past.lists[kind as usize]));
@@ -82,6 +95,7 @@ impl SelfContact {
         if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) {
             return false;
         }
+        self.bodies.forget(&past.bodies);
         self.lists = [first, second];
         self.let_go.take(past.crossings.clone(), &self.surface);
         (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);

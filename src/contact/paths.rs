@@ -25,7 +25,7 @@ const SAMPLES: usize = 32;
 /// Paths from the last detection on.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Paths {
-    from: Vec<Vec4>,
+    pub from: Vec<Vec4>,
     /// Displacement (m) in a substep, w the inverse of how far vertices may stray (1/m).
     by: Vec<Vec4>,
     /// How far (m) each vertex may stray.
@@ -60,7 +60,7 @@ impl Paths {
     /// counts for nothing: it brings no two vertices nearer to one another.
     pub(super) fn hold(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
         let Some(since) = self.since else { return false };
-        if since >= self.ahead || self.from.len() != path.x.len() {
+        if since >= self.ahead || self.from.len() < path.x.len() {
             return false;
         }
         let (substeps, common) = (since + 1.0, if is_free { self.common(path) } else { Vec3A::ZERO });
@@ -68,10 +68,10 @@ impl Paths {
         let look = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
         if path.is_shared && path.x.len() > GRAIN {
             let state = path.x.par_chunks(GRAIN).zip(path.u.par_chunks(GRAIN));
-            let paths = self.from.par_chunks(GRAIN).zip(self.by.par_chunks(GRAIN));
+            let paths = self.from[..path.x.len()].par_chunks(GRAIN).zip(self.by[..path.x.len()].par_chunks(GRAIN));
             state.zip(paths).for_each(|((x, u), (from, by))| look([x, u, from, by]));
         } else {
-            look([path.x, path.u, &self.from, &self.by]);
+            look([path.x, path.u, &self.from[..path.x.len()], &self.by[..path.x.len()]]);
         }
         all.into_inner()
     }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::detection::{Kind, Rows, between};
 use super::lanes::{corners_of, scattered};
-use super::near::{Contacts, Near, Vertex};
+use super::near::{Contacts, Near, Start, Vertex};
 use crate::kernels::contact::{DEPENETRATION, contact_body};
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{RELAXATION, impulse, step_of_lambda};
@@ -49,6 +49,7 @@ struct Group {
     normal: [[f32; MAX_LANES]; 3],
     free: [f32; MAX_LANES],
     last: [f32; MAX_LANES],
+    friction: [f32; MAX_LANES],
     /// How far (m) they may approach, and how deep (m) they are at the start.
     gap: [f32; MAX_LANES],
     depth: [f32; MAX_LANES],
@@ -70,6 +71,7 @@ impl Group {
             normal: [zero; 3],
             free: zero,
             last: zero,
+            friction: zero,
             gap: zero,
             depth: zero,
             rate: zero,
@@ -86,12 +88,12 @@ impl Group {
         self.kind.weights(self.free[lane], self.last[lane])
     }
 
-    fn add(&mut self, pair: &Near) {
+    fn add(&mut self, pair: &Near, friction: f32) {
         let lane = self.count as usize;
         self.count += 1;
         (self.corners[lane], self.listed[lane]) = (pair.corners, pair.listed);
         (0..3).for_each(|axis| self.normal[axis][lane] = pair.normal[axis]);
-        (self.free[lane], self.last[lane]) = (pair.free, pair.last);
+        (self.free[lane], self.last[lane], self.friction[lane]) = (pair.free, pair.last, friction);
         self.gap[lane] = (pair.distance - pair.thickness).max(0.0);
         self.depth[lane] = (pair.thickness - pair.distance).max(0.0);
     }
@@ -107,7 +109,16 @@ impl Group {
 
 impl Acting {
     /// Takes the pairs that act, and says how fast they do, if any of their vertices moves.
-    pub(super) fn gather(&mut self, pairs: &[Vec<Near>; 2], vertices: &mut [Vertex], lists: &[Rows; 2], scale: f32) {
+    pub(super) fn gather(
+        &mut self,
+        pairs: &[Vec<Near>; 2],
+        vertices: &mut [Vertex],
+        lists: &[Rows; 2],
+        start: Start<'_>,
+        scale: f32,
+    ) {
+        let owner = |place: u32| start.surface.owner[vertices[place as usize].index as usize];
+        let friction = |[a, _, _, b]: [u32; 4]| start.friction[owner(a).max(owner(b)) as usize];
         let Acting { groups, firsts, impulses, corners, starts, mobility, pressing } = self;
         groups.clear();
         for kind in Kind::ALL {
@@ -116,7 +127,7 @@ impl Acting {
                 if groups.len() == firsts[kind as usize] || groups.last().is_some_and(|last| last.count as usize == MAX_LANES) {
                     groups.push(Group { kind, ..Group::EMPTY });
                 }
-                groups.last_mut().into_iter().for_each(|group| group.add(pair));
+                groups.last_mut().into_iter().for_each(|group| group.add(pair, friction(pair.corners)));
             }
         }
         impulses.clear();
@@ -183,13 +194,13 @@ impl Acting {
 
 impl Contacts {
     /// Moves the vertices of near pairs so that pairs stay apart by their thickness, with friction, and out of the colliders.
-    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, friction: f32, is_shared: bool, width: Width) {
+    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, is_shared: bool, width: Width) {
         let most = DEPENETRATION * plan.params.h;
         // What held them apart in the last substep most likely does.
         self.step(Turn::Warm, is_shared, width);
         self.give(plan, substep, is_shared);
         for _ in 0..ITERATIONS {
-            self.step(Turn::Step { friction }, is_shared, width);
+            self.step(Turn::Step, is_shared, width);
             self.give(plan, substep, is_shared);
         }
         self.step(Turn::Push { most }, is_shared, width);
@@ -233,7 +244,7 @@ enum Turn {
     /// Those that they begin with.
     Warm,
     /// Those of a step of the multipliers.
-    Step { friction: f32 },
+    Step,
     /// Not impulses, but what moves those that are too near apart, by at most so far (m).
     Push { most: f32 },
 }
@@ -259,12 +270,13 @@ impl Loop for Step<'_> {
                 let rate = L::from_slice(&group.rate[lanes.clone()]);
                 let given = match turn {
                     Turn::Warm => impulse((rub, press), normal),
-                    Turn::Step { friction } => {
+                    Turn::Step => {
                         let (free, last) = (L::from_slice(&group.free[lanes.clone()]), L::from_slice(&group.last[lanes.clone()]));
                         let weights = group.kind.wide_weights(free, last);
                         let relative = between(weights, corners_of::<L>(u, &places));
-                        let gap = L::from_slice(&group.gap[lanes.clone()]);
-                        let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, L::splat(friction));
+                        let (gap, friction) =
+                            (L::from_slice(&group.gap[lanes.clone()]), L::from_slice(&group.friction[lanes.clone()]));
+                        let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, friction);
                         let given = impulse((new_rub - rub, new_press - press), normal);
                         store(&mut group.rub[0][lanes.clone()], new_rub.x);
                         store(&mut group.rub[1][lanes.clone()], new_rub.y);

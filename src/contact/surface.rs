@@ -1,21 +1,23 @@
-//! What can touch: the vertices, edges and triangles of a cloth, in the order of a fixed tree over its triangles.
+//! What can touch: the vertices, edges and triangles of a cloth and of bodies, in the order of fixed trees over their triangles.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use glam::Vec3A;
+use glam::{Vec3A, Vec4};
 
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
-use crate::model::mesh::{self, EdgeIndex, sides};
+use crate::model::mesh::{self, EdgeIndex, Mesh, sides};
+use crate::simd::MAX_LANES;
 
 /// [`Surface::roam`] (m per m of thickness), at least and at most.
 const ROAM: [f32; 2] = [0.3, 1.6];
 /// Triangles in a leaf, at least.
 const LEAF: usize = 6;
 
-/// A cloth's features. Nothing of it changes.
+/// The features of a cloth, and behind them those of the bodies. Nothing of it changes.
 #[derive(Debug)]
 pub(super) struct Surface {
     /// Triangles in the order of the leaves.
@@ -23,8 +25,14 @@ pub(super) struct Surface {
     pub edges: Vec<[u32; 2]>,
     /// The three edges of each triangle.
     pub sides: Vec<[u32; 3]>,
-    /// The piece of cloth that each vertex belongs to.
+    /// Vertices in the order of the leaves.
+    pub order: Vec<u32>,
+    /// Where each vertex is at rest (m); w means nothing.
+    pub rest: Vec<Vec4>,
+    /// The piece of cloth, or the body, that each vertex belongs to; and whose it is: 0 is the cloth, the bodies follow.
     pub piece: Vec<u32>,
+    pub owner: Vec<u32>,
+    bodies: u32,
     /// How near (m) to half its rest distance from anything not beside it a vertex may be, at least.
     pub reach: Vec<f32>,
     /// How far (m) a vertex may stray from its path, at most: where it lies flat nothing that is beside it comes to be listed by that.
@@ -32,7 +40,6 @@ pub(super) struct Surface {
     /// By how much (rad) there is more cloth around a vertex than a flat, convex sheet has: what can come to lie on itself without
     /// turning over.
     pub excess: Vec<f32>,
-    pub leaves: Leaves,
 }
 
 /// What the leaves of a tree own: each vertex, edge and triangle is owned by one leaf, whose features of a kind come one after another.
@@ -40,12 +47,10 @@ pub(super) struct Surface {
 pub(super) struct Leaves {
     /// Levels of the tree below its root.
     pub depth: u32,
-    /// Where the triangles, edges and vertices of each leaf begin, and those of the last end.
+    /// Where the triangles, the edges and, in [`Surface::order`], the vertices of each leaf begin, and those of the last end.
     pub triangles: Vec<u32>,
     pub edges: Vec<u32>,
     pub vertices: Vec<u32>,
-    /// The vertices in the order of the leaves.
-    pub order: Vec<u32>,
 }
 
 impl Leaves {
@@ -58,62 +63,116 @@ impl Leaves {
         self.edges[leaf] as usize..self.edges[leaf + 1] as usize
     }
 
-    /// Places in [`Leaves::order`] of the vertices of a leaf.
+    /// Places in [`Surface::order`] of the vertices of a leaf.
     pub(super) fn vertices_of(&self, leaf: usize) -> Range<usize> {
         self.vertices[leaf] as usize..self.vertices[leaf + 1] as usize
     }
 
-    /// The leaf of each triangle.
+    /// All triangles, edges and vertices.
+    pub(super) fn all(&self) -> [Range<usize>; 3] {
+        [&self.triangles, &self.edges, &self.vertices].map(|starts| starts[0] as usize..starts[starts.len() - 1] as usize)
+    }
+
+    /// The leaf of each triangle, from the first on.
     pub(super) fn of_triangles(&self) -> Vec<u32> {
         (0..1 << self.depth).flat_map(|leaf| self.triangles_of(leaf).map(move |_| leaf as u32)).collect()
     }
 }
 
 impl Surface {
-    /// None if the cloth has no triangles.
-    pub(super) fn new(cloth: &Cloth, thickness: f32) -> Option<Surface> {
-        let count = cloth.triangles.len();
-        let depth = (count / LEAF).max(1).ilog2();
-        let mut pieces = DisjointSets::new(cloth.rest.len());
-        cloth.triangles.iter().for_each(|&[a, b, c]| {
-            pieces.join([a, b]);
-            pieces.join([b, c]);
-        });
-        let piece: Vec<u32> = (0..cloth.rest.len() as u32).map(|vertex| pieces.root(vertex)).collect();
-        let mut triangles = cloth.triangles.clone();
-        let center = |t: &[u32; 3]| t.iter().map(|&v| xyz(cloth.rest[v as usize])).sum::<Vec3A>();
-        split(&mut triangles, 0..count, count, depth, &|t| (piece[t[0] as usize], center(t)));
+    /// Of the cloth alone; none if it has no triangles.
+    pub(super) fn new(cloth: &Cloth, thickness: f32) -> Option<(Surface, Leaves)> {
+        if cloth.triangles.is_empty() {
+            return None;
+        }
+        let vertices = cloth.rest.len();
+        let heights = heights(cloth, &cloth.triangles);
+        let roam = |height: &f32| (0.45 * (height - thickness)).clamp(ROAM[0] * thickness, ROAM[1] * thickness);
+        let mut surface = Surface {
+            triangles: Vec::new(),
+            edges: Vec::new(),
+            sides: Vec::new(),
+            order: Vec::new(),
+            rest: cloth.rest.clone(),
+            piece: pieces(&cloth.triangles, vertices),
+            owner: vec![0; vertices],
+            bodies: 0,
+            reach: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
+            roam: heights.iter().map(roam).collect(),
+            excess: Vec::new(),
+        };
+        let leaves = surface.add(cloth.triangles.clone());
+        surface.excess = surface.excesses(cloth);
+        // The state ends with a whole group of lanes, and bodies come behind that.
+        surface.lengthen(vertices.next_multiple_of(MAX_LANES), 0, thickness);
+        Some((surface, leaves))
+    }
 
+    /// Adds all bodies.
+    pub(super) fn add_bodies(&mut self, bodies: &[Arc<Mesh>], thickness: f32) -> Leaves {
+        let mut all = Vec::new();
+        for (owner, mesh) in (1..).zip(bodies) {
+            let first = self.rest.len();
+            let place = |&triangle: &[u32; 3]| triangle.map(|vertex| vertex + first as u32);
+            let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+            all.extend(proper.map(place));
+            self.bodies = owner;
+            self.lengthen(first + mesh.positions.len(), owner, thickness);
+            self.piece[first..].fill(first as u32);
+            for (rest, x) in self.rest[first..].iter_mut().zip(&mesh.positions) {
+                *rest = x.extend(0.0);
+            }
+        }
+        self.lengthen(self.rest.len().next_multiple_of(MAX_LANES), 0, thickness);
+        self.add(all)
+    }
+
+    pub(super) fn has_bodies(&self) -> bool {
+        self.bodies > 0
+    }
+
+    /// Makes room for so many vertices.
+    fn lengthen(&mut self, vertices: usize, owner: u32, thickness: f32) {
+        self.rest.resize(vertices, Vec4::ZERO);
+        self.piece.resize(vertices, u32::MAX);
+        self.owner.resize(vertices, owner);
+        self.reach.resize(vertices, thickness);
+        self.roam.resize(vertices, 0.5 * thickness);
+    }
+
+    /// Adds triangles of their own vertices.
+    fn add(&mut self, mut triangles: Vec<[u32; 3]>) -> Leaves {
+        let (count, vertices) = (triangles.len(), self.rest.len());
+        let depth = (count / LEAF).max(1).ilog2();
+        let center = |t: &[u32; 3]| t.iter().map(|&v| xyz(self.rest[v as usize])).sum::<Vec3A>();
+        split(&mut triangles, 0..count, count, depth, &|t| (self.piece[t[0] as usize], center(t)));
         let starts: Vec<u32> = (0..=1_usize << depth).map(|leaf| ((leaf * count) >> depth) as u32).collect();
         let mut leaves = Leaves { depth, triangles: starts, ..Leaves::default() };
         let of_triangle = leaves.of_triangles();
         let sorted = mesh::edges(&triangles);
-        let index = EdgeIndex::new(&sorted, cloth.rest.len());
-        let (mut of_vertex, mut of_edge) = (vec![u32::MAX; cloth.rest.len()], vec![u32::MAX; sorted.len()]);
+        let index = EdgeIndex::new(&sorted, vertices);
+        let (mut of_vertex, mut of_edge) = (vec![u32::MAX; vertices], vec![u32::MAX; sorted.len()]);
         for (&triangle, &leaf) in triangles.iter().zip(&of_triangle).rev() {
             triangle.iter().for_each(|&vertex| of_vertex[vertex as usize] = leaf);
             sides(triangle).for_each(|side| of_edge[index.of(side)] = leaf);
         }
-        let order;
-        (order, leaves.edges) = by_leaf(&of_edge, depth);
-        (leaves.order, leaves.vertices) = by_leaf(&of_vertex, depth);
-        let mut rank = vec![0; order.len()];
-        (0_u32..).zip(&order).for_each(|(place, &edge)| rank[edge as usize] = place);
-        let sides: Vec<[u32; 3]> = triangles
-            .iter()
-            .map(|&t| {
-                let mut of = sides(t).map(|side| rank[index.of(side)]);
-                std::array::from_fn(|_| of.next().expect("a triangle of the cloth has three sides"))
-            })
-            .collect();
-        let edges: Vec<[u32; 2]> = order.iter().map(|&edge| sorted[edge as usize]).collect();
-        let heights = heights(cloth, &triangles);
-        let reach = heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect();
-        let roam = |height: &f32| (0.45 * (height - thickness)).clamp(ROAM[0] * thickness, ROAM[1] * thickness);
-        let roam = heights.iter().map(roam).collect();
-        let mut surface = Surface { reach, roam, excess: Vec::new(), triangles, edges, sides, piece, leaves };
-        surface.excess = surface.excesses(cloth);
-        (count > 0).then_some(surface)
+        let (edges, vertices);
+        (edges, leaves.edges) = by_leaf(&of_edge, depth);
+        (vertices, leaves.vertices) = by_leaf(&of_vertex, depth);
+        let firsts = [self.triangles.len(), self.edges.len(), self.order.len()].map(|first| first as u32);
+        let mut rank = vec![0; edges.len()];
+        (firsts[1]..).zip(&edges).for_each(|(place, &edge)| rank[edge as usize] = place);
+        self.sides.extend(triangles.iter().map(|&t| {
+            let mut of = sides(t).map(|side| rank[index.of(side)]);
+            std::array::from_fn::<u32, 3, _>(|_| of.next().expect("a triangle has three sides"))
+        }));
+        self.triangles.extend(triangles);
+        self.edges.extend(edges.iter().map(|&edge| sorted[edge as usize]));
+        self.order.extend(vertices);
+        for (starts, first) in [&mut leaves.triangles, &mut leaves.edges, &mut leaves.vertices].into_iter().zip(firsts) {
+            starts.iter_mut().for_each(|start| *start += first);
+        }
+        leaves
     }
 
     /// The triangles at each edge.
@@ -163,6 +222,16 @@ impl Surface {
         // What rounding leaves of a flat vertex would add up.
         (0..angle.len()).map(of).map(|excess| if excess < 0.01 { 0.0 } else { excess }).collect()
     }
+}
+
+/// The piece that each vertex belongs to, by one of its vertices.
+fn pieces(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
+    let mut pieces = DisjointSets::new(vertices);
+    triangles.iter().for_each(|&[a, b, c]| {
+        pieces.join([a, b]);
+        pieces.join([b, c]);
+    });
+    (0..vertices as u32).map(|vertex| pieces.root(vertex)).collect()
 }
 
 /// Items in the order of the leaves that own them, and where those of each leaf begin.

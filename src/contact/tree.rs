@@ -1,13 +1,13 @@
-//! A tree of bounding volumes over a cloth's triangles: built once, refit where the cloth is, walked for what may meet.
+//! Trees of bounding volumes over triangles, the cloth's and the bodies': built once, refit where these are, walked for what may meet.
 //!
-//! It is a complete binary tree, its nodes numbered as a heap's from 1 at the root, so that what is compared is always of one level.
-//! As it never changes, what is found always comes in the same order.
+//! Each is a complete binary tree, its nodes numbered as a heap's from 1 at the root, so that what is compared is of one level where
+//! there are as many. As it never changes, what is found always comes in the same order.
 
 use glam::Vec3A;
 use rayon::prelude::*;
 
 use super::boxes::Boxes;
-use super::surface::Surface;
+use super::surface::{Leaves, Surface};
 use super::{Path, for_chunks};
 use crate::kernels::integrate::xyz;
 use crate::model::csr::Csr;
@@ -84,9 +84,10 @@ pub(super) struct Look {
 
 #[derive(Debug)]
 pub(super) struct Tree {
+    pub leaves: Leaves,
     depth: u32,
     /// By heap number; 0 is nobody's.
-    pub nodes: Vec<Bounds>,
+    nodes: Vec<Bounds>,
     /// Sum of the excess of a node's vertices (rad); infinite if its triangles do not all hang together by edges.
     excess: Vec<f32>,
     /// Of each level, the nodes of the same level that share a vertex with each, itself left out.
@@ -96,17 +97,18 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    pub(super) fn new(surface: &Surface) -> Tree {
-        let leaves = 1 << surface.leaves.depth;
-        let mut tree = Tree {
-            depth: surface.leaves.depth,
-            nodes: vec![Bounds::NOTHING; 2 * leaves],
-            excess: vec![0.0; 2 * leaves],
-            beside: Vec::new(),
-            frontier: Vec::new(),
-            found: Vec::new(),
-        };
-        let leaf_of = surface.leaves.of_triangles();
+    /// Over the bodies, which do not meet one another.
+    pub(super) fn of_bodies(leaves: Leaves) -> Tree {
+        let (depth, nodes) = (leaves.depth, vec![Bounds::NOTHING; 2 << leaves.depth]);
+        let (excess, beside, frontier, found) = Default::default();
+        Tree { leaves, depth, nodes, excess, beside, frontier, found }
+    }
+
+    /// Over the cloth, which is all that there is of the surface yet.
+    pub(super) fn of_cloth(surface: &Surface, leaves: Leaves) -> Tree {
+        let mut tree = Tree::of_bodies(leaves);
+        tree.excess = vec![0.0; tree.nodes.len()];
+        let leaf_of = tree.leaves.of_triangles();
         let corners = surface.triangles.iter().enumerate();
         let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
         tree.sum_excess(surface, &around);
@@ -116,7 +118,7 @@ impl Tree {
             let leaves = around.of(vertex);
             pairs.extend(leaves.iter().flat_map(|&a| leaves.iter().map(move |&b| [a, b])).filter(|[a, b]| a != b));
         }
-        for level in (0..=surface.leaves.depth).rev() {
+        for level in (0..=tree.depth).rev() {
             pairs.sort_unstable();
             pairs.dedup();
             tree.beside.push(Csr::new(1 << level, pairs.iter().map(|&[a, b]| (a, b))));
@@ -160,6 +162,11 @@ impl Tree {
         }
     }
 
+    /// What bounds a leaf.
+    pub(super) fn leaf(&self, leaf: u32) -> &Bounds {
+        &self.nodes[leaf as usize + (1 << self.depth)]
+    }
+
     /// Bounds everything on its path, its triangles being within `boxes`.
     pub(super) fn refit(&mut self, surface: &Surface, boxes: &Boxes, path: Path<'_>, substeps: f32) {
         let leaves = 1_usize << self.depth;
@@ -167,7 +174,7 @@ impl Tree {
         for_chunks(path.is_shared, below, GRAIN, |first, nodes| {
             for (leaf, node) in (first..).zip(nodes) {
                 *node = Bounds::NOTHING;
-                for triangle in surface.leaves.triangles_of(leaf) {
+                for triangle in self.leaves.triangles_of(leaf) {
                     let corners = surface.triangles[triangle].map(|vertex| vertex as usize);
                     let (x, u) = (corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])));
                     let bounds = Bounds::of(x, u, boxes.get(triangle), substeps);
@@ -202,6 +209,44 @@ impl Tree {
         let first = 1 << self.depth;
         leaves.iter_mut().for_each(|pair| *pair = pair.map(|node| node - first));
         (self.frontier, self.found) = (frontier, found);
+    }
+
+    /// Pairs of a leaf here and a leaf of another tree, from 0, whose triangles may meet; in an order that depends on nothing but what there is.
+    pub(super) fn walk_across(&mut self, other: &Tree, look: Look, is_shared: bool, leaves: &mut Vec<[u32; 2]>) {
+        let (mut frontier, mut found) = (std::mem::take(&mut self.frontier), std::mem::take(&mut self.found));
+        frontier.clear();
+        leaves.clear();
+        self.descend_across(other, [1, 1], SHARED_LEVELS, look, &mut frontier);
+        if is_shared {
+            let tasks = frontier.len().div_ceil(4);
+            found.resize_with(tasks.max(found.len()), Vec::new);
+            found[..tasks].par_iter_mut().zip(frontier.par_chunks(4)).for_each(|(found, nodes)| {
+                found.clear();
+                nodes.iter().for_each(|&pair| self.descend_across(other, pair, u32::MAX, look, found));
+            });
+            found[..tasks].iter().for_each(|found| leaves.extend_from_slice(found));
+        } else {
+            frontier.iter().for_each(|&pair| self.descend_across(other, pair, u32::MAX, look, leaves));
+        }
+        leaves.iter_mut().for_each(|[a, b]| (*a, *b) = (*a - (1 << self.depth), *b - (1 << other.depth)));
+        (self.frontier, self.found) = (frontier, found);
+    }
+
+    /// Pairs of nodes here and in another tree that may meet, at most so many levels below a pair.
+    fn descend_across(&self, other: &Tree, [a, b]: [u32; 2], levels: u32, look: Look, found: &mut Vec<[u32; 2]>) {
+        if self.nodes[a as usize].is_apart(&other.nodes[b as usize], look.margin, look.substeps) {
+            return;
+        }
+        let (is_leaf, is_other_leaf) = (a >> self.depth != 0, b >> other.depth != 0);
+        if levels == 0 || is_leaf && is_other_leaf {
+            return found.push([a, b]);
+        }
+        let children = |node: u32, is_leaf: bool| if is_leaf { node..node + 1 } else { 2 * node..2 * node + 2 };
+        for a in children(a, is_leaf) {
+            for b in children(b, is_other_leaf) {
+                self.descend_across(other, [a, b], levels - 1, look, found);
+            }
+        }
     }
 
     /// Pairs of nodes at a level that may meet, from a pair above on.

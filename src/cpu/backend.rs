@@ -1,6 +1,7 @@
 //! The state of a cloth in memory, and a step of it.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec4;
@@ -24,6 +25,7 @@ use crate::cpu::watch::Found;
 use crate::failure::{Cause, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
+use crate::model::mesh::Mesh;
 use crate::options::{Contact, Method};
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
@@ -128,9 +130,7 @@ impl Cpu {
         match &past.contact {
             None => self.contact = None,
             Some(past) => {
-                if self.contact.is_none() {
-                    self.contact = options.and_then(|options| SelfContact::new(cloth, options)).map(Box::new);
-                }
+                self.meet(cloth, options, past.bodies.iter());
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
                     return false;
                 }
@@ -140,6 +140,20 @@ impl Cpu {
         self.p.copy_from_slice(p);
         self.steps = past.steps[0];
         true
+    }
+
+    /// Makes contact with these bodies, unless there is, and room for them in the state.
+    fn meet<'a>(
+        &mut self,
+        cloth: &Cloth,
+        options: Option<Contact>,
+        meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
+    ) {
+        if self.contact.as_ref().is_none_or(|contact| !contact.is_of(meshes.clone())) {
+            self.contact = SelfContact::new(cloth, options, meshes.cloned().collect()).map(Box::new);
+            let vertices = self.contact.as_ref().map_or(0, |contact| contact.vertices());
+            [&mut self.x, &mut self.p].into_iter().for_each(|state| state.make_room(vertices));
+        }
     }
 
     pub(crate) fn lanes(&self) -> usize {
@@ -227,12 +241,12 @@ impl Cpu {
         let sweeps = plan.sweeps.max(1);
         // Colliders are met there.
         let moves = Plan { bodies: &[], ..*plan };
-        contact.begin();
+        contact.begin(plan, self.x.room(), self.p.room());
         let mut cause = self.turns(0, 0..1, plan, elsewhere, threads);
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
             cause = cause.or(self.turns(1, turns.clone(), plan, elsewhere, threads));
-            contact.resolve(plan, substep, &mut self.x, &mut self.p, threads > 1, self.width);
+            contact.resolve(plan, substep, self.x.room(), self.p.room(), threads > 1, self.width);
             cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, elsewhere, threads));
         }
         cause
@@ -284,8 +298,10 @@ impl Cpu {
 
     /// Makes ready for substeps of the plan's length and its terms.
     fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
-        if let (Some(contact), None) = (plan.contact, &self.contact) {
-            self.contact = SelfContact::new(plan.cloth, contact).map(Box::new);
+        if plan.contact.is_none() && plan.meshes.is_empty() {
+            self.contact = None;
+        } else {
+            self.meet(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
         }
         let (coefficients, cloth) = (plan.coefficients, plan.cloth);
         let levels = coefficients.levels.len();

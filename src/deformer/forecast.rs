@@ -85,13 +85,6 @@ impl Deformer {
         [limited, needed, slivers, pin, collider].into_iter().flatten().collect()
     }
 
-    /// What crosses where contact looked last.
-    pub(super) fn crossing_warning(&self) -> Option<Warning> {
-        let mut crossings = self.engine.contact()?.crossings();
-        let pairs = crossings.len();
-        crossings.next().map(|crossing| Warning::Crossings { pairs, first: crossing.named(&self.cloth.order) })
-    }
-
     /// A failure in the caller's terms.
     pub(super) fn failed(&self, failure: Failure) -> StepError {
         match failure {

@@ -129,7 +129,7 @@ impl Deformer {
         self.show()?;
         let triangles = &self.cloth.triangles;
         let edges = edges(triangles);
-        let found = crossings(&edges, triangles, &self.local);
+        let found = crossings(&edges, triangles, &self.local, |_, _| true);
         let crossing = |&[edge, triangle]: &[u32; 2]| {
             let crossing = Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
             crossing.named(&self.cloth.order)

@@ -1,6 +1,10 @@
 //! Triangle meshes: the shape the cloth is cut from.
 
-use glam::Vec3;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use crate::record::{Recorded, Tape, Unreadable};
 
 /// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
 ///
@@ -39,11 +43,57 @@ impl Mesh {
         Mesh { positions, triangles }
     }
 
+    /// Whether another has the same triangles of as many vertices.
+    pub(crate) fn has_triangles_of(&self, other: &Mesh) -> bool {
+        std::ptr::eq(self, other) || self.positions.len() == other.positions.len() && self.triangles == other.triangles
+    }
+
+    /// The least and the greatest of each coordinate (m).
+    pub(crate) fn bounds(&self) -> [Vec3; 2] {
+        self.positions.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
+    }
+
+    /// Distance (m) from its triangles to a point (m).
+    pub(crate) fn distance(&self, x: DVec3) -> f64 {
+        let to = |triangle: &[u32; 3]| to_triangle(x, triangle.map(|vertex| self.positions[vertex as usize].as_dvec3()));
+        self.triangles.iter().map(to).fold(f64::INFINITY, f64::min)
+    }
+
     /// Each edge of the triangles once, as `[i, j]` with `i < j`, sorted. Length: the number of edges.
     #[must_use]
     pub fn edges(&self) -> Vec<[u32; 2]> {
         edges(&self.triangles)
     }
+}
+
+impl Recorded for Arc<Mesh> {
+    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
+        let mut mesh = Mesh::clone(self);
+        mesh.positions.record(tape)?;
+        mesh.triangles.record(tape)?;
+        if let Tape::In(_) = tape {
+            let vertices = mesh.positions.len();
+            if mesh.triangles.iter().flatten().any(|&vertex| vertex as usize >= vertices) {
+                return Err(Unreadable);
+            }
+            *self = Arc::new(mesh);
+        }
+        Ok(())
+    }
+}
+
+/// Distance (m) from a triangle to a point: to its plane where that is over it, else to the nearest of its sides.
+fn to_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let n = (b - a).cross(c - a);
+    let is_over = |a: DVec3, b: DVec3| (b - a).cross(x - a).dot(n) >= 0.0;
+    if n.length_squared() > 0.0 && is_over(a, b) && is_over(b, c) && is_over(c, a) {
+        return (x - a).dot(n).abs() / n.length();
+    }
+    let to_side = |a: DVec3, b: DVec3| {
+        let t = ((x - a).dot(b - a) / (b - a).length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        x.distance(a + (b - a) * t)
+    };
+    to_side(a, b).min(to_side(b, c)).min(to_side(c, a))
 }
 
 /// Each side of some triangles once, sorted.

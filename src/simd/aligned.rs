@@ -29,6 +29,11 @@ impl AlignedVec {
         AlignedVec { lines: vec![Line::zeroed(); WHOLE * length.div_ceil(MAX_LANES)], length }
     }
 
+    /// Makes room for so many vectors, those that there are included; and gives back what is beyond.
+    pub(crate) fn make_room(&mut self, vectors: usize) {
+        self.lines.resize(WHOLE * vectors.max(self.length).div_ceil(MAX_LANES), Line::zeroed());
+    }
+
     /// Adds a number for each of so many lanes.
     pub(crate) fn push(&mut self, lanes: usize, number: impl Fn(usize) -> f32) {
         for four in 0..lanes / 4 {

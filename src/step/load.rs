@@ -1,5 +1,7 @@
 //! What acts on a cloth during a step, as far as it can stretch it.
 
+use std::sync::Arc;
+
 use glam::{Mat3, Vec3};
 
 use crate::attributes::{Attributes, Collider, Shape};
@@ -20,11 +22,13 @@ pub(crate) struct Load {
     pub cloth_speed: f64,
     /// The fastest collider within reach (m/s).
     pub collider_speed: f64,
+    /// How fast (m/s) what contact must give way to moves, pins and meshes, where there is contact.
+    pub led_speed: f64,
     /// Pressure (Pa) of the wind on cloth that stands still across it.
     pub pressure: f64,
 }
 
-recorded!(Load { gravity, pins, cloth_speed, collider_speed, pressure });
+recorded!(Load { gravity, pins, cloth_speed, collider_speed, led_speed, pressure });
 
 impl Load {
     /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, v the larger of both speeds, L the cloth's extent.
@@ -50,14 +54,23 @@ impl Load {
         terms.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Cause::Motion, |(cause, _)| cause)
     }
 
-    /// Of a step of `dt` (s) under `attributes` after `motion`, `seen` being the last statistics there are.
-    pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> Load {
+    /// Of a step of `dt` (s) under `attributes` after `motion`, `seen` being the last statistics there are; `meets` if there is contact of
+    /// triangles.
+    pub(crate) fn of(
+        cloth: &Cloth,
+        motion: &Motion,
+        attributes: &Attributes,
+        dt: f32,
+        seen: Option<&Statistics>,
+        meets: bool,
+    ) -> Load {
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
             collider_speed: collider_speed(cloth, motion, attributes, dt, seen),
             pressure: pressure(attributes),
+            led_speed: if meets { led_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
         }
     }
 }
@@ -86,15 +99,40 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
 fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
     let dt = f64::from(dt);
     let moved = motion.followed(&attributes.colliders).map(|(now, last)| (now, travel(&now.shape, &last.shape)));
-    let is_near = |collider: &Collider, travel: f64| {
-        seen.is_none_or(|seen| {
-            let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
-            let [low, high] = [seen.low, seen.high].map(unordered);
-            f64::from(gap(&collider.relative_to(cloth.origin).shape, low, high)) <= reach
-        })
-    };
-    let near = moved.filter(|&(now, travel)| travel > 0.0 && is_near(now, travel));
+    let near = moved.filter(|&(now, travel)| travel > 0.0 && is_near(cloth, now, travel, dt, seen));
     near.map(|(_, travel)| travel).fold(0.0, f64::max) / dt
+}
+
+/// Whether a collider that moves so far (m) could touch the cloth during a step of `dt` (s).
+fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
+    seen.is_none_or(|seen| {
+        let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
+        let [low, high] = [seen.low, seen.high].map(unordered);
+        // A mesh stays where it is.
+        let origin = if let Shape::Mesh { .. } = collider.shape { cloth.origin } else { Vec3::ZERO };
+        f64::from(gap(&collider.relative_to(cloth.origin).shape, low + origin, high + origin)) <= reach
+    })
+}
+
+/// How fast (m/s) pins and meshes that could touch the cloth move at most against the middle between the extremes of their velocities.
+fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
+    let targets = attributes.pin_targets.as_deref().unwrap_or_default();
+    let held = (targets.is_empty() && !cloth.pinned.is_empty()).then_some(Vec3::ZERO);
+    let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
+        (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
+            let is_near = is_near(cloth, now, travel(&now.shape, &last.shape), f64::from(dt), seen);
+            is_near.then(|| to.positions.iter().zip(&from.positions))
+        }
+        _ => None,
+    };
+    let moves = || {
+        let pins = targets.iter().zip(&motion.pins).map(|(&to, &from)| to - cloth.origin - from);
+        let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
+        pins.chain(held).chain(meshes.map(|(&to, &from)| to - from))
+    };
+    let [low, high] = moves().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], by| [low.min(by), high.max(by)]);
+    let middle = 0.5 * (low + high);
+    f64::from(moves().map(|by| by.distance(middle)).fold(0.0, f32::max)) / f64::from(dt)
 }
 
 /// Steps that statistics may be old, on the GPU, and one more until there are others.
@@ -103,29 +141,33 @@ const STEPS_AHEAD: f64 = 4.0;
 /// How far (m) a surface moves at most from `last` to `now`; 0 if they are of different kinds.
 pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
     let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3();
-    match (*now, *last) {
-        (Shape::Sphere { center, radius }, Shape::Sphere { center: c0, radius: r0 }) => {
+    match (now, last) {
+        (&Shape::Sphere { center, radius }, &Shape::Sphere { center: c0, radius: r0 }) => {
             apart(center, c0).length() + f64::from((radius - r0).abs())
         }
-        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
+        (&Shape::Capsule { a, b, radius }, &Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
             apart(a, a0).length().max(apart(b, b0).length()) + f64::from((radius - r0).abs())
         }
         // What it moves by in itself drags by friction, which pushes nothing.
-        (Shape::Plane { point, normal }, Shape::Plane { point: p0, .. }) => {
+        (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, .. }) => {
             apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
         }
         (
-            Shape::TaperedCapsule { a, radius_a, b, radius_b },
-            Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
+            &Shape::TaperedCapsule { a, radius_a, b, radius_b },
+            &Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
         ) => {
             let end = |by: f64, radius: f32, r0: f32| by + f64::from((radius - r0).abs());
             end(apart(a, a0).length(), radius_a, ra0).max(end(apart(b, b0).length(), radius_b, rb0))
         }
-        (Shape::RoundedBox { center, half, rotation, .. }, Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
+        (&Shape::RoundedBox { center, half, rotation, .. }, &Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
             // A corner turned by an angle goes along a chord of `2 sin(angle/2)` of its distance; quaternions are `2 sin(angle/4)` apart.
             let [now, last] = [rotation, q0].map(|rotation| rotation.as_dquat().normalize());
             let turned = 2.0 * (now - last).length().min((now + last).length());
             apart(center, c0).length() + apart(half, h0).length() + turned * half.max(h0).as_dvec3().length()
+        }
+        (Shape::Mesh { mesh }, Shape::Mesh { mesh: last }) => {
+            let moves = mesh.positions.iter().zip(&last.positions).map(|(&to, &from)| apart(to, from).length_squared());
+            if Arc::ptr_eq(mesh, last) { 0.0 } else { moves.fold(0.0, f64::max).sqrt() }
         }
         _ => 0.0,
     }
@@ -148,6 +190,10 @@ fn gap(shape: &Shape, low: Vec3, high: Vec3) -> f32 {
             let axes = Mat3::from_quat(rotation.normalize());
             let reach = axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z;
             between(center - reach, center + reach)
+        }
+        Shape::Mesh { ref mesh } => {
+            let [first, last] = mesh.bounds();
+            between(first, last)
         }
     }
 }

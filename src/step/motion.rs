@@ -2,7 +2,8 @@
 
 use glam::{Vec3, Vec4};
 
-use crate::attributes::Collider;
+use crate::attributes::{Collider, Shape, invalid};
+use crate::error::StepError;
 use crate::model::cloth::Cloth;
 use crate::record::recorded;
 
@@ -38,8 +39,21 @@ impl Motion {
                 Some(_) => self.colliders.iter().find(|last| last.id == now.id),
                 None => last_unnamed.as_mut().and_then(Iterator::next),
             };
-            (now, last.filter(|_| !now.teleported).unwrap_or(now))
+            (now, last.filter(|last| !now.teleported && last.is_followed_by(now)).unwrap_or(now))
         })
+    }
+
+    /// Checks that meshes which are known from the last step have the triangles that they had.
+    pub(crate) fn check(&self, colliders: &[Collider]) -> Result<(), StepError> {
+        let has_others = |(index, now): (usize, &Collider)| {
+            let last = self.colliders.iter().find(|last| now.id.is_some() && last.id == now.id)?;
+            let is_other = !now.teleported && !last.is_followed_by(now) && matches!(now.shape, Shape::Mesh { .. });
+            is_other.then(|| {
+                let remedy = "are not those that it had in the last step; give it another id, or say that it was teleported";
+                invalid(format_args!("colliders[{index}].mesh"), "its triangles", remedy)
+            })
+        };
+        colliders.iter().enumerate().find_map(has_others).map_or(Ok(()), Err)
     }
 
     /// Notes where a step of `dt` (s) led the pins.

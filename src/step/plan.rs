@@ -1,5 +1,7 @@
 //! A step as numbers: what attributes, options and the last step come to, before any engine runs.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use crate::attributes::{Attributes, Collider, Shape};
@@ -8,6 +10,7 @@ use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::kernels::statistics::StrainGauge;
 use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
 use crate::step::coefficients::Coefficients;
@@ -20,7 +23,16 @@ pub(crate) struct PlanBuffers {
     substeps: Vec<Substep>,
     /// Colliders, and behind them the anchors of tethers.
     bodies: Vec<Body>,
+    meshes: Vec<MeshBody>,
     pins: Vec<Pin>,
+}
+
+/// A mesh that the cloth meets, with its vertices at the step's start and at its end (m, the caller's).
+#[derive(Debug, Clone)]
+pub(crate) struct MeshBody {
+    pub from: Arc<Mesh>,
+    pub to: Arc<Mesh>,
+    pub friction: f32,
 }
 
 /// All that an engine needs for one step.
@@ -37,6 +49,8 @@ pub(crate) struct Plan<'a> {
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU has them in one list"))]
     pub bodies_and_anchors: &'a [Body],
     pub anchors: &'a [Body],
+    /// Colliders that are meshes, which are in no other list.
+    pub meshes: &'a [MeshBody],
     /// In the order of their vertices.
     pub pins: &'a [Pin],
     /// Sweeps over the edges in each substep.
@@ -80,8 +94,14 @@ impl<'a> Plan<'a> {
             }
         };
         buffers.bodies.clear();
-        let followed = motion.followed(&attributes.colliders);
-        buffers.bodies.extend(followed.map(|(now, last)| body(now, last, cloth.origin, cloth.longest)));
+        buffers.meshes.clear();
+        for (now, last) in motion.followed(&attributes.colliders) {
+            if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
+                buffers.meshes.push(MeshBody { from: Arc::clone(from), to: Arc::clone(to), friction: now.friction });
+            } else {
+                buffers.bodies.push(body(now, last, cloth.origin, cloth.longest));
+            }
+        }
         let bodies = buffers.bodies.len();
         if let Some(tethers) = cloth.tethers.as_ref().filter(|_| !coefficients.tethers.is_empty()) {
             let anchor = |&place: &u32| {
@@ -144,6 +164,7 @@ impl<'a> Plan<'a> {
             bodies: &buffers.bodies[..bodies],
             bodies_and_anchors: &buffers.bodies,
             anchors: &buffers.bodies[bodies..],
+            meshes: &buffers.meshes,
             pins: &buffers.pins,
             sweeps,
             method: options.method,

@@ -35,6 +35,15 @@ pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
     found
 }
 
+/// How many edges of the mesh, whose vertices are at `x` (m), go through triangles of a body, and of the body's through the mesh's.
+pub fn crossings_with(mesh: &Mesh, x: &[Vec3], body: &Mesh) -> usize {
+    let first = x.len() as u32;
+    let mut both = Mesh { positions: Vec::new(), triangles: mesh.triangles.clone() };
+    both.triangles.extend(body.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+    let all: Vec<Vec3> = x.iter().chain(&body.positions).copied().collect();
+    crossings(&both, &all).iter().filter(|(edge, triangle)| (edge[0] < first) != (triangle[0] < first)).count()
+}
+
 fn for_cells(low: [i32; 3], high: [i32; 3], mut then: impl FnMut([i32; 3])) {
     for x in low[0]..=high[0] {
         for y in low[1]..=high[1] {

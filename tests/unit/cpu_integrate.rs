@@ -23,14 +23,14 @@ fn what_is_told_to_be_clear_is_clear() {
         Collider::plane(at(-0.2), glam::Vec3::new(0.6, 0.8, 0.0)),
     ];
     for (body, far, size) in
-        bodies.into_iter().flat_map(|b| [(1.0, 1e-4), (1.0, 0.03), (1.0, 0.5), (20.0, 0.01)].map(|(f, s)| (b, f, s)))
+        bodies.into_iter().flat_map(|b| [(1.0, 1e-4), (1.0, 0.03), (1.0, 0.5), (20.0, 0.01)].map(|(f, s)| (b.clone(), f, s)))
     {
         // It comes from elsewhere, so that it moves within the step.
         let before = match body.shape {
-            _ if size > 0.1 => body,
+            _ if size > 0.1 => body.clone(),
             _ => Collider::sphere(at(0.3), 0.25),
         };
-        let attributes = Attributes { colliders: vec![body], ..Attributes::default() };
+        let attributes = Attributes { colliders: vec![body.clone()], ..Attributes::default() };
         let (mut lists, motion) =
             (PlanBuffers::default(), Motion { colliders: vec![before], ..Motion::after(&cloth, &cloth.rest, h) });
         let plan = Plan::new(&cloth, &[], &options, &coefficients, &motion, 2, &attributes, &mut lists);

@@ -22,7 +22,7 @@ pub(super) fn trace(shape: &Shape, origin: Vec3, direction: Vec3) -> Option<f32>
         _ => {
             // Toward a surface that is so far away, as far as it is away (sphere tracing: Hart 1996), from a ball around the shape on.
             let (center, radius) = around(shape)?;
-            let collider = Collider { shape: *shape, ..Collider::default() };
+            let collider = Collider { shape: shape.clone(), ..Collider::default() };
             let (near, far) = (ball(center, radius)?.max(0.0), 2.0 * radius);
             let unit = direction.length();
             let mut s = near;
@@ -55,7 +55,7 @@ pub(super) fn collider_normal(shape: &Shape, at: Vec3) -> Vec3 {
         Shape::Plane { normal, .. } => normal,
         // Differences of the distance along each axis.
         _ => {
-            let collider = Collider { shape: *shape, ..Collider::default() };
+            let collider = Collider { shape: shape.clone(), ..Collider::default() };
             let step = around(shape).map_or(1e-3, |(_, radius)| 1e-3 * radius);
             let along = |axis: Vec3| collider.distance(at + step * axis) - collider.distance(at - step * axis);
             Vec3::new(along(Vec3::X), along(Vec3::Y), along(Vec3::Z))
@@ -82,7 +82,7 @@ pub(super) fn shrunk(collider: &Collider, edge: f32, scene: f32) -> Collider {
             let radius = (radius + 0.1 * edge).min(half.min_element());
             Shape::RoundedBox { center, half, rotation, radius }
         }
-        other => other,
+        ref other => other.clone(),
     };
     Collider { shape, ..*collider }
 }

@@ -39,7 +39,7 @@ impl Moving {
     /// Where it is after `time` (s), `dt` (s) after the last frame.
     pub(super) fn at(&self, time: f64, dt: f64) -> Collider {
         let collider = match &self.motion {
-            Motion::Still(collider) => *collider,
+            Motion::Still(collider) => collider.clone(),
             Motion::Sphere { center, radius } => Collider::sphere(center.at(time), radius.at(time).0),
             Motion::Plane { point, normal } => Collider::plane(point.at(time), normal.at(time)),
             Motion::Capsule { a, b, radius } => Collider::capsule(a.at(time), b.at(time), radius.at(time).0),
@@ -217,9 +217,9 @@ pub(super) fn colliders(
         under = (plane.is_empty() && floor.is_none() && !no_floor).then(|| Moving::still(ground));
     }
     let floor = floor.map(|height| Collider::plane(Vec3::new(0.0, height, 0.0), Vec3::Y));
-    all.extend([sphere, capsule, solid_box].into_iter().flatten().copied().map(Moving::still));
+    all.extend([sphere, capsule, solid_box].into_iter().flatten().cloned().map(Moving::still));
     all.extend(under);
-    all.extend(floor.into_iter().chain(plane.iter().copied()).map(Moving::still));
+    all.extend(floor.into_iter().chain(plane.iter().cloned()).map(Moving::still));
     for moving in &mut all {
         moving.friction = arguments.friction.or(moving.friction);
     }

@@ -1,0 +1,97 @@
+//! Bodies: meshes that are led. Their vertices come behind the cloth's, have no inverse mass, and go straight ahead during a step.
+
+use std::sync::Arc;
+
+use glam::{Vec3, Vec3A, Vec4};
+
+use crate::kernels::integrate::xyz;
+use crate::kernels::params::Substep;
+use crate::model::mesh::Mesh;
+use crate::step::plan::Plan;
+
+/// The bodies, from step to step.
+#[derive(Debug)]
+pub(super) struct Bodies {
+    /// The place of their first vertex.
+    pub first: usize,
+    /// Where they are at the step's end, the state's own list.
+    pub last: Vec<Arc<Mesh>>,
+    /// None of them moves in this step; and detection has looked at them where they are.
+    pub are_still: bool,
+    pub are_known: bool,
+    /// The least and the greatest of each coordinate of how far (m) their vertices move in this step, if there are any.
+    travel: Option<[Vec3; 2]>,
+    /// Coulomb's coefficients: the cloth's with itself, then each body's.
+    pub friction: Vec<f32>,
+}
+
+impl Bodies {
+    pub(super) fn new(first: usize, last: Vec<Arc<Mesh>>) -> Bodies {
+        Bodies { first, last, are_still: false, are_known: false, travel: None, friction: Vec::new() }
+    }
+
+    /// Whether they are of the same triangles as these.
+    pub(super) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+        self.last.len() == meshes.len() && self.last.iter().zip(meshes).all(|(last, mesh)| last.has_triangles_of(mesh))
+    }
+
+    /// Takes where the last step left them for what it is said to be.
+    pub(super) fn forget(&mut self, last: &[Arc<Mesh>]) {
+        self.last.clone_from_slice(last);
+        (self.are_still, self.are_known) = (false, false);
+    }
+
+    /// Begins a step. Says whether they come from elsewhere than where the last step left them.
+    pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32, x: &mut [Vec4], u: &mut [Vec4]) -> bool {
+        let meshes = plan.meshes;
+        self.friction.clear();
+        self.friction.push(friction);
+        self.friction.extend(meshes.iter().map(|body| body.friction));
+        let is_same = |a: &Arc<Mesh>, b: &Arc<Mesh>| Arc::ptr_eq(a, b) || a.positions == b.positions;
+        let jumped = !self.last.iter().zip(meshes).all(|(last, body)| is_same(last, &body.from));
+        let are_still = meshes.iter().all(|body| is_same(&body.from, &body.to));
+        self.are_known &= are_still && self.are_still && !jumped;
+        self.are_still = are_still;
+        let moves = meshes.iter().flat_map(|body| body.to.positions.iter().zip(&body.from.positions)).map(|(to, from)| to - from);
+        self.travel = moves.fold(None, |travel, by| {
+            let [low, high] = travel.unwrap_or([by; 2]);
+            Some([low.min(by), high.max(by)])
+        });
+        for (last, body) in self.last.iter_mut().zip(meshes) {
+            last.clone_from(&body.to);
+        }
+        self.put(plan, 0.0, 0.0, x, u);
+        jumped
+    }
+
+    /// Leads them through a substep.
+    pub(super) fn lead(&self, plan: &Plan<'_>, substep: &Substep, x: &mut [Vec4], u: &mut [Vec4]) {
+        if !self.are_still {
+            self.put(plan, substep.start, plan.params.fraction, x, u);
+        }
+    }
+
+    /// Puts them where they are after a share of the step, to move by another.
+    fn put(&self, plan: &Plan<'_>, start: f32, fraction: f32, x: &mut [Vec4], u: &mut [Vec4]) {
+        let origin = plan.cloth.origin;
+        let vertices = plan.meshes.iter().flat_map(|body| body.from.positions.iter().zip(&body.to.positions));
+        for ((&from, &to), (x, u)) in vertices.zip(x[self.first..].iter_mut().zip(&mut u[self.first..])) {
+            let travel = to - from;
+            *x = (from - origin + travel * start).extend(0.0);
+            *u = (travel * fraction).extend(0.0);
+        }
+    }
+
+    /// How everything that is led moves in a substep (m), in the middle between the extremes; none if nothing is led.
+    ///
+    /// This is what motion is measured against: a cloth that rides on a body is at rest, however fast the body is.
+    pub(super) fn frame(&self, plan: &Plan<'_>, u: &[Vec4]) -> Option<Vec3A> {
+        let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
+        let pins = plan.cloth.pinned.iter().map(|&pin| xyz(u[pin as usize]));
+        let range = pins.fold(of_bodies, |range, by| {
+            let [low, high] = range.unwrap_or([by; 2]);
+            Some([low.min(by), high.max(by)])
+        });
+        range.map(|[low, high]| (low + high) * 0.5)
+    }
+}

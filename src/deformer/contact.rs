@@ -1,0 +1,56 @@
+//! What contact of triangles asks of a step, and what it warns of.
+
+use super::{Deformer, Taken};
+use crate::attributes::{Attributes, Shape, invalid};
+use crate::error::StepError;
+use crate::options::{Backend, Contact, Quality, Warning};
+use crate::step::substep_count::FRAMES;
+
+/// Substeps in which what is led passes the thickness, at least: then it comes through nothing.
+const SUBSTEPS: f64 = 3.0;
+/// Substeps in 1/60 s that contact raises a step to, at most.
+const MOST: f64 = 256.0;
+
+impl Deformer {
+    /// How far apart (m) triangles are held, if any can meet in a step.
+    pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
+        let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
+        if let (Some(index), Backend::Gpu) = (mesh, self.backend()) {
+            let remedy = "is on the CPU alone so far; make the cloth with Backend::Cpu or Hybrid";
+            return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
+        }
+        let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
+        Ok(contact.map(|contact| f64::from(contact.thickness)))
+    }
+
+    /// Substeps a second that contact asks for where pins and meshes move at `speed` (m/s), if the quality leaves it to the cloth.
+    pub(super) fn resolving_contact(&self, thickness: f64, speed: f64) -> f64 {
+        match self.options.quality {
+            Quality::Substeps(_) | Quality::Budget(_) => 0.0,
+            _ => FRAMES * (SUBSTEPS * speed / thickness / FRAMES).ceil().min(MOST),
+        }
+    }
+
+    /// What contact warns of after a step.
+    pub(super) fn contact_warnings(&self, taken: &Taken, attributes: &Attributes) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        let Some(contact) = self.engine.contact() else { return warnings };
+        let mut crossings = contact.crossings();
+        if let Some(first) = crossings.next() {
+            warnings.push(Warning::Crossings { pairs: 1 + crossings.count(), first: first.named(&self.cloth.order) });
+        }
+        let mut bodies = contact.crossings_with_bodies();
+        if let Some(first) = bodies.next() {
+            let meshes =
+                attributes.colliders.iter().enumerate().filter(|(_, collider)| matches!(collider.shape, Shape::Mesh { .. }));
+            let collider = meshes.map(|(index, _)| index).nth(first).unwrap_or_default();
+            warnings.push(Warning::BodyCrossings { pairs: 1 + bodies.count(), collider });
+        }
+        let thickness = self.options.contact.unwrap_or_default().thickness;
+        let (speed, resolved) = (taken.load.led_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));
+        if speed > 1.001 * resolved {
+            warnings.push(Warning::ContactOutruns { speed, resolved });
+        }
+        warnings
+    }
+}
