@@ -334,6 +334,35 @@ fn what_cannot_be_is_refused_with_its_line() {
     fails(&output, 2, &["s.toml:3", "several cloths"]);
 }
 
+/// A body from files lifts the cloth: of the command line and of a scene, which come to the same; its files are not written over.
+#[test]
+fn a_body_comes_from_numbered_files() {
+    let directory = TempDir::new().unwrap();
+    let write = |name: &str, height: f32, turn: bool| {
+        let mut patch = Mesh::grid(3, 3, 2.0, 2.0);
+        patch.positions.iter_mut().for_each(|x| *x += Vec3::new(0.013, height, 0.017));
+        if turn {
+            patch.triangles.swap(0, 1);
+        }
+        patch.save_obj(directory.path().join(name)).unwrap();
+    };
+    (1..=24).for_each(|frame: u32| write(&format!("body_{frame:02}.obj"), -0.06 + 0.01 * frame as f32, false));
+    Mesh::grid(7, 7, 0.6, 0.6).save_obj(directory.path().join("sheet.obj")).unwrap();
+    let text = "frames = 24\n[[cloth]]\nmesh = \"sheet.obj\"\n[[collider]]\nshape = \"mesh\"\nmesh = \"body_##.obj\"\n";
+    fs::write(directory.path().join("s.toml"), text).unwrap();
+    succeeds(&run(&directory, &["--scene", "s.toml", "--quiet", "--preview", "p.png"]));
+    let lowest = frame(&directory, 24).iter().map(|x| x.y).fold(f32::MAX, f32::min);
+    assert!((0.18..0.21).contains(&lowest), "lifted to {lowest} m");
+    let told = ["sheet.obj", "--body", "body_##.obj", "--no-floor", "--frames", "24", "--out", "told", "--quiet"];
+    succeeds(&run(&directory, &told));
+    let written = |folder: &str| fs::read(directory.path().join(folder).join("frame_0024.obj")).unwrap();
+    assert!(written("told") == written("frames"));
+    fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "25"]), 2, &["body_25.obj"]);
+    fails(&run(&directory, &["sheet.obj", "--body", "body_01.obj", "--report", "body_01.obj"]), 2, &["--report"]);
+    write("body_07.obj", 0.0, true);
+    fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "9"]), 2, &["body_07.obj", "first frame"]);
+}
+
 /// A scene file and its meshes are not written over.
 #[test]
 fn nothing_is_written_over_the_scene() {

@@ -108,7 +108,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "none|top|corners|INDEX,INDEX..", allow_hyphen_values = true)]
     pub(crate) pin: Option<Pin>,
 
-    /// A sphere: center and radius; as often as there are spheres. Without a sphere, a capsule or a box, there is a sphere below the mesh, its
+    /// A sphere: center and radius; as often as there are spheres. Without a sphere, a capsule, a box or a body, there is a sphere below the mesh, its
     /// top 0.1 of the mesh's largest extent lower, its radius 0.3 of it
     #[arg(long, value_name = "X,Y,Z,R", value_parser = ball, conflicts_with = "no_sphere", allow_hyphen_values = true)]
     pub(crate) sphere: Vec<Collider>,
@@ -120,6 +120,11 @@ pub(crate) struct Arguments {
     /// A box: center, half of its width, height and depth, and the radius of its edges
     #[arg(long = "box", value_name = "X,Y,Z,W,H,D[,R]", value_parser = solid_box, allow_hyphen_values = true)]
     pub(crate) solid_box: Vec<Collider>,
+
+    /// A body of triangles, which holds cloth on both sides; with `####` in its name numbered files, one for each frame from 1 on, between which
+    /// its vertices go straight
+    #[arg(long, value_name = "FILE.obj")]
+    pub(crate) body: Vec<PathBuf>,
 
     /// A plane: a point of it, and its normal out of the solid
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = plane, conflicts_with = "no_floor", allow_hyphen_values = true)]

@@ -44,6 +44,16 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
                 "collider {collider} moves at {speed:.1} m/s, but {carried:.1} m/s is what the substeps carry on; move it more slowly, or take more"
             )
         }
+        Warning::BodyCrossings { pairs, collider } => {
+            format!(
+                "{pairs} edges and triangles of the cloth and of bodies go through one another where contact begins, the first of collider {collider}; they are let go until they part"
+            )
+        }
+        Warning::ContactOutruns { speed, resolved } => {
+            format!(
+                "pins or bodies move against one another at {speed:.1} m/s, but {resolved:.1} m/s is what contact resolves with these substeps; lead them more slowly, or take more"
+            )
+        }
         other => format!("{other:?}"),
     }
 }

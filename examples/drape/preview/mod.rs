@@ -9,7 +9,7 @@ mod shapes;
 mod view;
 
 use cloth_deformer::glam::{Vec2, Vec3, Vec3Swizzles};
-use cloth_deformer::{Collider, Shape};
+use cloth_deformer::{Collider, Mesh, Shape};
 use rayon::prelude::*;
 
 use shapes::{collider_normal, corners, shrunk, trace};
@@ -114,7 +114,9 @@ impl<'a> Scene<'a> {
     /// One cell, in sRGB.
     fn draw(&self, cell: &Cell) -> Vec<[u8; 3]> {
         let colliders = cell.colliders.iter().map(|collider| shrunk(collider, self.edge, self.radius)).collect();
-        let moment = Moment { scene: self, positions: &cell.positions, colliders };
+        let normals_of = |collider: &Collider| body(collider).map(|mesh| vertex_normals(&mesh.positions, &mesh.triangles));
+        let body_normals = cell.colliders.iter().map(|collider| normals_of(collider).unwrap_or_default()).collect();
+        let moment = Moment { scene: self, positions: &cell.positions, colliders, body_normals };
         let shadow = moment.visible(&self.light, SHADOW, SHADOW);
         let seen = moment.visible(&self.camera, WIDTH * SAMPLES, HEIGHT * SAMPLES);
         let normals = vertex_normals(&cell.positions, self.triangles);
@@ -136,6 +138,8 @@ struct Moment<'a> {
     positions: &'a [Vec3],
     /// The colliders, a little smaller than they are: see [`shrunk`].
     colliders: Vec<Collider>,
+    /// Normals at the vertices of those that are meshes.
+    body_normals: Vec<Vec<Vec3>>,
 }
 
 impl Moment<'_> {
@@ -153,6 +157,15 @@ impl Moment<'_> {
                 nearest
             })
             .collect();
+        for (number, collider) in self.colliders.iter().enumerate() {
+            let Some(mesh) = body(collider) else { continue };
+            for (place, &triangle) in mesh.triangles.iter().enumerate() {
+                let corners = triangle.map(|vertex| frame.project(mesh.positions[vertex as usize], width, height));
+                rasterise(corners, width, height, |index, nearness| {
+                    samples[index] = samples[index].or(Sample { nearness, thing: Thing::Body(number, place) });
+                });
+            }
+        }
         for (number, &triangle) in self.scene.triangles.iter().enumerate() {
             let corners = triangle.map(|vertex| frame.project(self.positions[vertex as usize], width, height));
             rasterise(corners, width, height, |index, nearness| {
@@ -182,6 +195,14 @@ impl Moment<'_> {
                 // Cloth scatters grazing light: a faint sheen along the folds' silhouettes.
                 let sheen = 0.12 * (1.0 - facing.dot(to_eye).clamp(0.0, 1.0)).powi(3);
                 surface(albedo, facing, lit) + sheen * HORIZON
+            }
+            Thing::Body(number, place) => {
+                let Some(mesh) = body(&self.colliders[number]) else { return backdrop };
+                let triangle = mesh.triangles[place].map(|vertex| vertex as usize);
+                let corners = triangle.map(|vertex| mesh.positions[vertex]);
+                let smooth = interpolate(point, corners, triangle.map(|vertex| self.body_normals[number][vertex]));
+                let facing = if normal(corners).dot(to_eye) >= 0.0 { smooth } else { -smooth };
+                surface(SOLID, facing, self.lit(point, facing, shadow))
             }
             Thing::Collider(number) => {
                 let shape = &self.colliders[number].shape;
@@ -246,6 +267,13 @@ enum Thing {
     Nothing,
     Triangle(usize),
     Collider(usize),
+    /// A triangle of a collider that is a mesh.
+    Body(usize, usize),
+}
+
+/// The mesh of a collider that is one.
+fn body(collider: &Collider) -> Option<&Mesh> {
+    if let Shape::Mesh { mesh } = &collider.shape { Some(mesh) } else { None }
 }
 
 fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {

@@ -87,7 +87,7 @@ pub(super) fn shrunk(collider: &Collider, edge: f32, scene: f32) -> Collider {
     Collider { shape, ..*collider }
 }
 
-/// Corners of a box around a shape of finite size.
+/// Corners of a box around a shape of finite size, or of the shape itself.
 pub(super) fn corners(shape: &Shape) -> Vec<Vec3> {
     let signs = |corner: i32| {
         let sign = |bit: i32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
@@ -102,6 +102,7 @@ pub(super) fn corners(shape: &Shape) -> Vec<Vec3> {
         Shape::RoundedBox { center, half, rotation, .. } => {
             (0..8).map(|corner| center + rotation.normalize() * (half * signs(corner))).collect()
         }
+        Shape::Mesh { ref mesh } => mesh.positions.clone(),
         _ => Vec::new(),
     }
 }

@@ -1,9 +1,12 @@
 //! Colliders: those of a scene file, which may move, and those of the command line.
 
+use std::path::PathBuf;
+
 use cloth_deformer::glam::{EulerRot, Quat, Vec3};
 use cloth_deformer::{Collider, Mesh, Shape};
 use toml::Spanned;
 
+use super::bodies::Body;
 use super::file::{self, File, ShapeName, Source};
 use super::keys::{Animated, Extent, NotNegative, Positive};
 use crate::Failure;
@@ -27,6 +30,7 @@ enum Motion {
     Capsule { a: Animated<Vec3>, b: Animated<Vec3>, radius: Animated<NotNegative> },
     TaperedCapsule { a: Animated<Vec3>, radius_a: Animated<Positive>, b: Animated<Vec3>, radius_b: Animated<Positive> },
     Box { center: Animated<Vec3>, half: Animated<Extent>, rotate: Animated<Vec3>, radius: Animated<NotNegative> },
+    Mesh(Body),
 }
 
 /// Turned by so many degrees about x, then y, then z.
@@ -49,6 +53,7 @@ impl Moving {
             Motion::Box { center, half, rotate, radius } => {
                 Collider::rounded_box(center.at(time), half.at(time).0, turn(rotate.at(time)), radius.at(time).0)
             }
+            Motion::Mesh(body) => Collider::mesh(body.at(time)),
         };
         let collider = if self.jumps(time - dt, time) { collider.teleported() } else { collider };
         let friction = self.friction.unwrap_or(collider.friction);
@@ -58,7 +63,7 @@ impl Moving {
     /// Whether a loop that does not close began anew between two times (s).
     fn jumps(&self, from: f64, to: f64) -> bool {
         match &self.motion {
-            Motion::Still(_) => false,
+            Motion::Still(_) | Motion::Mesh(_) => false,
             Motion::Sphere { center, radius } => center.jumps(from, to) || radius.jumps(from, to),
             Motion::Plane { point, normal } => point.jumps(from, to) || normal.jumps(from, to),
             Motion::Capsule { a, b, radius } => a.jumps(from, to) || b.jumps(from, to) || radius.jumps(from, to),
@@ -76,7 +81,7 @@ impl Moving {
         source: &Source,
         number: usize,
         given: &Spanned<file::Collider>,
-        times: impl Iterator<Item = f64>,
+        times: impl Iterator<Item = f64> + Clone,
     ) -> Result<Moving, Failure> {
         let file::Collider {
             name,
@@ -144,7 +149,9 @@ impl Moving {
                 radius: radius.clone().unwrap_or(Animated::still(NotNegative::ZERO)),
             },
             ShapeName::Mesh => {
-                return Err(wrong("a body's mesh is not simulated yet; stand spheres, capsules and boxes in for it".to_owned()));
+                let path = source.beside(mesh.as_ref().ok_or_else(|| missing("mesh"))?.get_ref());
+                let body = Body::load(&path, None, times.clone());
+                Motion::Mesh(body.map_err(|failure| wrong(format!("mesh: {}", failure.message())))?)
             }
         };
         let moving = Moving { motion, friction: friction.map(|friction| friction.0), id: *id };
@@ -161,6 +168,11 @@ impl Moving {
             }
         }
         Ok(moving)
+    }
+
+    /// Files that it was read from.
+    pub(super) fn files(&self) -> &[PathBuf] {
+        if let Motion::Mesh(body) = &self.motion { &body.files } else { &[] }
     }
 
     /// One that stands still.
@@ -188,7 +200,7 @@ pub(super) fn colliders(
     mesh: &Mesh,
     times: impl Iterator<Item = f64> + Clone,
 ) -> Result<Vec<Moving>, Failure> {
-    let Arguments { sphere, capsule, solid_box, plane, floor, no_sphere, no_floor, .. } = arguments;
+    let Arguments { sphere, capsule, solid_box, body, plane, floor, no_sphere, no_floor, .. } = arguments;
     let (mut all, mut under) = (Vec::new(), None);
     if let Some((source, file)) = scene {
         for (number, given) in file.collider.iter().enumerate() {
@@ -197,7 +209,7 @@ pub(super) fn colliders(
                 ShapeName::Plane => *no_floor || floor.is_some() || !plane.is_empty(),
                 ShapeName::Capsule | ShapeName::TaperedCapsule => !capsule.is_empty(),
                 ShapeName::Box => !solid_box.is_empty(),
-                ShapeName::Mesh => false,
+                ShapeName::Mesh => !body.is_empty(),
             };
             let moving = Moving::read(source, number + 1, given, times.clone())?;
             if let Some(id) = moving.id
@@ -212,12 +224,16 @@ pub(super) fn colliders(
         }
     } else {
         let [ball, ground] = usual(arguments, mesh);
-        let is_bare = sphere.is_empty() && capsule.is_empty() && solid_box.is_empty();
+        let is_bare = sphere.is_empty() && capsule.is_empty() && solid_box.is_empty() && body.is_empty();
         all.extend((is_bare && !no_sphere).then(|| Moving::still(ball)));
         under = (plane.is_empty() && floor.is_none() && !no_floor).then(|| Moving::still(ground));
     }
     let floor = floor.map(|height| Collider::plane(Vec3::new(0.0, height, 0.0), Vec3::Y));
     all.extend([sphere, capsule, solid_box].into_iter().flatten().cloned().map(Moving::still));
+    for path in body {
+        let body = Body::load(path, arguments.scale, times.clone())?;
+        all.push(Moving { motion: Motion::Mesh(body), friction: None, id: None });
+    }
     all.extend(under);
     all.extend(floor.into_iter().chain(plane.iter().cloned()).map(Moving::still));
     for moving in &mut all {

@@ -1,6 +1,7 @@
 //! A run: the cloth, what it is made of and what acts on it in each frame, from the command line and the scene file.
 
 mod air;
+mod bodies;
 mod cloths;
 mod colliders;
 mod file;
@@ -57,6 +58,7 @@ impl Scene {
         files.extend(arguments.scene.clone());
         let times = (1..=frames).map(|frame| f64::from(frame - 1) / f64::from(rate));
         let colliders = colliders(arguments, scene, &mesh, times)?;
+        files.extend(colliders.iter().flat_map(Moving::files).cloned());
         let wind = wind(arguments, scene)?;
         let gravity = arguments.gravity.map(Animated::still).or(file.gravity.clone());
         let options = Options {
