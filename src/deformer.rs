@@ -20,6 +20,7 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
@@ -39,6 +40,9 @@ use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers};
 use crate::step::substep_count::{Division, FRAMES, Rates};
 use crate::step::watch::{Led, Watch};
+
+/// Vertices up to which a cloth in a crowd is left to one thread: more threads would not halve its time.
+const SMALL: usize = 4096;
 
 /// What a step takes.
 #[derive(Debug, Clone, Copy)]
@@ -159,11 +163,16 @@ impl Deformer {
     /// On the GPU the last is found when the state is next read, or by one of the next steps, about sixteen later at most, which is then not
     /// taken: the state is that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
+        self.step_on(dt, attributes, false)
+    }
+
+    /// A step; on this thread `alone` or on as many as pay.
+    fn step_on(&mut self, dt: f32, attributes: &Attributes, alone: bool) -> Result<StepReport, StepError> {
         let Some(taken) = self.ready(dt, attributes)? else { return Ok(idle(dt)) };
         // Without a budget nobody looks at a clock, which not every machine has.
-        let start = matches!(self.options.quality, Quality::Budget(_)).then(Instant::now);
+        let start = (!alone && matches!(self.options.quality, Quality::Budget(_))).then(Instant::now);
         let (engine, plan) = self.job(&taken, attributes);
-        let stepped = engine.step(&plan);
+        let stepped = engine.step(&Plan { alone, ..plan });
         start.into_iter().for_each(|start| self.pace.note(start.elapsed().as_secs_f64(), taken.division.substeps));
         self.stepped(stepped, taken, attributes)
     }
@@ -171,8 +180,9 @@ impl Deformer {
     /// Advances each of a crowd by `dt` (s), with its own attributes: `step_all(crowd.iter_mut().map(|one| (one, &all)), dt)`.
     ///
     /// Those on one GPU go to it together. A large GPU that a small cloth leaves mostly idle does many in little more
-    /// than the time of one; the rest, and those on the CPU, are stepped one after another. In a crowd a cloth may be
-    /// computed in another way than alone; then its motion differs by rounding.
+    /// than the time of one. On the CPU small ones are stepped side by side, a thread each, if they are as many as the threads of the current
+    /// rayon pool; the rest one after another, each on as many threads as pay. In a crowd a cloth may be
+    /// computed in another way than alone on a GPU; then its motion differs by rounding. On the CPU it is the same bit for bit.
     ///
     /// # Errors
     /// As [`Deformer::step`], for each on its own.
@@ -181,6 +191,20 @@ impl Deformer {
         dt: f32,
     ) -> Vec<Result<StepReport, StepError>> {
         let mut crowd: Vec<_> = crowd.into_iter().collect();
+        let is_small = |one: &Deformer| matches!(one.engine, Engine::Cpu(_)) && one.cloth.rest.len() <= SMALL;
+        if crowd.iter().filter(|(one, _)| is_small(one)).count() < rayon::current_num_threads().max(2) {
+            return Deformer::step_together(crowd, dt);
+        }
+        let side_by_side = crowd.par_iter_mut().map(|(one, attributes)| is_small(one).then(|| one.step_on(dt, attributes, true)));
+        let mut stepped: Vec<Option<_>> = side_by_side.collect();
+        let rest = crowd.into_iter().zip(&stepped).filter(|(_, stepped)| stepped.is_none()).map(|(one, _)| one);
+        let mut rest = Deformer::step_together(rest.collect(), dt).into_iter();
+        stepped.iter_mut().filter(|stepped| stepped.is_none()).for_each(|place| *place = rest.next());
+        stepped.into_iter().flatten().collect()
+    }
+
+    /// Those on one GPU together, the others one after another.
+    fn step_together(mut crowd: Vec<(&mut Deformer, &Attributes)>, dt: f32) -> Vec<Result<StepReport, StepError>> {
         let ready: Vec<_> = crowd.iter_mut().map(|(one, attributes)| one.ready(dt, attributes)).collect();
         let jobs = crowd.iter_mut().zip(&ready);
         let jobs = jobs.filter_map(|((one, attributes), ready)| Some(one.job(ready.as_ref().ok()?.as_ref()?, attributes)));

@@ -2,6 +2,7 @@
 
 mod attributes;
 mod backend;
+mod binding;
 mod contact;
 mod cpu;
 mod deformer;
@@ -33,6 +34,7 @@ mod step;
 mod tune;
 
 pub use attributes::{Attributes, Collider, Shape};
+pub use binding::{BindError, Binding};
 pub use deformer::{Deformer, Forecast, Snapshot};
 pub use device::Gpu;
 pub use error::{BuildError, ChangeError, Instability, StateError, StepError, WarpError};

@@ -194,7 +194,7 @@ impl Cpu {
     /// Of the state that a step led to, if its plan asks for any.
     pub(crate) fn statistics(&self, plan: &Plan<'_>) -> Option<Statistics> {
         let gauges = plan.gauges?;
-        let alone = self.choice.as_ref().is_none_or(|choice| choice.threads() == 1);
+        let alone = plan.alone || self.choice.as_ref().is_none_or(|choice| choice.threads() == 1);
         let Cpu { x, p, width, .. } = self;
         Some(Observed { x, u: p, drift: plan.params.drift.into(), h: plan.params.h, width: *width }.statistics(gauges, alone))
     }
@@ -212,9 +212,10 @@ impl Cpu {
         self.pack(plan, elsewhere.is_some(), pool);
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
+        let threads = if plan.alone { 1 } else { threads };
         let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
         // A pool of one has no choice, and perhaps no clock.
-        let start = (pool > 1).then(Instant::now);
+        let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
             None => self.turns(0, 0..turns, plan, elsewhere, threads),
             Some(mut contact) => {

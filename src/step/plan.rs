@@ -63,6 +63,8 @@ pub(crate) struct Plan<'a> {
     pub gauges: Option<&'a [StrainGauge]>,
     /// Contact of the cloth with itself.
     pub contact: Option<Contact>,
+    /// On the CPU: by this thread alone, others having cloths of their own.
+    pub alone: bool,
 }
 
 impl<'a> Plan<'a> {
@@ -172,6 +174,7 @@ impl<'a> Plan<'a> {
             wind,
             gauges: None,
             contact: options.contact,
+            alone: false,
         }
     }
 

@@ -1,0 +1,301 @@
+//! A mesh that is drawn, bound to a coarser one that is simulated.
+//!
+//! # Theory
+//! A vertex of the render mesh is `sum b_i x_i + h n`: an affine combination of the corners of the triangle that is nearest at rest, and a height
+//! along the cloth's smooth normal there, the mean of its corners' normals (each the mean of the triangles around it by area) by the weights
+//! of the nearest point. The nearest point's own weights are none below 0; those of the corners are solved for, so that the rest shape is
+//! met exactly wherever the vertex is, beside the cloth's border as well. Corners and normals turn with the cloth: a rigid motion is reproduced to rounding,
+//! and a stretch within a triangle too. Between vertices the cloth is flat: where it is bent with radius R its edges `l` cut the corner by `l²/8R`.
+
+use glam::{DMat3, DVec3, Vec3};
+
+use crate::kernels::pair::vertex_triangle;
+use crate::model::mesh::Mesh;
+use crate::simd::Vector;
+
+/// Triangles in a leaf of the tree that the nearest is found by.
+const LEAF: usize = 4;
+/// A height (m per m of the cloth's extent) that is none.
+const FLAT: f64 = 1e-7;
+/// Smooth normals that are nearer to the triangle's plane (sine) say little of its side.
+const STEEP: f64 = 0.2;
+
+/// Why a mesh could not be bound, or positions were not taken.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BindError {
+    /// A cloth without any triangle that has an area.
+    #[error("the cloth mesh has no triangle with an area; bind to the mesh that is simulated")]
+    NoSurface,
+    /// A vertex at NaN or infinity.
+    #[error("vertex {vertex} of the {mesh} mesh is at {position}; positions must be finite")]
+    Position {
+        /// `render` or `cloth`.
+        mesh: &'static str,
+        /// The vertex.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// A triangle that names a vertex the mesh lacks.
+    #[error("triangle {triangle} of the cloth mesh names vertex {index}, but it has {vertices} vertices (numbered from 0)")]
+    Index {
+        /// The triangle.
+        triangle: usize,
+        /// The index it gives.
+        index: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// Not one position for each vertex.
+    #[error("{given} positions were given for the {expected} vertices of the {mesh} mesh; give one for each")]
+    Length {
+        /// `render` or `cloth`.
+        mesh: &'static str,
+        /// Number of positions.
+        given: usize,
+        /// Number of vertices.
+        expected: usize,
+    },
+}
+
+/// A render mesh bound to a coarser cloth: made once from both at rest, applied to the cloth's positions in every frame.
+///
+/// Each vertex of the render mesh follows the triangle of the cloth that is nearest at rest, at its height above it; there may be seams, several
+/// layers, a hem beyond the border. Where two layers of the cloth are nearer to one another at rest than the render mesh is to either, it may follow the
+/// wrong one: [`Binding::farthest`] tells how near it is.
+///
+/// ```
+/// use cloth_deformer::{Binding, Mesh, glam::Vec3};
+/// let (cloth, drawn) = (Mesh::grid(28, 28, 1.0, 1.0), Mesh::grid(71, 71, 1.0, 1.0));
+/// let binding = Binding::new(&drawn, &cloth)?;
+/// let moved: Vec<Vec3> = cloth.positions.iter().map(|x| *x + Vec3::Y).collect(); // Deformer::positions
+/// let mut positions = drawn.positions.clone();
+/// binding.apply(&moved, &mut positions)?;
+/// assert!(positions.iter().zip(&drawn.positions).all(|(x, at_rest)| x.distance(*at_rest + Vec3::Y) < 1e-6));
+/// # Ok::<(), cloth_deformer::BindError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Binding {
+    cloth_vertices: usize,
+    /// The cloth's triangles, whose normals are needed; none if no vertex has a height.
+    triangles: Vec<[u32; 3]>,
+    /// One for each vertex.
+    feet: Vec<Foot>,
+    heights: Vec<Height>,
+    farthest: f32,
+}
+
+/// An affine combination of the cloth's vertices.
+#[derive(Debug, Clone, Copy)]
+struct Foot {
+    corners: [u32; 3],
+    weights: [f32; 3],
+}
+
+/// What a vertex is above its foot.
+#[derive(Debug, Clone, Copy)]
+struct Height {
+    vertex: u32,
+    /// Along the normal (m).
+    height: f32,
+    /// Of the corners' normals; all 0: the triangle's own.
+    weights: [f32; 3],
+}
+
+impl Binding {
+    /// Binds `render` to `cloth`, both where they are at rest, in time that grows with the render mesh's vertices and little with the cloth's.
+    ///
+    /// # Errors
+    /// If a position is not finite, or the cloth has no triangle to bind to.
+    pub fn new(render: &Mesh, cloth: &Mesh) -> Result<Binding, BindError> {
+        for (mesh, positions) in [("render", &render.positions), ("cloth", &cloth.positions)] {
+            if let Some(vertex) = positions.iter().position(|x| !x.is_finite()) {
+                return Err(BindError::Position { mesh, vertex, position: positions[vertex] });
+            }
+        }
+        let vertices = cloth.positions.len();
+        for (triangle, corners) in cloth.triangles.iter().enumerate() {
+            if let Some(&index) = corners.iter().find(|&&index| index as usize >= vertices) {
+                return Err(BindError::Index { triangle, index, vertices });
+            }
+        }
+        let tree = Tree::new(cloth).ok_or(BindError::NoSurface)?;
+        let normals = normals(&cloth.triangles, &cloth.positions);
+        let extent = tree.nodes.first().map_or(0.0, |root| (root.high - root.low).max_element());
+        let (mut feet, mut heights, mut farthest) = (Vec::new(), Vec::new(), 0.0_f32);
+        for (vertex, &x) in render.positions.iter().enumerate() {
+            let Near { corners, weights, distance } = tree.nearest(x);
+            farthest = farthest.max(distance);
+            let [a, b, c] = corners.map(|corner| cloth.positions[corner as usize].as_dvec3());
+            let own = (b - a).cross(c - a).normalize_or_zero();
+            let smooth: DVec3 = (0..3).map(|k| normals[corners[k] as usize].as_dvec3() * f64::from(weights[k])).sum();
+            let smooth = smooth.normalize_or_zero();
+            let (normal, weights) = if smooth.dot(own).abs() > STEEP { (smooth, weights) } else { (own, [0.0; 3]) };
+            let [along, across, height] = (DMat3::from_cols(b - a, c - a, normal).inverse() * (x.as_dvec3() - a)).to_array();
+            feet.push(Foot { corners, weights: [1.0 - along - across, along, across].map(|weight| weight as f32) });
+            if height.abs() > FLAT * f64::from(extent) {
+                heights.push(Height { vertex: vertex as u32, height: height as f32, weights });
+            }
+        }
+        let triangles = if heights.is_empty() { Vec::new() } else { cloth.triangles.clone() };
+        Ok(Binding { cloth_vertices: vertices, triangles, feet, heights, farthest })
+    }
+
+    /// How far (m) the render mesh is from the cloth at rest, where it is farthest: much, if one of them is out of place or in other units.
+    #[must_use]
+    pub fn farthest(&self) -> f32 {
+        self.farthest
+    }
+
+    /// Where the render mesh's vertices are (m) when the cloth's are at `cloth` (m), both in their meshes' order.
+    ///
+    /// # Errors
+    /// If there is not one position for each vertex; `render` is then as it was.
+    pub fn apply(&self, cloth: &[Vec3], render: &mut [Vec3]) -> Result<(), BindError> {
+        for (mesh, given, expected) in [("cloth", cloth.len(), self.cloth_vertices), ("render", render.len(), self.feet.len())] {
+            if given != expected {
+                return Err(BindError::Length { mesh, given, expected });
+            }
+        }
+        for (x, &Foot { corners, weights }) in render.iter_mut().zip(&self.feet) {
+            let [a, b, c] = corners.map(|corner| cloth[corner as usize]);
+            *x = a * weights[0] + b * weights[1] + c * weights[2];
+        }
+        if self.heights.is_empty() {
+            return Ok(());
+        }
+        let normals = normals(&self.triangles, cloth);
+        for &Height { vertex, height, weights } in &self.heights {
+            let corners = self.feet[vertex as usize].corners;
+            let [a, b, c] = corners.map(|corner| normals[corner as usize]);
+            let smooth = a * weights[0] + b * weights[1] + c * weights[2];
+            let normal = smooth.try_normalize().unwrap_or_else(|| {
+                let [a, b, c] = corners.map(|corner| cloth[corner as usize]);
+                (b - a).cross(c - a).normalize_or_zero()
+            });
+            render[vertex as usize] += normal * height;
+        }
+        Ok(())
+    }
+}
+
+/// The normal of each vertex: the mean of the triangles around it by area, of length 1; 0 where there is no area.
+fn normals(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; positions.len()];
+    for corners in triangles {
+        let [a, b, c] = corners.map(|corner| positions[corner as usize]);
+        let area = (b - a).cross(c - a);
+        corners.iter().for_each(|&corner| normals[corner as usize] += area);
+    }
+    normals.iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
+    normals
+}
+
+/// The nearest point of the cloth.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    corners: [u32; 3],
+    /// Of its corners, none below 0.
+    weights: [f32; 3],
+    distance: f32,
+}
+
+/// Boxes around the triangles that have an area.
+struct Tree<'a> {
+    positions: &'a [Vec3],
+    triangles: Vec<[u32; 3]>,
+    /// The root first; children come after their parents.
+    nodes: Vec<Node>,
+}
+
+struct Node {
+    low: Vec3,
+    high: Vec3,
+    /// A leaf's triangles, or where the two children are.
+    range: std::ops::Range<usize>,
+    is_leaf: bool,
+}
+
+impl<'a> Tree<'a> {
+    /// `None` if there are no triangles with an area.
+    fn new(cloth: &'a Mesh) -> Option<Tree<'a>> {
+        let positions = &cloth.positions;
+        let has_area = |corners: &&[u32; 3]| {
+            let [a, b, c] = corners.map(|corner| positions[corner as usize].as_dvec3());
+            let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+            (b - a).cross(c - a).length() > 1e-6 * longest
+        };
+        let triangles: Vec<[u32; 3]> = cloth.triangles.iter().filter(has_area).copied().collect();
+        let mut tree = Tree { positions, triangles, nodes: Vec::new() };
+        let all = 0..tree.triangles.len();
+        tree.nodes.push(tree.node(all.clone()));
+        tree.split(0, all.clone());
+        (!all.is_empty()).then_some(tree)
+    }
+
+    fn node(&self, range: std::ops::Range<usize>) -> Node {
+        let corners = self.triangles[range.clone()].iter().flatten().map(|&corner| self.positions[corner as usize]);
+        let around = |(low, high): (Vec3, Vec3), x: Vec3| (low.min(x), high.max(x));
+        let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), around);
+        Node { low, high, range, is_leaf: true }
+    }
+
+    /// Splits a node that has many triangles by the middle one along its longest side, and so on.
+    fn split(&mut self, node: usize, range: std::ops::Range<usize>) {
+        if range.len() <= LEAF {
+            return;
+        }
+        let extent = self.nodes[node].high - self.nodes[node].low;
+        let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
+        let positions = self.positions;
+        let center = |corners: &[u32; 3]| corners.iter().map(|&corner| positions[corner as usize][axis]).sum::<f32>();
+        let middle = range.len() / 2;
+        self.triangles[range.clone()].select_nth_unstable_by(middle, |a, b| center(a).total_cmp(&center(b)));
+        let halves = [range.start..range.start + middle, range.start + middle..range.end];
+        let first = self.nodes.len();
+        let made = halves.clone().map(|half| self.node(half));
+        self.nodes.extend(made);
+        (self.nodes[node].range, self.nodes[node].is_leaf) = (first..first + 2, false);
+        let [left, right] = halves;
+        self.split(first, left);
+        self.split(first + 1, right);
+    }
+
+    /// The nearest point to `x`.
+    fn nearest(&self, x: Vec3) -> Near {
+        let mut near = Near { corners: [0; 3], weights: [1.0, 0.0, 0.0], distance: f32::INFINITY };
+        self.look(0, x, &mut near);
+        near
+    }
+
+    fn look(&self, node: usize, x: Vec3, near: &mut Near) {
+        let Node { range, is_leaf, .. } = &self.nodes[node];
+        if !is_leaf {
+            let mut children = [range.start, range.start + 1].map(|child| (self.away(child, x), child));
+            children.sort_by(|a, b| a.0.total_cmp(&b.0));
+            children.into_iter().for_each(|(away, child)| {
+                if away < near.distance {
+                    self.look(child, x, near);
+                }
+            });
+            return;
+        }
+        for &corners in &self.triangles[range.clone()] {
+            let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
+            // Relative to a corner, for precision; `- w` are the weights of the triangle's corners.
+            let at = |v: Vec3| Vector::<f32>::splat((v - a).to_array());
+            let [_, u, v, w] = vertex_triangle([at(x), at(a), at(b), at(c)]).map(|weight| -weight);
+            let distance = x.distance(a * u + b * v + c * w);
+            if distance < near.distance || near.distance.is_infinite() {
+                *near = Near { corners, weights: [u, v, w], distance };
+            }
+        }
+    }
+
+    /// How far (m) a node is at least.
+    fn away(&self, node: usize, x: Vec3) -> f32 {
+        let Node { low, high, .. } = &self.nodes[node];
+        (*low - x).max(x - *high).max(Vec3::ZERO).length()
+    }
+}

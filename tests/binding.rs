@@ -1,0 +1,136 @@
+//! A render mesh follows the coarser cloth that it is bound to: exactly where that is flat, within a millimeter where it is bent.
+
+mod common;
+
+use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{Attributes, Backend, BindError, Binding, Collider, Deformer, Fabric, Mesh, Options};
+use common::{FRAME, meshes, play};
+
+/// 812 vertices are simulated, 5041 drawn: a sheet with a thickness that waves, and a hem of 2 cm beyond the border.
+fn meshes_of_a_sheet() -> (Mesh, Mesh) {
+    let (cloth, mut drawn) = (Mesh::grid(28, 29, 1.0, 1.0), Mesh::grid(71, 71, 1.04, 1.04));
+    for (index, x) in drawn.positions.iter_mut().enumerate() {
+        x.y = 0.004 * (index as f32 * 0.37).sin();
+    }
+    (cloth, drawn)
+}
+
+fn applied(binding: &Binding, cloth: &[Vec3], drawn: &Mesh) -> Vec<Vec3> {
+    let mut positions = vec![Vec3::NAN; drawn.positions.len()];
+    binding.apply(cloth, &mut positions).unwrap();
+    positions
+}
+
+fn worst(a: &[Vec3], b: &[Vec3]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max)
+}
+
+#[test]
+fn rigid_motions_are_reproduced_to_rounding() {
+    let (cloth, drawn) = meshes_of_a_sheet();
+    let binding = Binding::new(&drawn, &cloth).unwrap();
+    assert!(worst(&applied(&binding, &cloth.positions, &drawn), &drawn.positions) < 5e-7);
+    assert!((0.02..0.03).contains(&binding.farthest()), "{}", binding.farthest());
+    let turn = Quat::from_axis_angle(Vec3::new(1.0, -2.0, 0.5).normalize(), 2.0);
+    let moved = |x: &Vec3| turn * *x + Vec3::new(0.4, 1.5, -0.8);
+    let of = |mesh: &Mesh| mesh.positions.iter().map(moved).collect::<Vec<Vec3>>();
+    assert!(worst(&applied(&binding, &of(&cloth), &drawn), &of(&drawn)) < 2e-6);
+    // In its plane a flat sheet may be stretched and sheared as well: the corners' weights are those of the plane.
+    let flat = Mesh { positions: drawn.positions.iter().map(|x| x.with_y(0.0)).collect(), ..drawn.clone() };
+    let binding = Binding::new(&flat, &cloth).unwrap();
+    let sheared = |x: &Vec3| Vec3::new(1.3 * x.x + 0.2 * x.z, 0.7, 0.8 * x.z - 0.1 * x.x);
+    let of = |mesh: &Mesh| mesh.positions.iter().map(sheared).collect::<Vec<Vec3>>();
+    assert!(worst(&applied(&binding, &of(&cloth), &flat), &of(&flat)) < 1e-6);
+}
+
+/// A curved cloth of random triangles at rest: a third of a cylinder with a drawn layer around it.
+#[test]
+fn a_curved_rest_shape_is_met_and_turned() {
+    let roll = |x: &Vec3, radius: f32| Vec3::new(radius * (2.0 * x.x).sin(), radius * (2.0 * x.x).cos(), x.z);
+    let mut cloth = meshes::delaunay(24, 3);
+    cloth.positions.iter_mut().for_each(|x| *x = roll(x, 0.5));
+    let mut drawn = Mesh::grid(41, 37, 0.98, 0.97);
+    drawn.positions.iter_mut().for_each(|x| *x = roll(x, 0.507));
+    let binding = Binding::new(&drawn, &cloth).unwrap();
+    assert!(worst(&applied(&binding, &cloth.positions, &drawn), &drawn.positions) < 2e-6);
+    let turn = Quat::from_rotation_z(1.0);
+    let of = |mesh: &Mesh| mesh.positions.iter().map(|x| turn * *x).collect::<Vec<Vec3>>();
+    assert!(worst(&applied(&binding, &of(&cloth), &drawn), &of(&drawn)) < 3e-6);
+    // Blown up, the layer keeps its distance from the cloth.
+    let blown: Vec<Vec3> = cloth.positions.iter().map(|x| Vec3::new(2.0 * x.x, 2.0 * x.y, x.z)).collect();
+    for x in applied(&binding, &blown, &drawn) {
+        let away = x.with_z(0.0).length() - 1.0;
+        assert!((away - 0.007).abs() < 0.002, "{away}");
+    }
+}
+
+/// Rolled onto a cylinder of 0.2 m the sheet's own vertices are within a millimeter of where the same map takes them.
+#[test]
+fn a_bent_sheet_is_within_a_millimeter() {
+    let (cloth, drawn) = meshes_of_a_sheet();
+    let binding = Binding::new(&drawn, &cloth).unwrap();
+    let radius = 0.2;
+    let roll = |x: &Vec3| {
+        let (sin, cos) = (x.x / radius).sin_cos();
+        Vec3::new((radius + x.y) * sin, (radius + x.y) * cos - radius, x.z)
+    };
+    let inner = |x: &&Vec3| x.x.abs() < 0.5 && x.z.abs() < 0.5;
+    let rolled: Vec<Vec3> = cloth.positions.iter().map(roll).collect();
+    let embedded = applied(&binding, &rolled, &drawn);
+    let pairs = || drawn.positions.iter().zip(&embedded).filter(|(x, _)| inner(x));
+    let far = pairs().map(|(x, embedded)| embedded.distance(roll(x))).fold(0.0, f32::max);
+    println!("{far} m");
+    // l²/8R of edges of 37 mm is .86 mm.
+    assert!(far < 1e-3, "{far}");
+    // Without the heights it would be 4 mm.
+    let flat = Mesh { positions: drawn.positions.iter().map(|x| x.with_y(0.0)).collect(), ..drawn.clone() };
+    let flat = applied(&Binding::new(&flat, &cloth).unwrap(), &rolled, &flat);
+    let far = drawn.positions.iter().zip(&flat).filter(|(x, _)| inner(x)).map(|(x, y)| y.distance(roll(x))).fold(0.0, f32::max);
+    assert!(far > 3e-3, "{far}");
+}
+
+/// Over a ball: what is drawn is as far outside of it as the cloth is.
+#[test]
+fn a_draped_cloth_is_drawn_where_it_is() {
+    let (cloth, drawn) = (Mesh::grid(28, 29, 1.0, 1.0), Mesh::grid(71, 71, 1.0, 1.0));
+    let binding = Binding::new(&drawn, &cloth).unwrap();
+    let options = Options { backend: Backend::Cpu, fabric: Fabric::TOWEL, ..Options::default() };
+    let mut deformer = Deformer::new(&cloth, options).unwrap();
+    let ball = Collider::sphere(Vec3::Y * -0.32, 0.3);
+    play(&mut deformer, 40, &Attributes { colliders: vec![ball], ..Attributes::default() });
+    let positions = applied(&binding, deformer.positions().unwrap(), &drawn);
+    let deepest = positions.iter().map(|x| ball.distance(*x)).fold(f32::INFINITY, f32::min);
+    assert!(deepest > -1e-3, "{deepest}");
+    assert!(FRAME > 0.0 && positions.iter().all(|x| x.is_finite()));
+}
+
+#[test]
+fn what_cannot_be_bound_is_refused() {
+    let (cloth, drawn) = meshes_of_a_sheet();
+    let refused = |render: &Mesh, cloth: &Mesh, words: &[&str]| {
+        let refusal = Binding::new(render, cloth).unwrap_err().to_string();
+        words.iter().for_each(|word| assert!(refusal.contains(word), "{refusal}"));
+    };
+    refused(&drawn, &Mesh::default(), &["no triangle"]);
+    let line = Mesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0], triangles: vec![[0, 1, 2], [1, 1, 1]] };
+    refused(&drawn, &line, &["no triangle"]);
+    let mut broken = cloth.clone();
+    broken.positions[7].z = f32::NAN;
+    refused(&drawn, &broken, &["vertex 7", "cloth", "finite"]);
+    refused(&broken, &cloth, &["vertex 7", "render"]);
+    let mut broken = cloth.clone();
+    broken.triangles[3][1] = 812;
+    refused(&drawn, &broken, &["triangle 3", "812"]);
+
+    let binding = Binding::new(&drawn, &cloth).unwrap();
+    let mut positions = vec![Vec3::ONE; 3];
+    let refusal = binding.apply(&cloth.positions, &mut positions).unwrap_err();
+    assert_eq!(refusal, BindError::Length { mesh: "render", given: 3, expected: 5041 });
+    let refusal = binding.apply(&positions.clone(), &mut positions).unwrap_err();
+    assert!(refusal.to_string().contains("3 positions were given for the 812 vertices of the cloth"), "{refusal}");
+    assert_eq!(positions, [Vec3::ONE; 3]);
+    assert!(Binding::new(&Mesh::default(), &cloth).unwrap().apply(&cloth.positions, &mut []).is_ok());
+    // Cloth that collapses has no normals: what is drawn collapses with it, and stays finite.
+    let collapsed = applied(&binding, &vec![Vec3::ONE; 812], &drawn);
+    assert!(collapsed.iter().all(|x| x.distance(Vec3::ONE) < 1e-4));
+}
