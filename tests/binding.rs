@@ -4,7 +4,7 @@ mod common;
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, BindError, Binding, Collider, Deformer, Fabric, Mesh, Options};
-use common::{FRAME, meshes, play};
+use common::{meshes, play};
 
 /// 812 vertices are simulated, 5041 drawn: a sheet with a thickness that waves, and a hem of 2 cm beyond the border.
 fn meshes_of_a_sheet() -> (Mesh, Mesh) {
@@ -101,7 +101,6 @@ fn a_draped_cloth_is_drawn_where_it_is() {
     let positions = applied(&binding, deformer.positions().unwrap(), &drawn);
     let deepest = positions.iter().map(|x| ball.distance(*x)).fold(f32::INFINITY, f32::min);
     assert!(deepest > -1e-3, "{deepest}");
-    assert!(FRAME > 0.0 && positions.iter().all(|x| x.is_finite()));
 }
 
 #[test]
