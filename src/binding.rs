@@ -98,7 +98,7 @@ struct Foot {
 struct Height {
     vertex: u32,
     /// Along the normal (m).
-    height: f32,
+    along: f32,
     /// Of the corners' normals; all 0: the triangle's own.
     weights: [f32; 3],
 }
@@ -135,7 +135,7 @@ impl Binding {
             let [along, across, height] = (DMat3::from_cols(b - a, c - a, normal).inverse() * (x.as_dvec3() - a)).to_array();
             feet.push(Foot { corners, weights: [1.0 - along - across, along, across].map(|weight| weight as f32) });
             if height.abs() > FLAT * f64::from(extent) {
-                heights.push(Height { vertex: vertex as u32, height: height as f32, weights });
+                heights.push(Height { vertex: vertex as u32, along: height as f32, weights });
             }
         }
         let triangles = if heights.is_empty() { Vec::new() } else { cloth.triangles.clone() };
@@ -166,7 +166,7 @@ impl Binding {
             return Ok(());
         }
         let normals = normals(&self.triangles, cloth);
-        for &Height { vertex, height, weights } in &self.heights {
+        for &Height { vertex, along, weights } in &self.heights {
             let corners = self.feet[vertex as usize].corners;
             let [a, b, c] = corners.map(|corner| normals[corner as usize]);
             let smooth = a * weights[0] + b * weights[1] + c * weights[2];
@@ -174,7 +174,7 @@ impl Binding {
                 let [a, b, c] = corners.map(|corner| cloth[corner as usize]);
                 (b - a).cross(c - a).normalize_or_zero()
             });
-            render[vertex as usize] += normal * height;
+            render[vertex as usize] += normal * along;
         }
         Ok(())
     }
