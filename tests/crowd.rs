@@ -10,14 +10,14 @@ use common::FRAME;
 fn crowd() -> Vec<(Deformer, Attributes)> {
     let cloth = |index: u32| {
         let side = if index == 7 { 70 } else { 5 + index % 6 };
-        let fabric = Fabric { bending: if index % 3 == 0 { 1e-4 } else { 0.0 }, ..Fabric::COTTON };
-        let contact = (index % 5 == 0).then(Contact::default);
-        let quality = if index % 2 == 0 { Quality::default() } else { Quality::Substeps(6) };
+        let fabric = Fabric { bending: if index.is_multiple_of(3) { 1e-4 } else { 0.0 }, ..Fabric::COTTON };
+        let contact = index.is_multiple_of(5).then(Contact::default);
+        let quality = if index.is_multiple_of(2) { Quality::default() } else { Quality::Substeps(6) };
         let options =
             Options { backend: Backend::Cpu, fabric, contact, quality, pinned: vec![0, side - 1], ..Options::default() };
         let attributes = Attributes {
             wind: Vec3::X * index as f32 * 0.2,
-            air_density: if index % 4 == 0 { 1.2 } else { 0.0 },
+            air_density: if index.is_multiple_of(4) { 1.2 } else { 0.0 },
             colliders: vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.0), 0.2)],
             ..Attributes::default()
         };
