@@ -97,7 +97,7 @@ fn a_draped_cloth_is_drawn_where_it_is() {
     let options = Options { backend: Backend::Cpu, fabric: Fabric::TOWEL, ..Options::default() };
     let mut deformer = Deformer::new(&cloth, options).unwrap();
     let ball = Collider::sphere(Vec3::Y * -0.32, 0.3);
-    play(&mut deformer, 40, &Attributes { colliders: vec![ball], ..Attributes::default() });
+    play(&mut deformer, 40, &Attributes { colliders: vec![ball.clone()], ..Attributes::default() });
     let positions = applied(&binding, deformer.positions().unwrap(), &drawn);
     let deepest = positions.iter().map(|x| ball.distance(*x)).fold(f32::INFINITY, f32::min);
     assert!(deepest > -1e-3, "{deepest}");
