@@ -1,8 +1,8 @@
 //! The command line: what can be said, and what each word means.
 
-use std::path::PathBuf;
+use std::{ops::RangeInclusive, path::PathBuf};
 
-use clap::{Parser, value_parser};
+use clap::{Parser, Subcommand, value_parser};
 use cloth_deformer::{
     Backend, Collider, Fabric, Levels, Method,
     glam::{Quat, Vec3},
@@ -40,16 +40,22 @@ pub(crate) const FORMATS: [(&str, Format); 4] =
 /// Drapes cloth over what there is, and writes every frame as an OBJ file.
 ///
 /// Lengths are meters, masses kilograms, y is up. Without a mesh or a scene, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
-#[derive(Debug, Parser)]
+#[derive(Debug, Clone, Parser)]
 #[command(
     name = "drape",
+    args_conflicts_with_subcommands = true,
+    disable_help_subcommand = true,
     after_help = "\
 Frame 1 is the mesh as it was given; each further frame is one step of 1/FPS seconds. Vertices and faces keep their order, and frames all
 that the file had besides: polygons, texture coordinates, groups, materials; normals turn with the cloth. Frames of a longer run before
 that are still in --out are not mixed with this one's: it says so, and ends.
-Exit codes: 0 done, 2 bad input, 3 unstable, 4 no such GPU, 130 interrupted. Files are written whole or not at all."
+Exit codes: 0 done, 1 different (diff), 2 bad input, 3 unstable, 4 no such GPU, 130 interrupted. Files are written whole or not at all."
 )]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) task: Option<Task>,
+
     /// The cloth; any triangles or polygons. Default: the towel
     #[arg(value_name = "MESH.obj")]
     pub(crate) mesh: Option<PathBuf>,
@@ -58,6 +64,15 @@ pub(crate) struct Arguments {
     /// examples/scenes
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) scene: Option<PathBuf>,
+
+    /// How many variants the scene's [[vary]] make, and no more
+    #[arg(long, requires = "scene", conflicts_with = "variant")]
+    pub(crate) list: bool,
+
+    /// Runs a variant of the scene, from 1 on, or several, into a folder each in --out, `variant_0001` and so on, with a receipt. They are there
+    /// whole or not at all, and not run again once they are there
+    #[arg(long, value_name = "I|I-J", requires = "scene", conflicts_with_all = ["save", "resume"], value_parser = variants)]
+    pub(crate) variant: Option<RangeInclusive<u32>>,
 
     /// What the mesh's coordinates are multiplied by: 0.01 if they are centimeters [default: 1]
     #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
@@ -192,6 +207,18 @@ pub(crate) struct Arguments {
     pub(crate) quiet: bool,
 }
 
+/// What else the program does.
+#[derive(Debug, Clone, Subcommand)]
+pub(crate) enum Task {
+    /// Names the first frame and vertex in which two runs differ, and why; exit code 0 if they do not, 1 if they do
+    Diff {
+        /// Folder of the frames of one run
+        a: PathBuf,
+        /// Folder of the frames of the other
+        b: PathBuf,
+    },
+}
+
 impl Arguments {
     /// The arguments this process was given, or the help that was asked for.
     pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
@@ -231,6 +258,15 @@ fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
 
 fn vector(text: &str) -> Result<Vec3, String> {
     numbers(text).map(Vec3::from_array)
+}
+
+fn variants(text: &str) -> Result<RangeInclusive<u32>, String> {
+    let number = |word: &str| word.trim().parse::<u32>().ok().filter(|&number| number > 0);
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    match (number(first), number(last)) {
+        (Some(first), Some(last)) if first <= last => Ok(first..=last),
+        _ => Err("give a number from 1 on, or a first and a last one, 1-10".to_owned()),
+    }
 }
 
 fn ball(text: &str) -> Result<Collider, String> {

@@ -27,7 +27,10 @@ pub(crate) fn run<Arguments>(
         Err(failure) => Some(failure),
     };
     let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
-    warn("error", &message);
+    // What was said already has no message.
+    if !message.is_empty() {
+        warn("error", &message);
+    }
     ExitCode::from(code)
 }
 

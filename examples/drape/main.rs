@@ -6,45 +6,32 @@
 //! cargo run --release --example drape -- --preview towel.png --report towel.json
 //! ```
 
-use std::{
-    fmt::Display,
-    io::{self, IsTerminal},
-    mem,
-    process::ExitCode,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::Instant,
-};
+use std::fmt::Display;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use cloth_deformer::{BuildError, Deformer, Mesh, StepError, Warning};
-use indicatif::{ProgressBar, ProgressStyle};
+use cloth_deformer::{BuildError, StepError};
 
-use crate::{
-    arguments::Arguments,
-    command::{say, warn},
-    frames::Frames,
-    output::Output,
-    preview::Cell,
-    report::{Frame, Report},
-    scene::Scene,
-    warnings::describe,
-};
+use crate::arguments::{Arguments, Task};
+use crate::command::say;
+use crate::play::play;
+use crate::scene::Scene;
 
 mod arguments;
 mod command;
+mod diff;
 mod frames;
 mod output;
 mod pins;
+mod play;
 mod preview;
+mod receipt;
 mod report;
 mod save;
 mod scene;
+mod sweep;
 mod warnings;
-
-/// Cells of the contact sheet, at most.
-const CELLS: u32 = 12;
 
 fn main() -> ExitCode {
     command::run(Arguments::read(), run)
@@ -58,6 +45,8 @@ pub(crate) struct Failure {
 }
 
 impl Failure {
+    /// As `diff` and `cmp` have it.
+    const DIFFERENT: u8 = 1;
     const INPUT: u8 = 2;
     const UNSTABLE: u8 = 3;
     const GPU: u8 = 4;
@@ -66,6 +55,11 @@ impl Failure {
 
     fn new(code: u8, message: impl Display) -> Failure {
         Failure { code, message: message.to_string() }
+    }
+
+    /// The same failure, of a part of what was asked for.
+    pub(crate) fn of(self, part: &str) -> Failure {
+        Failure { message: format!("{part}: {}", self.message), ..self }
     }
 
     /// What it says.
@@ -96,131 +90,32 @@ impl Failure {
     }
 }
 
-/// The whole program, from top to bottom.
+/// What the program was asked for.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scene = Scene::new(arguments)?;
-    let Scene { name, mesh, template, options, outputs, .. } = &scene;
-    output::check_apart(outputs)?;
-    let dt = scene.dt();
-    let mut deformer = Deformer::new(mesh, options.clone()).map_err(|error| Failure::build(name, &error))?;
-
-    // From here on there are files that a signal must not leave half written; until here it ends the program at once.
+    if let Some(Task::Diff { a, b }) = &arguments.task {
+        return diff::diff(a, b);
+    }
+    if arguments.list {
+        let sweep = sweep::Sweep::read(arguments)?;
+        say(&sweep.count().to_string());
+        return Ok(());
+    }
+    // A signal ends the program at once until there are files that it must not leave half written.
     let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))?;
-
-    // Whatever cannot be written is found out now, not after the simulation.
-    let mut frames = Frames::begin(outputs, mesh, template.as_ref())?;
-    let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
-    let report_file = reserve(&outputs.report)?;
-    let preview_file = reserve(&outputs.preview)?;
-
-    let mut report = Report::new(&deformer, options.method, mesh);
-    let mut cells: Vec<Cell> = Vec::new();
-    let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
-    // What the scene asks too much of is said before the first frame.
-    for warning in deformer.forecast(dt, &scene.attributes(1)).map_err(|error| Failure::step(1, &error))?.warnings {
-        warned.push(mem::discriminant(&warning));
-        warn("warning", &describe(warning, 60.0 * dt));
-    }
-    let acts = scene.acts();
-    let resumed = save::resume(outputs, &mut deformer, &acts)?;
-    let done = resumed.as_ref().map_or(0, |saved| saved.frame);
-    report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
-    if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
-        warn(
-            "warning",
-            &format!("{name}: gives one normal to several vertices, which cannot turn with each; export it without normals"),
-        );
-    }
-    let progress = progress(arguments, outputs.frames);
-    progress.set_position(u64::from(done));
-    let mut shape = mesh.clone();
-    let cell = |frame: u32, shape: &Mesh| {
-        let is_cell = preview_file.is_some() && is_shown(frame, outputs.frames);
-        is_cell.then(|| Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame).colliders })
+    let listen = || {
+        let flag = Arc::clone(&interrupted);
+        ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
+            .map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))
     };
-    for frame in 1..=done {
-        if frames.has_caches() || cell(frame, &shape).is_some() {
-            save::written(outputs, frame, &mut shape)?;
-        }
-        frames.cache(&shape.positions)?;
-        cells.extend(cell(frame, &shape));
+    if let Some(variants) = arguments.variant.clone() {
+        let sweep = sweep::Sweep::read(arguments)?;
+        listen()?;
+        return sweep.run(arguments, variants, &interrupted);
     }
-    for frame in done + 1..=outputs.frames {
-        let failed = |error: StepError| Failure::step(frame, &error);
-        let (mut seconds, mut counts) = (0.0, [0, 0]);
-        if frame > 1 {
-            let attributes = scene.attributes(frame);
-            let start = Instant::now();
-            let done = deformer.step(dt, &attributes).map_err(failed)?;
-            // A GPU has only been told what to do: the step is over when it has done it.
-            deformer.wait().map_err(failed)?;
-            seconds = start.elapsed().as_secs_f64();
-            counts = [done.substeps, done.contacts];
-            for warning in done.warnings {
-                // Once each: a limit met in one frame is met in most of those that follow.
-                if !warned.contains(&mem::discriminant(&warning)) {
-                    warned.push(mem::discriminant(&warning));
-                    progress.suspend(|| warn("warning", &describe(warning, 60.0 * dt)));
-                }
-            }
-            shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
-        }
-        // Frame 1 is the mesh as it was given, to the last bit: it has not been through the deformer.
-        frames.write(frame, &shape)?;
-        cells.extend(cell(frame, &shape));
-        let measure = deformer.measure().map_err(failed)?;
-        let row = Frame::new(frame, seconds, counts, measure);
-        report.frames.push(row.ok_or_else(|| {
-            // Springs past their limit grow for some frames before the first position overflows.
-            let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
-            Failure::new(Failure::UNSTABLE, message)
-        })?);
-        progress.inc(1);
-        let is_interrupted = interrupted.load(Ordering::Relaxed);
-        let is_last = is_interrupted || frame == outputs.frames;
-        save::save(outputs, frame, is_last, &mut deformer, &acts, &report.frames)?;
-        if is_interrupted {
-            progress.finish_and_clear();
-            let message = format_args!("interrupted: {frame} of {} frames written", outputs.frames);
-            return Err(Failure::new(Failure::INTERRUPTED, message));
-        }
-    }
-    progress.finish_and_clear();
-
-    frames.finish()?;
-    if let Some(file) = report_file {
-        file.write(&report.json()?)?;
-    }
-    if let Some(file) = preview_file {
-        let sheet = preview::contact_sheet(&cells, &shape.triangles);
-        file.write(&sheet.map_err(|error| Failure::input(format_args!("--preview: {error}")))?)?;
-    }
+    let scene = Scene::new(arguments)?;
+    let report = play(&scene, arguments.quiet, listen, &interrupted)?;
     if !arguments.quiet {
-        say(&report.summary(&outputs.folder));
+        say(&report.summary(&scene.outputs.folder));
     }
     Ok(())
-}
-
-/// A bar on a terminal, nothing elsewhere.
-fn progress(arguments: &Arguments, frames: u32) -> ProgressBar {
-    if arguments.quiet || !io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(u64::from(frames));
-    match ProgressStyle::with_template("{bar:40} frame {pos} of {len}, {eta} left") {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
-    }
-}
-
-/// Whether `frame` has a cell on the contact sheet: evenly spaced, the first and the last among them.
-fn is_shown(frame: u32, frames: u32) -> bool {
-    let cells = u64::from(CELLS.min(frames));
-    let (index, last) = (u64::from(frame - 1), u64::from(frames - 1));
-    // The cell whose place `index * (cells - 1) / last`, rounded to nearest, is reached first at this index.
-    let steps = (cells - 1).max(1);
-    (0..cells).any(|cell| (cell * last + steps / 2) / steps == index)
 }

@@ -13,8 +13,8 @@ use crate::{
 /// A run. The order of the fields is the order of the file.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
-    adapter: Option<String>,
-    backend: &'static str,
+    pub(crate) adapter: Option<String>,
+    pub(crate) backend: &'static str,
     method: &'static str,
     vertices: usize,
     edges: usize,
@@ -31,17 +31,17 @@ pub(crate) struct Frame {
     number: u32,
     /// Duration of `Deformer::step` alone (ms), on the GPU until it is done there; reading back is not part of it.
     ms: f64,
-    substeps: u32,
-    mean_strain: f32,
-    max_strain: f32,
+    pub(crate) substeps: u32,
+    pub(crate) mean_strain: f32,
+    pub(crate) max_strain: f32,
     /// What 99 % of the area is stretched by at most.
-    stretch_share: f32,
+    pub(crate) stretch_share: f32,
     /// Kinetic and potential energy (J).
-    energy: f64,
+    pub(crate) energy: f64,
     /// Depth of the deepest vertex in a collider (m).
-    penetration: f32,
+    pub(crate) penetration: f32,
     /// Pairs of the cloth's features that press on one another.
-    contacts: u32,
+    pub(crate) contacts: u32,
 }
 
 impl Frame {

@@ -42,6 +42,22 @@ pub(crate) struct File {
     /// What they meet.
     pub(crate) collider: Vec<Spanned<Collider>>,
     pub(crate) output: Output,
+    /// What is varied from run to run of a sweep; every value with every other. A run without `--variant` knows nothing of it.
+    pub(crate) vary: Vec<Spanned<Vary>>,
+}
+
+/// Values that a key of the scene has in turn: `values`, or the whole numbers from `first` on, `count` of them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Vary {
+    /// The key's path: `wind.gusts.seed`; in lists by name or by number from 1, `collider.ball.radius`, `cloth.1.fabric`.
+    pub(crate) key: String,
+    /// Anything that the key may be.
+    #[serde(default)]
+    pub(crate) values: Vec<toml::Value>,
+    /// 1.
+    pub(crate) first: Option<i64>,
+    pub(crate) count: Option<NonZeroU32>,
 }
 
 /// How finely a frame is divided: one of `substeps`, `strain` and `budget`, else a strain of 0.03.
@@ -298,18 +314,20 @@ impl<'de> Deserialize<'de> for FormatName {
 pub(crate) struct Source {
     path: PathBuf,
     text: String,
+    /// What a variant of the scene is, whose text is not the file's: its lines are not named.
+    variant: Option<String>,
 }
 
 impl Source {
     /// Reads a scene file.
     pub(crate) fn read(path: &Path) -> Result<(Source, File), Failure> {
         let text = fs::read_to_string(path).map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
-        Source::parse(path, text)
+        Source::parse(path, text, None)
     }
 
-    /// Reads a scene file's text.
-    pub(crate) fn parse(path: &Path, text: String) -> Result<(Source, File), Failure> {
-        let source = Source { path: path.to_owned(), text };
+    /// Reads a scene file's text, or that of a variant.
+    pub(crate) fn parse(path: &Path, text: String, variant: Option<String>) -> Result<(Source, File), Failure> {
+        let source = Source { path: path.to_owned(), text, variant };
         let file = toml::from_str(&source.text);
         let file =
             file.map_err(|error: toml::de::Error| source.wrong(error.span().map_or(0, |span| span.start), error.message()))?;
@@ -326,8 +344,16 @@ impl Source {
         self.path.parent().map_or_else(|| path.to_owned(), |folder| folder.join(path))
     }
 
+    /// Its text.
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
     /// What is wrong at some byte of the text.
     pub(crate) fn wrong(&self, at: usize, what: impl Display) -> Failure {
+        if let Some(variant) = &self.variant {
+            return Failure::input(format_args!("{}: {variant}: {what}", self.path.display()));
+        }
         let line = 1 + self.text.bytes().take(at).filter(|&byte| byte == b'\n').count();
         Failure::input(format_args!("{}:{line}: {what}", self.path.display()))
     }

@@ -4,7 +4,7 @@ mod air;
 mod bodies;
 mod cloths;
 mod colliders;
-mod file;
+pub(crate) mod file;
 mod keys;
 mod pins;
 
@@ -45,7 +45,11 @@ pub(crate) struct Scene {
 impl Scene {
     pub(crate) fn new(arguments: &Arguments) -> Result<Scene, Failure> {
         let read = arguments.scene.as_deref().map(Source::read).transpose()?;
-        let scene = read.as_ref().map(|(source, file)| (source, file));
+        Scene::of(arguments, read.as_ref().map(|(source, file)| (source, file)))
+    }
+
+    /// A scene that was read.
+    pub(crate) fn of(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Scene, Failure> {
         let usual = File::default();
         let file = scene.map_or(&usual, |(_, file)| file);
 

@@ -1,0 +1,111 @@
+//! What a run was made of and what came of it: by a receipt a variant is known to be done, and `diff` says why two runs differ.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Failure, output::Output, report::Report};
+
+/// Its name in a run's folder.
+pub(crate) const NAME: &str = "receipt.json";
+
+/// The same for the same run on any machine, but for `lanes` and, with a GPU, `adapter` and figures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Receipt {
+    pub(crate) inputs: Inputs,
+    pub(crate) backend: String,
+    pub(crate) adapter: Option<String>,
+    /// Numbers that this processor computes at once. Machines of the same lanes make the same bits.
+    pub(crate) lanes: u32,
+    pub(crate) figures: Figures,
+}
+
+/// All that a run follows from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Inputs {
+    /// Of this program.
+    pub(crate) version: String,
+    pub(crate) variant: u32,
+    /// What the variant's keys are.
+    pub(crate) values: BTreeMap<String, serde_json::Value>,
+    /// Hash of the scene with these values.
+    pub(crate) scene: String,
+    /// Hash of what the command line said besides.
+    pub(crate) arguments: String,
+    /// Hashes of the files that were read, by their names.
+    pub(crate) files: BTreeMap<String, String>,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Figures {
+    frames: usize,
+    substeps: u64,
+    /// In the last frame.
+    mean_strain: f32,
+    /// The largest of any frame.
+    max_strain: f32,
+    stretch_share: f32,
+    penetration: f32,
+    /// In the last frame (J).
+    energy: f64,
+    contacts: u64,
+}
+
+impl Figures {
+    pub(crate) fn of(report: &Report) -> Figures {
+        let largest = |of: fn(&crate::report::Frame) -> f32| report.frames.iter().map(of).fold(0.0, f32::max);
+        let last = report.frames.last();
+        Figures {
+            frames: report.frames.len(),
+            substeps: report.frames.iter().map(|frame| u64::from(frame.substeps)).sum(),
+            mean_strain: last.map_or(0.0, |frame| frame.mean_strain),
+            max_strain: largest(|frame| frame.max_strain),
+            stretch_share: largest(|frame| frame.stretch_share),
+            penetration: largest(|frame| frame.penetration),
+            energy: last.map_or(0.0, |frame| frame.energy),
+            contacts: report.frames.iter().map(|frame| u64::from(frame.contacts)).sum(),
+        }
+    }
+}
+
+impl Receipt {
+    /// The one in a folder; none if there is none that can be read.
+    pub(crate) fn in_folder(folder: &Path) -> Option<Receipt> {
+        serde_json::from_slice(&fs::read(folder.join(NAME)).ok()?).ok()
+    }
+
+    pub(crate) fn write(&self, folder: &Path) -> Result<(), Failure> {
+        let mut text = serde_json::to_vec_pretty(self).map_err(|error| Failure::input(format_args!("{NAME}: {error}")))?;
+        text.push(b'\n');
+        Output::reserve(&folder.join(NAME))?.write(&text)
+    }
+}
+
+/// The hash of bytes: FNV-1a of 64 bits (Fowler, Noll and Vo), which tells what has changed, not who wants to deceive.
+pub(crate) fn hash(bytes: &[u8]) -> String {
+    let hash =
+        bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    format!("{hash:016x}")
+}
+
+/// Hashes of files.
+pub(crate) fn hashes(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
+    let named = |path: &PathBuf| {
+        let bytes = fs::read(path).map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Ok((name, hash(&bytes)))
+    };
+    files.iter().map(named).collect()
+}
+
+/// How many numbers this processor computes at once, as the library finds it out.
+pub(crate) fn lanes() -> u32 {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        return if is_x86_feature_detected!("avx512f") { 16 } else { 8 };
+    }
+    4
+}

@@ -1,0 +1,228 @@
+//! Sweeps: variants of a scene, each in a folder of its own, there whole or not at all.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File as OsFile, TryLockError};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use toml::{Table, Value};
+
+use crate::Failure;
+use crate::arguments::Arguments;
+use crate::command::say;
+use crate::output::Outputs;
+use crate::play::play;
+use crate::receipt::{Figures, Inputs, Receipt, hash, hashes, lanes};
+use crate::scene::Scene;
+use crate::scene::file::{Source, Vary};
+
+/// Variants that a sweep may have.
+const MOST: u64 = 1_000_000;
+
+/// A scene and what is varied in it.
+pub(crate) struct Sweep {
+    path: PathBuf,
+    source: Source,
+    /// The scene without what it says of variants.
+    table: Table,
+    /// Each key's path, and its values.
+    keys: Vec<(String, Vec<Value>)>,
+}
+
+impl Sweep {
+    /// Reads the scene of the command line.
+    pub(crate) fn read(arguments: &Arguments) -> Result<Sweep, Failure> {
+        let path = arguments.scene.clone().unwrap_or_default();
+        let (source, file) = Source::read(&path)?;
+        let mut table: Table = toml::from_str(source.text()).map_err(|error| Failure::input(error.message()))?;
+        table.remove("vary");
+        let mut keys: Vec<(String, Vec<Value>)> = Vec::new();
+        let mut count: u64 = 1;
+        for given in &file.vary {
+            let Vary { key, values, first, count: numbers } = given.get_ref();
+            let values = match (values.is_empty(), first, numbers) {
+                (false, None, None) => values.clone(),
+                (true, first, Some(count)) => {
+                    let first = first.unwrap_or(1);
+                    (0..i64::from(u32::from(*count))).map(|k| Value::Integer(first.saturating_add(k))).collect()
+                }
+                _ => return Err(source.wrong_in(given, format_args!("{key}: give values, or a count and where it begins"))),
+            };
+            if keys.iter().any(|(earlier, _)| earlier == key) {
+                return Err(source.wrong_in(given, format_args!("{key} is varied twice; name it once")));
+            }
+            set(&mut table.clone(), key, &values[0]).map_err(|why| source.wrong_in(given, why))?;
+            count = count.saturating_mul(values.len() as u64);
+            if count > MOST {
+                return Err(source.wrong_in(given, format_args!("more than {MOST} variants; give fewer values")));
+            }
+            keys.push((key.clone(), values));
+        }
+        Ok(Sweep { path, source, table, keys })
+    }
+
+    /// How many variants there are: every value of a key with every one of the others.
+    pub(crate) fn count(&self) -> u32 {
+        if self.keys.is_empty() { 0 } else { self.keys.iter().map(|(_, values)| values.len() as u32).product() }
+    }
+
+    /// Runs variants, one after another. One that cannot be run holds up none of the others.
+    pub(crate) fn run(
+        &self,
+        arguments: &Arguments,
+        variants: RangeInclusive<u32>,
+        interrupted: &AtomicBool,
+    ) -> Result<(), Failure> {
+        let count = self.count();
+        if count == 0 {
+            return Err(self.source.wrong(0, "there is no [[vary]], so there are no variants"));
+        }
+        if *variants.end() > count {
+            let message = format_args!("--variant {}: the scene has {count} variants, numbered from 1", variants.end());
+            return Err(Failure::input(message));
+        }
+        let mut first_failure = None;
+        for number in variants {
+            let done = self.variant(arguments, number, interrupted);
+            match done {
+                Ok(line) if !arguments.quiet => say(&line),
+                Ok(_) => {}
+                Err(failure) if interrupted.load(Ordering::Relaxed) => return Err(failure),
+                Err(failure) => {
+                    first_failure.get_or_insert(failure.of(&format!("variant {number}")));
+                }
+            }
+        }
+        first_failure.map_or(Ok(()), Err)
+    }
+
+    /// Runs one, unless it is there; returns what to say of it.
+    fn variant(&self, arguments: &Arguments, number: u32, interrupted: &AtomicBool) -> Result<String, Failure> {
+        let values = self.values(number);
+        let mut table = self.table.clone();
+        for (key, value) in &values {
+            set(&mut table, key, value).map_err(|why| self.source.wrong(0, why))?;
+        }
+        let text = toml::to_string(&table).map_err(|error| self.source.wrong(0, error))?;
+        let said = values.iter().map(|(key, value)| format!("{key} = {value}")).collect::<Vec<_>>().join(", ");
+        let scene_hash = hash(text.as_bytes());
+        let (source, file) = Source::parse(&self.path, text, Some(said))?;
+        let mut scene = Scene::of(arguments, Some((&source, &file)))?;
+
+        // The scene file itself is in its hash, without what other variants there are.
+        let read: Vec<PathBuf> = scene.outputs.read.iter().filter(|&path| *path != self.path).cloned().collect();
+        let inputs = Inputs {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            variant: number,
+            values: values
+                .iter()
+                .map(|(key, value)| Ok((key.clone(), json(value)?)))
+                .collect::<Result<BTreeMap<_, _>, Failure>>()?,
+            scene: scene_hash,
+            arguments: hash(overrides(arguments).as_bytes()),
+            files: hashes(&read)?,
+        };
+        let out = scene.outputs.folder.clone();
+        fs::create_dir_all(&out).map_err(|error| failed(&out, error))?;
+        let folder = out.join(format!("variant_{number:04}"));
+        let is_done = || Receipt::in_folder(&folder).is_some_and(|receipt| receipt.inputs == inputs);
+        if is_done() {
+            return Ok(format!("variant {number} is in {}", folder.display()));
+        }
+
+        // Whoever is killed loses the lock, and the next one begins anew.
+        let lock_path = out.join(format!(".variant_{number:04}.lock"));
+        let lock = OsFile::create(&lock_path).map_err(|error| failed(&lock_path, error))?;
+        match lock.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                return Err(Failure::input(format_args!("another process runs it ({} is locked)", lock_path.display())));
+            }
+            Err(TryLockError::Error(error)) => return Err(failed(&lock_path, error)),
+            Ok(()) => {}
+        }
+        if !is_done() {
+            let partial = out.join(format!(".variant_{number:04}"));
+            remove(&partial)?;
+            fs::create_dir(&partial).map_err(|error| failed(&partial, error))?;
+            scene.outputs.move_into(&partial);
+            let played = play(&scene, true, || Ok(()), interrupted);
+            let report = played.inspect_err(|_| drop(remove(&partial)))?;
+            let receipt = Receipt {
+                inputs,
+                backend: report.backend.to_owned(),
+                adapter: report.adapter.clone(),
+                lanes: lanes(),
+                figures: Figures::of(&report),
+            };
+            receipt.write(&partial)?;
+            // One of other inputs.
+            remove(&folder)?;
+            fs::rename(&partial, &folder).map_err(|error| failed(&folder, error))?;
+        }
+        fs::remove_file(&lock_path).map_err(|error| failed(&lock_path, error))?;
+        Ok(format!("variant {number} is in {}", folder.display()))
+    }
+
+    /// What the keys are in a variant, counted from 1; the last key changes fastest.
+    fn values(&self, number: u32) -> Vec<(String, Value)> {
+        let mut rest = number as usize - 1;
+        let mut values: Vec<(String, Value)> = Vec::new();
+        for (key, all) in self.keys.iter().rev() {
+            values.push((key.clone(), all[rest % all.len()].clone()));
+            rest /= all.len();
+        }
+        values.reverse();
+        values
+    }
+}
+
+impl Outputs {
+    /// All outputs in one folder.
+    fn move_into(&mut self, folder: &Path) {
+        folder.clone_into(&mut self.folder);
+        for path in [&mut self.pc2, &mut self.preview, &mut self.report].into_iter().flatten() {
+            *path = path.file_name().map_or_else(|| path.clone(), |name| folder.join(name));
+        }
+    }
+}
+
+/// Sets the value at a path: of tables by key, of lists by name or by number from 1.
+fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
+    let (parents, last) = path.rsplit_once('.').map_or((None, path), |(parents, last)| (Some(parents), last));
+    let mut at = table;
+    let mut words = parents.into_iter().flat_map(|parents| parents.split('.'));
+    while let Some(word) = words.next() {
+        at = match at.get_mut(word) {
+            Some(Value::Table(inner)) => inner,
+            Some(Value::Array(list)) => {
+                let item = words.next().unwrap_or_default();
+                let by_name = list.iter().position(|one| one.get("name").and_then(Value::as_str) == Some(item));
+                let place = by_name.or_else(|| item.parse::<usize>().ok()?.checked_sub(1));
+                let found = place.and_then(|place| list.get_mut(place)).and_then(Value::as_table_mut);
+                found.ok_or_else(|| format!("{path}: `{word}` has no `{item}`; give a name or a number from 1"))?
+            }
+            _ => return Err(format!("{path}: there is no `{word}` that has keys")),
+        };
+    }
+    at.insert(last.to_owned(), value.clone());
+    Ok(())
+}
+
+/// What the command line says besides which variants are run and where to.
+fn overrides(arguments: &Arguments) -> String {
+    let arguments = Arguments { variant: None, list: false, quiet: false, scene: None, out: None, ..arguments.clone() };
+    format!("{arguments:?}")
+}
+
+fn json(value: &Value) -> Result<serde_json::Value, Failure> {
+    serde_json::to_value(value).map_err(|error| Failure::input(format_args!("a value of [[vary]]: {error}")))
+}
+
+fn remove(folder: &Path) -> Result<(), Failure> {
+    if folder.exists() { fs::remove_dir_all(folder).map_err(|error| failed(folder, error)) } else { Ok(()) }
+}
+
+fn failed(path: &Path, error: std::io::Error) -> Failure {
+    Failure::input(format_args!("{}: {error}", path.display()))
+}

@@ -1,0 +1,274 @@
+//! Sweeps from outside: variants, each in a folder of its own, whole or not at all, whatever is killed; and what differs between two.
+
+#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[path = "common/program.rs"]
+mod program;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use cloth_deformer::Mesh;
+use program::{drape, fails, run, stderr, succeeds};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Three weights of an obj in so many winds.
+fn sweep(seeds: u32) -> TempDir {
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(9, 7, 1.0, 0.8).save_obj(directory.path().join("sheet.obj")).unwrap();
+    let text = format!(
+        "frames = 6
+[[vary]]
+key = \"cloth.sheet.fabric.density\"
+values = [0.1, 0.2, 0.4]
+[[vary]]
+key = \"wind.gusts.seed\"
+first = 1
+count = {seeds}
+[[cloth]]
+name = \"sheet\"
+mesh = \"sheet.obj\"
+fabric = {{ preset = \"silk\" }}
+pin = [{{ vertices = [0, 8] }}]
+[wind]
+velocity = [4, 0, 1]
+gusts = {{ strength = 0.5, turn = 30, period = 0.1 }}
+[output]
+format = [\"obj\", \"pc2\"]
+"
+    );
+    fs::write(directory.path().join("s.toml"), text).unwrap();
+    directory
+}
+
+/// Every file below a folder; one that goes while it is looked at is none.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(&next).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() { folders.push(path) } else { files.push(path.strip_prefix(folder).unwrap().to_owned()) }
+        }
+    }
+    files
+}
+
+/// The same with their bytes.
+fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    files(folder).into_iter().map(|path| (path.clone(), fs::read(folder.join(path)).unwrap())).collect()
+}
+
+fn start(directory: &TempDir, variants: &str) -> Child {
+    let arguments = ["--scene", "s.toml", "--variant", variants, "--out", "out", "--quiet"];
+    drape(directory, &arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+#[test]
+fn variants_are_every_value_with_every_other() {
+    let directory = sweep(4);
+    let listed = run(&directory, &["--scene", "s.toml", "--list"]);
+    succeeds(&listed);
+    assert_eq!(String::from_utf8_lossy(&listed.stdout), "12\n");
+    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "6", "--out", "out", "--preview", "sheet.png"]));
+    let folder = directory.path().join("out/variant_0006");
+    let files: Vec<String> = tree(&folder).into_keys().map(|path| path.to_str().unwrap().to_owned()).collect();
+    let mut expected: Vec<String> = (1..=6).map(|frame| format!("frame_{frame:04}.obj")).collect();
+    expected.extend(["cloth.pc2", "receipt.json", "sheet.png"].map(str::to_owned));
+    expected.sort();
+    assert_eq!(files, expected);
+    assert_eq!(fs::read_dir(directory.path().join("out")).unwrap().count(), 1, "nothing temporary is left");
+
+    let receipt: Value = serde_json::from_slice(&fs::read(folder.join("receipt.json")).unwrap()).unwrap();
+    // The second weight, the second wind.
+    assert_eq!(receipt["inputs"]["values"]["cloth.sheet.fabric.density"], 0.2);
+    assert_eq!(receipt["inputs"]["values"]["wind.gusts.seed"], 2);
+    assert_eq!(receipt["inputs"]["version"], env!("CARGO_PKG_VERSION"));
+    assert!(receipt["inputs"]["files"]["sheet.obj"].is_string() && receipt["lanes"].as_u64() >= Some(4));
+    assert_eq!(receipt["figures"]["frames"], 6);
+    // It is what the scene is with these values.
+    let text = fs::read_to_string(directory.path().join("s.toml")).unwrap();
+    let text =
+        text.replace("preset = \"silk\"", "preset = \"silk\", density = 0.2").replace("period = 0.1", "period = 0.1, seed = 2");
+    fs::write(directory.path().join("one.toml"), text).unwrap();
+    succeeds(&run(&directory, &["--scene", "one.toml", "--out", "one", "--preview", "one/sheet.png"]));
+    let mut files = tree(&folder);
+    files.remove(Path::new("receipt.json"));
+    assert!(files == tree(&directory.path().join("one")));
+}
+
+#[test]
+fn what_is_done_is_not_done_again() {
+    let directory = sweep(1);
+    let path = directory.path().join("out/variant_0002");
+    let run_it = |more: &[&str]| {
+        let arguments = [&["--scene", "s.toml", "--variant", "1-3", "--out", "out"], more].concat();
+        succeeds(&run(&directory, &arguments));
+        fs::metadata(path.join("frame_0002.obj")).unwrap().modified().unwrap()
+    };
+    let first = run_it(&[]);
+    assert_eq!(run_it(&[]), first, "the same is not run again");
+    // Other variants beside it change nothing of it, but what it is made of does.
+    let scene = directory.path().join("s.toml");
+    let text = fs::read_to_string(&scene).unwrap();
+    fs::write(&scene, text.replace("values = [0.1, 0.2, 0.4]", "values = [0.1, 0.2, 0.4, 0.8]")).unwrap();
+    assert_eq!(run_it(&[]), first);
+    let mut times = vec![first];
+    fs::write(&scene, text.replace("0.2, 0.4]", "0.3, 0.4]")).unwrap();
+    times.push(run_it(&[]));
+    Mesh::grid(9, 7, 1.0, 0.9).save_obj(directory.path().join("sheet.obj")).unwrap();
+    times.push(run_it(&[]));
+    times.push(run_it(&["--gravity", "0,-5,0"]));
+    assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{times:?}");
+    // What is missing of it is not seen; a receipt that is none is.
+    fs::write(path.join("receipt.json"), "{}").unwrap();
+    assert!(run_it(&["--gravity", "0,-5,0"]) > times[3]);
+}
+
+/// Two processes that are killed again and again, and what they leave is finished: byte for byte what is made without.
+#[test]
+fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
+    const SEEDS: u32 = 10;
+    const ROUNDS: usize = 6;
+    let halves = ["1-15", "16-30"];
+    let whole = sweep(SEEDS);
+    assert!(halves.map(|half| start(&whole, half)).iter_mut().all(|child| child.wait().unwrap().success()));
+    let whole = tree(&whole.path().join("out"));
+    assert_eq!(whole.len(), 30 * 8);
+
+    let directory = sweep(SEEDS);
+    let out = directory.path().join("out");
+    let is_hidden = |path: &Path| path.to_str().unwrap().starts_with('.');
+    let mut cut = 0;
+    for _ in 0..ROUNDS {
+        let mut children = halves.map(|half| start(&directory, half));
+        // In the middle of a variant, unless all are done.
+        let is_amid = || out.is_dir() && files(&out).iter().any(|path| is_hidden(path) && path.ends_with("frame_0002.obj"));
+        while !is_amid() && children.iter_mut().any(|child| child.try_wait().unwrap().is_none()) {
+            sleep(Duration::from_micros(200));
+        }
+        for child in &mut children {
+            child.kill().unwrap();
+            child.wait().unwrap();
+        }
+        // A folder that is there is whole.
+        for (path, bytes) in tree(&out) {
+            cut += u32::from(path.ends_with("frame_0002.obj") && is_hidden(&path));
+            assert!(is_hidden(&path) || whole.get(&path) == Some(&bytes), "{}", path.display());
+        }
+    }
+    println!("{cut} variants were cut");
+    assert!(cut > 0, "some were cut in their middle");
+    assert!(halves.map(|half| start(&directory, half)).iter_mut().all(|child| child.wait().unwrap().success()));
+    assert!(tree(&out) == whole);
+}
+
+/// Two that run the same: one of them runs a variant, and the other goes past it.
+#[test]
+fn two_do_not_run_the_same_variant() {
+    let directory = sweep(8);
+    let mut both = ["1-24"; 2].map(|all| start(&directory, all));
+    let codes = both.each_mut().map(|child| child.wait().unwrap().code().unwrap());
+    assert!(codes.iter().all(|code| [0, 2].contains(code)), "{codes:?}");
+    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "1-24", "--out", "out"]));
+    let alone = sweep(8);
+    succeeds(&run(&alone, &["--scene", "s.toml", "--variant", "1-24", "--out", "out"]));
+    assert!(tree(&directory.path().join("out")) == tree(&alone.path().join("out")));
+}
+
+/// A variant that cannot be run is told of, and the others are run.
+#[test]
+fn one_bad_variant_holds_up_no_other() {
+    let directory = sweep(1);
+    let scene = directory.path().join("s.toml");
+    let text = fs::read_to_string(&scene).unwrap();
+    fs::write(&scene, text.replace("0.2, 0.4]", "-0.2, 0.4]")).unwrap();
+    let output = run(&directory, &["--scene", "s.toml", "--variant", "1-3", "--out", "out", "--quiet"]);
+    fails(&output, 2, &["variant 2", "s.toml", "cloth.sheet.fabric.density = -0.2", "above 0"]);
+    let mut names: Vec<String> = fs::read_dir(directory.path().join("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["variant_0001", "variant_0003"]);
+}
+
+#[test]
+fn a_difference_is_named_with_its_reason() {
+    let directory = sweep(2);
+    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "1-6", "--out", "a"]));
+    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "1-6", "--out", "b", "--quiet"]));
+    let diff = |a: &str, b: &str, code: i32| {
+        let output = std::process::Command::new(program::path()).current_dir(&directory).args(["diff", a, b]).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{a} {b}: {}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let contains = |text: &str, words: &[&str]| {
+        assert!(text.lines().count() == 1 && words.iter().all(|word| text.contains(word)), "no {words:?} in {text}");
+    };
+    assert_eq!(diff("a/variant_0003", "b/variant_0003", 0), "");
+    contains(&diff("a/variant_0003", "b/variant_0004", 1), &["frame 2: vertex 1 is at", "m apart", "wind.gusts.seed is 1 and 2"]);
+    contains(&diff("a/variant_0001", "b/variant_0003", 1), &["cloth.sheet.fabric.density is 0.1 and 0.2"]);
+    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "3", "--out", "c", "--gravity", "0,-5,0"]));
+    contains(&diff("a/variant_0003", "c/variant_0003", 1), &["command line"]);
+
+    // A frame of another machine, and of another version; one that is missing; and none whose receipt explains nothing.
+    let frame = directory.path().join("b/variant_0003/frame_0004.obj");
+    let mut mesh = Mesh::load_obj(&frame).unwrap();
+    mesh.positions[17].y += 1e-3;
+    mesh.save_obj(&frame).unwrap();
+    contains(&diff("a/variant_0003", "b/variant_0003", 1), &["frame 4: vertex 17", "the same"]);
+    let receipt = directory.path().join("b/variant_0003/receipt.json");
+    let text = fs::read_to_string(&receipt).unwrap();
+    let lanes = format!("\"lanes\": {}", serde_json::from_str::<Value>(&text).unwrap()["lanes"]);
+    fs::write(&receipt, text.replace(&lanes, "\"lanes\": 2").replace(env!("CARGO_PKG_VERSION"), "0.0.1")).unwrap();
+    contains(&diff("a/variant_0003", "b/variant_0003", 1), &["frame 4: vertex 17", "lanes", "and 2", "version", "0.0.1"]);
+    fs::remove_file(&receipt).unwrap();
+    contains(&diff("a/variant_0003", "b/variant_0003", 1), &["frame 4: vertex 17", "no receipts"]);
+    fs::remove_file(directory.path().join("b/variant_0004/frame_0006.obj")).unwrap();
+    contains(&diff("a/variant_0004", "b/variant_0004", 1), &["frame 6", "only a/variant_0004"]);
+    for (a, b) in [("a", "b"), ("missing", "a/variant_0001")] {
+        let output = std::process::Command::new(program::path()).current_dir(&directory).args(["diff", a, b]).output().unwrap();
+        fails(&output, 2, &[a]);
+    }
+}
+
+#[test]
+fn what_cannot_be_varied_is_refused() {
+    let scene = |vary: &str| format!("{vary}\n[[cloth]]\ngrid = {{ columns = 3, rows = 3, width = 1, height = 1 }}\n");
+    for (vary, words) in [
+        ("", &["s.toml:1", "no [[vary]]"][..]),
+        ("[[vary]]\nkey = \"frames\"", &["s.toml:1", "frames", "values"]),
+        ("[[vary]]\nkey = \"frames\"\nvalues = [3]\ncount = 3", &["s.toml:1", "values"]),
+        ("[[vary]]\nkey = \"frames\"\nvalues = []", &["s.toml:1", "values"]),
+        ("[[vary]]\nkey = \"frames\"\nvalue = [3]", &["s.toml:3", "`value`"]),
+        ("[[vary]]\nkey = \"frames\"\nvalues = [3]\n[[vary]]\nkey = \"frames\"\nvalues = [3]", &["s.toml:4", "twice"]),
+        ("[[vary]]\nkey = \"wind.speed\"\nvalues = [3]", &["s.toml:1", "`wind`"]),
+        ("[[vary]]\nkey = \"cloth.2.scale\"\nvalues = [3]", &["s.toml:1", "`2`"]),
+        ("[[vary]]\nkey = \"frames\"\nfirst = 1\ncount = 4000000", &["s.toml:1", "1000000"]),
+        ("[[vary]]\nkey = \"farmes\"\nvalues = [3]", &["farmes = 3", "unknown"]),
+        ("[[vary]]\nkey = \"frames\"\nvalues = [3, 4]", &["--variant 9", "2 variants"]),
+    ] {
+        let directory = TempDir::new().unwrap();
+        fs::write(directory.path().join("s.toml"), scene(vary)).unwrap();
+        let number = if vary.contains("[3, 4]") { "9" } else { "1" };
+        let output = run(&directory, &["--scene", "s.toml", "--variant", number]);
+        println!("{vary:?} -> {}", stderr(&output).trim_end());
+        fails(&output, 2, words);
+    }
+    let directory = sweep(1);
+    for (arguments, word) in [
+        (&["--variant", "1"][..], "--scene"),
+        (&["--list"], "--scene"),
+        (&["--scene", "s.toml", "--variant", "0"], "from 1"),
+        (&["--scene", "s.toml", "--variant", "3-1"], "from 1"),
+        (&["--scene", "s.toml", "--variant", "1", "--save", "x"], "--save"),
+        (&["--scene", "s.toml", "--variant", "1", "--list"], "--list"),
+    ] {
+        fails(&run(&directory, arguments), 2, &[word]);
+    }
+}
