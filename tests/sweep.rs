@@ -64,7 +64,7 @@ fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 fn start(directory: &TempDir, variants: &str) -> Child {
-    let arguments = ["--scene", "s.toml", "--variant", variants, "--out", "out", "--quiet"];
+    let arguments = ["--scene", "s.toml", "--variant", variants, "--frames", "40", "--out", "out", "--quiet"];
     drape(directory, &arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
@@ -138,7 +138,7 @@ fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
     let whole = sweep(SEEDS);
     assert!(halves.map(|half| start(&whole, half)).iter_mut().all(|child| child.wait().unwrap().success()));
     let whole = tree(&whole.path().join("out"));
-    assert_eq!(whole.len(), 30 * 8);
+    assert_eq!(whole.len(), 30 * 42);
 
     let directory = sweep(SEEDS);
     let out = directory.path().join("out");
@@ -174,9 +174,9 @@ fn two_do_not_run_the_same_variant() {
     let mut both = ["1-24"; 2].map(|all| start(&directory, all));
     let codes = both.each_mut().map(|child| child.wait().unwrap().code().unwrap());
     assert!(codes.iter().all(|code| [0, 2].contains(code)), "{codes:?}");
-    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "1-24", "--out", "out"]));
+    succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "1-24", "--frames", "40", "--out", "out"]));
     let alone = sweep(8);
-    succeeds(&run(&alone, &["--scene", "s.toml", "--variant", "1-24", "--out", "out"]));
+    succeeds(&run(&alone, &["--scene", "s.toml", "--variant", "1-24", "--frames", "40", "--out", "out"]));
     assert!(tree(&directory.path().join("out")) == tree(&alone.path().join("out")));
 }
 

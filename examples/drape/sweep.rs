@@ -126,13 +126,18 @@ impl Sweep {
         let out = scene.outputs.folder.clone();
         fs::create_dir_all(&out).map_err(|error| failed(&out, error))?;
         let folder = out.join(format!("variant_{number:04}"));
+        let lock_path = out.join(format!(".variant_{number:04}.lock"));
         let is_done = || Receipt::in_folder(&folder).is_some_and(|receipt| receipt.inputs == inputs);
+        let finished = || {
+            // Nobody needs the lock of what is done; one who was killed may have left it.
+            drop(fs::remove_file(&lock_path));
+            Ok(format!("variant {number} is in {}", folder.display()))
+        };
         if is_done() {
-            return Ok(format!("variant {number} is in {}", folder.display()));
+            return finished();
         }
 
         // Whoever is killed loses the lock, and the next one begins anew.
-        let lock_path = out.join(format!(".variant_{number:04}.lock"));
         let lock = OsFile::create(&lock_path).map_err(|error| failed(&lock_path, error))?;
         match lock.try_lock() {
             Err(TryLockError::WouldBlock) => {
@@ -160,8 +165,7 @@ impl Sweep {
             remove(&folder)?;
             fs::rename(&partial, &folder).map_err(|error| failed(&folder, error))?;
         }
-        fs::remove_file(&lock_path).map_err(|error| failed(&lock_path, error))?;
-        Ok(format!("variant {number} is in {}", folder.display()))
+        finished()
     }
 
     /// What the keys are in a variant, counted from 1; the last key changes fastest.
