@@ -34,8 +34,15 @@ pub(crate) struct Inputs {
     pub(crate) scene: String,
     /// Hash of what the command line said besides.
     pub(crate) arguments: String,
-    /// Hashes of the files that were read, by their names.
-    pub(crate) files: BTreeMap<String, String>,
+    /// The files that were read.
+    pub(crate) files: Vec<InputFile>,
+}
+
+/// A file that was read: its name, wherever it was, and its hash.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct InputFile {
+    name: String,
+    hash: String,
 }
 
 /// What came of it.
@@ -91,12 +98,12 @@ pub(crate) fn hash(bytes: &[u8]) -> String {
     format!("{hash:016x}")
 }
 
-/// Hashes of files.
-pub(crate) fn hashes(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
+/// Files as a receipt names them.
+pub(crate) fn input_files(files: &[PathBuf]) -> Result<Vec<InputFile>, Failure> {
     let named = |path: &PathBuf| {
         let bytes = fs::read(path).map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        Ok((name, hash(&bytes)))
+        Ok(InputFile { name, hash: hash(&bytes) })
     };
     files.iter().map(named).collect()
 }

@@ -13,7 +13,7 @@ use crate::arguments::Arguments;
 use crate::command::say;
 use crate::output::Outputs;
 use crate::play::play;
-use crate::receipt::{Figures, Inputs, Receipt, hash, hashes, lanes};
+use crate::receipt::{Figures, Inputs, Receipt, hash, input_files, lanes};
 use crate::scene::Scene;
 use crate::scene::file::{Source, Vary};
 
@@ -121,7 +121,7 @@ impl Sweep {
                 .collect::<Result<BTreeMap<_, _>, Failure>>()?,
             scene: scene_hash,
             arguments: hash(overrides(arguments).as_bytes()),
-            files: hashes(&read)?,
+            files: input_files(&read)?,
         };
         let out = scene.outputs.folder.clone();
         fs::create_dir_all(&out).map_err(|error| failed(&out, error))?;
