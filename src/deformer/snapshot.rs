@@ -29,7 +29,7 @@ const END: usize = size_of::<u64>();
 /// A motion as it stood: everything that its next steps follow from. Made by [`Deformer::snapshot`].
 ///
 /// What it is of, the mesh and the options, is not in it, only hashes of them; 24 bytes a vertex are, and a few thousand besides (with
-/// [`Options::contact`] 32 bytes a vertex and some 30 a pair that is near). As bytes it may be kept in a file and go on elsewhere: numbers
+/// [`Options::contact`] 52 bytes a vertex more, and 24 a pair that is listed). As bytes it may be kept in a file and go on elsewhere: numbers
 /// are little-endian, and the hash at the end tells a file that was cut or altered. With the `serde` feature it is
 /// `Serialize` and `Deserialize`, as those bytes.
 ///

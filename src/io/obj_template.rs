@@ -60,7 +60,8 @@ impl ObjTemplate {
         // Bytes that are no ASCII are in names and comments; without them places in the text are places in the file.
         let text: String = bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
         let (mut vertices, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new());
-        for words in statements(&text) {
+        let mark = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        for words in statements(&text, mark) {
             match words[0].1 {
                 // A fourth number is a weight, which divides the others.
                 "v" => vertices.push(words[1].0.start..words[if words.len() == 5 { 4 } else { 3 }].0.end),
@@ -71,11 +72,14 @@ impl ObjTemplate {
                 }),
             }
         }
-        if vertices.len() != mesh.positions.len() {
-            let reason = "its vertices are not told apart by plain spaces".to_owned();
+        let polygons: Vec<Vec<u32>> = faces.iter().map(Face::vertices).collect();
+        // Spaces that are no ASCII are spaces to the parser, and here a part of a word.
+        let is_plain = |place: &Range<usize>| bytes[place.clone()].is_ascii();
+        let are_whole = polygons.iter().zip(&faces).all(|(polygon, face)| polygon.len() == face.corners.len());
+        if vertices.len() != mesh.positions.len() || !vertices.iter().all(is_plain) || !are_whole {
+            let reason = "its numbers are not told apart by plain spaces".to_owned();
             return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
         }
-        let polygons: Vec<Vec<u32>> = faces.iter().map(Face::vertices).collect();
         // One that is none leaves all as they are.
         let normals: Option<Vec<_>> = normals.into_iter().collect();
         let normals = normals.filter(|normals| !normals.is_empty());
@@ -145,27 +149,25 @@ impl ObjTemplate {
     }
 }
 
-/// The words of each `v`, `vn` and `f` statement and where they are, lines that are continued by `\` joined.
-fn statements(text: &str) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
-    // A byte order mark, of which each byte is no ASCII.
-    let start = if text.starts_with("???") { 3 } else { 0 };
-    let mut lines = text[start..].lines();
+/// The words of each `v`, `vn` and `f` statement and where they are, from a byte on. As the parser has it, `v` and `f` lines are continued by `\`,
+/// and no others.
+fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
+    let mut lines = text[from..].lines().map(obj::bare);
+    let place = |word: &str| {
+        let start = word.as_ptr() as usize - text.as_ptr() as usize;
+        start..start + word.len()
+    };
     std::iter::from_fn(move || {
         loop {
-            let mut line = obj::bare(lines.next()?);
+            let mut line = lines.next()?;
+            let first = line.strip_suffix('\\').unwrap_or(line).split_whitespace().next();
+            let Some(first) = first.filter(|first| matches!(*first, "v" | "vn" | "f")) else { continue };
             let mut words = Vec::new();
             loop {
-                let continued = line.strip_suffix('\\');
-                words.extend(continued.unwrap_or(line).split_whitespace().map(|word| {
-                    let place = word.as_ptr() as usize - text.as_ptr() as usize;
-                    (place..place + word.len(), word)
-                }));
-                let is_statement = words.first().is_some_and(|(_, first)| matches!(*first, "v" | "vn" | "f"));
-                if !is_statement {
-                    break;
-                }
+                let continued = line.strip_suffix('\\').filter(|_| first != "vn");
+                words.extend(continued.unwrap_or(line).split_whitespace().map(|word| (place(word), word)));
                 match continued {
-                    Some(_) => line = lines.next().map_or("", obj::bare),
+                    Some(_) => line = lines.next().unwrap_or_default(),
                     None => return Some(words),
                 }
             }

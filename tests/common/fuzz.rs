@@ -3,8 +3,11 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each target of fuzz/ takes its own door")]
 
-use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError};
+use cloth_deformer::glam::{Affine3A, Quat, Vec3};
+use cloth_deformer::{
+    Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, ObjError, ObjTemplate, Options, Quality, Snapshot,
+    StepError,
+};
 
 /// Bytes as choices; zeros once they are spent.
 struct Choices<'a>(&'a [u8]);
@@ -94,6 +97,15 @@ pub fn obj(data: &[u8]) {
         Err(error) => return assert!(!error.to_string().is_empty()),
         Ok(mesh) => mesh,
     };
+    match ObjTemplate::parse(text.as_bytes()) {
+        Ok(template) => {
+            assert_eq!(template.mesh(), &mesh);
+            let written = template.write(&mesh.positions).expect("its own positions are written");
+            let again = Mesh::parse_obj(&String::from_utf8_lossy(&written)).expect("what was written is read");
+            assert_eq!(again, mesh, "written as it came and read again");
+        }
+        Err(error) => assert!(matches!(error, ObjError::Parser { .. }), "{error}"),
+    }
     let Ok(written) = mesh.write_obj() else { return };
     let again = Mesh::parse_obj(&written).expect("what was written is read");
     assert_eq!((&again.positions, &again.triangles), (&mesh.positions, &mesh.triangles), "written and read again");
@@ -134,8 +146,9 @@ pub fn calls(data: &[u8]) {
     let quality = Quality::Substeps(1 + choices.below(8));
     let options = Options { backend: Backend::Cpu, method, fabric, quality, pinned: vec![0], ..Options::default() };
     let [mut one, mut twin] = [(); 2].map(|()| Deformer::new(&mesh, options.clone()).expect("a plain scene is built"));
+    let (vertices, mut pins) = (mesh.positions.len() as u32, 1);
     for _ in 0..6 {
-        match choices.below(6) {
+        match choices.below(12) {
             0 => [&mut one, &mut twin].into_iter().for_each(Deformer::reset),
             1 => {
                 let [x, v] = [1.0, 0.5].map(|size| mesh.positions.iter().map(|_| choices.vector(size)).collect::<Vec<_>>());
@@ -144,12 +157,43 @@ pub fn calls(data: &[u8]) {
                 }
             }
             2 => {
-                let _ = one.forecast(choices.number(1.0 / 60.0).min(0.2), &attributes(choices, 1));
+                let _ = one.forecast(choices.number(1.0 / 60.0).min(0.2), &attributes(choices, pins));
                 let _ = one.measure().unwrap();
                 one.request_positions().unwrap();
             }
+            3 => {
+                let fabric = Fabric { density: choices.number(0.2), stretch: choices.number(50.0), ..fabric };
+                if one.set_fabric(fabric).is_ok() {
+                    twin.set_fabric(fabric).unwrap();
+                }
+            }
+            4 => {
+                let mass = choices.seldom().then(|| (0..vertices).map(|_| choices.number(0.1)).collect::<Vec<_>>());
+                if one.set_mass(mass.clone()).is_ok() {
+                    twin.set_mass(mass).unwrap();
+                }
+            }
+            5 => {
+                let pinned: Vec<u32> = (0..choices.below(4)).map(|_| choices.below(vertices + 1)).collect();
+                if one.set_pinned(pinned.clone()).is_ok() {
+                    pins = pinned.len();
+                    twin.set_pinned(pinned).unwrap();
+                }
+            }
+            6 => {
+                let turn = Quat::from_vec4(choices.vector(1.0).extend(1.0)).normalize();
+                let motion = Affine3A::from_rotation_translation(turn, choices.vector(1.0));
+                if one.warp(motion).is_ok() {
+                    twin.warp(motion).unwrap();
+                }
+            }
+            7 => {
+                // Which goes on as if nothing had been.
+                let bytes = one.snapshot().unwrap().to_bytes();
+                one.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+            }
             _ => {
-                let (dt, attributes) = (choices.number(1.0 / 60.0).min(0.2), attributes(choices, 1));
+                let (dt, attributes) = (choices.number(1.0 / 60.0).min(0.2), attributes(choices, pins));
                 match one.step(dt, &attributes) {
                     Ok(report) => assert_eq!(twin.step(dt, &attributes), Ok(report)),
                     Err(error) => assert!(error.to_string().len() > 20, "{error}"),
