@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use cloth_deformer::glam::Vec3;
+use cloth_deformer::glam::{Vec2, Vec3};
 use cloth_deformer::{CacheForm, Pc2Error, Pc2ReadError, PointCache, PointCacheReader};
 
 /// Two samples of four vertices, no number twice.
@@ -37,7 +37,8 @@ fn an_mdd_has_every_number_in_its_place() {
 fn a_usd_has_the_mesh_and_a_sample_a_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("towel.usda");
-    write(CacheForm::Usda { fps: 24.0, faces: vec![vec![0, 1, 2, 3], vec![3, 1, 0]] }, &path).unwrap();
+    let texture = (0..7).map(|corner| Vec2::new(corner as f32, 0.5)).collect();
+    write(CacheForm::Usda { fps: 24.0, faces: vec![vec![0, 1, 2, 3], vec![3, 1, 0]], texture }, &path).unwrap();
     let text = fs::read_to_string(&path).unwrap();
     assert!(text.starts_with("#usda 1.0\n("));
     for line in [
@@ -47,6 +48,7 @@ fn a_usd_has_the_mesh_and_a_sample_a_frame() {
         "startTimeCode = 1",
         "endTimeCode = 2",
         "int[] faceVertexCounts = [4, 3]",
+        "texCoord2f[] primvars:st = [(0, 0.5), (1, 0.5), (2, 0.5), (3, 0.5), (4, 0.5), (5, 0.5), (6, 0.5)] (",
         "int[] faceVertexIndices = [0, 1, 2, 3, 3, 1, 0]",
         "1: [(0.5, -1.25, 0.0000003), (1, -2.5, 0.0000006), (1.5, -3.75, 0.00000090000003), (2, -5, 0.0000012)],",
         "2: [(2.5, -10, 0.0000015), (4, -6.25, 0.0000024)],",
@@ -61,12 +63,18 @@ fn a_usd_has_the_mesh_and_a_sample_a_frame() {
 fn forms_that_cannot_be_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("none");
-    let faces = |faces: &[&[u32]]| CacheForm::Usda { fps: 24.0, faces: faces.iter().map(|face| face.to_vec()).collect() };
+    let textured = |faces: &[&[u32]], texture: &[Vec2]| {
+        let faces = faces.iter().map(|face| face.to_vec()).collect();
+        CacheForm::Usda { fps: 24.0, faces, texture: texture.to_vec() }
+    };
+    let faces = |faces: &[&[u32]]| textured(faces, &[]);
     for (form, words) in [
         (CacheForm::Mdd { fps: 0.0 }, ["fps = 0", "above 0"]),
         (CacheForm::Mdd { fps: f32::NAN }, ["fps = NaN", "finite"]),
         (faces(&[&[0, 1, 2], &[0, 1, 4]]), ["face 1", "4 vertices"]),
         (faces(&[&[0, 1]]), ["face 0", "three"]),
+        (textured(&[&[0, 1, 2]], &[Vec2::ZERO; 2]), ["2 texture coordinates", "3 corners"]),
+        (textured(&[&[0, 1, 2]], &[Vec2::NAN; 3]), ["texture[0]", "finite"]),
     ] {
         let refusal = write(form, &path).unwrap_err().to_string();
         words.iter().for_each(|word| assert!(refusal.contains(word), "{refusal}"));

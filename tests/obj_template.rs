@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::glam::{Quat, Vec2, Vec3};
 use cloth_deformer::{Mesh, ObjError, ObjTemplate};
 
 /// A sheet of quads with all that a modeler writes: 46 x 31 vertices, 1350 quads.
@@ -42,6 +42,11 @@ fn quads_stay_quads_line_for_line() {
     assert_eq!(template.mesh(), &Mesh::parse_obj(&given).unwrap());
     assert_eq!((template.polygons().len(), template.mesh().triangles.len()), (1350, 2700));
     assert!(template.polygons().iter().all(|polygon| polygon.len() == 4));
+    let texture = template.texture_coordinates();
+    assert_eq!(texture.len(), 4 * 1350);
+    for (corner, uv) in template.polygons().iter().flatten().zip(texture) {
+        assert_eq!(*uv, Vec2::new((corner % 46) as f32 / 45.0, (corner / 46) as f32 / 30.0));
+    }
 
     let moved: Vec<Vec3> = template.mesh().positions.iter().map(|x| Vec3::new(x.x, (0.3 * x.x).sin(), x.z / 3.0)).collect();
     let written = text(template.write(&moved).unwrap());

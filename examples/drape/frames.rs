@@ -60,7 +60,9 @@ impl<'a> Frames<'a> {
                 Format::Mdd => CacheForm::Mdd { fps },
                 Format::Usda => {
                     let triangles = || mesh.triangles.iter().map(|triangle| triangle.to_vec()).collect();
-                    CacheForm::Usda { fps, faces: template.map_or_else(triangles, |template| template.polygons().to_vec()) }
+                    let faces = template.map_or_else(triangles, |template| template.polygons().to_vec());
+                    let texture = template.map_or_else(Vec::new, |template| template.texture_coordinates().to_vec());
+                    CacheForm::Usda { fps, faces, texture }
                 }
                 Format::Obj | Format::Pc2 => CacheForm::Pc2,
             };

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::io::point_cache::Pc2Error;
 
@@ -28,6 +28,9 @@ pub enum CacheForm {
         /// The corners of each polygon: triangles ([`Mesh::triangles`](crate::Mesh::triangles)), or what the file had
         /// ([`ObjTemplate::polygons`](crate::ObjTemplate::polygons)).
         faces: Vec<Vec<u32>>,
+        /// Texture coordinates of each corner of each polygon, one after another
+        /// ([`ObjTemplate::texture_coordinates`](crate::ObjTemplate::texture_coordinates)); empty: none.
+        texture: Vec<Vec2>,
     },
 }
 
@@ -53,7 +56,7 @@ impl CacheForm {
                 header.extend(times.flat_map(f32::to_be_bytes));
                 Ok(header)
             }
-            CacheForm::Usda { fps, faces } => {
+            CacheForm::Usda { fps, faces, texture } => {
                 check_rate(*fps)?;
                 let is_face = |face: &Vec<u32>| face.len() > 2 && face.iter().all(|&corner| (corner as usize) < vertices);
                 if let Some(face) = faces.iter().position(|face| !is_face(face)) {
@@ -61,7 +64,18 @@ impl CacheForm {
                     let problem = format!("face {face} has the corners {corners:?}; give three or more of {vertices} vertices");
                     return Err(Pc2Error::Form { problem });
                 }
-                Ok(usda_header(*fps, faces, samples).into_bytes())
+                let corners: usize = faces.iter().map(Vec::len).sum();
+                if !texture.is_empty() && texture.len() != corners {
+                    let given = texture.len();
+                    let problem =
+                        format!("{given} texture coordinates were given for {corners} corners; give one for each, or none");
+                    return Err(Pc2Error::Form { problem });
+                }
+                if let Some(corner) = texture.iter().position(|uv| !uv.is_finite()) {
+                    let problem = format!("texture[{corner}] is {}; give finite numbers", texture[corner]);
+                    return Err(Pc2Error::Form { problem });
+                }
+                Ok(usda_header(*fps, faces, texture, samples).into_bytes())
             }
         }
     }
@@ -108,13 +122,18 @@ fn check_rate(fps: f32) -> Result<(), Pc2Error> {
     }
 }
 
-fn usda_header(fps: f32, faces: &[Vec<u32>], samples: usize) -> String {
+fn usda_header(fps: f32, faces: &[Vec<u32>], texture: &[Vec2], samples: usize) -> String {
     let list = |numbers: &mut dyn Iterator<Item = u32>| {
         let words: Vec<String> = numbers.map(|number| number.to_string()).collect();
         words.join(", ")
     };
     let counts = list(&mut faces.iter().map(|face| face.len() as u32));
     let corners = list(&mut faces.iter().flatten().copied());
+    let mut st = String::new();
+    if !texture.is_empty() {
+        let words: Vec<String> = texture.iter().map(|uv| format!("({}, {})", uv.x, uv.y)).collect();
+        st = format!("    texCoord2f[] primvars:st = [{}] (\n        interpolation = \"faceVarying\"\n    )\n", words.join(", "));
+    }
     format!(
         "#usda 1.0
 (
@@ -133,7 +152,7 @@ def Mesh \"Cloth\"
     int[] faceVertexCounts = [{counts}]
     int[] faceVertexIndices = [{corners}]
     uniform token subdivisionScheme = \"none\"
-    point3f[] points.timeSamples = {{
+{st}    point3f[] points.timeSamples = {{
 "
     )
 }

@@ -12,8 +12,8 @@ const SAME: f32 = 1e-3;
 pub(super) struct Face<'a> {
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
     pub corners: Vec<&'a str>,
-    /// Vertices and normals ahead of it, from which negative numbers count back.
-    pub before: [usize; 2],
+    /// Vertices, texture coordinates and normals ahead of it, from which negative numbers count back.
+    pub before: [usize; 3],
 }
 
 impl Face<'_> {
@@ -22,9 +22,9 @@ impl Face<'_> {
         self.corners.iter().filter_map(|corner| self.named(corner, 0, usize::MAX)).collect()
     }
 
-    /// What a corner names as its vertex (0) or its normal (1), from 0.
-    fn named(&self, corner: &str, which: usize, count: usize) -> Option<u32> {
-        let number = corner.split('/').nth(2 * which)?.parse::<isize>().ok()?;
+    /// What a corner names as its vertex (0), its texture coordinate (1) or its normal (2), from 0.
+    pub(super) fn named(&self, corner: &str, which: usize, count: usize) -> Option<u32> {
+        let number = corner.split('/').nth(which)?.parse::<isize>().ok()?;
         let index = if number < 0 { self.before[which].checked_add_signed(number)? } else { number.checked_sub(1)? as usize };
         (index < count).then_some(index as u32)
     }
@@ -59,7 +59,7 @@ impl Normals {
         let mut is_shared = false;
         for (index, (face, vertices)) in faces.iter().zip(polygons).enumerate() {
             for (&vertex, corner) in vertices.iter().zip(&face.corners) {
-                let Some(normal) = face.named(corner, 1, given.len()) else { continue };
+                let Some(normal) = face.named(corner, 2, given.len()) else { continue };
                 let last = std::mem::replace(&mut vertex_of[normal as usize], vertex);
                 is_shared |= last != u32::MAX && last != vertex;
                 let rounded = given[normal as usize].to_array().map(|x| (x / SAME).round() as i32);

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::io::atomic_file;
 use crate::io::obj::{self, ObjError};
@@ -32,6 +32,7 @@ pub struct ObjTemplate {
     bytes: Vec<u8>,
     mesh: Mesh,
     polygons: Vec<Vec<u32>>,
+    texture: Vec<Vec2>,
     /// Where the numbers of each `v` and each `vn` are.
     vertices: Vec<Range<usize>>,
     normals: Option<Normals>,
@@ -59,16 +60,17 @@ impl ObjTemplate {
         let mesh = obj::parse(&String::from_utf8_lossy(&bytes), file)?;
         // Bytes that are no ASCII are in names and comments; without them places in the text are places in the file.
         let text: String = bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
-        let (mut vertices, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut vertices, mut texture, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mark = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         for words in statements(&text, mark) {
             match words[0].1 {
                 // A fourth number is a weight, which divides the others.
                 "v" => vertices.push(words[1].0.start..words[if words.len() == 5 { 4 } else { 3 }].0.end),
+                "vt" => texture.push(number(&words, 1).zip(number(&words, 2)).map(Vec2::from)),
                 "vn" => normals.push(numbers(&words)),
                 _ => faces.push(Face {
                     corners: words[1..].iter().map(|&(_, corner)| corner).collect(),
-                    before: [vertices.len(), normals.len()],
+                    before: [vertices.len(), texture.len(), normals.len()],
                 }),
             }
         }
@@ -80,11 +82,14 @@ impl ObjTemplate {
             let reason = "its numbers are not told apart by plain spaces".to_owned();
             return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
         }
+        let coordinate = |face: &Face<'_>, corner: &str| texture[face.named(corner, 1, texture.len())? as usize];
+        let corners = faces.iter().flat_map(|face| face.corners.iter().map(move |corner| (face, corner)));
+        let of_corners: Option<Vec<Vec2>> = corners.map(|(face, corner)| coordinate(face, corner)).collect();
         // One that is none leaves all as they are.
         let normals: Option<Vec<_>> = normals.into_iter().collect();
         let normals = normals.filter(|normals| !normals.is_empty());
         let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces, &polygons));
-        Ok(ObjTemplate { bytes, mesh, polygons, vertices, normals })
+        Ok(ObjTemplate { bytes, mesh, polygons, texture: of_corners.unwrap_or_default(), vertices, normals })
     }
 
     /// The mesh that it came with.
@@ -97,6 +102,12 @@ impl ObjTemplate {
     #[must_use]
     pub fn polygons(&self) -> &[Vec<u32>] {
         &self.polygons
+    }
+
+    /// Texture coordinates of each corner of each of [`ObjTemplate::polygons`], one after another; empty if any has none.
+    #[must_use]
+    pub fn texture_coordinates(&self) -> &[Vec2] {
+        &self.texture
     }
 
     /// Whether any normal is that of several vertices, and so cannot be right at each when the cloth moves.
@@ -149,7 +160,7 @@ impl ObjTemplate {
     }
 }
 
-/// The words of each `v`, `vn` and `f` statement and where they are, from a byte on. As the parser has it, `v` and `f` lines are continued by `\`,
+/// The words of each `v`, `vt`, `vn` and `f` statement and where they are, from a byte on. As the parser has it, `v` and `f` lines are continued by `\`,
 /// and no others.
 fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
     let mut lines = text[from..].lines().map(obj::bare);
@@ -161,10 +172,10 @@ fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>
         loop {
             let mut line = lines.next()?;
             let first = line.strip_suffix('\\').unwrap_or(line).split_whitespace().next();
-            let Some(first) = first.filter(|first| matches!(*first, "v" | "vn" | "f")) else { continue };
+            let Some(first) = first.filter(|first| matches!(*first, "v" | "vt" | "vn" | "f")) else { continue };
             let mut words = Vec::new();
             loop {
-                let continued = line.strip_suffix('\\').filter(|_| first != "vn");
+                let continued = line.strip_suffix('\\').filter(|_| matches!(first, "v" | "f"));
                 words.extend(continued.unwrap_or(line).split_whitespace().map(|word| (place(word), word)));
                 match continued {
                     Some(_) => line = lines.next().unwrap_or_default(),
@@ -177,7 +188,11 @@ fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>
 
 /// The three numbers of a `vn` statement and their place; none if it has no three.
 fn numbers(words: &[(Range<usize>, &str)]) -> Option<(Range<usize>, Vec3)> {
-    let [(first, x), (_, y), (last, z)] = words.get(1..)? else { return None };
-    let number = |word: &str| word.parse::<f32>().ok().filter(|number| number.is_finite());
-    Some((first.start..last.end, Vec3::new(number(x)?, number(y)?, number(z)?)))
+    let [first, _, last] = words.get(1..)? else { return None };
+    Some((first.0.start..last.0.end, Vec3::new(number(words, 1)?, number(words, 2)?, number(words, 3)?)))
+}
+
+/// A word of a statement that is a finite number.
+fn number(words: &[(Range<usize>, &str)], word: usize) -> Option<f32> {
+    words.get(word)?.1.parse::<f32>().ok().filter(|number| number.is_finite())
 }
