@@ -10,53 +10,15 @@ use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepError, Warning};
 use common::FRAME;
 use common::crossings::{crossings, crossings_with};
+use common::shapes::{ball, capsule, jittered};
 
 /// Thickness (m).
 const R: f32 = 0.005;
 const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
 
-/// A ball of so many rings, its poles on the y-axis.
-fn ball(center: Vec3, radius: f32, rings: u32) -> Mesh {
-    capsule(center, center, radius, rings)
-}
-
-/// A capsule along x: a ball cut in two, its halves apart.
-fn capsule(a: Vec3, b: Vec3, radius: f32, rings: u32) -> Mesh {
-    let around = 2 * rings;
-    let mut mesh = Mesh::default();
-    for ring in 0..=rings {
-        let (sin, cos) = (PI * ring as f32 / rings as f32).sin_cos();
-        let center = if 2 * ring <= rings { a } else { b };
-        for step in 0..around {
-            let (y, z) = (2.0 * PI * step as f32 / around as f32).sin_cos();
-            mesh.positions.push(center + radius * Vec3::new(-cos, sin * y, sin * z));
-        }
-    }
-    for ring in 0..rings {
-        for step in 0..around {
-            let at = |ring: u32, step: u32| ring * around + step % around;
-            let [p, q, r, s] = [at(ring, step), at(ring, step + 1), at(ring + 1, step), at(ring + 1, step + 1)];
-            if ring > 0 {
-                mesh.triangles.push([p, r, q]);
-            }
-            if ring + 1 < rings {
-                mesh.triangles.push([q, r, s]);
-            }
-        }
-    }
-    mesh
-}
-
 fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Arc<Mesh> {
     let positions = mesh.positions.iter().map(|&x| to(x)).collect();
     Arc::new(Mesh { positions, triangles: mesh.triangles.clone() })
-}
-
-fn jittered(mut mesh: Mesh, seed: u64) -> Mesh {
-    let mut random = fastrand::Rng::with_seed(seed);
-    let mut noise = || 2e-4 * (random.f32() - 0.5);
-    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(noise(), noise(), noise()));
-    mesh
 }
 
 fn options(substeps: u32, contact: bool) -> Options {

@@ -12,6 +12,7 @@ use cloth_deformer::{
 };
 use common::crossings::{closest, crossings};
 use common::energy::{energy, masses, momenta};
+use common::shapes::{bent, jittered, sheets};
 use common::{FRAME, play, reference};
 
 /// A fabric that neither crumples at once nor stands like paper.
@@ -77,43 +78,11 @@ fn floor() -> Collider {
     Collider::plane(Vec3::ZERO, Vec3::Y)
 }
 
-/// Noise of a tenth of a millimeter, so that nothing lies exactly over anything.
-fn jittered(mut mesh: Mesh, seed: u64) -> Mesh {
-    let mut random = fastrand::Rng::with_seed(seed);
-    let mut noise = || 2e-4 * (random.f32() - 0.5);
-    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(noise(), noise(), noise()));
-    mesh
-}
-
 /// A sheet above a floor, bent over until one half lies above the other; it falls shut.
 fn fold(n: u32) -> Scene {
     let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
-    let (radius, quarter) = (0.05_f32, 0.5 * PI * 0.05);
-    let bent = |x: &Vec3| {
-        let (z, y) = match x.z {
-            along if along < -quarter => (along + quarter, 0.0),
-            along if along > quarter => (quarter - along, 2.0 * radius),
-            along => {
-                let (sin, cos) = ((along + quarter) / radius).sin_cos();
-                (radius * sin, radius * (1.0 - cos))
-            }
-        };
-        Vec3::new(x.x, 0.02 + y + x.y, z)
-    };
     scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
     scene
-}
-
-/// Sheets one over another, each turned a little.
-fn sheets(count: u32, n: u32, size: f32, gap: f32) -> Mesh {
-    let mut mesh = Mesh::default();
-    for sheet in 0..count {
-        let (one, first) = (Mesh::grid(n, n, size, size), mesh.positions.len() as u32);
-        let turn = Quat::from_rotation_y(0.1 * sheet as f32);
-        mesh.positions.extend(one.positions.iter().map(|&x| turn * x + Vec3::Y * (gap * (sheet + 1) as f32)));
-        mesh.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
-    }
-    mesh
 }
 
 #[test]

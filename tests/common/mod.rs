@@ -8,6 +8,7 @@ pub mod hang;
 pub mod meshes;
 pub mod plain_xpbd;
 pub mod reference;
+pub mod shapes;
 
 #[allow(unused_imports, reason = "each test file uses its own part")]
 pub use hang::{grid_masses, hang, top};

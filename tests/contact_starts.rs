@@ -1,0 +1,184 @@
+//! Scenes of contact from several starts, each another by a tenth of a millimeter, every frame counted: `CLOTH_RUNS=10 cargo test --release
+//! --test contact_starts -- --ignored --nocapture` takes half an hour.
+
+mod common;
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality};
+use common::FRAME;
+use common::crossings::{closest, crossings, crossings_with};
+use common::shapes::{ball, bent, capsule, jittered, sheets};
+
+/// A scene from one of its starts.
+struct Start {
+    mesh: Mesh,
+    options: Options,
+    frames: u32,
+    attributes: Box<dyn Fn(u32) -> Attributes>,
+    /// Where the cloth begins (m), if that is not its rest shape.
+    bent: bool,
+}
+
+impl Start {
+    fn new(mesh: Mesh, substeps: u32, frames: u32, colliders: Vec<Collider>) -> Start {
+        let contact = Some(Contact { thickness: 0.005, friction: 0.3 });
+        let fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
+        let quality = Quality::Substeps(substeps);
+        let options = Options { backend: Backend::Cpu, quality, fabric, contact, levels: Levels::Auto, ..Options::default() };
+        let attributes = Box::new(move |_| Attributes { colliders: colliders.clone(), ..Attributes::default() });
+        Start { mesh, options, frames, attributes, bent: false }
+    }
+
+    /// The most crossings of any frame, with itself and with bodies.
+    fn play(&self) -> usize {
+        let mut cloth = Deformer::new(&self.mesh, self.options.clone()).unwrap();
+        if self.bent {
+            let start: Vec<Vec3> = self.mesh.positions.iter().map(bent).collect();
+            cloth.set_state(&start, &vec![Vec3::ZERO; start.len()]).unwrap();
+        }
+        let mut most = 0;
+        for frame in 1..=self.frames {
+            let attributes = (self.attributes)(frame);
+            cloth.step(FRAME, &attributes).unwrap();
+            let x = cloth.positions().unwrap();
+            let bodies = attributes.colliders.iter().filter_map(|collider| match &collider.shape {
+                cloth_deformer::Shape::Mesh { mesh } => Some(crossings_with(&self.mesh, x, mesh)),
+                _ => None,
+            });
+            most = most.max(crossings(&self.mesh, x).len() + bodies.sum::<usize>());
+        }
+        let (apart, measure) = (closest(&self.mesh, cloth.positions().unwrap()), cloth.measure().unwrap());
+        println!(
+            "    {most} crossings, {:.2} mm apart, strain {:.4}, {:.3}",
+            1e3 * apart,
+            measure.mean_strain,
+            measure.max_strain
+        );
+        most
+    }
+}
+
+fn floor() -> Collider {
+    Collider::plane(Vec3::ZERO, Vec3::Y)
+}
+
+/// Plays a scene from as many starts as are asked for; none may have a crossing.
+fn from_all_starts(name: &str, start: impl Fn(u64) -> Start) {
+    let runs = std::env::var("CLOTH_RUNS").map_or(1, |runs| runs.parse().expect("a number"));
+    let crossed: Vec<usize> = (1..=runs)
+        .map(|seed| {
+            println!("{name}, start {seed}");
+            start(seed).play()
+        })
+        .collect();
+    assert!(crossed.iter().all(|&most| most == 0), "{name}: {crossed:?} crossings");
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn folds() {
+    from_all_starts("fold", |seed| {
+        let start = Start::new(jittered(Mesh::grid(32, 32, 1.0, 1.0), seed), 20, 60, vec![floor()]);
+        Start { bent: true, ..start }
+    });
+}
+
+fn heap(n: u32, substeps: u32, frames: u32, seed: u64) -> Start {
+    let mut mesh = jittered(Mesh::grid(n, n, 1.0, 1.0), seed);
+    mesh.positions.iter_mut().for_each(|x| *x = Quat::from_rotation_x(1.5) * *x + Vec3::Y * 0.6);
+    Start::new(mesh, substeps, frames, vec![floor()])
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn heaps() {
+    from_all_starts("heap, 32", |seed| heap(32, 20, 90, seed));
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn fine_heaps() {
+    from_all_starts("heap, 64", |seed| heap(64, 40, 60, seed));
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn stacks() {
+    let stack = |seed| jittered(sheets(10, 16, 0.5, 0.012), seed);
+    from_all_starts("stack", |seed| Start::new(stack(seed), 40, 60, vec![floor()]));
+    let bodies = || vec![Collider::sphere(Vec3::Y * -0.3, 0.3), Collider::plane(Vec3::Y * -0.6, Vec3::Y)];
+    from_all_starts("stack on a sphere", |seed| Start::new(stack(seed), 40, 60, bodies()));
+    let bodies = || vec![Collider::mesh(Arc::new(ball(Vec3::Y * -0.3, 0.3, 20))), Collider::plane(Vec3::Y * -0.6, Vec3::Y)];
+    from_all_starts("stack on a mesh", |seed| Start::new(stack(seed), 40, 60, bodies()));
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn towels() {
+    let towel = |seed| {
+        let mut mesh = jittered(Mesh::grid(48, 48, 1.2, 1.2), seed);
+        mesh.positions.iter_mut().for_each(|x| x.y += 0.7);
+        mesh
+    };
+    let ground = Vec3::Y * 0.3;
+    from_all_starts("towel", |seed| Start::new(towel(seed), 40, 80, vec![Collider::sphere(ground, 0.3), floor()]));
+    let spun = |frame: u32| {
+        let (mut body, turn) = (ball(Vec3::ZERO, 0.3, 16), Quat::from_rotation_y(0.05 * frame as f32));
+        body.positions.iter_mut().for_each(|x| *x = turn * *x + Vec3::Y * 0.3);
+        Attributes { colliders: vec![Collider::mesh(Arc::new(body)), floor()], ..Attributes::default() }
+    };
+    from_all_starts("towel on a spinning mesh", |seed| Start {
+        attributes: Box::new(spun),
+        ..Start::new(towel(seed), 40, 80, Vec::new())
+    });
+}
+
+/// A capsule of triangles through a sheet that hangs by its top row.
+#[test]
+#[ignore = "takes minutes"]
+fn limbs() {
+    for speed in [1.0_f32, 3.0, 10.0, 20.0] {
+        let start = |seed| {
+            let mut mesh = jittered(Mesh::grid(32, 32, 1.0, 1.0), seed);
+            mesh.positions.iter_mut().for_each(|x| *x = Quat::from_rotation_x(0.5 * PI) * *x);
+            let top = (0..1024).filter(|&v| mesh.positions[v as usize].y > 0.499).collect();
+            let limb = move |frame: u32| {
+                let at = Vec3::new(0.0, -0.1, -0.4 + speed * FRAME * frame as f32);
+                capsule(at - 0.3 * Vec3::X, at + 0.3 * Vec3::X, 0.08, 12)
+            };
+            let attributes =
+                move |frame| Attributes { colliders: vec![Collider::mesh(Arc::new(limb(frame)))], ..Attributes::default() };
+            let start = Start::new(mesh, 1, (1.3 / speed / FRAME).min(50.0) as u32, Vec::new());
+            let options = Options { pinned: top, quality: Quality::Strain(0.03), ..start.options.clone() };
+            Start { options, attributes: Box::new(attributes), ..start }
+        };
+        from_all_starts(&format!("limb at {speed} m/s"), start);
+    }
+}
+
+/// A sheet by two opposite edges that turn against each other.
+#[test]
+#[ignore = "takes minutes"]
+fn twists() {
+    from_all_starts("twist", |seed| {
+        let mesh = jittered(Mesh::grid(32, 32, 1.0, 1.0), seed);
+        let edges: Vec<u32> = (0..32).chain(31 * 32..32 * 32).collect();
+        let held: Vec<Vec3> = edges.iter().map(|&v| mesh.positions[v as usize]).collect();
+        let led = move |frame: u32| {
+            let angle = 0.5 * FRAME * frame as f32 * PI;
+            let turned = |(k, x): (usize, &Vec3)| {
+                let (side, angle) = if k < 32 { (-1.0, angle) } else { (1.0, -angle) };
+                let inward = (0.02 * FRAME * frame as f32).min(0.1);
+                Quat::from_rotation_z(angle) * *x - side * inward * Vec3::Z
+            };
+            let targets = held.iter().enumerate().map(turned).collect();
+            Attributes { pin_targets: Some(targets), ..Attributes::default() }
+        };
+        let start = Start::new(mesh, 20, 240, Vec::new());
+        let options = Options { pinned: edges, ..start.options.clone() };
+        Start { options, attributes: Box::new(led), ..start }
+    });
+}
