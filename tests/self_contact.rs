@@ -363,6 +363,36 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
     assert!(deformer.step(FRAME, &scene.attributes).unwrap().warnings.is_empty(), "nothing is left to report");
 }
 
+/// A row of pins that is led through a sheet of pins: nothing can hold them apart, so it is said; and nothing explodes.
+#[test]
+fn pins_led_through_pins_are_reported() {
+    let (mut mesh, other) = (jittered(Mesh::grid(7, 7, 0.4, 0.4), 10), Mesh::grid(5, 5, 0.2, 0.2));
+    let held = mesh.positions.len() as u32;
+    let upright = Quat::from_rotation_y(0.4) * Quat::from_rotation_x(0.5 * PI);
+    mesh.positions.extend(other.positions.iter().map(|&x| upright * x + 0.13 * Vec3::Y));
+    mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + held)));
+    let mut scene = Scene::new(mesh, 20, Vec::new());
+    let row: Vec<u32> = (held..held + 25).filter(|&v| scene.mesh.positions[v as usize].y < 0.04).collect();
+    assert_eq!(row.len(), 5);
+    scene.options.pinned = (0..held).chain(row).collect();
+    let mut deformer = scene.deformer();
+    let mut told = None;
+    for frame in 1..=30 {
+        let lowered =
+            |v: u32| scene.mesh.positions[v as usize] - if v < held { Vec3::ZERO } else { 0.002 * frame as f32 * Vec3::Y };
+        let targets = scene.options.pinned.iter().map(|&v| lowered(v)).collect();
+        let report = deformer.step(FRAME, &Attributes { pin_targets: Some(targets), ..scene.attributes.clone() }).unwrap();
+        if report.warnings.iter().any(|warning| matches!(warning, Warning::Crossings { .. })) {
+            told.get_or_insert(frame);
+        }
+        assert!(!report.warnings.iter().any(|warning| matches!(warning, Warning::ContactOutruns { .. })), "slow enough");
+    }
+    let crossed = crossings(&scene.mesh, deformer.positions().unwrap());
+    assert!(!crossed.is_empty(), "the row is led through");
+    assert!((15..=20).contains(&told.unwrap()), "told in frame {told:?}");
+    assert!(deformer.velocities().unwrap().iter().all(|v| v.length() < 3.0));
+}
+
 /// All vertices in one point: an error or a step, but no hang.
 #[test]
 fn all_cloth_in_one_place_is_no_trap() {

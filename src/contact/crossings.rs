@@ -84,12 +84,28 @@ pub(super) struct LetGo {
 impl LetGo {
     /// Looks for crossings: of the cloth with itself, if it meets itself, and with bodies.
     pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool) {
-        let owner = |vertex: u32| surface.owner[vertex as usize];
-        let may_meet = |a: u32, b: u32| match (owner(a), owner(b)) {
-            (0, 0) => meets_itself,
-            (a, b) => a == 0 || b == 0,
-        };
+        let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
         self.take(crossings(&surface.edges, &surface.triangles, x, may_meet), surface);
+    }
+
+    /// Whether anything crosses of what is led at all its vertices, pins and bodies, which nothing holds apart.
+    pub(super) fn led_cross(surface: &Surface, x: &[Vec4], meets_itself: bool) -> bool {
+        let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
+        let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0 && is_led(vertices);
+        // Only where the cloth is led can it be gone through.
+        let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        for &vertex in surface.edges.iter().filter(|ends| of_cloth(*ends)).flatten() {
+            (low, high) = (low.min(x[vertex as usize]), high.max(x[vertex as usize]));
+        }
+        let is_there = |vertices: &[u32]| {
+            let at = || vertices.iter().map(|&vertex| x[vertex as usize]);
+            let (least, most) = (at().fold(Vec4::INFINITY, Vec4::min), at().fold(Vec4::NEG_INFINITY, Vec4::max));
+            is_led(vertices) && least.cmple(high).all() && most.cmpge(low).all()
+        };
+        let edges: Vec<[u32; 2]> = surface.edges.iter().filter(|ends| is_there(*ends)).copied().collect();
+        let triangles: Vec<[u32; 3]> = surface.triangles.iter().filter(|corners| is_there(*corners)).copied().collect();
+        let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
+        !triangles.is_empty() && !crossings(&edges, &triangles, x, may_meet).is_empty()
     }
 
     /// Takes what crosses.

@@ -92,6 +92,8 @@ pub(crate) struct SelfContact {
     /// What crosses, if anything may: nothing comes to cross by itself.
     let_go: LetGo,
     may_cross: bool,
+    /// Pins are led in this step, or bodies beside pins, which may come to cross one another.
+    led_may_cross: bool,
     /// What colliders move vertices by besides (m); empty where there are none.
     push: Vec<Vec4>,
     /// The substep (s) that multipliers are of.
@@ -122,6 +124,7 @@ impl SelfContact {
             paths: Paths::default(),
             let_go: LetGo::default(),
             may_cross: true,
+            led_may_cross: false,
             push: Vec::new(),
             h: 0.0,
             crowd: 0,
@@ -175,6 +178,7 @@ impl SelfContact {
             self.may_cross = true;
             self.paths.forget();
         }
+        self.led_may_cross = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
     }
 
     /// Contact in one substep, with the colliders and of the cloth with itself: changes displacements `u` (m), and positions `x` (m) by what
@@ -292,6 +296,9 @@ impl SelfContact {
         let (meets_itself, bodies_rest) = (self.meets_itself, bodies.are_known);
         let scene = Scene { surface, meets_itself, bodies_rest, path, look, thickness: options.thickness, width };
         bodies.are_known = bodies.are_still;
+        if self.led_may_cross && !self.may_cross {
+            self.may_cross = LetGo::led_cross(surface, path.x, self.meets_itself);
+        }
         if self.may_cross {
             self.let_go.find(surface, path.x, self.meets_itself);
             self.may_cross = !self.let_go.crossings.is_empty();

@@ -60,6 +60,7 @@ impl SelfContact {
             // These follow from the cloth, or are made anew in each substep.
             options: _,
             meets_itself: _,
+            led_may_cross: _,
             surface: _,
             trees: _,
             detection: _,

@@ -127,6 +127,14 @@ impl Surface {
         self.add(all)
     }
 
+    /// Whether what two vertices belong to can meet: the cloth and a body, or the cloth and itself if it does.
+    pub(super) fn may_meet(&self, a: u32, b: u32, meets_itself: bool) -> bool {
+        match [a, b].map(|vertex| self.owner[vertex as usize]) {
+            [0, 0] => meets_itself,
+            [a, b] => a == 0 || b == 0,
+        }
+    }
+
     pub(super) fn has_bodies(&self) -> bool {
         self.bodies > 0
     }
