@@ -146,7 +146,7 @@ fn limbs() {
             mesh.positions.iter_mut().for_each(|x| *x = Quat::from_rotation_x(0.5 * PI) * *x);
             let top = (0..1024).filter(|&v| mesh.positions[v as usize].y > 0.499).collect();
             let limb = move |frame: u32| {
-                let at = Vec3::new(0.0, -0.1, -0.4 + speed * FRAME * frame as f32);
+                let at = Vec3::new(0.0, -0.1, -0.4 + speed * FRAME * (frame as f32 - 1.0));
                 capsule(at - 0.3 * Vec3::X, at + 0.3 * Vec3::X, 0.08, 12)
             };
             let attributes =

@@ -9,6 +9,9 @@ use crate::kernels::params::Substep;
 use crate::model::mesh::Mesh;
 use crate::step::plan::Plan;
 
+/// A vertex of a body is near the cloth within its box, made larger by this share of its largest extent.
+const NEAR: f32 = 0.1;
+
 /// The bodies, from step to step.
 #[derive(Debug)]
 pub(super) struct Bodies {
@@ -19,7 +22,7 @@ pub(super) struct Bodies {
     /// None of them moves in this step; and detection has looked at them where they are.
     pub are_still: bool,
     pub are_known: bool,
-    /// The least and the greatest of each coordinate of how far (m) their vertices move in this step, if there are any.
+    /// The least and the greatest of each coordinate of how far (m) vertices near the cloth move in this step, if there are any.
     travel: Option<[Vec3; 2]>,
     /// Coulomb's coefficients: the cloth's with itself, then each body's.
     pub friction: Vec<f32>,
@@ -52,11 +55,7 @@ impl Bodies {
         let are_still = meshes.iter().all(|body| is_same(&body.from, &body.to));
         self.are_known &= are_still && self.are_still && !jumped;
         self.are_still = are_still;
-        let moves = meshes.iter().flat_map(|body| body.to.positions.iter().zip(&body.from.positions)).map(|(to, from)| to - from);
-        self.travel = moves.fold(None, |travel, by| {
-            let [low, high] = travel.unwrap_or([by; 2]);
-            Some([low.min(by), high.max(by)])
-        });
+        self.travel = travel_near(plan, x);
         for (last, body) in self.last.iter_mut().zip(meshes) {
             last.clone_from(&body.to);
         }
@@ -84,14 +83,36 @@ impl Bodies {
 
     /// How everything that is led moves in a substep (m), in the middle between the extremes; none if nothing is led.
     ///
-    /// This is what motion is measured against: a cloth that rides on a body is at rest, however fast the body is.
-    pub(super) fn frame(&self, plan: &Plan<'_>, u: &[Vec4]) -> Option<Vec3A> {
+    /// This is what motion is measured against: a cloth that rides on a body is at rest, however fast the body is. Where the extremes are farther
+    /// apart than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is rest, or cloth that meets neither would go along.
+    pub(super) fn frame(&self, plan: &Plan<'_>, u: &[Vec4], thickness: f32) -> Option<Vec3A> {
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
         let pins = plan.cloth.pinned.iter().map(|&pin| xyz(u[pin as usize]));
         let range = pins.fold(of_bodies, |range, by| {
             let [low, high] = range.unwrap_or([by; 2]);
             Some([low.min(by), high.max(by)])
         });
-        range.map(|[low, high]| (low + high) * 0.5)
+        let middle = |[low, high]: [Vec3A; 2]| match low.distance(high) < thickness {
+            true => (low + high) * 0.5,
+            false => Vec3A::ZERO,
+        };
+        range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2])).map(middle)
     }
+}
+
+/// [`Bodies::travel`] of those vertices that come near the cloth.
+fn travel_near(plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
+    let cloth = x[..plan.cloth.rest.len()].iter().map(|x| x.truncate() + plan.cloth.origin);
+    let [low, high] = cloth.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+    let margin = Vec3::splat(NEAR * (high - low).max_element());
+    let is_near = |&(from, to): &(Vec3, Vec3)| {
+        let by = (to - from).abs();
+        let (least, most) = (from.min(to) - by - margin, from.max(to) + by + margin);
+        least.cmple(high).all() && most.cmpge(low).all()
+    };
+    let pairs = plan.meshes.iter().flat_map(|body| body.from.positions.iter().copied().zip(body.to.positions.iter().copied()));
+    pairs.filter(is_near).map(|(from, to)| to - from).fold(None, |travel, by| {
+        let [low, high] = travel.unwrap_or([by; 2]);
+        Some([low.min(by), high.max(by)])
+    })
 }

@@ -197,7 +197,7 @@ impl SelfContact {
         }
         self.bodies.lead(plan, substep, x, u);
         let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
-        let frame = self.bodies.frame(plan, u);
+        let frame = self.bodies.frame(plan, u, self.options.thickness);
         let (is_free, path) = (frame.is_none(), Path { x, u, stray: &[], is_shared });
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let may_stray = Path { x: &x[..moving], u: &u[..moving], ..path };

@@ -120,8 +120,20 @@ fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, 
     let held = (targets.is_empty() && !cloth.pinned.is_empty()).then_some(Vec3::ZERO);
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
-            let is_near = is_near(cloth, now, travel(&now.shape, &last.shape), f64::from(dt), seen);
-            is_near.then(|| to.positions.iter().zip(&from.positions))
+            let far = travel(&now.shape, &last.shape);
+            let near = seen.map(|seen| {
+                let reach = STEPS_AHEAD as f32 * f32::from_bits(seen.fastest) * dt;
+                let [low, high] = [seen.low, seen.high].map(|bound| unordered(bound) + cloth.origin);
+                [low - reach, high + reach]
+            });
+            // Of a dancer only the parts that come to where the cloth is count.
+            let comes_near = move |&(to, from): &(&Vec3, &Vec3)| {
+                near.is_none_or(|[low, high]| {
+                    let by = STEPS_AHEAD as f32 * (*to - *from).abs();
+                    (from.min(*to) - by).cmple(high).all() && (from.max(*to) + by).cmpge(low).all()
+                })
+            };
+            is_near(cloth, now, far, f64::from(dt), seen).then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,
     };
