@@ -23,7 +23,7 @@ pub struct Measure {
     /// Potential energy (J): gravity (0 at rest), stretch (none if inextensible) and bending. Below the resolved substep the
     /// stretch that one sweep leaves is counted at the full stiffness, and may be most of it.
     pub potential_energy: f64,
-    /// Depth (m) of the deepest vertex in the last step's colliders, 0 if none is inside.
+    /// Depth (m) of the deepest vertex in the last step's colliders, 0 if none is inside; meshes have no inside.
     pub penetration: f32,
 }
 

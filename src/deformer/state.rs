@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::Deformer;
-use crate::attributes::Collider;
+use crate::attributes::{Collider, Shape};
 #[cfg(feature = "gpu")]
 use crate::backend::Engine;
 use crate::contact::crossings::crossings;
@@ -116,7 +116,9 @@ impl Deformer {
         let cloth = &self.cloth;
         let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
-        let colliders: Vec<Collider> = self.colliders.iter().map(|c| c.relative_to(cloth.origin)).collect();
+        // A mesh has no inside.
+        let solid = self.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
+        let colliders: Vec<Collider> = solid.map(|collider| collider.relative_to(cloth.origin)).collect();
         Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.gravity, &colliders))
     }
 
