@@ -283,11 +283,13 @@ fn what_cannot_be_is_refused_with_its_line() {
         ),
         (in_cloth("[quality]\nshare = 0.9"), 3, &["share"]),
         (in_cloth("[quality]\niterations = 3"), 3, &["relaxation"]),
+        (in_cloth("[quality]\nsubsteps = 70000"), 3, &["substeps", "65536"]),
         (in_cloth("[wind]\nvelocity = [0, 0, 0]\nlift = 2"), 3, &["lift = 2", "drag"]),
         ("[[cloth]]\nname = \"it\"".into(), 1, &["it", "mesh", "grid"]),
         ("[[cloth]]\n\nmesh = \"not there.obj\"".into(), 3, &["not there.obj"]),
         ("[[cloth]]\ngrid = { columns = 1, rows = 3, width = 1, height = 1 }".into(), 2, &["1 x 3", "2 or more"]),
         ("[[cloth]]\ngrid = { columns = 90000, rows = 90000, width = 1, height = 1 }".into(), 2, &["90000"]),
+        (in_cloth("at = [1e16, 0, 0]"), 1, &["1e15 m"]),
         (in_cloth("fabric = \"steel\""), 3, &["steel", "denim"]),
         (in_cloth("fabric = { density = 0 }"), 3, &["above 0"]),
         (in_cloth("fabric = { colour = 0 }"), 3, &["colour", "density"]),
@@ -329,6 +331,10 @@ fn what_cannot_be_is_refused_with_its_line() {
     }
     let directory = TempDir::new().unwrap();
     fails(&run(&directory, &["--scene", "missing.toml"]), 2, &["missing.toml"]);
+    #[cfg(unix)]
+    fails(&run(&directory, &["--scene", "/dev/zero"]), 2, &["/dev/zero", "longer"]);
+    let (_, output) = scene(&in_cloth("\n[contact]\n"), &["--backend", "gpu"]);
+    fails(&output, 2, &["s.toml:4", "contact"]);
     let two = "[[cloth]]\nmesh = \"a.obj\"\n[[cloth]]\nmesh = \"a.obj\"\n";
     let (_, output) = scene(two, &["other.obj"]);
     fails(&output, 2, &["s.toml:3", "several cloths"]);

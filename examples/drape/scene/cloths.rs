@@ -16,6 +16,8 @@ use crate::pins::{Pin, bounds};
 
 /// Vertices that a mesh may have.
 const MOST: u64 = 1 << 24;
+/// Farther out (m) no vertex may be.
+const FARTHEST: f32 = 1e15;
 /// A cloth of so many meters is most likely one of so many centimeters.
 const LARGE: f32 = 100.0;
 
@@ -107,16 +109,19 @@ impl Cloths {
             (None, None) => return Err(wrong("it has no mesh; give `mesh = \"FILE.obj\"` or a grid")),
         };
         place(&mut piece, arguments.scale.or(cloth.scale.map(|scale| scale.0)), cloth.rotate, cloth.at);
+        if piece.positions.iter().any(|x| !x.is_finite() || x.abs().max_element() > FARTHEST) {
+            return Err(wrong("it is farther away than 1e15 m; give it another scale or place"));
+        }
         doubt(&name, &piece);
         let first = self.mesh.positions.len() as u32;
         if arguments.pin.is_none() {
+            let mut is_held = vec![false; piece.positions.len()];
             for (number, pin) in cloth.pin.iter().enumerate() {
                 let group = Group::read(source, number + 1, pin, &piece, obj.as_deref(), first)?;
-                let held = |vertex: &u32| self.pins.iter().any(|earlier| earlier.vertices.contains(vertex));
-                let twice = |(place, vertex): (usize, &u32)| group.vertices[..place].contains(vertex);
-                if let Some((_, vertex)) = group.vertices.iter().enumerate().find(|&(k, v)| held(v) || twice((k, v))) {
-                    let vertex = vertex - first;
-                    return Err(source.wrong_in(pin, format_args!("{name}: vertex {vertex} is pinned twice; name it once")));
+                for vertex in group.vertices.iter().map(|vertex| vertex - first) {
+                    if std::mem::replace(&mut is_held[vertex as usize], true) {
+                        return Err(source.wrong_in(pin, format_args!("{name}: vertex {vertex} is pinned twice; name it once")));
+                    }
                 }
                 self.pins.push(group);
             }

@@ -13,6 +13,9 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::pins::bounds;
 
+/// Frames that are looked through for numbers that keys make of others.
+const LOOKED_AHEAD: usize = 100_000;
+
 /// A collider that may move.
 #[derive(Debug)]
 pub(super) struct Moving {
@@ -156,7 +159,7 @@ impl Moving {
         };
         let moving = Moving { motion, friction: friction.map(|friction| friction.0), id: *id };
         // What keys bring about between them is found now, with a line, not in the middle of a run.
-        for time in times {
+        for time in times.take(LOOKED_AHEAD) {
             match moving.at(time, 0.0).shape {
                 Shape::Plane { normal, .. } if normal.as_dvec3().try_normalize().is_none() => {
                     return Err(wrong(format!("at {time} s `normal` has no direction")));

@@ -5,6 +5,7 @@
 //! [`Animated`].
 
 use std::fmt::Display;
+use std::io::Read;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::{fmt, fs};
@@ -19,6 +20,9 @@ use super::keys::{Animated, Extent, NotNegative, Positive, maybe, plain};
 use crate::Failure;
 use crate::arguments::{BACKENDS, FORMATS, Format, LEVELS, METHODS};
 
+/// Bytes of a scene file, at most.
+const MOST_BYTES: u64 = 1 << 24;
+
 /// A scene.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -32,7 +36,7 @@ pub(crate) struct File {
     pub(crate) backend: Option<Backend>,
     pub(crate) quality: Option<Spanned<Quality>>,
     /// Contact of the cloth with itself; none if it is not there.
-    pub(crate) contact: Option<Contact>,
+    pub(crate) contact: Option<Spanned<Contact>>,
     /// Gravity (m/s²). [0, -9.81, 0].
     pub(crate) gravity: Option<Animated<Vec3>>,
     /// The air; none if it is not there.
@@ -321,7 +325,14 @@ pub(crate) struct Source {
 impl Source {
     /// Reads a scene file.
     pub(crate) fn read(path: &Path) -> Result<(Source, File), Failure> {
-        let text = fs::read_to_string(path).map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
+        let wrong = |why: &dyn Display| Failure::input(format_args!("{}: {why}", path.display()));
+        let mut text = String::new();
+        let opened = fs::File::open(path).map_err(|error| wrong(&error))?;
+        // What is no file may have no end.
+        opened.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(|error| wrong(&error))?;
+        if text.len() as u64 > MOST_BYTES {
+            return Err(wrong(&format_args!("it is longer than {MOST_BYTES} bytes, which no scene is")));
+        }
         Source::parse(path, text, None)
     }
 

@@ -11,7 +11,7 @@ mod pins;
 use std::path::PathBuf;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers};
+use cloth_deformer::{Attributes, Backend, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers};
 use toml::Spanned;
 
 use crate::Failure;
@@ -26,6 +26,9 @@ use pins::Group;
 /// Frames, and frames a second, unless something else is said.
 const FRAMES: u32 = 120;
 const RATE: f32 = 60.0;
+
+/// Substeps that a step may have.
+const MOST_SUBSTEPS: u32 = 65536;
 
 /// All that a run needs.
 pub(crate) struct Scene {
@@ -65,8 +68,14 @@ impl Scene {
         files.extend(colliders.iter().flat_map(Moving::files).cloned());
         let wind = wind(arguments, scene)?;
         let gravity = arguments.gravity.map(Animated::still).or(file.gravity.clone());
+        let backend = arguments.backend.or(file.backend).unwrap_or_default();
+        if let (Backend::Gpu, None, Some((source, File { contact: Some(contact), .. }))) =
+            (backend, arguments.self_contact, scene)
+        {
+            return Err(source.wrong_in(contact, "contact is on the CPU alone so far; take another backend, or leave it out"));
+        }
         let options = Options {
-            backend: arguments.backend.or(file.backend).unwrap_or_default(),
+            backend,
             fabric,
             pinned: pins.iter().flat_map(|group| group.vertices.iter().copied()).collect(),
             contact: contact(arguments, file),
@@ -146,7 +155,7 @@ fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Option
 
 fn contact(arguments: &Arguments, file: &File) -> Option<Contact> {
     let usual = Contact::default();
-    let given = file.contact.as_ref();
+    let given = file.contact.as_ref().map(Spanned::get_ref);
     let thickness = given.map(|contact| contact.thickness.map_or(usual.thickness, |thickness| thickness.0));
     let friction = given.and_then(|contact| contact.friction).map_or(usual.friction, |friction| friction.0);
     let thickness = arguments.self_contact.or(thickness)?;
@@ -173,6 +182,9 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     let named: Vec<Quality> = [substeps, strain, budget].into_iter().flatten().collect();
     if named.len() > 1 || (file.share.is_some() && strain.is_none()) {
         return Err(wrong("give one of substeps, strain and budget, and a share to a strain alone"));
+    }
+    if file.substeps.is_some_and(|count| u32::from(count) > MOST_SUBSTEPS) {
+        return Err(wrong("substeps must be 1 to 65536"));
     }
     if file.share.is_some_and(|share| !(0.5..=1.0).contains(&share.0)) {
         return Err(wrong("share must be from 0.5 to 1; 0.99 is usual"));
