@@ -5,7 +5,7 @@ use glam::Vec4;
 use crate::contact::{self, SelfContact};
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
-use crate::device::Gpu;
+use crate::device::{Gpu, IN_BROWSER};
 use crate::error::BuildError;
 use crate::failure::Failure;
 #[cfg(feature = "gpu")]
@@ -89,6 +89,10 @@ impl Engine {
                 Ok(gpu) => Engine::Gpu(Box::new(gpu)),
                 Err(_) => Engine::Cpu(Box::new(Cpu::new(cloth))),
             },
+            Backend::Hybrid if IN_BROWSER => {
+                let reason = "it waits for the GPU, which a browser does not".to_owned();
+                return Err(BuildError::NoGpu { backend: "Backend::Hybrid", reason });
+            }
             Backend::Hybrid => {
                 let gpu = find(true).and_then(|gpu| Hybrid::new(gpu, cloth));
                 Engine::Hybrid(Box::new(gpu.map_err(refuse("Backend::Hybrid"))?))

@@ -17,10 +17,10 @@ use sleep::Stillness;
 pub use snapshot::Snapshot;
 
 use std::collections::VecDeque;
-use std::time::Instant;
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
+use web_time::Instant;
 
 use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;

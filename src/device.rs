@@ -4,9 +4,10 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bytemuck::Pod;
+use web_time::Instant;
 
 use crate::gpu_fault::{Excess, GpuFault};
 
@@ -51,6 +52,9 @@ struct Found {
     lost: Arc<AtomicBool>,
 }
 
+/// In a browser nothing waits for the device: what it sends comes between two calls, or not at all.
+pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
+
 /// How long a thread that waits for the device stays awake: one that sleeps is woken .05 to .3 ms late.
 const AWAKE: Duration = Duration::from_millis(4);
 
@@ -61,6 +65,9 @@ thread_local! {
 
 impl Found {
     fn request() -> Result<Found, GpuFault> {
+        if IN_BROWSER {
+            return Err("a browser hands out devices asynchronously: ask for one, and give it as Options::gpu".into());
+        }
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
@@ -135,13 +142,13 @@ impl Gpu {
     }
 
     /// Runs `work` and turns into an error what the device would report as uncaptured (validation, memory), what [`Gpu::make`] refused, and
-    /// what it could not do because the device is lost, which wgpu keeps to itself.
+    /// what it could not do because the device is lost, which wgpu keeps to itself. In a browser what the device reports is in its console.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
         let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-        let [validation, memory, internal] = filters.map(|filter| self.device().push_error_scope(filter));
+        let scopes = if IN_BROWSER { Vec::new() } else { filters.map(|filter| self.device().push_error_scope(filter)).into() };
         REFUSED.set(None);
         let result = work();
-        let errors = [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+        let errors: Vec<_> = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop())).collect();
         // Of several the first cause: what was refused or did not fit is then missed by what comes after.
         let refused = REFUSED.take().map(GpuFault::Limit);
         let error = refused
@@ -162,6 +169,9 @@ impl Gpu {
     /// Whether the device is lost. wgpu tells it to a callback, of which a device has one, and that is its owner's; but a lost device also
     /// refuses at once to map.
     pub(crate) fn is_lost(&self) -> bool {
+        if IN_BROWSER {
+            return false;
+        }
         let scope = self.device().push_error_scope(wgpu::ErrorFilter::Validation);
         let descriptor = wgpu::BufferDescriptor {
             label: Some("probe"),
@@ -180,7 +190,7 @@ impl Gpu {
 
     /// Why something could not be mapped.
     pub(crate) fn unmapped(&self, thing: &str) -> GpuFault {
-        if self.is_lost() { GpuFault::Lost } else { format!("{thing} could not be mapped").into() }
+        if self.is_lost() || IN_BROWSER { GpuFault::Lost } else { format!("{thing} could not be mapped").into() }
     }
 
     /// The most bytes that a storage buffer may have, by the name of the limit.
@@ -324,6 +334,9 @@ impl Gpu {
         buffers: &[&wgpu::Buffer],
         look: impl FnOnce(&[u8]) -> T,
     ) -> Result<T, GpuFault> {
+        if IN_BROWSER {
+            return Err("a browser does not wait for the GPU; request_positions asks, requested_positions has them later".into());
+        }
         self.checked(|| {
             self.copy_to(staging, buffers);
             let (send, receive) = std::sync::mpsc::channel();

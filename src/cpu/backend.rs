@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
 
 use glam::Vec4;
+use web_time::Instant;
 
 use crate::backend::Past;
 use crate::contact::SelfContact;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::device::{Entry, Gpu};
+use crate::device::{Entry, Gpu, IN_BROWSER};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage, WORKGROUP};
@@ -44,7 +44,7 @@ struct UnderWay {
 
 impl Counter {
     /// Steps that statistics are late: as many may be queued before one waits for another. It is always as many, so that a motion can
-    /// be repeated.
+    /// be repeated; but for a browser, which does not wait.
     pub(crate) const LATE: usize = 3;
 
     pub(crate) fn new(gpu: &Gpu, forces: &Forces, gauges: &[StrainGauge]) -> Counter {
@@ -80,11 +80,20 @@ impl Counter {
         let told = Arc::clone(&mapped);
         staging.map_async(wgpu::MapMode::Read, .., move |result| told.store(result.is_ok(), Ordering::Release));
         self.untold.push_back(Untold::UnderWay(UnderWay { staging, submission, mapped }));
-        if self.untold.len() <= Counter::LATE {
+        if self.untold.len() <= Counter::LATE || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);
         }
         let Some(oldest) = self.untold.pop_front() else { return Ok(None) };
         self.arrived(gpu, oldest).map(Some)
+    }
+
+    /// Whether the oldest are here.
+    fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
+        gpu.poll(wgpu::PollType::Poll)?;
+        Ok(self.untold.front().is_none_or(|untold| match untold {
+            Untold::UnderWay(under_way) => under_way.mapped.load(Ordering::Acquire),
+            Untold::Here(_) => true,
+        }))
     }
 
     /// Waits for statistics.

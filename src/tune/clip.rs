@@ -1,8 +1,8 @@
 //! A scene played to be compared: where the cloth is at some times, and what a frame takes.
 
-use std::time::Instant;
 
 use glam::Vec3;
+use web_time::Instant;
 
 use super::Setting;
 use crate::attributes::Attributes;
