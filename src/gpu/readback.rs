@@ -77,7 +77,11 @@ impl Readback {
             ARRIVED => {
                 let bytes = staging.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
                 let (x, found) = bytes.split_at(bytes.len() - size_of::<Found>());
-                look(bytemuck::cast_slice(x));
+                match bytemuck::try_cast_slice(x) {
+                    Ok(x) => look(x),
+                    // A browser puts them anywhere.
+                    Err(_) => look(&bytemuck::pod_collect_to_vec(x)),
+                }
                 bytemuck::pod_read_unaligned(found)
             }
             _ => return Err(gpu.unmapped("the positions asked for")),

@@ -1,6 +1,5 @@
 //! A scene played to be compared: where the cloth is at some times, and what a frame takes.
 
-
 use glam::Vec3;
 use web_time::Instant;
 

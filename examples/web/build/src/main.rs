@@ -1,0 +1,41 @@
+//! Puts the page together in `dist`, a static folder: `cargo run --release --manifest-path examples/web/build/Cargo.toml`.
+
+use std::path::Path;
+use std::process::Command;
+use std::{env, fs};
+
+use wasm_bindgen_cli_support::Bindgen;
+
+const TARGET: &str = "wasm32-unknown-unknown";
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let web = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("this package has a folder above it")?;
+    let compiled = web.join("target");
+    let flags = env::var("RUSTFLAGS").unwrap_or_default() + " -C target-feature=+simd128";
+    let built = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(["build", "--profile", "page", "--lib", "--locked", "--target", TARGET, "--manifest-path"])
+        .arg(web.join("Cargo.toml"))
+        .arg("--target-dir")
+        .arg(&compiled)
+        .env("RUSTFLAGS", flags)
+        .status()?;
+    if !built.success() {
+        return Err(format!("the page's code was not built; is the target there? rustup target add {TARGET}").into());
+    }
+    let dist = web.join("dist");
+    fs::create_dir_all(&dist)?;
+    let module = compiled.join(TARGET).join("page/cloth_deformer_page.wasm");
+    Bindgen::new()
+        .input_path(module)
+        .web(true)?
+        .omit_default_module_path(false)
+        .typescript(false)
+        .out_name("cloth")
+        .generate(&dist)?;
+    for file in fs::read_dir(web.join("page"))? {
+        let file = file?;
+        fs::copy(file.path(), dist.join(file.file_name()))?;
+    }
+    println!("{}: serve it, as by python3 -m http.server -d {0}", dist.display());
+    Ok(())
+}

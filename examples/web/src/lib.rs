@@ -1,0 +1,330 @@
+//! A cloth to take hold of, for a page: what `page/page.js` calls.
+
+mod preset;
+mod twin;
+
+use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Backend, Deformer, Gpu, Levels, Mesh, Method, Options, Quality, wgpu};
+use wasm_bindgen::prelude::*;
+
+use preset::Preset;
+use twin::Twin;
+
+/// A frame (s).
+pub const FRAME: f32 = 1.0 / 60.0;
+/// How far (m) from the pointer's ray a vertex may be to be taken hold of.
+const REACH: f32 = 0.08;
+/// How fast (m/s) the hand follows the pointer, and how far it stretches an edge before it gives way.
+const HAND: f32 = 4.0;
+const PULL: f32 = 1.08;
+/// Iterations of the plug-in's relaxation.
+const ITERATIONS: u32 = 8;
+
+/// A WebGPU device.
+#[wasm_bindgen]
+pub struct Device(Gpu);
+
+/// Asks the browser for a WebGPU device.
+///
+/// # Errors
+/// If it has none.
+#[wasm_bindgen]
+pub async fn device() -> Result<Device, JsError> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default()).await?;
+    let (device, queue) = adapter.request_device(&wgpu::DeviceDescriptor::default()).await?;
+    Ok(Device(Gpu::new(device, queue, adapter.get_info().name)))
+}
+
+/// A cloth in a scene.
+#[wasm_bindgen]
+pub struct Toy {
+    preset: Preset,
+    mesh: Mesh,
+    options: Options,
+    cloth: Deformer,
+    twin: Option<Twin>,
+    /// Whether the state comes late.
+    on_gpu: bool,
+    time: f32,
+    wind: f32,
+    gravity: f32,
+    /// Where the pins were at first.
+    pins: Vec<Vec3>,
+    /// Where the vertex in the hand is, which is pinned last, and where it is wanted.
+    held: Option<Vec3>,
+    wanted: Vec3,
+    /// The state as it is drawn, and one frame before; velocities as far as they are known.
+    positions: Vec<Vec3>,
+    velocities: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    /// Edges with their lengths at rest.
+    edges: Vec<([u32; 2], f32)>,
+    substeps: u32,
+    levels: u32,
+}
+
+#[wasm_bindgen]
+impl Toy {
+    /// A scene by name, with about `size` vertices along a side; on the GPU if there is a device.
+    ///
+    /// # Errors
+    /// If there is no such scene, or the cloth cannot be made.
+    #[wasm_bindgen(constructor)]
+    pub fn new(scene: &str, size: u32, device: Option<Device>) -> Result<Toy, JsError> {
+        let preset =
+            Preset::named(scene).ok_or_else(|| JsError::new(&format!("scene {scene}: not towel, flag, cape or curtain")))?;
+        let (mesh, pinned) = preset.mesh(size);
+        let on_gpu = device.is_some();
+        let backend = if on_gpu { Backend::Gpu } else { Backend::Cpu };
+        let gpu = device.map(|device| device.0);
+        let pins = pinned.iter().map(|&vertex| mesh.positions[vertex as usize]).collect();
+        let options = Options { backend, gpu, fabric: preset.fabric(), pinned, ..Options::default() };
+        let cloth = Deformer::new(&mesh, options.clone())?;
+        let length = |[a, b]: [u32; 2]| mesh.positions[a as usize].distance(mesh.positions[b as usize]);
+        let edges = mesh.edges().into_iter().map(|edge| (edge, length(edge))).collect();
+        let mut toy = Toy {
+            preset,
+            cloth,
+            twin: None,
+            on_gpu,
+            time: 0.0,
+            wind: preset.wind(),
+            gravity: 9.81,
+            pins,
+            held: None,
+            wanted: Vec3::ZERO,
+            positions: mesh.positions.clone(),
+            velocities: vec![Vec3::ZERO; mesh.positions.len()],
+            normals: vec![Vec3::Y; mesh.positions.len()],
+            edges,
+            substeps: 0,
+            levels: 0,
+            mesh,
+            options,
+        };
+        toy.shade();
+        Ok(toy)
+    }
+
+    /// Goes on with a method, by name, substeps in 1/60 s (0: as many as keep the stretch of 99 % of the area below 3 %), and levels or none.
+    ///
+    /// # Errors
+    /// If there is no such method.
+    pub fn set(&mut self, method: &str, substeps: u32, levels: bool) -> Result<(), JsError> {
+        let method = match method {
+            "small steps" => Method::SmallSteps,
+            "relaxation" => Method::Relaxation { iterations: ITERATIONS },
+            "springs" => Method::Springs,
+            _ => return Err(JsError::new(&format!("method {method}: not small steps, relaxation or springs"))),
+        };
+        let quality = if substeps == 0 { Quality::Strain(0.03) } else { Quality::Substeps(substeps) };
+        let levels = if levels { Levels::Auto } else { Levels::Off };
+        self.options = Options { method, quality, levels, ..self.options.clone() };
+        self.rebuild()
+    }
+
+    /// Sets wind (m/s) and gravity (m/s²).
+    pub fn blow(&mut self, wind: f32, gravity: f32) {
+        (self.wind, self.gravity) = (wind, gravity);
+        self.twin.iter_mut().for_each(Twin::begin_anew);
+    }
+
+    /// Compares with a resolved run from now on, or no longer. On a GPU, whose state comes late, there is none.
+    pub fn compare(&mut self, compare: bool) {
+        let attributes = self.preset.attributes(self.time, self.wind, self.gravity);
+        self.twin = if compare && !self.on_gpu { Twin::new(&self.mesh, &self.options, &attributes) } else { None };
+    }
+
+    /// Takes a frame of 1/60 s.
+    ///
+    /// # Errors
+    /// If the motion could not be held together. The cloth is then as it was.
+    pub fn step(&mut self) -> Result<(), JsError> {
+        self.time += FRAME;
+        let mut attributes = self.preset.attributes(self.time, self.wind, self.gravity);
+        let lead = self.preset.lead(self.time);
+        self.held = self.held.map(|held| self.led(held));
+        let targets = self.pins.iter().map(|pin| *pin + lead).chain(self.held);
+        attributes.pin_targets = Some(targets.collect()).filter(|targets: &Vec<Vec3>| !targets.is_empty());
+        let report = self.cloth.step(FRAME, &attributes)?;
+        (self.substeps, self.levels) = (report.substeps, report.levels);
+        if self.on_gpu {
+            return Ok(());
+        }
+        let positions = self.cloth.positions()?.to_vec();
+        if let Some(twin) = &mut self.twin {
+            twin.step(&attributes, (&self.positions, &self.velocities), &positions, FRAME / report.substeps as f32);
+        }
+        self.positions = positions;
+        self.velocities = self.cloth.velocities()?.to_vec();
+        self.shade();
+        Ok(())
+    }
+
+    /// Asks for the state on a GPU; [`Toy::arrived`] has it later.
+    ///
+    /// # Errors
+    /// If the GPU was lost.
+    pub fn request(&mut self) -> Result<(), JsError> {
+        Ok(self.cloth.request_positions()?)
+    }
+
+    /// Whether the state that was asked for has come, `steps` after the one before.
+    ///
+    /// # Errors
+    /// As [`Toy::step`], which on a GPU is known late.
+    pub fn arrived(&mut self, steps: u32) -> Result<bool, JsError> {
+        let Some(positions) = self.cloth.requested_positions()? else { return Ok(false) };
+        let rate = 1.0 / (FRAME * steps.max(1) as f32);
+        self.velocities = positions.iter().zip(&self.positions).map(|(now, before)| (*now - *before) * rate).collect();
+        self.positions = positions.to_vec();
+        self.shade();
+        Ok(true)
+    }
+
+    /// Takes hold of the vertex nearest to the eye that a ray passes; how far along the ray it is, or nothing.
+    ///
+    /// # Errors
+    /// If the GPU was lost.
+    pub fn grab(&mut self, eye: &[f32], way: &[f32]) -> Result<Option<f32>, JsError> {
+        let (eye, way) = (Vec3::from_slice(eye), Vec3::from_slice(way).normalize());
+        let along = |x: &Vec3| (*x - eye).dot(way);
+        let is_near = |x: &Vec3| along(x) > 0.0 && (*x - eye - way * along(x)).length() < REACH;
+        let found =
+            self.positions.iter().enumerate().filter(|(_, x)| is_near(x)).min_by(|a, b| along(a.1).total_cmp(&along(b.1)));
+        let Some((vertex, &x)) = found.filter(|(vertex, _)| !self.options.pinned.contains(&(*vertex as u32))) else {
+            return Ok(None);
+        };
+        self.options.pinned.push(vertex as u32);
+        (self.held, self.wanted) = (Some(x), x);
+        self.repin()?;
+        Ok(Some(along(&x)))
+    }
+
+    /// Leads the vertex in the hand to a point (m).
+    pub fn drag(&mut self, to: &[f32]) {
+        self.wanted = Vec3::from_slice(to);
+    }
+
+    /// Lets go.
+    ///
+    /// # Errors
+    /// If the GPU was lost.
+    pub fn release(&mut self) -> Result<(), JsError> {
+        if self.held.take().is_some() {
+            self.options.pinned.pop();
+            self.repin()?;
+        }
+        Ok(())
+    }
+
+    /// Back to frame 1.
+    ///
+    /// # Errors
+    /// If the GPU was lost.
+    pub fn reset(&mut self) -> Result<(), JsError> {
+        self.release()?;
+        self.cloth.reset();
+        self.time = 0.0;
+        self.positions.clone_from(&self.mesh.positions);
+        self.velocities.fill(Vec3::ZERO);
+        self.twin.iter_mut().for_each(Twin::begin_anew);
+        self.shade();
+        Ok(())
+    }
+
+    /// Corners of the triangles.
+    #[must_use]
+    pub fn triangles(&self) -> Vec<u32> {
+        self.mesh.triangles.as_flattened().to_vec()
+    }
+
+    /// Positions (m), three numbers a vertex.
+    #[must_use]
+    pub fn positions(&self) -> Vec<f32> {
+        flat(&self.positions)
+    }
+
+    /// Unit normals, three numbers a vertex.
+    #[must_use]
+    pub fn normals(&self) -> Vec<f32> {
+        flat(&self.normals)
+    }
+
+    /// Spheres and capsules as they are now: for each both ends (m) and the radius (m).
+    #[must_use]
+    pub fn bodies(&self) -> Vec<f32> {
+        let colliders = self.preset.attributes(self.time, self.wind, self.gravity).colliders;
+        let seven = |a: Vec3, b: Vec3, radius: f32| [a.x, a.y, a.z, b.x, b.y, b.z, radius];
+        let shown = colliders.iter().filter_map(|collider| match collider.shape {
+            cloth_deformer::Shape::Sphere { center, radius } => Some(seven(center, center, radius)),
+            cloth_deformer::Shape::Capsule { a, b, radius } => Some(seven(a, b, radius)),
+            _ => None,
+        });
+        shown.flatten().collect()
+    }
+
+    /// Mean and worst stretch of the edges; kinetic energy (J for a kilogram); substeps and levels of the last frame; how far (m) the cloth was
+    /// off a resolved run's when the two were last compared, below 0 if they were not.
+    #[must_use]
+    pub fn report(&self) -> Vec<f32> {
+        let stretch = |([a, b], rest): &([u32; 2], f32)| {
+            (self.positions[*a as usize].distance(self.positions[*b as usize]) / rest - 1.0).max(0.0)
+        };
+        let (sum, worst) = self.edges.iter().map(stretch).fold((0.0, 0.0_f32), |(sum, worst), s| (sum + s, worst.max(s)));
+        let squares: f32 = self.velocities.iter().map(|v| v.length_squared()).sum();
+        let error = self.twin.as_ref().and_then(|twin| twin.error).unwrap_or(-1.0);
+        let (mean, energy) = (sum / self.edges.len() as f32, 0.5 * squares / self.velocities.len() as f32);
+        vec![mean, worst, energy, self.substeps as f32, self.levels as f32, error]
+    }
+}
+
+impl Toy {
+    /// Where the hand is next: on its way to where it is wanted, as far as the cloth about it comes along.
+    fn led(&self, held: Vec3) -> Vec3 {
+        let mut led = held + (self.wanted - held).clamp_length_max(HAND * FRAME);
+        let Some(&vertex) = self.options.pinned.last() else { return led };
+        for ([a, b], rest) in self.edges.iter().filter(|([a, b], _)| *a == vertex || *b == vertex) {
+            let other = self.positions[if *a == vertex { *b } else { *a } as usize];
+            led = other + (led - other).clamp_length_max(PULL * rest);
+        }
+        led
+    }
+
+    /// Goes on from the state as it is shown with other options.
+    fn rebuild(&mut self) -> Result<(), JsError> {
+        let mut cloth = Deformer::new(&self.mesh, self.options.clone())?;
+        cloth.set_state(&self.positions, &self.velocities)?;
+        self.cloth = cloth;
+        if self.twin.is_some() {
+            self.compare(true);
+        }
+        Ok(())
+    }
+
+    /// Goes on with the pins that the options have now. Where the state comes late it is taken as it is shown.
+    fn repin(&mut self) -> Result<(), JsError> {
+        if self.on_gpu {
+            return self.rebuild();
+        }
+        self.cloth.set_pinned(self.options.pinned.clone())?;
+        self.twin.iter_mut().for_each(|twin| twin.set_pinned(&self.options.pinned));
+        Ok(())
+    }
+
+    /// Normals of the state that is shown.
+    fn shade(&mut self) {
+        self.normals.fill(Vec3::ZERO);
+        for triangle in &self.mesh.triangles {
+            let [a, b, c] = triangle.map(|vertex| self.positions[vertex as usize]);
+            let normal = (b - a).cross(c - a);
+            triangle.iter().for_each(|&vertex| self.normals[vertex as usize] += normal);
+        }
+        self.normals.iter_mut().for_each(|normal| *normal = normal.normalize_or(Vec3::Y));
+    }
+}
+
+fn flat(vectors: &[Vec3]) -> Vec<f32> {
+    vectors.iter().flat_map(|v| v.to_array()).collect()
+}
