@@ -145,10 +145,12 @@ impl Gpu {
     /// what it could not do because the device is lost, which wgpu keeps to itself. In a browser what the device reports is in its console.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
         let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-        let scopes = if IN_BROWSER { Vec::new() } else { filters.map(|filter| self.device().push_error_scope(filter)).into() };
+        let scopes = (!IN_BROWSER).then(|| filters.map(|filter| self.device().push_error_scope(filter)));
         REFUSED.set(None);
         let result = work();
-        let errors: Vec<_> = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop())).collect();
+        let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
+            [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
+        });
         // Of several the first cause: what was refused or did not fit is then missed by what comes after.
         let refused = REFUSED.take().map(GpuFault::Limit);
         let error = refused

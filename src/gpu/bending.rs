@@ -20,6 +20,8 @@ const TILES: usize = 256;
 const OWN: [usize; 2] = [32, 128];
 /// Bytes of workgroup memory that a vertex takes with one pass, and with several.
 const IN_TILE: [usize; 2] = [24, 72];
+/// Vertices by which tiles have room for more.
+const ROOMS: usize = 32;
 /// A single pass, which filters nothing.
 const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 }];
 
@@ -145,8 +147,10 @@ impl Lists {
         [&self.rows, &self.spans, &self.entries].map(Bind::Read)
     }
 
-    /// All cloths that one or several passes suit share a kernel, with all the room that there is: substeps that change compile nothing.
+    /// Tiles about as large share a kernel, so that substeps that change hardly ever compile one. All the room that there is would take all of the
+    /// memory of a multiprocessor, on which then one tile waits for another.
     fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, room: usize, filtered: bool) -> Kernels {
+        let room = tiles.largest.next_multiple_of(ROOMS).min(room);
         let table = gpu.filled("bend tiles", &tiles.table);
         let numbers = IN_TILE[usize::from(filtered)] / size_of::<f32>() * room;
         let constants = [("LANES", lanes(gpu, room)), ("ROOM", room), ("NUMBERS", numbers), ("FILTERED", usize::from(filtered))];
