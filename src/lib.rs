@@ -15,6 +15,8 @@ mod failure;
 mod gpu;
 #[cfg(feature = "gpu")]
 mod gpu_fault;
+#[cfg(any(doc, doctest))]
+pub mod guide;
 #[cfg(feature = "gpu")]
 mod hybrid;
 mod io;

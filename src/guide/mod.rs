@@ -1,0 +1,18 @@
+//! Guides: a page each, for who wants to get something done.
+//!
+//! - [`first_cloth`]: from a mesh to frames.
+//! - [`moving_characters`]: colliders and pins that are led.
+//! - [`frame_rates`]: steps of any length, pausing, teleporting, saving.
+//! - [`which_method`]: how many substeps, and of what.
+//! - [`when_it_goes_wrong`]: what warnings and errors mean.
+
+#[doc = include_str!("first_cloth.md")]
+pub mod first_cloth {}
+#[doc = include_str!("moving_characters.md")]
+pub mod moving_characters {}
+#[doc = include_str!("frame_rates.md")]
+pub mod frame_rates {}
+#[doc = include_str!("which_method.md")]
+pub mod which_method {}
+#[doc = include_str!("when_it_goes_wrong.md")]
+pub mod when_it_goes_wrong {}
