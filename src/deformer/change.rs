@@ -28,7 +28,7 @@ impl Deformer {
     /// [`Deformer::reset`] keeps it. Velocities stay, not momenta.
     ///
     /// Takes about half as long as it took to make the cloth, mesh and order being there. On a GPU it waits for the steps so far, reads them back and
-    /// makes new tables; the buffers of [`Deformer::surface`] and `position_buffer` stay the same.
+    /// makes new tables; the buffers of `Deformer::surface` and `position_buffer` stay the same.
     ///
     /// # Errors
     /// If there is not a finite mass above 0 for each vertex, or the GPU failed.
