@@ -1,4 +1,4 @@
-//! A scene of the page played outside a browser, for the page's test: prints where the cloth is then. page_native SCENE FRAMES
+//! A scene of the page played outside a browser, for the page's test: prints where the cloth is then. `page_native SCENE FRAMES`
 
 #[path = "src/preset.rs"]
 mod preset;
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         attributes.pin_targets = (!pins.is_empty()).then(|| pins.iter().map(|pin| *pin + lead).collect());
         cloth.step(FRAME, &attributes)?;
     }
-    let positions: Vec<f32> = cloth.positions()?.iter().flat_map(|x| x.to_array()).collect();
+    let positions: Vec<f32> = cloth.positions()?.iter().flat_map(cloth_deformer::glam::Vec3::to_array).collect();
     println!("{positions:?}");
     Ok(())
 }
