@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use crate::contact::{self, SelfContact};
+use crate::contact::SelfContact;
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::{Gpu, IN_BROWSER};
@@ -17,7 +17,7 @@ use crate::hybrid::Hybrid;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::options::{Backend, Options, Quality};
-use crate::record::recorded;
+use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// Where the state lives.
@@ -29,19 +29,6 @@ pub(crate) enum Engine {
     #[cfg(feature = "gpu")]
     Gpu(Box<GpuEngine>),
 }
-
-/// What an engine knows of the motion besides the state.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Past {
-    /// Good steps since the state was set; and where the GPU's watch begins among the edges.
-    pub steps: [u32; 2],
-    /// Statistics of steps that a GPU has taken and not told of yet.
-    pub untold: Vec<Statistics>,
-    /// Contact of the cloth with itself.
-    pub contact: Option<contact::Past>,
-}
-
-recorded!(Past { steps, untold, contact });
 
 /// From this many vertices on a GPU beats the CPU: in `benches/results/gpu_h200.md`, at 20 substeps, the H200 takes .90 ms for
 /// 128 x 128 and 16 cores 1.03, and .64 against .56 for 64 x 64.

@@ -30,6 +30,7 @@ mod options;
 #[allow(unreachable_pub, reason = "the tests of the crate take it too")]
 #[path = "../tests/common/oracle.rs"]
 mod oracle;
+mod past;
 mod record;
 mod simd;
 mod step;
@@ -49,8 +50,9 @@ pub use gpu::Surface;
 pub use io::cache_form::CacheForm;
 pub use io::obj::ObjError;
 pub use io::obj_template::ObjTemplate;
+pub use io::pc2_error::Pc2Error;
 pub use io::pc2_reader::{Pc2ReadError, PointCacheReader};
-pub use io::point_cache::{Pc2Error, PointCache};
+pub use io::point_cache::PointCache;
 pub use measure::Measure;
 pub use model::mesh::Mesh;
 pub use options::{

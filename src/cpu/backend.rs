@@ -6,7 +6,6 @@ use std::sync::Arc;
 use glam::Vec4;
 use web_time::Instant;
 
-use crate::backend::Past;
 use crate::contact::SelfContact;
 use crate::cpu::coarse::Coarse;
 use crate::cpu::edge_batches::EdgeBatches;
@@ -27,6 +26,7 @@ use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::model::mesh::Mesh;
 use crate::options::{Contact, Method};
+use crate::past::Past;
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
 use crate::step::plan::Plan;

@@ -2,7 +2,6 @@
 
 use glam::Vec4;
 
-use crate::backend::Past;
 use crate::device::Gpu;
 use crate::failure::Failure;
 use crate::gpu::commit::{self, Commit};
@@ -24,6 +23,7 @@ use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::multigrid::hierarchy::Level;
 use crate::options::Method;
+use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// Sweeps in one dispatch: a driver takes the device away from work that holds it for seconds.

@@ -37,7 +37,6 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{Vec3A, Vec4};
 
-use crate::backend::Past;
 use crate::cpu::{Cpu, Elsewhere, SharedArray, State, Task};
 use crate::device::Gpu;
 use crate::failure::Failure;
@@ -48,6 +47,7 @@ use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Contact;
+use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// A cloth whose state is in memory and whose forces are computed on the GPU.

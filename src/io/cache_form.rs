@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use glam::{Vec2, Vec3};
 
-use crate::io::point_cache::Pc2Error;
+use crate::io::pc2_error::Pc2Error;
 
 /// What a point cache is written as. Positions are written as they are, meters with y up; vertices in the mesh's order.
 #[derive(Debug, Clone, PartialEq)]
