@@ -1,4 +1,8 @@
-//! A cloth on the GPU: which way a step is done, what is sent for it, and the commands of its substeps.
+//! A cloth on the GPU: which way a step is done, what is sent for it, and the commands of its substeps. What a step comes to is in
+//! `cost.rs`, the state from outside of a step in `look.rs`.
+
+mod cost;
+mod look;
 
 use glam::Vec4;
 
@@ -13,17 +17,15 @@ use crate::gpu::state::{PING_PONG, State, ping_pong};
 use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
-use crate::gpu::surface::{Normals, Surface};
+use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::gpu::watch::{Found, Report};
 use crate::gpu_fault::GpuFault;
 use crate::kernels::contact::Body;
-use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::multigrid::hierarchy::Level;
 use crate::options::Method;
-use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// Sweeps in one dispatch: a driver takes the device away from work that holds it for seconds.
@@ -297,13 +299,6 @@ impl GpuEngine {
         }
     }
 
-    /// Sends for the statistics of the step that was submitted, if it asks for any; returns those that have come.
-    pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
-        let GpuEngine { gpu, counter, counts, .. } = self;
-        let Some(counter) = counter.as_mut().filter(|_| *counts) else { return Ok(None) };
-        gpu.checked(|| counter.send_for(gpu)).map_err(Failure::Gpu)
-    }
-
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
         // Levels have some more colors than the cloth, together.
         let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
@@ -359,140 +354,5 @@ impl GpuEngine {
     /// What counts the step, if it is to be counted.
     fn counter(&self) -> Option<&Counter> {
         self.counter.as_ref().filter(|_| self.counts)
-    }
-
-    /// Dispatches of a substep.
-    fn dispatches(&self, plan: &Plan<'_>) -> usize {
-        let levels = self.multigrid(plan).map_or(0, |multigrid| multigrid.dispatches(plan.params.levels as usize));
-        match &self.sweep {
-            Sweep::Tiled(_) => self.forces.dispatches(plan) * plan.params.predicted as usize + levels + 1,
-            Sweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
-        }
-    }
-
-    /// What the last step came to.
-    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
-    pub(crate) fn stats(&self) -> GpuStats {
-        self.stats
-    }
-
-    fn count(&self, plan: &Plan<'_>, path: Path) -> GpuStats {
-        let state = 2 * size_of::<Vec4>() * plan.cloth.rest.len();
-        let substeps = plan.substeps.len();
-        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
-            let [rounds, edges] = single.counts(plan).map(|count| substeps * count);
-            return GpuStats { dispatches: 1, bytes: single.bytes() + 2 * state, rounds, edges };
-        }
-        let forces = Forces::bytes(plan);
-        let (substep, rounds, edges) = match &self.sweep {
-            // A halo's vertices are read more than once; each is written once.
-            Sweep::Tiled(Tiled { tiles, .. }) => {
-                (forces * plan.params.predicted as usize + tiles.bytes() + state, tiles.colors, tiles.swept)
-            }
-            Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
-        };
-        let multigrid = self.multigrid(plan);
-        let levels = plan.params.levels as usize;
-        let [more_rounds, more_edges] = multigrid.map_or([0, 0], |multigrid| multigrid.counts(levels));
-        GpuStats {
-            dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES,
-            bytes: substeps * (substep + multigrid.map_or(0, |multigrid| multigrid.bytes(levels))) + 3 * state,
-            rounds: substeps * (rounds + more_rounds),
-            edges: substeps * (edges + more_edges),
-        }
-    }
-
-    /// Puts the state somewhere else.
-    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
-        let state = &self.forces.states[0];
-        self.gpu.write(&state.x, 0, x);
-        self.gpu.write(&state.p, 0, p);
-        self.commit.begin(&self.gpu);
-        self.counter.iter_mut().for_each(Counter::forget);
-    }
-
-    /// What there is to know besides the state; waits for it.
-    pub(crate) fn past(&mut self) -> Result<Past, Failure> {
-        let GpuEngine { gpu, commit, counter, .. } = self;
-        gpu.checked(|| {
-            let staging = gpu.staging("found", commit.found.size());
-            let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Found>)?;
-            let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
-            Ok(Past { steps: [found.steps, found.next], untold, contact: None })
-        })
-        .map_err(Failure::Gpu)
-    }
-
-    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
-    pub(crate) fn resume(&mut self, cloth: &Cloth, [x, p]: [&[Vec4]; 2], past: &Past) -> Result<bool, Failure> {
-        self.is_whole()?;
-        let next = past.steps[1] as usize;
-        if past.contact.is_some() || next >= cloth.swept().len().max(1) || past.untold.len() > Counter::LATE {
-            return Ok(false);
-        }
-        let gpu = self.gpu.clone();
-        let counter = gpu.checked(|| {
-            let GpuEngine { forces, counter, .. } = &mut *self;
-            let counts = !past.untold.is_empty();
-            Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
-        });
-        self.counter = counter.map_err(Failure::Gpu)?;
-        self.set(x, p);
-        self.commit.go_on(&gpu, Found { steps: past.steps[0], next: past.steps[1], ..Found::NOTHING });
-        self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
-        Ok(true)
-    }
-
-    /// Waits for what was submitted.
-    pub(crate) fn wait(&self) -> Result<(), Failure> {
-        self.gpu.wait().map_err(Failure::Gpu)?;
-        if self.gpu.is_lost() { Err(Failure::Gpu(GpuFault::Lost)) } else { Ok(()) }
-    }
-
-    /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
-    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
-        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, look);
-        let found = seen.map_err(Failure::Gpu)?;
-        let good = self.verdict(found);
-        if good.is_err() {
-            self.commit.go_on(&self.gpu, found);
-        }
-        good
-    }
-
-    /// Fails if that was found of the last steps.
-    fn verdict(&self, found: Found) -> Result<(), Failure> {
-        found.verdict(|place| self.single_workgroup.as_ref().map_or(0, |single| single.edge(place)))
-    }
-
-    /// Whether steps are known by now to have failed.
-    pub(crate) fn told(&mut self) -> Result<bool, Failure> {
-        let found = self.report.arrived(&self.gpu).map_err(Failure::Gpu)?;
-        Ok(found.is_some_and(|found| self.verdict(found).is_err()))
-    }
-
-    /// Asks for the positions, in place of what was asked for before.
-    pub(crate) fn request(&mut self) -> Result<(), Failure> {
-        let x = &self.forces.states[0].x;
-        self.readback.request(&self.gpu, x, &self.commit.found).map_err(Failure::Gpu)
-    }
-
-    /// Shows what was asked for to `look`, once, if it is there: whether it was.
-    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
-        match self.readback.arrived(&self.gpu, look).map_err(Failure::Gpu)? {
-            Some(found) => self.verdict(found).map(|()| true),
-            None => Ok(false),
-        }
-    }
-
-    /// Submits the normals of the state that the steps so far lead to.
-    pub(crate) fn surface(&mut self, cloth: &Cloth) -> Result<Surface, Failure> {
-        let GpuEngine { gpu, forces, normals, .. } = self;
-        gpu.checked(|| {
-            let normals = normals.get_or_insert_with(|| Normals::new(gpu, cloth, &forces.states[0].x));
-            normals.submit(gpu);
-            Ok(normals.surface.clone())
-        })
-        .map_err(Failure::Gpu)
     }
 }

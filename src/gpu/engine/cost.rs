@@ -1,0 +1,53 @@
+//! What a step on the GPU comes to: dispatches, bytes, colors and edges.
+
+use glam::Vec4;
+
+use super::{GpuEngine, Path, Sweep};
+use crate::gpu::commit;
+use crate::gpu::forces::Forces;
+use crate::gpu::stats::GpuStats;
+use crate::gpu::sweep::{PerColor, Tiled};
+use crate::step::plan::Plan;
+
+impl GpuEngine {
+    /// Dispatches of a substep.
+    pub(super) fn dispatches(&self, plan: &Plan<'_>) -> usize {
+        let levels = self.multigrid(plan).map_or(0, |multigrid| multigrid.dispatches(plan.params.levels as usize));
+        match &self.sweep {
+            Sweep::Tiled(_) => self.forces.dispatches(plan) * plan.params.predicted as usize + levels + 1,
+            Sweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
+        }
+    }
+
+    /// What the last step came to.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
+    pub(crate) fn stats(&self) -> GpuStats {
+        self.stats
+    }
+
+    pub(super) fn count(&self, plan: &Plan<'_>, path: Path) -> GpuStats {
+        let state = 2 * size_of::<Vec4>() * plan.cloth.rest.len();
+        let substeps = plan.substeps.len();
+        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
+            let [rounds, edges] = single.counts(plan).map(|count| substeps * count);
+            return GpuStats { dispatches: 1, bytes: single.bytes() + 2 * state, rounds, edges };
+        }
+        let forces = Forces::bytes(plan);
+        let (substep, rounds, edges) = match &self.sweep {
+            // A halo's vertices are read more than once; each is written once.
+            Sweep::Tiled(Tiled { tiles, .. }) => {
+                (forces * plan.params.predicted as usize + tiles.bytes() + state, tiles.colors, tiles.swept)
+            }
+            Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
+        };
+        let multigrid = self.multigrid(plan);
+        let levels = plan.params.levels as usize;
+        let [more_rounds, more_edges] = multigrid.map_or([0, 0], |multigrid| multigrid.counts(levels));
+        GpuStats {
+            dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES,
+            bytes: substeps * (substep + multigrid.map_or(0, |multigrid| multigrid.bytes(levels))) + 3 * state,
+            rounds: substeps * (rounds + more_rounds),
+            edges: substeps * (edges + more_edges),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The state of a cloth on the GPU from outside of a step: it is set, looked at, asked for, and gone on from.
+
+use glam::Vec4;
+
+use super::GpuEngine;
+use crate::failure::Failure;
+use crate::gpu::statistics::Counter;
+use crate::gpu::surface::{Normals, Surface};
+use crate::gpu::watch::Found;
+use crate::gpu_fault::GpuFault;
+use crate::kernels::statistics::Statistics;
+use crate::model::cloth::Cloth;
+use crate::past::Past;
+
+impl GpuEngine {
+    /// Sends for the statistics of the step that was submitted, if it asks for any; returns those that have come.
+    pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
+        let GpuEngine { gpu, counter, counts, .. } = self;
+        let Some(counter) = counter.as_mut().filter(|_| *counts) else { return Ok(None) };
+        gpu.checked(|| counter.send_for(gpu)).map_err(Failure::Gpu)
+    }
+
+    /// Puts the state somewhere else.
+    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        let state = &self.forces.states[0];
+        self.gpu.write(&state.x, 0, x);
+        self.gpu.write(&state.p, 0, p);
+        self.commit.begin(&self.gpu);
+        self.counter.iter_mut().for_each(Counter::forget);
+    }
+
+    /// What there is to know besides the state; waits for it.
+    pub(crate) fn past(&mut self) -> Result<Past, Failure> {
+        let GpuEngine { gpu, commit, counter, .. } = self;
+        gpu.checked(|| {
+            let staging = gpu.staging("found", commit.found.size());
+            let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Found>)?;
+            let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
+            Ok(Past { steps: [found.steps, found.next], untold, contact: None })
+        })
+        .map_err(Failure::Gpu)
+    }
+
+    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    pub(crate) fn resume(&mut self, cloth: &Cloth, [x, p]: [&[Vec4]; 2], past: &Past) -> Result<bool, Failure> {
+        self.is_whole()?;
+        let next = past.steps[1] as usize;
+        if past.contact.is_some() || next >= cloth.swept().len().max(1) || past.untold.len() > Counter::LATE {
+            return Ok(false);
+        }
+        let gpu = self.gpu.clone();
+        let counter = gpu.checked(|| {
+            let GpuEngine { forces, counter, .. } = &mut *self;
+            let counts = !past.untold.is_empty();
+            Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
+        });
+        self.counter = counter.map_err(Failure::Gpu)?;
+        self.set(x, p);
+        self.commit.go_on(&gpu, Found { steps: past.steps[0], next: past.steps[1], ..Found::NOTHING });
+        self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
+        Ok(true)
+    }
+
+    /// Waits for what was submitted.
+    pub(crate) fn wait(&self) -> Result<(), Failure> {
+        self.gpu.wait().map_err(Failure::Gpu)?;
+        if self.gpu.is_lost() { Err(Failure::Gpu(GpuFault::Lost)) } else { Ok(()) }
+    }
+
+    /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
+    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
+        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, look);
+        let found = seen.map_err(Failure::Gpu)?;
+        let good = self.verdict(found);
+        if good.is_err() {
+            self.commit.go_on(&self.gpu, found);
+        }
+        good
+    }
+
+    /// Fails if that was found of the last steps.
+    fn verdict(&self, found: Found) -> Result<(), Failure> {
+        found.verdict(|place| self.single_workgroup.as_ref().map_or(0, |single| single.edge(place)))
+    }
+
+    /// Whether steps are known by now to have failed.
+    pub(crate) fn told(&mut self) -> Result<bool, Failure> {
+        let found = self.report.arrived(&self.gpu).map_err(Failure::Gpu)?;
+        Ok(found.is_some_and(|found| self.verdict(found).is_err()))
+    }
+
+    /// Asks for the positions, in place of what was asked for before.
+    pub(crate) fn request(&mut self) -> Result<(), Failure> {
+        let x = &self.forces.states[0].x;
+        self.readback.request(&self.gpu, x, &self.commit.found).map_err(Failure::Gpu)
+    }
+
+    /// Shows what was asked for to `look`, once, if it is there: whether it was.
+    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+        match self.readback.arrived(&self.gpu, look).map_err(Failure::Gpu)? {
+            Some(found) => self.verdict(found).map(|()| true),
+            None => Ok(false),
+        }
+    }
+
+    /// Submits the normals of the state that the steps so far lead to.
+    pub(crate) fn surface(&mut self, cloth: &Cloth) -> Result<Surface, Failure> {
+        let GpuEngine { gpu, forces, normals, .. } = self;
+        gpu.checked(|| {
+            let normals = normals.get_or_insert_with(|| Normals::new(gpu, cloth, &forces.states[0].x));
+            normals.submit(gpu);
+            Ok(normals.surface.clone())
+        })
+        .map_err(Failure::Gpu)
+    }
+}
