@@ -1,4 +1,4 @@
-//! The state of a cloth in memory, and a step of it.
+//! The CPU engine's state, and one step of it.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -32,37 +32,39 @@ use crate::simd::aligned::AlignedVec;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
-/// The state of the cloth in memory, one value per vertex in the cloth's order, and what is kept for its steps.
+/// The state of the cloth in memory, one value per vertex in the cloth's order, and all that is kept between its steps.
 #[derive(Debug)]
 pub(crate) struct Cpu {
     /// Positions (m), w the inverse mass (1/kg).
     pub x: AlignedVec,
-    /// Displacement over the last substep (m), and while a substep is made, over that. Its w means nothing.
+    /// Displacements (m) over the last substep; within a substep, over the substep being computed. The w component has
+    /// no meaning.
     pub p: AlignedVec,
-    /// Where `x` and `p` go back to if the step fails.
+    /// `x` and `p` at the step's start, restored if the step fails.
     x_good: AlignedVec,
     p_good: AlignedVec,
-    /// Good steps since the state was set.
+    /// Number of successful steps since the state was set.
     steps: u32,
     forces: ForceArrays,
     coarse: Coarse,
     partition: Option<Partition>,
-    /// The edges of each round of the partition.
+    /// The edges of each round of the partition, packed for SIMD.
     edges: Vec<EdgeBatches>,
-    /// Its tethers, if any are in use.
+    /// The tethers of each round of the partition; empty if none are in use.
     tethers: Vec<TetherBatches>,
-    /// One, or three where contact comes between ([`Schedule::all`]).
+    /// One schedule, or three with contact of triangles ([`Schedule::all`]).
     schedules: Vec<Schedule>,
-    /// What they were packed for: the length of the substep, levels, threads; and what the schedule is of.
+    /// What the coefficients were packed for: length of the substep, number of levels, threads of the pool. Below, what
+    /// the schedules were made for.
     packed_for: Option<(Length, usize, usize)>,
     scheduled_for: Option<Terms>,
     width: Width,
-    /// As many threads as pay, or how many to step on instead.
+    /// The adaptive choice of the number of threads, and a fixed number that overrides it.
     choice: Option<ThreadChoice>,
     threads: Option<usize>,
-    /// Contact of the cloth with itself, if it has any.
+    /// Contact of triangles (the cloth with itself and with mesh colliders), if the scene has any.
     pub contact: Option<Box<SelfContact>>,
-    /// Passes are parallel loops one after another.
+    /// Run each pass as a parallel loop instead of through the task graph.
     #[cfg(feature = "bench")]
     pub loop_by_loop: bool,
 }
@@ -95,7 +97,7 @@ impl Cpu {
         }
     }
 
-    /// Forgets that the processor can do more at once than this.
+    /// Limits the SIMD width to `width`, as if the processor had no wider registers.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn narrow(&mut self, width: Width) {
         (self.width, self.packed_for, self.edges) = (width, None, Vec::new());
@@ -103,13 +105,13 @@ impl Cpu {
         self.coarse.forget();
     }
 
-    /// Steps on this many threads, if the pool has so many, instead of on as many as pay.
+    /// Fixes the number of threads (at most those of the pool) instead of choosing it adaptively.
     #[cfg(feature = "bench")]
     pub(crate) fn on_threads(&mut self, threads: usize) {
         self.threads = Some(threads.max(1));
     }
 
-    /// Puts the state somewhere else.
+    /// Sets positions and displacements; what was learned about the motion is discarded.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.x.copy_from_slice(x);
         self.p.copy_from_slice(p);
@@ -122,7 +124,8 @@ impl Cpu {
         Past { steps: [self.steps, 0], untold: Vec::new(), contact }
     }
 
-    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    /// Resumes from a state and a recorded past. Returns false if this cloth cannot have such a past; positions and
+    /// displacements are then unchanged.
     pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, [x, p]: [&[Vec4]; 2], past: &Past) -> bool {
         if !past.untold.is_empty() {
             return false;
@@ -142,7 +145,8 @@ impl Cpu {
         true
     }
 
-    /// Makes contact with these bodies, unless there is, and room for them in the state.
+    /// Creates the contact data for the cloth and these mesh colliders unless it exists, and extends the state by the
+    /// colliders' vertices.
     fn meet<'a>(
         &mut self,
         cloth: &Cloth,
@@ -160,7 +164,8 @@ impl Cpu {
         self.width.lanes()
     }
 
-    /// Goes on as a cloth that was changed. What depends on stiffness alone is packed anew for the next length of substep, which is another.
+    /// Continues with changed parameters of the cloth. A change of stiffness needs nothing here: it changes
+    /// `Length::changes`, so the coefficients are packed again for the next step.
     pub(crate) fn change(&mut self, cloth: &Cloth, change: Change) {
         if change == Change::Stiffness {
             return;
@@ -173,8 +178,8 @@ impl Cpu {
         }
     }
 
-    /// One step: its substeps one after another, displacements predicted elsewhere if anywhere. Says what is wrong if the motion
-    /// runs away; the state is then as it was.
+    /// Runs one step. If `elsewhere` is given, another engine predicts the displacements. If the motion became
+    /// unstable, the step is undone and the cause returned.
     pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), Failure> {
         let step = self.steps.saturating_add(1);
         let cause = self.run(plan, elsewhere);
@@ -191,7 +196,7 @@ impl Cpu {
         Err(failure)
     }
 
-    /// Of the state that a step led to, if its plan asks for any.
+    /// Statistics of the state after a step, if the plan asks for them.
     pub(crate) fn statistics(&self, plan: &Plan<'_>) -> Option<Statistics> {
         let gauges = plan.gauges?;
         let alone = plan.alone || self.choice.as_ref().is_none_or(|choice| choice.threads() == 1);
@@ -199,14 +204,14 @@ impl Cpu {
         Some(Observed { x, u: p, drift: plan.params.drift.into(), h: plan.params.h, width: *width }.statistics(gauges, alone))
     }
 
-    /// Back to where the last step began.
+    /// Restores the state at the start of the last step.
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
         self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
-    /// The substeps of a step, and what is wrong with where they lead.
+    /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
     fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Option<Cause> {
         let pool = rayon::current_num_threads();
         self.pack(plan, elsewhere.is_some(), pool);
@@ -214,12 +219,13 @@ impl Cpu {
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
         let threads = if plan.alone { 1 } else { threads };
         let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
-        // A pool of one has no choice, and perhaps no clock.
+        // A pool of one thread leaves nothing to choose, and its platform (a browser) may have no clock.
         let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
             None => self.turns(0, 0..turns, plan, elsewhere, threads),
             Some(mut contact) => {
-                // Loops one after another are cheaper from a thread of the pool.
+                // Contact runs parallel loops one after another, which are cheaper to start from a thread of the pool
+                // than from outside.
                 let mut work = || self.substeps(&mut contact, plan, elsewhere, threads);
                 let cause = if threads > 1 { rayon::join(work, || ()).0 } else { work() };
                 self.contact = Some(contact);
@@ -231,7 +237,7 @@ impl Cpu {
         cause
     }
 
-    /// The substeps of a step one by one, each with contact ahead of the move.
+    /// Runs the substeps of a step one by one, resolving contact of triangles before each move.
     fn substeps(
         &mut self,
         contact: &mut SelfContact,
@@ -240,7 +246,7 @@ impl Cpu {
         threads: usize,
     ) -> Option<Cause> {
         let sweeps = plan.sweeps.max(1);
-        // Colliders are met there.
+        // Contact also handles the analytic colliders, so the move must not handle them again.
         let moves = Plan { bodies: &[], ..*plan };
         contact.begin(plan, self.x.room(), self.p.room());
         let mut cause = self.turns(0, 0..1, plan, elsewhere, threads);
@@ -253,7 +259,8 @@ impl Cpu {
         cause
     }
 
-    /// Turns of a step under one of its schedules, and what is wrong with where they lead.
+    /// Runs a range of turns under one of the schedules and returns what is wrong with the resulting state, if
+    /// anything.
     fn turns(
         &mut self,
         schedule: usize,
@@ -297,7 +304,7 @@ impl Cpu {
         found.verdict(&plan.params, &self.x, &self.p)
     }
 
-    /// Makes ready for substeps of the plan's length and its terms.
+    /// Prepares the packed coefficients, force buffers and schedules for a plan.
     fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
         if plan.contact.is_none() && plan.meshes.is_empty() {
             self.contact = None;
@@ -343,7 +350,7 @@ impl Cpu {
         };
         self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
         if self.scheduled_for != Some(terms) {
-            // Other passes take other times.
+            // The passes have changed, so the times measured for each number of threads no longer apply.
             self.choice = None;
             self.schedules = Schedule::all(terms, partition, &self.coarse, self.forces.panel_tiles());
             self.scheduled_for = Some(terms);
@@ -351,7 +358,7 @@ impl Cpu {
     }
 }
 
-/// How a method's edges are corrected, if they are.
+/// How a method corrects edges; none for springs, which are forces.
 fn rule(method: Method) -> Option<Rule> {
     match method {
         Method::SmallSteps => Some(Rule::Project),

@@ -1,5 +1,6 @@
-//! Bending in several passes: vertices give way to the moments so far, and the rows take the moments of what is left
-//! ([`step::bending`](crate::step::bending)).
+//! Bending in several passes (the Chebyshev filter of [`step::bending`](crate::step::bending)): before each pass the
+//! vertices are displaced tentatively under the moments so far, and the rows recompute their moments from the displaced
+//! rings.
 
 use std::ops::Range;
 
@@ -9,20 +10,20 @@ use crate::kernels::bending::{BendPass, next_moment};
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{Loop, Registers, Vector};
 
-/// What the passes keep of each vertex; empty if there is but one.
+/// What the passes keep for each vertex. The lists are empty if there is only one pass.
 #[derive(Debug, Default)]
 pub(crate) struct FilterArrays {
-    /// Mean curvature normals of the rows.
+    /// Mean curvature normals of the rows before any tentative displacement.
     curvatures: AlignedVec,
-    /// What the last pass changed the moments by; the moments are the forces' pulls.
+    /// How much the last pass changed the moments; the moments themselves are `pulls` of the forces.
     changes: AlignedVec,
-    /// What each vertex gives way by (m).
+    /// Tentative displacement of each vertex (m).
     ways: AlignedVec,
-    /// What damping adds to the pulls, if there is any.
+    /// The damping part of each moment, added after the last pass; empty without damping.
     resisted: AlignedVec,
 }
 
-/// The same within a step.
+/// The same arrays, shared by the tasks of a step.
 #[derive(Debug)]
 pub(crate) struct Filter<'a> {
     curvatures: SharedArray<'a>,
@@ -33,10 +34,10 @@ pub(crate) struct Filter<'a> {
 }
 
 impl FilterArrays {
-    /// Makes room for so many vertices, of which so many are damped.
+    /// Resizes the lists for `vertices` vertices, and the damping list for `damped` of them.
     pub(crate) fn fit(&mut self, vertices: usize, damped: usize) {
         if [self.ways.len(), self.resisted.len()] != [vertices, damped] {
-            // The old ones first, or memory would hold both.
+            // The old lists are dropped before new ones are made, so that memory never holds both.
             *self = FilterArrays::default();
             let list = || AlignedVec::new(vertices);
             *self = FilterArrays { curvatures: list(), changes: list(), ways: list(), resisted: AlignedVec::new(damped) };
@@ -52,7 +53,7 @@ impl FilterArrays {
 }
 
 impl Filter<'_> {
-    /// Pass number `pass` over the moments `pulls`, as a task sees it, if the scene has it.
+    /// Pass number `pass` over the moments `pulls` as one task sees it; none if the scene has fewer passes.
     pub(crate) fn pass<'t>(&'t self, task: &'t Task, pulls: View<'t>, pass: usize) -> Option<Pass<'t>> {
         Some(Pass {
             pulls,
@@ -65,7 +66,7 @@ impl Filter<'_> {
     }
 }
 
-/// A pass as a task sees it.
+/// One pass of the filter, as a task sees it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pass<'t> {
     pulls: View<'t>,
@@ -77,7 +78,8 @@ pub(crate) struct Pass<'t> {
 }
 
 impl Pass<'_> {
-    /// The first pass over a group of rows, of curvature `y`; `resisted` is what damping is to add.
+    /// Runs the first pass over a group of rows with curvature normal `y`. `resisted` is the damping part of the
+    /// moments.
     #[inline(always)]
     pub(crate) fn begin<L: Registers>(&self, first: usize, y: Vector<L>, stiffness: L, resisted: Option<Vector<L>>) {
         let [moment, change] = next_moment(Vector::zero(), Vector::zero(), y, stiffness, self.numbers);
@@ -90,7 +92,7 @@ impl Pass<'_> {
     }
 }
 
-/// Vertices give way to the moments, before a pass.
+/// Computes the tentative displacements of groups of vertices under the moments, before a pass.
 pub(crate) struct GiveWay<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,
@@ -113,7 +115,7 @@ impl Loop for GiveWay<'_> {
     }
 }
 
-/// A pass over rows whose vertices gave way.
+/// Runs a pass over groups of rows after the tentative displacement of their rings.
 pub(crate) struct BendAgain<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,

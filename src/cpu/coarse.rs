@@ -1,4 +1,4 @@
-//! The correction by coarse levels: restrict, sweep each level, hand down. The theory is in `multigrid/hierarchy.rs`.
+//! The correction by coarse levels: restrict, sweep each level, prolong. The theory is in `multigrid/hierarchy.rs`.
 
 use std::ops::Range;
 
@@ -15,53 +15,55 @@ use crate::multigrid::hierarchy::{Level, MAX_LEVELS};
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Loop, Registers, Width};
 
-/// Aggregates that a task restricts, at least and at most.
+/// Minimum and maximum number of aggregates per restriction task.
 const GRAIN: [usize; 2] = [16, 64];
-/// Fewer aggregates than this are no work to share: to wait for one another would cost more.
+/// A level with fewer aggregates is swept by one task: waiting for one another would cost threads more than they save.
 const WORTHWHILE: usize = 2048;
-/// No one aggregate.
+/// Marks a group of items that belong to more than one aggregate.
 const MIXED: u32 = u32::MAX;
 
-/// The levels in use as the processor sweeps them, the finest first; nothing without levels.
+/// The coarse levels in use, packed for the CPU, finest first; empty without levels.
 #[derive(Debug, Default)]
 pub(crate) struct Coarse {
     levels: Vec<Aggregates>,
     states: Vec<State>,
 }
 
-/// The aggregates of a level.
+/// The aggregates of one level.
 #[derive(Debug)]
 struct Aggregates {
     members: Members,
-    /// The aggregate of each item below; of as many items as a register holds, the one that they are all of, or [`MIXED`].
+    /// The aggregate of each item of the next finer level.
     label: Places,
+    /// For each register's worth of items, the aggregate that all of them belong to, or [`MIXED`].
     common: Vec<u32>,
     inverse_mass: Vec<f32>,
-    /// Aggregates that a task restricts.
+    /// Aggregates per restriction task.
     grain: usize,
     partition: Partition,
-    /// The edges of each round.
+    /// The packed edges of each round of the partition.
     edges: Vec<EdgeBatches>,
 }
 
-/// What a level's aggregates do in a substep.
+/// The state of a level's aggregates within a substep.
 #[derive(Debug)]
 struct State {
-    /// Centers (m), w the inverse mass (1/kg).
+    /// Centers of mass (m), w the inverse mass (1/kg).
     x: AlignedVec,
-    /// Their displacement (m): as predicted, and once it is done with, what it was corrected by. Its w means nothing.
+    /// Displacement (m): first the restricted one, and after the level's sweep the correction. The w component has no
+    /// meaning.
     change: AlignedVec,
-    /// As corrected.
+    /// Displacement (m) after the corrections.
     u: AlignedVec,
 }
 
-/// The items of each aggregate in whole registers, ascending, and their shares of its mass; the first comes again at the end, with
-/// none.
+/// The members of each aggregate, ascending, padded to whole registers by repeating the first with a mass share of 0;
+/// and each member's share of the aggregate's mass.
 #[derive(Debug)]
 struct Members {
     items: Places,
     shares: Vec<f32>,
-    /// Where each aggregate's begin, and the last one's end.
+    /// Where the members of each aggregate begin, and at the end the total.
     starts: Vec<usize>,
 }
 
@@ -82,7 +84,7 @@ impl Members {
     }
 }
 
-/// The label that all of these are.
+/// The label that all items have, or [`MIXED`].
 fn common(labels: &[u32]) -> u32 {
     if labels.iter().all(|&label| label == labels[0]) { labels[0] } else { MIXED }
 }
@@ -111,19 +113,19 @@ impl Aggregates {
         self.edges = self.partition.rounds.iter().map(pack).collect();
     }
 
-    /// The aggregates that a task restricts.
+    /// The aggregates of one restriction task.
     fn chunk(&self, chunk: usize) -> Range<usize> {
         chunk * self.grain..((chunk + 1) * self.grain).min(self.inverse_mass.len())
     }
 
-    /// Whether its sweep is tasks of its own.
+    /// Whether the sweep of this level is divided into tasks.
     fn is_shared(&self) -> bool {
         self.partition.tiles.len() > 1
     }
 }
 
 impl Coarse {
-    /// Makes ready for substeps of another length: `edges` of each level in use.
+    /// Packs `edges`, those of each level in use, for substeps of another length.
     pub(crate) fn pack(&mut self, levels: &[Level], edges: &[Vec<Edge>], width: Width, threads: usize) {
         self.levels.truncate(edges.len());
         self.states.truncate(edges.len());
@@ -137,48 +139,48 @@ impl Coarse {
         }
     }
 
-    /// Forgets all levels.
+    /// Discards all levels.
     pub(crate) fn forget(&mut self) {
         *self = Coarse::default();
     }
 
-    /// Levels in use.
+    /// The number of levels in use.
     pub(crate) fn len(&self) -> usize {
         self.levels.len()
     }
 
-    /// The finest levels, whose sweeps are tasks of their own.
+    /// The number of levels whose sweeps are divided into tasks. They are the finest ones.
     pub(crate) fn shared(&self) -> usize {
         self.levels.iter().take_while(|level| level.is_shared()).count()
     }
 
-    /// How a level's sweep is cut.
+    /// The partition of a level's sweep.
     pub(crate) fn partition(&self, level: usize) -> &Partition {
         &self.levels[level].partition
     }
 
-    /// Tasks of the restriction to a level.
+    /// The number of restriction tasks of a level.
     pub(crate) fn restrictions(&self, level: usize) -> usize {
         self.levels[level].inverse_mass.len().div_ceil(self.levels[level].grain)
     }
 
-    /// The aggregates that a task restricts.
+    /// The aggregates of one restriction task.
     pub(crate) fn restricted(&self, level: usize, chunk: usize) -> Range<usize> {
         self.levels[level].chunk(chunk)
     }
 
-    /// The items below that some aggregates are made of.
+    /// The members of some aggregates, as items of the next finer level.
     pub(crate) fn members(&self, level: usize, aggregates: Range<usize>) -> impl Iterator<Item = u32> {
         let members = &self.levels[level].members;
         (members.starts[aggregates.start]..members.starts[aggregates.end]).map(|index| members.items.of(index))
     }
 
-    /// The aggregates of some items below.
+    /// The aggregates that some items of the next finer level belong to.
     pub(crate) fn labels(&self, level: usize, items: Range<u32>) -> impl Iterator<Item = u32> {
         items.map(move |item| self.levels[level].label.of(item as usize))
     }
 
-    /// The correction, by a rule, of displacements `u` that were predicted from `x`.
+    /// Prepares the correction of displacements `u`, predicted from positions `x`, with edges corrected by `rule`.
     pub(crate) fn share<'a>(
         &'a mut self,
         x: &'a SharedArray<'a>,
@@ -202,7 +204,7 @@ struct Arrays<'a> {
     u: SharedArray<'a>,
 }
 
-/// A correction at work.
+/// The coarse correction during a step.
 #[derive(Debug)]
 pub(crate) struct Correction<'a> {
     levels: &'a [Aggregates],
@@ -217,7 +219,7 @@ impl Correction<'_> {
         self.arrays[level].as_ref().expect("a level in use has arrays")
     }
 
-    /// Averages some aggregates of a level, a task's chunk, from what they are made of.
+    /// Restricts to some aggregates of a level, those of one task.
     pub(crate) fn restrict(&self, task: &Task, level: usize, chunk: usize) {
         self.average(task, level, self.levels[level].chunk(chunk));
     }
@@ -243,7 +245,8 @@ impl Correction<'_> {
         );
     }
 
-    /// All that levels too small to share do, from `first` on: restricts them but the finest of all, and sweeps them.
+    /// All work of the levels too small to divide, from `first` on: restricts to them (the finest level of all has
+    /// restriction tasks of its own) and sweeps them, coarsest first.
     pub(crate) fn small_levels(&self, task: &Task, first: usize) {
         for level in first.max(1)..self.levels.len() {
             self.average(task, level, 0..self.levels[level].inverse_mass.len());
@@ -255,7 +258,7 @@ impl Correction<'_> {
         }
     }
 
-    /// Sweeps a piece of a level, after it was handed what the coarser ones were corrected by.
+    /// Sweeps a piece of a level. In the first round, the corrections of the coarser levels are prolonged to it before.
     pub(crate) fn sweep(&self, task: &Task, level: usize, round: usize, piece: usize) {
         let (here, arrays) = (&self.levels[level], self.arrays(level));
         let (x, change, u) = (arrays.x.within(task), arrays.change.within(task), arrays.u.within(task));
@@ -268,7 +271,7 @@ impl Correction<'_> {
         }
     }
 
-    /// Adds to a tile's vertices what their aggregates were corrected by.
+    /// Prolongs the correction of the finest level to a tile's vertices.
     pub(crate) fn correct(&self, task: &Task, tile: Range<u32>) {
         self.hand_down(task, 0, self.fine.1.within(task), tile);
     }
@@ -279,12 +282,12 @@ impl Correction<'_> {
     }
 }
 
-/// Mass-weighted averages of the items below. Positions are taken relative to the first, which keeps what single
-/// precision loses in proportion to the aggregate's size.
+/// Mass-weighted averages of the members. Positions are averaged relative to the first member, so that the rounding
+/// error is in proportion to the aggregate's size, not to its distance from the origin.
 struct Restrict<'t> {
     members: &'t Members,
     inverse_mass: &'t [f32],
-    /// Of the items.
+    /// Positions of the members; below, their displacements.
     x: View<'t>,
     u: View<'t>,
     to_x: View<'t>,
@@ -317,7 +320,7 @@ impl Loop for Restrict<'_> {
     }
 }
 
-/// Adds to each item what its aggregate was corrected by.
+/// Prolongation: adds to each item the correction of its aggregate.
 struct HandDown<'t> {
     label: &'t Places,
     common: &'t [u32],
@@ -331,13 +334,13 @@ impl Loop for HandDown<'_> {
     fn run<L: Registers>(self) {
         let HandDown { label, common, change, u, items } = self;
         let by_label = change.at(label);
-        // Items begin with a whole group of lanes.
+        // Tiles begin at a multiple of the SIMD width; a remainder at the end is handled item by item.
         let rest = items.end - items.len() % L::LANES;
         let mut first = items.start;
         for common in common[items.start / L::VECTORS..rest / L::VECTORS].chunks_exact(4) {
             let row = u.row::<L>(first as u32);
             for (k, &of) in common.iter().enumerate() {
-                // Neighbors are mostly of one aggregate.
+                // Most consecutive items belong to one aggregate.
                 let by = match of {
                     MIXED => by_label.register::<L>(first + k * L::VECTORS),
                     of => L::repeat(change.get(of as usize)),

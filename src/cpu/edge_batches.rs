@@ -1,6 +1,7 @@
-//! The edges of a partition's pieces, packed for lanes that share no vertex: rows first, which need no gathering.
+//! The edges of a partition's pieces, packed into rows: as many edges of one color as there are SIMD lanes, no two of
+//! which share a vertex. Edges whose vertices are contiguous in memory come first; they need no gather.
 //!
-//! What an edge is corrected by does not depend on the lane that it is in, so that any packing gives the same bits.
+//! The correction of an edge does not depend on its lane, so any packing gives the same bits.
 
 use std::ops::Range;
 
@@ -10,73 +11,74 @@ use crate::kernels::distance::Edge;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{MAX_LANES, vector_of_lane};
 
-/// How the vertices of a row's edges lie in memory; most of a grid's are side by side, which need no gathering.
+/// How the vertices of a row's edges lie in memory. On a grid most of them are contiguous and need no gather.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Ends {
-    /// From vertices `a`, `a + 1` ... to `b`, `b + 1` ...: two ends are stored.
+    /// Lane `k` holds the edge from `a + k` to `b + k`. Two vertices are stored.
     Rows,
-    /// From `a` to `a + 1`, from `a + 2` to `a + 3` ...: one end is stored.
+    /// Lane `k` holds the edge from `a + 2k` to `a + 2k + 1`. One vertex is stored.
     Pairs,
-    /// Anywhere: an end for each lane, and once more.
+    /// Both vertices of each lane are stored.
     Listed,
 }
 
-/// Rows whose ends lie alike, one after another.
+/// Consecutive rows with the same layout.
 #[derive(Debug, Clone)]
 struct RowsAlike {
     ends: Ends,
     rows: Range<usize>,
-    /// Where their ends begin in the list of those that lie so.
+    /// Where their vertices begin in the list for this layout.
     first: usize,
 }
 
-/// Rows whose ends lie alike, as the sweep takes them.
+/// Consecutive rows with the same layout, as the sweep processes them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Batch<'a> {
     pub ends: Ends,
-    /// Lane by lane: one over the rest length (1/m), and what share of the correction each end takes, which is the edge's
-    /// `inverse_weight` times the end's inverse mass.
+    /// For each row, one value per lane: the inverse rest length (1/m), then for each end the edge's `inverse_weight`
+    /// times that end's inverse mass, which is its share of the correction.
     pub factors: &'a [f32],
-    /// Where their ends are, from `first` on in the list of those that lie so.
+    /// The lists of vertices. Those of this batch begin at `first` in the list for its layout.
     pub at: &'a EndLists,
     pub first: usize,
 }
 
-/// Where the ends of rows are.
+/// The vertices of all rows, a list for each layout.
 #[derive(Debug, Default)]
 pub(crate) struct EndLists {
-    /// Of [`Ends::Rows`] the first vertices of both, of [`Ends::Pairs`] the first, of [`Ends::Listed`] all.
+    /// For [`Ends::Rows`] the first vertex of both ends, for [`Ends::Pairs`] the first vertex, for [`Ends::Listed`] all
+    /// vertices.
     pub rows: Rows,
     pub pairs: Rows,
     pub listed: Places,
 }
 
-/// The rows of a list of pieces: as many edges of one color as the processor takes together. A lane without an edge of its own
-/// repeats another, in the same row to the same effect, else with no share.
+/// The packed rows of a list of pieces. A lane without an edge of its own repeats another: within the same row this has
+/// no effect on the result; an edge that an earlier row already corrected gets a share of 0.
 #[derive(Debug, Default)]
 pub(crate) struct EdgeBatches {
     lanes: usize,
-    /// What [`Batch::factors`] are slices of.
+    /// The values that [`Batch::factors`] are slices of.
     factors: AlignedVec,
-    /// Lane by lane, the place of the edge whose factors those are; [`NO_SHARE`] more where it has no share.
+    /// For each lane of each row, the index of its edge. [`NO_SHARE`] is added where the lane has no share.
     places: Vec<u32>,
     at: EndLists,
     batches: Vec<RowsAlike>,
-    /// The batches of each piece.
+    /// The range of batches of each piece.
     of: Vec<Range<usize>>,
 }
 
-/// An edge with its place in the list that it is from.
+/// An edge with its index in the color order.
 type Placed = (u32, Edge);
 
-/// An edge, and whether it counts.
+/// An edge, and whether this lane applies its correction.
 type Lane = (Placed, bool);
 
-/// Added to the place of an edge that another lane has.
+/// Bit that marks a lane whose edge another row corrects.
 const NO_SHARE: u32 = 1 << 31;
 
 impl Ends {
-    /// End 0 or 1 of a lane's edge.
+    /// The vertex at end 0 or 1 of a lane's edge.
     fn end(self, at: &EndLists, first: usize, lanes: usize, end: usize, lane: usize) -> u32 {
         let vector = vector_of_lane(lane, lanes) as u32;
         match self {
@@ -88,11 +90,11 @@ impl Ends {
 }
 
 impl EdgeBatches {
-    /// Packs the edges of `pieces`, which are places in `edges`, color by color, for so many lanes, given the vertices' inverse
-    /// masses.
+    /// Packs the edges of `pieces`, which are indices into `edges`, color by color for the given number of lanes.
+    /// `colors` are the ranges of each color, `inverse_mass` has a value per vertex.
     ///
     /// # Panics
-    /// If an edge's vertex has no inverse mass, or a color names a vertex twice.
+    /// If a vertex has no inverse mass, or two edges of one color share a vertex.
     pub(crate) fn new(
         pieces: &[Piece],
         edges: &[Edge],
@@ -108,14 +110,15 @@ impl EdgeBatches {
         };
         let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
         let mut packer = Packer { inverse_mass, batches };
-        // The piece and color that last visited a vertex.
+        // The piece and the color that last visited each vertex.
         let mut visited = vec![[u32::MAX; 2]; vertices];
         let mut edges_now: Vec<Placed> = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
             let start = packer.batches.batches.len();
-            // Springs are forces: no edge is swept.
+            // With springs no edge is swept.
             let mut rest = if edges.is_empty() { &[] } else { piece.edges.as_slice() };
-            // Of a fan's many colors a piece has few.
+            // Look up the color of the next edge rather than looping over all colors: a triangle fan has many colors,
+            // of which a piece has few.
             while let Some(&next) = rest.first() {
                 let color = colors.partition_point(|range| range.end <= next as usize);
                 let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < colors[color].end));
@@ -140,7 +143,7 @@ impl EdgeBatches {
         packer.batches
     }
 
-    /// Takes the same edges for substeps of another length.
+    /// Recomputes the shares for substeps of another length; the packing stays.
     pub(crate) fn reweigh(&mut self, edges: &[Edge], inverse_mass: &[f32]) {
         let factors: &mut [f32] = bytemuck::cast_slice_mut(&mut self.factors);
         for (row, places) in factors.chunks_exact_mut(3 * self.lanes).zip(self.places.chunks_exact(self.lanes)) {
@@ -164,7 +167,7 @@ impl EdgeBatches {
     }
 }
 
-/// What share of the correction each end of an edge takes.
+/// The share of the correction that each end of an edge takes.
 fn shares(edge: &Edge, counts: bool, inverse_mass: &[f32]) -> [f32; 2] {
     [edge.a, edge.b].map(|end| if counts { edge.inverse_weight * inverse_mass[end as usize] } else { 0.0 })
 }
@@ -175,10 +178,11 @@ struct Packer<'a> {
 }
 
 impl Packer<'_> {
-    /// The edges of one color, which may come in any order: rows first, then what is left over. Batches from `open` on may grow.
+    /// Packs the edges of one color, given in any order: contiguous rows first, then the rest. Rows may be appended to
+    /// a batch from number `open` on.
     fn color(&mut self, edges: &mut [Placed], open: usize) {
         let lanes = self.batches.lanes;
-        // Edges of one row have one offset, and come one after another.
+        // Edges of a contiguous row have the same vertex offset and consecutive first vertices.
         let offset = |(_, edge): &Placed| edge.b.wrapping_sub(edge.a);
         edges.sort_unstable_by_key(|edge| (offset(edge), edge.1.a));
         let step = |edge: &Placed| if offset(edge) == 1 { 2 } else { 1 };
@@ -191,7 +195,8 @@ impl Packer<'_> {
             }
             let ends = if step(&run[0]) == 1 { Ends::Rows } else { Ends::Pairs };
             for start in (0..run.len()).step_by(lanes) {
-                // The last row of a run begins earlier, and leaves alone what the rows before have done.
+                // The last row of a run overlaps the row before so that it is full; edges already corrected there get
+                // no share.
                 let first = start.min(run.len() - lanes);
                 self.push(ends, open, |lane| {
                     let place = first + vector_of_lane(lane, lanes);
@@ -205,7 +210,8 @@ impl Packer<'_> {
         }
     }
 
-    /// Adds a row, given by its lanes, to the last batch of those from `open` on, or a new one.
+    /// Appends a row, given by its lanes, to the last batch from number `open` on if that has the same layout, else to
+    /// a new one.
     fn push(&mut self, ends: Ends, open: usize, lane: impl Fn(usize) -> Lane) {
         let EdgeBatches { lanes, factors, places, at, batches, .. } = &mut self.batches;
         let (lanes, row) = (*lanes, places.len() / *lanes);
@@ -234,7 +240,8 @@ impl Packer<'_> {
         factors.push(lanes, |k| share(k, 0));
         factors.push(lanes, |k| share(k, 1));
         if places.capacity() < places.len() + lanes {
-            // Doubled, it would be the most that building takes, where a fan's rows have an edge each.
+            // Grown in small increments: on a triangle fan, whose rows have one edge each, doubling would set the peak
+            // memory of building.
             places.reserve_exact(places.len() / 32 + 64 * lanes);
         }
         places.extend((0..lanes).map(|k| lane(k).0.0 | if lane(k).1 { 0 } else { NO_SHARE }));

@@ -1,4 +1,4 @@
-//! Bending rings and triangles packed for as many vertices or triangles as there are lanes.
+//! Bending rings and triangles, packed in groups of as many vertices or triangles as there are SIMD lanes.
 
 use std::ops::Range;
 
@@ -11,31 +11,32 @@ use crate::model::cloth::Cloth;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{Registers, Vector, vector_of_lane};
 
-/// The rings of groups of vertices, as many vertices as lanes in each.
+/// The one-rings of groups of vertices, with one vertex per lane.
 #[derive(Debug, Default)]
 pub(crate) struct RingBatches {
-    /// For each group: stiffness, damping, diagonal, inverse mass, lane by lane.
+    /// Four values for each group, lane by lane: stiffness, damping, diagonal, inverse mass.
     rows: AlignedVec,
-    /// Where each group's neighbors begin, and the last one's end.
+    /// Where the neighbors of each group begin in `neighbors`, and at the end the total.
     starts: Vec<usize>,
-    /// One neighbor of each vertex of a group, an item each. A vertex that has fewer than the others is its own, with no weight.
+    /// Each item is one neighbor for every vertex of a group. A vertex with fewer neighbors than others in its group is
+    /// padded with itself, with coefficient 0.
     neighbors: Vec<Neighbors>,
-    /// Coefficients ([`BendEntry`]): forward, backward, lane by lane.
+    /// The coefficients of each item ([`BendEntry`]): forward, then backward, lane by lane.
     weights: AlignedVec,
-    /// The neighbors that are not one after another, lane by lane.
+    /// The neighbors that are not contiguous in memory, lane by lane.
     listed: Places,
 }
 
-/// Where as many vertices as lanes are.
+/// Where one neighbor per lane lies in memory.
 #[derive(Debug, Clone, Copy)]
 enum Neighbors {
-    /// One after another from here on.
+    /// Contiguous, from this vertex on.
     Row(u32),
-    /// As `listed` says from here on.
+    /// Anywhere: at the indices that `listed` holds from this position on.
     Listed(u32),
 }
 
-/// What a group of rings knows of itself.
+/// The row values of a group of vertices.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rings<L> {
     pub stiffness: L,
@@ -55,7 +56,7 @@ impl RingBatches {
                 let v = vertex(lane);
                 entries.clear();
                 entries.extend(if v < rows.len() { bending.entries.of(v as u32) } else { &[] });
-                // In one order, those of vertices in a row are in rows themselves.
+                // Sorted alike, the neighbors of consecutive vertices are often consecutive themselves.
                 entries.sort_unstable_by_key(|entry| entry.other);
             }
             batches.starts.push(batches.neighbors.len());
@@ -92,13 +93,13 @@ impl RingBatches {
         Rings { stiffness: number(0), damping: number(1), diagonal: number(2), inverse_mass: number(3) }
     }
 
-    /// The neighbors of a group's vertices, as many at a time as there are vertices.
+    /// The items of `neighbors` that belong to a group. Each holds one neighbor per lane.
     #[inline(always)]
     pub(crate) fn neighbors(&self, group: usize) -> Range<usize> {
         self.starts[group]..self.starts[group + 1]
     }
 
-    /// Values of some neighbors.
+    /// The values at one neighbor per lane.
     #[inline(always)]
     pub(crate) fn gather<L: Registers>(&self, values: View<'_>, neighbors: usize) -> Vector<L> {
         match self.neighbors[neighbors] {
@@ -118,11 +119,12 @@ impl RingBatches {
     }
 }
 
-/// Groups of as many triangles as lanes. The last repeats its last triangle, with no effect but on what is not used.
+/// Groups of as many triangles as there are lanes. The last group is padded with its last triangle, whose results are
+/// not used.
 #[derive(Debug, Default)]
 pub(crate) struct PanelBatches {
     masses: AlignedVec,
-    /// Of each group all first corners, all second, all third.
+    /// For each group: all first corners, then all second, then all third.
     corners: Places,
 }
 
@@ -144,14 +146,14 @@ impl PanelBatches {
         numbers(&self.masses, group)
     }
 
-    /// Values at a corner of a group's triangles.
+    /// The values at one corner of each of a group's triangles.
     #[inline(always)]
     pub(crate) fn corner<L: Registers>(&self, values: View<'_>, group: usize, corner: usize) -> Vector<L> {
         values.at(&self.corners).vectors((3 * group + corner) * L::LANES)
     }
 }
 
-/// As many numbers as lanes, the so manieth of a list of such.
+/// Slice number `index` of a list of values, one per lane.
 #[inline(always)]
 fn numbers<L: Registers>(list: &AlignedVec, index: usize) -> L {
     L::from_slice(&bytemuck::cast_slice(list)[index * L::LANES..(index + 1) * L::LANES])

@@ -1,4 +1,4 @@
-//! What each vertex is predicted to do: forces gathered from what is around it.
+//! Predicted displacements: bending, wind and spring forces, gathered at each vertex from its neighborhood.
 
 use std::ops::Range;
 
@@ -18,37 +18,37 @@ use crate::simd::{self, Loop, Registers, Vector, Width};
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
-/// Triangles that a task computes the air's force on.
+/// Triangles per task of [`Forces::panel_forces`].
 const GRAIN: usize = 1024;
 
-/// What forces are made of, kept from step to step; lists are empty where a scene has nothing for them.
+/// Arrays of the force stages, kept from step to step. Those of forces that the scene lacks are empty.
 #[derive(Debug, Default)]
 pub(crate) struct ForceArrays {
-    /// What each vertex's bending row pulls by, and the couple of its damping ([`bend_moment`]).
+    /// The moment of each vertex's bending row ([`bend_moment`]). Below, the couple that damping adds to it.
     pulls: AlignedVec,
     couples: AlignedVec,
     filter: FilterArrays,
-    /// A third of the air's force (N) on each triangle: what each of its corners feels.
+    /// A third of the aerodynamic force (N) on each triangle: what each of its corners receives.
     panel_forces: AlignedVec,
     rings: RingBatches,
     panels: PanelBatches,
-    /// For what they were packed: substep (its bits), bending, wind, lanes.
+    /// What the lists were packed for: length of the substep, bending, wind, lanes.
     packed_for: Option<(Length, bool, bool, usize)>,
-    /// Tiles that each task of [`Forces::panel_forces`] looks at.
+    /// The tiles of the vertices that each task of [`Forces::panel_forces`] reads.
     panel_tiles: Vec<Vec<u32>>,
 }
 
-/// The forces of a step.
+/// The force arrays during a step.
 #[derive(Debug)]
 pub(crate) struct Forces<'a> {
     plan: &'a Plan<'a>,
     x: &'a SharedArray<'a>,
-    /// Displacements: of the last substep, and once predicted, of this.
+    /// Displacements (m): of the last substep until they are predicted, then of this one.
     u: &'a SharedArray<'a>,
     pulls: SharedArray<'a>,
     couples: SharedArray<'a>,
     filter: Filter<'a>,
-    /// A third of the air's force (N) on each triangle.
+    /// A third of the aerodynamic force (N) on each triangle.
     on_panels: SharedArray<'a>,
     rings: &'a RingBatches,
     panels: &'a PanelBatches,
@@ -56,7 +56,8 @@ pub(crate) struct Forces<'a> {
 }
 
 impl ForceArrays {
-    /// Makes ready for the bending and the wind of a plan, given the tiles that its vertices are cut into.
+    /// Prepares the arrays for a plan's bending and wind. `tiles` are the ranges of vertices that the cloth is cut
+    /// into.
     pub(crate) fn pack(&mut self, plan: &Plan<'_>, [bending, wind]: [bool; 2], tiles: &[Range<u32>], width: Width) {
         let fit = |list: &mut AlignedVec, length: usize| {
             if list.len() != length {
@@ -77,7 +78,7 @@ impl ForceArrays {
             return;
         }
         self.packed_for = Some(scene);
-        // The old ones first, or memory would hold both.
+        // The old lists are dropped before new ones are built, so that memory never holds both.
         (self.rings, self.panels, self.panel_tiles) = Default::default();
         if bending {
             self.rings = RingBatches::new(plan.cloth, &plan.coefficients.bending.rows, plan.cloth.bending(), width.lanes());
@@ -95,7 +96,7 @@ impl ForceArrays {
         }
     }
 
-    /// Tiles that each task of [`Forces::panel_forces`] looks at.
+    /// The tiles of the vertices that each task of [`Forces::panel_forces`] reads.
     pub(crate) fn panel_tiles(&self) -> &[Vec<u32>] {
         &self.panel_tiles
     }
@@ -123,7 +124,7 @@ impl ForceArrays {
 }
 
 impl Forces<'_> {
-    /// Moments of the bending rows of a tile's vertices, from their rings.
+    /// Computes the moments of the bending rows of a tile's vertices from their one-rings.
     pub(crate) fn bend_moments(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         let (pulls, groups) = (self.pulls.within(task), self.groups(&tile));
@@ -136,21 +137,21 @@ impl Forces<'_> {
         }
     }
 
-    /// Lets a tile's vertices give way to the bending moments so far, before a pass.
+    /// Displaces a tile's vertices tentatively under the bending moments computed so far, before a pass of the filter.
     pub(crate) fn give_way(&self, task: &Task, tile: Range<u32>, pass: usize) {
         let (rings, groups, pulls) = (self.rings, self.groups(&tile), self.pulls.within(task));
         let pass = self.filter.pass(task, pulls, pass);
         pass.into_iter().for_each(|pass| simd::run(self.width, GiveWay { rings, groups: groups.clone(), pass }));
     }
 
-    /// Moments of the bending rows of a tile's vertices, after these gave way.
+    /// Runs a pass of the filter: recomputes the moments of a tile's vertices from the tentatively displaced rings.
     pub(crate) fn bend_again(&self, task: &Task, tile: Range<u32>, pass: usize) {
         let (rings, groups, pulls) = (self.rings, self.groups(&tile), self.pulls.within(task));
         let pass = self.filter.pass(task, pulls, pass);
         pass.into_iter().for_each(|pass| simd::run(self.width, BendAgain { rings, groups: groups.clone(), pass }));
     }
 
-    /// The air's force on some triangles.
+    /// Computes the aerodynamic force on one chunk of triangles.
     pub(crate) fn panel_forces(&self, task: &Task, chunk: usize, substep: &Substep) {
         let (x, u, forces) = (self.x.within(task), self.u.within(task), self.on_panels.within(task));
         let count = self.plan.cloth.panels().panels.len();
@@ -159,7 +160,8 @@ impl Forces<'_> {
         simd::run(self.width, PanelForces { panels: self.panels, groups, x, u, forces, params: &self.plan.params, substep });
     }
 
-    /// Adds to what a tile's bending rows pull by what their rings do: the displacements that bending predicts.
+    /// Predicts the displacements of a tile's vertices from the ambient acceleration and the bending moments around
+    /// them.
     pub(crate) fn bend(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let couples = (!self.couples.is_empty()).then(|| self.couples.within(task));
         let (x, u, pulls) = (self.x.within(task), self.u.within(task), self.pulls.within(task));
@@ -167,10 +169,11 @@ impl Forces<'_> {
         simd::run(self.width, BendForces { rings: self.rings, groups, x, u, pulls, couples, params, substep });
     }
 
-    /// Adds what wind and springs do to a tile's vertices.
+    /// Adds the wind and spring forces to the displacements of a tile's vertices.
     pub(crate) fn blow_and_pull(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
-        // Each term is added as its own stage does it on the GPU, in the same order: fewer roundings part the two.
+        // Each force is summed and then added separately, in the order of the GPU's stages, so that fewer roundings
+        // differ between the two engines.
         let around = self.plan.wind.then(|| (&self.plan.cloth.panels().around, self.on_panels.within(task)));
         let springs = (self.plan.method == Method::Springs).then(|| self.plan.cloth.springs());
         for i in tile {
@@ -191,7 +194,7 @@ impl Forces<'_> {
         }
     }
 
-    /// Displacements of the pins among a tile's vertices.
+    /// Sets the displacements of a tile's pins that follow targets.
     pub(crate) fn lead_pins(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         let pins = self.plan.pins;
@@ -202,19 +205,19 @@ impl Forces<'_> {
         }
     }
 
-    /// The groups of as many vertices as lanes of a tile, which begins with a whole one.
+    /// The groups of vertices (as many as there are lanes) that cover a tile. Tiles begin at the start of a group.
     fn groups(&self, tile: &Range<u32>) -> Range<usize> {
         tile.start as usize / self.width.lanes()..(tile.end as usize).div_ceil(self.width.lanes())
     }
 }
 
-/// [`bend_moment`] without damping: the pull alone.
+/// [`bend_moment`] without damping: the moment alone.
 struct BendMoments<'t> {
     rings: &'t RingBatches,
     groups: Range<usize>,
     x: View<'t>,
     pulls: View<'t>,
-    /// The first of several passes, if there are more.
+    /// The first pass of the filter, if the filter is used.
     filter: Option<Pass<'t>>,
 }
 
@@ -237,7 +240,7 @@ impl Loop for BendMoments<'_> {
     }
 }
 
-/// [`bend_moment`].
+/// [`bend_moment`] with damping, for groups of vertices.
 struct DampedMoments<'t> {
     rings: &'t RingBatches,
     groups: Range<usize>,
@@ -245,9 +248,9 @@ struct DampedMoments<'t> {
     u: View<'t>,
     pulls: View<'t>,
     couples: View<'t>,
-    /// The first of several passes, if there are more.
+    /// The first pass of the filter, if the filter is used.
     filter: Option<Pass<'t>>,
-    /// Turns displacements into velocities (1/s).
+    /// Converts displacements to velocities (1/s).
     rate: f32,
 }
 
@@ -276,7 +279,7 @@ impl Loop for DampedMoments<'_> {
     }
 }
 
-/// Displacements as the ambient acceleration and the bending rows predict them.
+/// Adds the bending forces to the displacements that the ambient acceleration predicts.
 struct BendForces<'t> {
     rings: &'t RingBatches,
     groups: Range<usize>,
@@ -311,7 +314,7 @@ impl Loop for BendForces<'_> {
                     force = rings.gather(pulls, near).mul_add(zero - rings.backward(near), force);
                 }
             }
-            // What the ambient acceleration predicts, and the force on it.
+            // First the displacement under the ambient acceleration, then that under the bending force.
             let by = u.vectors(first).mul_add(L::splat(substep.carry), fall);
             let by = force.mul_add(inverse_mass * L::splat(substep.gain), by);
             u.set_vectors(first, Vector::select(zero.lt(inverse_mass), by, Vector::zero()));
@@ -319,7 +322,7 @@ impl Loop for BendForces<'_> {
     }
 }
 
-/// A third of [`wind_force`] on groups of triangles.
+/// A third of [`wind_force`] for groups of triangles.
 struct PanelForces<'t> {
     panels: &'t PanelBatches,
     groups: Range<usize>,

@@ -1,4 +1,5 @@
-//! The end of a substep: contact and the move; and where no force but the ambient acceleration acts, the start of the next.
+//! The end of a substep: collisions and the move. Where no force but the uniform ambient acceleration acts, this also
+//! predicts the next substep's displacements.
 
 use std::ops::Range;
 
@@ -15,47 +16,47 @@ use crate::limits::MAX_POSITION;
 use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
 
-/// The state, and where it goes back to.
+/// The state, and the copy of it that a failed step is undone from.
 #[derive(Debug)]
 pub(crate) struct Integrator<'a> {
     pub plan: &'a Plan<'a>,
     /// Positions (m), w the inverse mass (1/kg).
     pub x: &'a SharedArray<'a>,
-    /// Displacements (m) over the substep.
+    /// Displacements (m) over the current substep.
     pub u: &'a SharedArray<'a>,
-    /// Both, where the step began.
+    /// Positions and displacements at the step's start.
     pub good: [SharedArray<'a>; 2],
-    /// What is wrong with the state at the step's end.
+    /// Defects found in the state at the step's end.
     pub found: Found,
     pub width: Width,
 }
 
-/// What becomes of a vertex after its substep.
+/// What follows a vertex's move.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Then<'a> {
-    /// It waits for forces.
+    /// Nothing: the next substep's force stages predict its displacement.
     Wait,
-    /// It falls on: its displacement in the next substep is predicted.
+    /// Its displacement in the next substep is predicted at once, from the ambient acceleration alone.
     Fall(&'a Substep),
-    /// It ends the step: is it within bounds, and how much does it move?
+    /// The step is over: check that it is within bounds, and add its share of the kinetic energy.
     Check,
 }
 
 impl Integrator<'_> {
-    /// Remembers the state of a tile's vertices.
+    /// Saves the state of a tile's vertices at the step's start.
     pub(crate) fn remember(&self, task: &Task, tile: Range<u32>) {
         for (values, good) in [(self.x, &self.good[0]), (self.u, &self.good[1])] {
             simd::run(self.width, Copy { from: values.within(task), to: good.within(task), vertices: range(&tile) });
         }
     }
 
-    /// Predicts what a tile's vertices will do under the ambient acceleration alone.
+    /// Predicts the displacements of a tile's vertices under the ambient acceleration alone.
     pub(crate) fn fall(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         simd::run(self.width, Fall { x, u, vertices: range(&tile), ambient: self.ambient(substep), carry: substep.carry });
     }
 
-    /// Contact, the move, and what comes then.
+    /// Resolves collisions of some vertices, moves them, and does what `then` says.
     pub(crate) fn advance(&self, task: &Task, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         for vertices in ranges {
@@ -63,12 +64,12 @@ impl Integrator<'_> {
         }
     }
 
-    /// What the ambient acceleration moves a vertex by (m).
+    /// The displacement (m) that the ambient acceleration adds in a substep.
     fn ambient(&self, substep: &Substep) -> Vec4 {
         (Vec3::from(self.plan.params.acceleration) * substep.gain).extend(0.0)
     }
 
-    /// [`Integrator::advance`] of one vertex after another.
+    /// The scalar form of [`Integrator::advance`].
     fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
         let (params, mut energy) = (&self.plan.params, 0.0);
         for i in vertices {
@@ -90,7 +91,7 @@ impl Integrator<'_> {
                 Then::Fall(_) => Vec4::ZERO,
                 Then::Check => {
                     let bounded = |v: Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
-                    // NaN is not below the limit either.
+                    // Written so that NaN, which compares false, also counts as out of bounds.
                     if !(bounded(to) && bounded(by.extend(0.0))) {
                         self.found.lose(i);
                     }
@@ -113,7 +114,7 @@ fn range(vertices: &Range<u32>) -> Range<usize> {
     vertices.start as usize..vertices.end as usize
 }
 
-/// Copies vertices of a tile, which begins with a whole group.
+/// Copies the vectors of a tile's vertices. Tiles begin at a multiple of the SIMD width and arrays are padded to it.
 struct Copy<'t> {
     from: View<'t>,
     to: View<'t>,
@@ -132,7 +133,7 @@ impl Loop for Copy<'_> {
     }
 }
 
-/// Predicts vertices of a tile, which begins with a whole group.
+/// Predicts displacements of a tile's vertices. Tiles begin at a multiple of the SIMD width.
 struct Fall<'t> {
     x: View<'t>,
     u: View<'t>,
@@ -156,7 +157,8 @@ impl Loop for Fall<'_> {
     }
 }
 
-/// [`Integrator::advance_each`] of many vertices together, where they are clear of all bodies and nothing is wrong.
+/// The SIMD form of [`Integrator::advance_each`]. It handles groups of vertices that surely touch no collider and are
+/// within bounds; other groups go through the scalar form.
 struct Advance<'a> {
     integrator: &'a Integrator<'a>,
     x: View<'a>,
@@ -192,7 +194,8 @@ impl Loop for Advance<'_> {
                     let to = L::select(fourth, zero, from + by);
                     let by = L::select(fourth, zero, by);
                     clear &= L::all(L::and(to.abs().lt(most), by.abs().lt(most)));
-                    // The masses are there to be multiplied by: to divide by their inverses takes longer than all the rest.
+                    // Kinetic energy needs the masses; dividing by the inverse masses instead would take longer than
+                    // the rest of this loop.
                     let masses = L::repeat_each(&masses[first + k * L::VECTORS..][..L::VECTORS]);
                     let moves = L::select(zero.lt(from.w()), by, zero);
                     here = here + energy_share(moves, masses, per_length, per_mass);
@@ -202,7 +205,7 @@ impl Loop for Advance<'_> {
             if clear {
                 for k in 0..4 {
                     let (from, by) = (x_row.get(k), u_row.get(k));
-                    // The inverse mass stays.
+                    // The w component, the inverse mass, is kept.
                     x_row.set(k, L::select(fourth, from, from + by));
                     if matches!(then, Then::Fall(_)) {
                         let on = predict_displacement(by, carry, fall);
@@ -222,7 +225,7 @@ impl Loop for Advance<'_> {
 }
 
 impl Advance<'_> {
-    /// Whether as many vertices as lanes surely meet no body.
+    /// Whether one group of vertices, as many as there are lanes, surely touches no collider.
     #[inline(always)]
     fn is_clear<L: Registers>(&self, first: usize) -> bool {
         let (x, u) = (self.x.vectors::<L>(first), self.u.vectors::<L>(first));

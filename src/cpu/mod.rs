@@ -1,7 +1,8 @@
-//! The kernels on the processor's threads.
+//! The CPU engine: the solver's kernels, run on the threads of the current rayon pool.
 //!
-//! [`stages`] lists the stages of a substep in order, [`substep`] says what each does. The cloth is cut into tiles ([`partition`]); the
-//! [`tasks`] of a stage, a tile each, are scheduled by what they touch.
+//! [`stages`] lists the stages of a substep in order, and [`substep`] says what each of them does. The cloth is cut
+//! into tiles ([`partition`]). A stage becomes one task per tile, and the [`tasks`] scheduler orders tasks by the parts
+//! of the cloth that they access.
 
 mod backend;
 mod bend_filter;

@@ -1,15 +1,18 @@
-//! The color order cut into pieces for several threads: the same order edge for edge, and a thread waits for its neighbors twice a
-//! sweep instead of for all others once a color.
+//! Domain decomposition of the edge sweep for threads. At each vertex the edges are still visited in color order, and a
+//! thread waits for neighboring parts twice a sweep instead of for all threads after each color.
 //!
-//! The vertices are cut into tiles, ranges of the vertex order, in which neighbors are near. Walk the edges in color
-//! order: an edge inside one tile goes to that tile's piece of the first round, unless an edge that had to wait came to
-//! one of its ends before. Any other edge waits for the second round, and so do its ends. So within a round no two pieces
-//! share a vertex, and at every vertex the edges come in the order of their colors: the result is the same bit for bit
-//! however the cloth is cut, and however many threads take the pieces. What waits spreads by an edge a color at most; where
-//! tiles are wider than that, what waits at one border has nothing to do with the next, and each is a piece of its own.
-//! Where they are not (many colors, as on coarse levels), what waits is cut again half a tile farther on, and again, a round each.
+//! The vertices are cut into tiles, contiguous ranges of the vertex order, in which neighbors are close. Walk the edges
+//! in color order. An edge inside one tile goes to that tile's piece of the first round, unless one of its vertices
+//! already belongs to a deferred edge. Any other edge is deferred to the second round, and marks both its vertices. So
+//! within a round no two pieces share a vertex, and at every vertex the edges come in color order: the result is the
+//! same bit for bit however the cloth is cut and however many threads process the pieces.
 //!
-//! A piece stays in cache: all colors of a tile pass before the next tile is touched.
+//! Deferral spreads from a border by at most one edge per color. Where tiles are wider than that, the deferred edges of
+//! different borders are independent, and each border is a piece of its own. Where they are not (on coarse levels,
+//! which have many colors), the deferred edges are cut again by tiles shifted by half a tile, and so on, one round each
+//! time.
+//!
+//! A piece stays in cache: a thread processes all colors of a tile before it goes to the next tile.
 
 use std::ops::Range;
 
@@ -17,43 +20,45 @@ use crate::model::cloth::Link;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::simd;
 
-/// Vertices in a tile, at least: fewer are not worth a piece (about 10 us).
+/// Minimum number of vertices in a tile; the piece of a smaller one is less work than its task costs (about 10 us).
 const LEAST: usize = 512;
-/// Tiles are this many times the mean distance in memory between an edge's ends: eight rows of a grid, and what waits at
-/// a border of it is four on each side.
+/// Length of a tile as a multiple of the mean index distance between the ends of an edge: about eight rows of a grid,
+/// of which the deferred edges at a border take four rows on each side.
 const REACH: f64 = 12.0;
-/// Tiles of a coarse level, at most: more are more rounds.
+/// Maximum number of tiles of a coarse level. More tiles need more rounds.
 const SHARES: usize = 32;
-/// Rounds, at most but one.
+/// Maximum number of rounds, not counting the last.
 const MOST: usize = 16;
-/// Parts of a border up to this many vertices together are one piece.
+/// Border pieces with up to this many edges in total are merged into one.
 const CRUMBS: usize = 128;
-/// As many vertices as a loop over them takes at a time.
+/// Loops over vertices process this many at a time, so a piece owns vertices in groups of this size.
 const TOGETHER: usize = simd::MAX_LANES;
-/// No piece yet.
+/// Marks a connected part that has no piece yet.
 const NONE: u32 = u32::MAX;
 
-/// See the module. Made once for a cloth.
+/// The decomposition of a cloth's or a level's sweep. See the module's documentation.
 #[derive(Debug, Clone)]
 pub(crate) struct Partition {
+    /// Ranges of vertices, ascending.
     pub tiles: Vec<Range<u32>>,
-    /// Each tile, and those that its edges lead to.
+    /// For each tile, itself and the tiles that its edges lead to, ascending.
     pub around: Vec<Vec<u32>>,
-    /// The pieces of each round. Those of the first are the tiles'.
+    /// The pieces of each round. The first round has exactly one for each tile.
     pub rounds: Vec<Vec<Piece>>,
 }
 
-/// Edges that one thread visits in a round, and the vertices that are then done with.
+/// The edges that one task sweeps in a round, and the vertices that have no edges left after it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Piece {
-    /// Places in the color order, ascending.
+    /// Indices in the color order, ascending.
     pub edges: Vec<u32>,
+    /// The vertices that this piece's task moves.
     pub vertices: Vec<Range<u32>>,
-    /// Tiles of all vertices that it visits, and of all that look at those that it moves.
+    /// The tiles of all vertices that the piece visits, and of all that read a vertex which it moves.
     pub touches: Vec<u32>,
 }
 
-/// Adds a tile to a short list, in order.
+/// Inserts a tile into a short sorted list, unless it is there.
 fn insert(list: &mut Vec<u32>, tile: u32) {
     if let Err(place) = list.binary_search(&tile) {
         list.insert(place, tile);
@@ -61,13 +66,13 @@ fn insert(list: &mut Vec<u32>, tile: u32) {
 }
 
 impl Partition {
-    /// Cuts `links`, of which the first `swept` are in color order, between `vertices` vertices.
+    /// Cuts a cloth of `vertices` vertices. The first `swept` of `links` are in color order, the others are not swept.
     pub(crate) fn new(links: &[Link], swept: usize, vertices: usize) -> Partition {
         Partition::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(LEAST))
     }
 
-    /// The same for the many colors of a coarse level, which would make one piece of all borders: narrower tiles, more rounds.
-    /// For one thread a single tile: all colors in turn.
+    /// The same for a coarse level. Its many colors would connect all borders into one piece, so the tiles are narrower
+    /// and there are more rounds. For one thread there is a single tile.
     pub(crate) fn coarse(links: &[Link], vertices: usize, threads: usize) -> Partition {
         if threads == 1 {
             return Partition::cut(links, links.len(), vertices, vertices);
@@ -76,7 +81,7 @@ impl Partition {
         Partition::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
     }
 
-    /// The same with tiles of about `length` vertices.
+    /// Cuts into tiles of about `length` vertices.
     fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Partition {
         let count = (vertices / length).max(1);
         let start = |tile: usize| match tile {
@@ -91,13 +96,15 @@ impl Partition {
         let crosses = |link: &Link| tile_of[link.ends[0] as usize] != tile_of[link.ends[1] as usize];
 
         let mut waits = vec![false; vertices];
-        // Edges between two pins are not swept, but forces look along them, at places that the first round must not move.
+        // Edges between two pins are not swept. But forces read vertices across them, so the first round must not move
+        // their vertices.
         for link in links[swept..].iter().filter(|link| crosses(link)) {
             link.ends.iter().for_each(|&end| waits[end as usize] = true);
         }
         let places: Vec<u32> = (0..swept as u32).collect();
         let (first, mut late) = round(links, &places, &tile_of, count, &mut waits);
-        // Vertices are moved so many at a time: one that waits holds up those beside it, rather than that they are moved one by one.
+        // Vertices are moved in groups, so a deferred vertex defers its whole group; otherwise they would have to be
+        // moved one by one.
         for beside in waits.chunks_mut(TOGETHER).filter(|beside| beside.contains(&true)) {
             beside.fill(true);
         }
@@ -109,14 +116,15 @@ impl Partition {
                 rounds.push(last);
                 break;
             }
-            // What waits at one border has met what waits at the next. Cut it where the borders were not.
+            // Deferred edges of neighboring borders have merged into large pieces. Cut them again, where the tiles'
+            // borders were not.
             let length = vertices.div_ceil(count);
             let shift = if rounds.len() % 2 == 1 { length / 2 } else { 0 };
             let group = |vertex: usize| vertex / TOGETHER * TOGETHER;
             let again: Vec<u32> = (0..vertices).map(|vertex| ((group(vertex) + shift) / length) as u32).collect();
             let (pieces, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
             if rounds.len() == MOST || later.len() == late.len() {
-                // Edges longer than half a tile: whatever waits is at hand as it is.
+                // Edges are longer than half a tile, so cutting again does not help: accept the large pieces.
                 rounds.push(last);
                 break;
             }
@@ -133,13 +141,13 @@ impl Partition {
     }
 }
 
-/// Mean distance in memory between an edge's ends.
+/// Mean index distance between the ends of an edge.
 fn distance(links: &[Link]) -> f64 {
     links.iter().map(|link| f64::from(link.ends[0].abs_diff(link.ends[1]))).sum::<f64>() / links.len().max(1) as f64
 }
 
-/// The edges at `places` that lie in one tile and come before any that do not, tile by tile, and the others; marks the vertices
-/// that wait for those.
+/// Sorts the edges `places` into one piece per tile. Edges between tiles, and edges that come after one at either
+/// vertex, are deferred and returned in second place. Marks the vertices of deferred edges in `waits`.
 fn round(links: &[Link], places: &[u32], tile_of: &[u32], tiles: usize, waits: &mut [bool]) -> (Vec<Piece>, Vec<u32>) {
     let mut pieces = vec![Piece::default(); tiles];
     let mut late = Vec::new();
@@ -155,12 +163,12 @@ fn round(links: &[Link], places: &[u32], tile_of: &[u32], tiles: usize, waits: &
     (pieces, late)
 }
 
-/// The connected parts of the edges that wait, one piece each, or several small ones of one tile together.
+/// Makes pieces of the deferred edges: one for each connected part, except that small parts in one tile are merged.
 fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec<Piece> {
     let mut parts = DisjointSets::new(waits.len());
     let mut edges = vec![0_usize; waits.len()];
     late.iter().for_each(|&place| parts.join(links[place as usize].ends));
-    // So are vertices that are moved together.
+    // Vertices of one group are moved together, so they count as connected.
     for first in (0..waits.len()).step_by(TOGETHER).filter(|&first| waits[first]) {
         (first + 1..waits.len().min(first + TOGETHER)).for_each(|vertex| parts.join([first as u32, vertex as u32]));
     }
@@ -185,8 +193,8 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec
     pieces
 }
 
-/// Gives each vertex to the piece that visits its last edge, which moves it; those that wait without an edge, to the one that moves
-/// the vertices beside. And says what pieces touch.
+/// Gives each vertex to the piece that sweeps its last edge; that piece's task moves it. Deferred vertices without a
+/// deferred edge go to the piece of their group. Then determines which tiles each piece accesses.
 fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [Vec<Piece>]) {
     let mut owner: Vec<Option<(u32, u32)>> = vec![None; waits.len()];
     for (round, pieces) in rounds.iter().enumerate().skip(1) {
@@ -203,7 +211,8 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
         let beside = &mut owner[first..waits.len().min(first + TOGETHER)];
         let latest = beside.iter().flatten().copied().max_by_key(|&(round, piece)| (round, u32::MAX - piece));
         let latest = latest.unwrap_or_else(|| {
-            // Nothing is swept here: forces look on from beyond the border.
+            // The group has no deferred edge; only forces read it across a border. It gets a piece without edges in the
+            // last round.
             rounds[last as usize].push(Piece::default());
             (last, rounds[last as usize].len() as u32 - 1)
         });
@@ -224,7 +233,7 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
             piece.vertices = runs(given.into_iter());
         }
     }
-    // Tiles that look at what a piece moves.
+    // Add the tiles whose forces read vertices that the piece moves.
     for link in links {
         for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]] {
             if let Some((round, piece)) = owner[moved as usize].filter(|&(round, _)| round > 0) {
@@ -234,7 +243,7 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
     }
 }
 
-/// Ascending numbers as ranges.
+/// Groups ascending numbers into ranges.
 fn runs(numbers: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
     let mut ranges: Vec<Range<u32>> = Vec::new();
     for number in numbers {

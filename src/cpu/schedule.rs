@@ -1,4 +1,5 @@
-//! Stages as passes over parts of the cloth, and what each task of a pass touches and waits for.
+//! Groups the stages of a substep into passes, and states which parts of the cloth each task of a pass accesses and
+//! waits for.
 
 use std::ops::Range;
 
@@ -8,22 +9,28 @@ use crate::cpu::stages::{Stage, Terms, prologue, stages};
 use crate::cpu::tasks::scheduler::{Graph, PassTasks};
 use crate::simd::MAX_LANES;
 
-/// What the tasks of a stage are over.
+/// What the tasks of a stage iterate over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Over {
+    /// A single task with exclusive access to the whole cloth.
     Everything,
+    /// A single task for all levels from this one on.
     SmallLevels(usize),
     Tiles,
-    /// Parts of tiles.
+    /// Parts of tiles, used when there are too few tiles to occupy all threads.
     Chunks,
     Triangles,
+    /// Groups of aggregates of a level that are restricted together.
     Aggregates(usize),
+    /// Pieces of a level's partition in one round (level, round).
     PiecesOfLevel(usize, usize),
+    /// Pieces of the cloth's partition in one of the rounds after the first.
     Borders(usize),
 }
 
 impl Stage {
-    /// Where tiles are too few, what is done to each vertex by itself is done in chunks of them.
+    /// What the tasks of this stage iterate over. With `chunks`, stages that treat each vertex independently use chunks
+    /// instead of tiles.
     pub(super) fn over(self, chunks: bool) -> Over {
         match self {
             Stage::Remember
@@ -47,7 +54,8 @@ impl Stage {
         }
     }
 
-    /// Whether it looks at what a stage before it did to neighbors.
+    /// Whether this stage reads what the stage `before` wrote at neighboring vertices. Such stages must not share a
+    /// pass.
     fn looks_around_after(self, before: Stage) -> bool {
         match before {
             Stage::GiveWay(_) => matches!(self, Stage::BendAgain(_)),
@@ -55,16 +63,18 @@ impl Stage {
         }
     }
 
-    /// Whether it looks at neighbors that others must not go on with meanwhile.
+    /// Whether this stage reads positions or displacements at neighboring vertices, so that its task must also reserve
+    /// the tiles around its own.
     fn is_around(self) -> bool {
         matches!(self, Stage::BendMoments | Stage::BendAgain(_))
     }
 }
 
-/// Stages that are done to a part of the cloth one after another, while it is in cache.
+/// Stages that a task runs on its part of the cloth one after another, while that part is in cache.
 pub(crate) type Pass = Vec<Stage>;
 
-/// Joins stages over the same parts that need nothing of one another's neighbors.
+/// Fuses consecutive stages into passes, if they iterate over the same parts and none reads what another wrote at
+/// neighboring vertices.
 fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
     let mut passes: Vec<Pass> = Vec::new();
     for stage in stages {
@@ -76,20 +86,21 @@ fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
     passes
 }
 
-/// The passes of a step, and the graph of their tasks.
+/// The passes of a step and the dependency graph of their tasks.
 #[derive(Debug, Default)]
 pub(crate) struct Schedule {
     pub passes: Vec<Pass>,
     pub graph: Graph,
-    /// Parts of tiles, if those are too few.
+    /// The chunks that tiles are split into, if there are too few tiles.
     pub chunks: Option<Vec<Range<u32>>>,
 }
 
-/// Vertices in a chunk, at least.
+/// Minimum number of vertices in a chunk.
 const LEAST_CHUNK: usize = 128;
 
 impl Schedule {
-    /// The schedules of a step: one, or where contact comes between, that of what comes first, of a substep up to there, and from there on.
+    /// The schedules of a step. Without contact of triangles there is one. With it there are three, because contact
+    /// runs outside the graph: the prologue, a substep up to contact, and the move after contact.
     pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
         let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
         let stages = stages(terms, partition, coarse);
@@ -123,8 +134,8 @@ impl Schedule {
     }
 }
 
-/// The places of the cloth that tasks wait for one another at: its tiles, then those of each level that is shared, then one for all
-/// others.
+/// The resources that tasks wait for one another at. They are numbered: first the cloth's tiles, then the tiles of each
+/// level whose sweep is shared, and last a single one for all smaller levels.
 struct Places<'a> {
     partition: &'a Partition,
     coarse: &'a Coarse,
@@ -132,7 +143,7 @@ struct Places<'a> {
     chunks: Option<&'a [Range<u32>]>,
 }
 
-/// Cuts tiles into about so many parts, which begin with whole groups.
+/// Splits the tiles into about `count` chunks, each of which starts at a multiple of the SIMD width.
 fn chunks(partition: &Partition, count: usize) -> Vec<Range<u32>> {
     let vertices = partition.tiles.last().map_or(0, |tile| tile.end as usize);
     let length = (vertices / count).max(LEAST_CHUNK).next_multiple_of(MAX_LANES);
@@ -156,7 +167,7 @@ impl Places<'_> {
         self.partition.tiles.len() + (0..level).map(|level| self.coarse.partition(level).tiles.len()).sum::<usize>()
     }
 
-    /// The places of some aggregates of a level.
+    /// The resource numbers of some aggregates of a level.
     fn of_level(&self, level: usize, aggregates: impl Iterator<Item = u32>) -> Vec<u32> {
         if level >= self.coarse.shared() {
             return vec![self.count() as u32 - 1];
@@ -165,13 +176,13 @@ impl Places<'_> {
         sorted(aggregates.map(|aggregate| first + tile_of(&self.coarse.partition(level).tiles, aggregate)))
     }
 
-    /// What each task of a pass touches.
+    /// The resources that each task of a pass accesses.
     fn touched(&self, pass: &Pass) -> Vec<Vec<u32>> {
         let Places { partition, coarse, .. } = *self;
         let tiles = 0..partition.tiles.len() as u32;
         match self.over(pass) {
             Over::Everything => vec![(0..self.count() as u32).collect()],
-            // And the level that they are restricted from.
+            // Includes the level that the first of them is restricted from.
             Over::SmallLevels(first) => {
                 vec![(self.first_of_level(first.saturating_sub(1)) as u32..self.count() as u32).collect()]
             }
@@ -189,7 +200,8 @@ impl Places<'_> {
                 let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.restricted(level, chunk));
                 chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
             }
-            // A piece of the first round is handed down to its whole tile, whatever edges it has.
+            // A piece of the first round also receives the coarser correction for its whole tile, whichever edges it
+            // has.
             Over::PiecesOfLevel(level, 0) => {
                 let first = self.first_of_level(level) as u32;
                 (0..coarse.partition(level).tiles.len() as u32).map(|tile| vec![first + tile]).collect()
@@ -202,11 +214,12 @@ impl Places<'_> {
         }
     }
 
-    /// Where each task of a pass waits besides.
+    /// Additional resources that each task of a pass waits for without reserving them (see [`PassTasks::awaits`]).
     ///
-    /// What is corrected by a level looks at it. Who next writes there is the restriction to the aggregates that were looked at, and
-    /// that waits for what they are made of, which was corrected. What is restricted looks at what is below. Who next writes there
-    /// is the correction, and that waits for the aggregates.
+    /// These are reads for which the opposite (write-after-read) dependency follows from others. Prolongation reads the
+    /// corrections of a level's aggregates; the next task to write those is the restriction to the same aggregates,
+    /// which waits for their members, and those were corrected by this very prolongation. Restriction reads the members
+    /// of its aggregates; the next task to write those is the prolongation, which waits for the aggregates.
     fn awaited(&self, pass: &Pass) -> Vec<Vec<u32>> {
         let Places { partition, coarse, .. } = *self;
         match self.over(pass) {
@@ -215,9 +228,10 @@ impl Places<'_> {
                 partition.tiles.iter().map(labels).collect()
             }
             Over::Aggregates(level) => {
-                // From the vertices a task could begin once those of its aggregates are there. But the sweep of
-                // the smallest levels waits for all of them anyway, and a worker that has nothing else to do until then would restrict what is in
-                // another's cache, rather than help it with the edges.
+                // A task could begin as soon as the members of its aggregates are ready. It waits for all tiles
+                // instead: the sweep of the smallest levels needs all aggregates anyway, and a worker without other
+                // work would restrict vertices that are in another core's cache rather than help that worker with its
+                // edges.
                 let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.members(level, coarse.restricted(level, chunk)));
                 let below = |members| match level {
                     0 => (0..partition.tiles.len() as u32).collect(),
@@ -225,7 +239,8 @@ impl Places<'_> {
                 };
                 chunks.map(below).collect()
             }
-            // In the first round a piece, which is a tile's, is handed what the level above was corrected by.
+            // In the first round the piece of a tile receives the correction of the next coarser level for that whole
+            // tile.
             Over::PiecesOfLevel(level, 0) if level + 1 < coarse.len() => {
                 let labels = |tile: &Range<u32>| self.of_level(level + 1, coarse.labels(level + 1, tile.clone()));
                 coarse.partition(level).tiles.iter().map(labels).collect()

@@ -1,84 +1,91 @@
-//! A substep as a list of stages.
+//! The list of stages that make up a substep.
 
 use crate::cpu::coarse::Coarse;
 use crate::cpu::partition::Partition;
 
-/// What a substep does to every part of the cloth before it goes on to the next stage.
+/// One stage of a substep. Each stage is applied to every part of the cloth; the scheduler lets a part go on to the
+/// next stage as soon as the parts that it depends on have finished this one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Stage {
-    /// The state is kept, to go back to.
+    /// Save the state at the step's start, so that a failed step can be undone.
     Remember,
-    /// What is predicted elsewhere comes from there.
+    /// Transfer data to and from the device that predicts the displacements (in the hybrid engine, the GPU).
     Exchange,
-    /// Bending rows take the moments of their rings.
+    /// Compute the bending moment of each vertex's row from the one-ring around it.
     BendMoments,
-    /// Vertices give way to them, before a pass of the filter that takes bending in few substeps.
+    /// Displace the vertices tentatively under the moments computed so far, before the given pass of the Chebyshev
+    /// filter that keeps stiff bending stable at few substeps ([`step::bending`](crate::step::bending)).
     GiveWay(usize),
-    /// That pass: bending rows take the moments of their rings again.
+    /// Run that pass of the filter: recompute the moments from the tentatively displaced rings.
     BendAgain(usize),
-    /// Triangles feel the air.
+    /// Compute the aerodynamic force on each triangle.
     PanelForces,
-    /// Vertices are given the displacement that the last one and the forces predict.
+    /// Predict each vertex's displacement in this substep from its last displacement and the forces on it.
     Predict,
-    /// Pins are given theirs.
+    /// Set the displacements of the pins that follow targets.
     LeadPins,
-    /// Aggregates of a level are given the averages of what they are made of.
+    /// Restrict to the given level: each aggregate gets the mass-weighted averages of its members.
     Restrict(usize),
-    /// Levels from this one on, too small to share, are restricted and swept together.
+    /// Restrict and sweep, in a single task, all levels from the given one on, which are too small to share among
+    /// threads.
     SmallLevels(usize),
-    /// Edges of a level, in one round of its partition, after it was handed what the coarser ones were corrected by.
+    /// Sweep the edges of a level in one round of its partition (level, round). Before the first round, the corrections
+    /// of the coarser levels are prolonged to it.
     SweepLevel(usize, usize),
-    /// Vertices are handed what the levels were corrected by.
+    /// Prolong the corrections of the levels to the vertices.
     Correct,
-    /// Edges, in one round of the partition.
+    /// Sweep the cloth's edges in one round of the partition.
     Sweep(usize),
-    /// Vertices whose edges are all swept are held by their tethers, after a round of the partition.
+    /// Apply the tethers of the vertices whose last edge was swept in this round.
     Tether(usize),
-    /// Vertices whose edges are all swept meet the colliders and move. Where no force acts they are predicted to fall on.
+    /// Resolve collisions with the analytic colliders and advance the positions, for the vertices whose last edge was
+    /// swept in this round. Where no per-vertex force acts, the displacement of the next substep is predicted here too.
     Move(usize),
-    /// Vertices move, whose contact is done.
+    /// Advance the positions of all vertices, once contact of triangles has been resolved outside the task graph.
     MoveOn,
 }
 
-/// What decides which stages a substep has.
+/// The features of a scene that decide which stages a substep has.
 #[expect(clippy::struct_excessive_bools, reason = "a term is there or not")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Terms {
-    /// Displacements are predicted elsewhere.
+    /// The displacements are predicted by another engine ([`Stage::Exchange`]).
     pub exchanged: bool,
     pub bending: bool,
-    /// Passes over the bending rows.
+    /// Passes of the bending filter; 0 or 1 if there is no filter.
     pub passes: usize,
     pub wind: bool,
     pub springs: bool,
-    /// Pins are led.
+    /// Some pins follow targets.
     pub pins: bool,
+    /// Coarse levels in use.
     pub levels: usize,
     pub tethers: bool,
+    /// Threads of the pool.
     pub threads: usize,
-    /// Contact is resolved by itself, between the sweep and the move.
+    /// Contact of triangles is resolved between the sweep and the move, outside the task graph.
     pub contact: bool,
 }
 
 impl Terms {
-    /// Whether vertices fall: no force acts on them but the ambient acceleration.
+    /// Whether every free vertex only falls: the ambient acceleration is uniform and no other force acts.
     pub(super) fn falls(self) -> bool {
         !(self.exchanged || self.bending || self.wind || self.springs)
     }
 }
 
-/// What comes before the first substep of a step.
+/// The stages that run once, before the first substep of a step.
 pub(super) fn prologue(terms: Terms) -> Vec<Stage> {
     if terms.falls() { vec![Stage::Remember, Stage::Predict] } else { vec![Stage::Remember] }
 }
 
 /// The stages of a substep, in order.
 ///
-/// Where vertices only fall there is no stage that predicts: the first substep's displacements are predicted in the [`prologue`],
-/// and each next one's where a vertex moves ([`Stage::Move`]), while it is at hand.
+/// Where vertices only fall, no stage predicts: the [`prologue`] predicts the first substep's displacements, and
+/// [`Stage::Move`] those of each later substep while the vertex is still in a register.
 pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {
     let mut stages = Vec::new();
-    // Predict each vertex's displacement, from the last one and the forces.
+    // Predict each vertex's displacement from the last one and the forces.
     if terms.exchanged {
         stages.extend([Stage::Exchange, Stage::Predict]);
     } else {
@@ -88,7 +95,7 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
         stages.extend((!terms.falls()).then_some(Stage::Predict));
     }
     stages.extend(terms.pins.then_some(Stage::LeadPins));
-    // Correct it by levels, the coarsest first.
+    // Correct the displacements by the coarse levels, coarsest first.
     if terms.levels > 0 {
         let shared = coarse.shared();
         stages.extend((0..shared.max(1)).map(Stage::Restrict));
@@ -98,7 +105,8 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
         }
         stages.push(Stage::Correct);
     }
-    // Sweep the edges; then tethers, contact, and the move, unless contact comes by itself.
+    // Sweep the edges, then apply tethers, resolve collisions and move. With contact of triangles, the last two come
+    // later.
     for round in 0..partition.rounds.len() {
         stages.push(Stage::Sweep(round));
         stages.extend(terms.tethers.then_some(Stage::Tether(round)));

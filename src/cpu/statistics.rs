@@ -1,4 +1,4 @@
-//! Statistics of a state in memory.
+//! Statistics of stretch and speed, computed on the CPU.
 
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
@@ -9,27 +9,27 @@ use crate::kernels::statistics::{
 };
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width, vector_of_lane};
 
-/// Gauges, or vertices, that a task takes.
+/// Gauges or vertices per task.
 const GRAIN: usize = 4096;
-/// Those whose lengths are computed before they are sorted into classes.
+/// Lengths are computed in blocks of this size with SIMD, and then sorted into histogram classes one by one.
 const BLOCK: usize = 256;
 
-/// A state, as statistics take it.
+/// The state that statistics are taken of.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Observed<'a> {
     /// Positions (m), w the inverse mass.
     pub x: &'a [Vec4],
     /// Displacements (m) over the last substep.
     pub u: &'a [Vec4],
-    /// That of the pins, on average (m).
+    /// Mean displacement (m) of the pins over the last substep, which speeds are relative to.
     pub drift: Vec3A,
-    /// The substep (s).
+    /// The last substep (s).
     pub h: f32,
     pub width: Width,
 }
 
 impl Observed<'_> {
-    /// Its statistics; `alone`: by this thread, without a word to others.
+    /// Computes the statistics. With `alone` only this thread is used.
     pub(crate) fn statistics(&self, gauges: &[StrainGauge], alone: bool) -> Statistics {
         let of_gauges = |gauges| self.stretches(gauges);
         let of_vertices = |(x, u)| Observed { x, u, ..*self }.speeds();
@@ -70,7 +70,7 @@ impl Observed<'_> {
             for (&length, &x) in lengths.iter().zip(x) {
                 let at = xyz(x);
                 (low, high) = (low.min(at), high.max(at));
-                // Pins are led, and have no say.
+                // Pins do not count: their motion is prescribed.
                 let (speed, counts) = if x.w > 0.0 { (length / self.h, 1) } else { (0.0, 0) };
                 seen.speed[class_of(speed, LEAST_SPEED)] += counts;
                 sum += (speed * speed).min(SLOW * SLOW);
@@ -84,7 +84,7 @@ impl Observed<'_> {
     }
 }
 
-/// The lengths (m) of edges.
+/// The lengths (m) of the edges that gauges measure.
 struct EdgeLengths<'a> {
     x: &'a [Vec4],
     gauges: &'a [StrainGauge],
@@ -99,7 +99,7 @@ impl Loop for EdgeLengths<'_> {
             for k in 0..4 {
                 let (mut a, mut b) = ([Vec4::ZERO; 4], [Vec4::ZERO; 4]);
                 for j in 0..L::VECTORS {
-                    // The last lanes repeat the last gauge.
+                    // Unused lanes repeat the last gauge.
                     let gauge = &gauges[(k * L::VECTORS + j).min(gauges.len() - 1)];
                     (a[j], b[j]) = (self.x[gauge.ends[0] as usize], self.x[gauge.ends[1] as usize]);
                 }
@@ -110,7 +110,7 @@ impl Loop for EdgeLengths<'_> {
     }
 }
 
-/// The lengths (m) of displacements beyond a drift.
+/// The lengths (m) of displacements relative to the drift.
 struct Displacements<'a> {
     u: &'a [Vec4],
     drift: Vec4,
@@ -134,7 +134,7 @@ impl Loop for Displacements<'_> {
     }
 }
 
-/// Stores the lengths of as many vectors as lanes, in the order of the vectors.
+/// Stores the lengths of one vector per lane, in the order in which the vectors lie in memory.
 #[inline(always)]
 fn store_lengths<L: Registers>(vectors: [L; 4], lengths: &mut [f32]) {
     let d = L::transpose(vectors);

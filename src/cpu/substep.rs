@@ -1,4 +1,4 @@
-//! What each stage of a substep does to a part of the cloth.
+//! What each stage of a substep does to one part of the cloth.
 
 use std::ops::Range;
 
@@ -14,29 +14,30 @@ use crate::cpu::tasks::shared::{Task, View};
 use crate::cpu::tethers::{TetherBatches, Tethering};
 use crate::step::plan::Plan;
 
-/// The state as a task sees it: positions and displacements.
+/// The state as one task sees it: positions and displacements.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct State<'t> {
     pub x: View<'t>,
     pub u: View<'t>,
 }
 
-/// A loop over what a task is given, in a substep that is named by its number in the step.
+/// A callback that is given a task, the state, what to work on, and the index of the substep within the step.
 type TaskLoop<'a, T> = dyn Fn(&Task, State<'_>, T, usize) + Sync + 'a;
 
+/// A callback that is given the ranges of vertices that were just moved.
 type MovedLoop<'a> = dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync + 'a;
 
-/// How displacements are predicted elsewhere.
+/// Callbacks of an engine that predicts the displacements itself, as the hybrid engine does on the GPU.
 pub(crate) struct Elsewhere<'a> {
-    /// Before each substep, while no other task runs.
+    /// Runs before each substep, while no other task runs.
     pub exchange: &'a TaskLoop<'a, ()>,
-    /// Predicts the displacements of some vertices.
+    /// Predicts the displacements of a range of vertices.
     pub predict: &'a TaskLoop<'a, Range<u32>>,
-    /// Sees some vertices that were moved.
+    /// Is told of vertices that have just been moved.
     pub moved: &'a MovedLoop<'a>,
 }
 
-/// A step at work.
+/// All that the tasks of a step need.
 pub(crate) struct Stepper<'a> {
     pub plan: &'a Plan<'a>,
     pub terms: Terms,
@@ -49,15 +50,17 @@ pub(crate) struct Stepper<'a> {
     pub integrator: Integrator<'a>,
     pub chunks: Option<&'a [Range<u32>]>,
     pub elsewhere: Option<&'a Elsewhere<'a>>,
-    /// How edges are corrected, if they are not forces.
+    /// How edges are corrected; none if they are springs, which act as forces.
     pub rule: Option<Rule>,
     pub workers: usize,
-    /// Good steps before this one.
+    /// Number of successful steps before this one.
     pub step: u32,
 }
 
 impl Stepper<'_> {
-    /// One task: the stages of a pass on one part of the cloth. A turn is a sweep, of which a substep may have several.
+    /// Runs one task: the stages of `pass` on one part of the cloth. A turn is one sweep over the edges, of which a
+    /// substep has several under relaxation. Stages before the sweep run in a substep's first turn, those after it in
+    /// the last.
     pub(crate) fn work(&self, task: &Task, pass: &Pass, turn: u32, index: usize) {
         let sweeps = self.plan.sweeps.max(1);
         let substep = (turn / sweeps) as usize;
@@ -134,14 +137,14 @@ impl Stepper<'_> {
         let State { x, u } = self.state(task);
         let Piece { vertices, touches, .. } = &self.partition.rounds[round][part];
         let worker = |&tile: &u32| tile as usize * self.workers / self.partition.tiles.len();
-        // At a border between two workers' tiles half of them are in the other's cache.
+        // At a border between tiles of two workers, about half of the vertices are in the other core's cache.
         if touches.first().map(worker) != touches.last().map(worker) {
             vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
         }
         sweep(&self.edges[round], part, rule, x, u, self.integrator.width);
     }
 
-    /// Where the step's last substep leads, some edges are looked at.
+    /// In the last substep of a step, checks some of a piece's edges for excessive length.
     fn look_at_edges(&self, task: &Task, round: usize, part: usize, index: usize) {
         if index + 1 == self.plan.substeps.len() {
             let (State { x, u }, piece) = (self.state(task), &self.partition.rounds[round][part]);

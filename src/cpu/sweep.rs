@@ -1,4 +1,4 @@
-//! The sweep: each edge moves its ends, as many edges at once as there are lanes.
+//! The Gauss-Seidel sweep over the edges: as many edges at once as there are SIMD lanes.
 
 use crate::cpu::edge_batches::{Batch, EdgeBatches, Ends};
 use crate::cpu::tasks::shared::View;
@@ -6,7 +6,7 @@ use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, Correction};
 use crate::simd::{self, Loop, Registers, Vector, Width};
 
-/// How edges are corrected.
+/// Which kernel corrects the edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Rule {
     /// [`distance::project_edge`].
@@ -24,12 +24,12 @@ const PROJECT_COARSE: u8 = Rule::ProjectCoarse as u8;
 const HOLD_COARSE: u8 = Rule::HoldCoarse as u8;
 const RELAX: u8 = Rule::Relax as u8;
 
-/// Corrects the edges of one piece in order.
+/// Corrects the edges of one piece, in their packed order.
 pub(crate) fn sweep(batches: &EdgeBatches, piece: usize, rule: Rule, x: View<'_>, u: View<'_>, width: Width) {
     batches.of(piece).for_each(|batch| simd::run(width, Sweep { rule, batch, x, u }));
 }
 
-/// Corrects rows of edges in order. A row is as many edges as lanes that share no vertex.
+/// Corrects a batch of rows in order. A row is as many edges as there are lanes, no two of which share a vertex.
 #[derive(Debug, Clone, Copy)]
 struct Sweep<'t> {
     rule: Rule,
@@ -54,7 +54,8 @@ impl Sweep<'_> {
     #[inline(always)]
     fn rows<L: Registers, const RULE: u8>(self) {
         let Sweep { batch: Batch { ends, factors, at, mut first }, x, u, .. } = self;
-        // Plain loops: a closure given to an iterator is compiled without the instruction set that this function has.
+        // These are plain loops because a closure passed to an iterator is compiled without the instruction set that is
+        // enabled for this function.
         match ends {
             Ends::Rows => {
                 let (x, u) = (x.rows::<L, 1>(&at.rows), u.rows::<L, 1>(&at.rows));
@@ -83,9 +84,10 @@ impl Sweep<'_> {
     }
 }
 
-/// Corrects a row, given both ends of its edges.
+/// Corrects a row of edges, given the vectors at both ends.
 ///
-/// Differences are of vectors side by side, so that one instruction applies the results of several edges.
+/// Differences are formed between vectors as they lie in memory, several to a register, and transposed only for the
+/// rule. The correction is then applied by one instruction to the vectors of several edges.
 #[inline(always)]
 fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: impl Four<[L; 2]>, u: impl Four<[L; 2]>) {
     let inverse_rest = L::from_slice(&factors[..L::LANES]);
@@ -106,8 +108,9 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: i
     let by_a = (scale * L::from_slice(&factors[L::LANES..2 * L::LANES])).spread();
     let by_b = (scale * L::from_slice(&factors[2 * L::LANES..3 * L::LANES])).spread();
     for k in 0..4 {
-        // Both loaded before either is stored: where rows are 4096 bytes long, a load would wait for the other's store. Loaded again
-        // where that is cheaper than to keep them.
+        // Both ends are loaded before either is stored: where grid rows are 4096 bytes long, a load would stall on the
+        // store to the same offset in another page (4K aliasing). The ends are loaded a second time where that is
+        // cheaper than keeping them in registers.
         let [a, b] = if KEEP { ends[k] } else { u.get(k) };
         u.set(k, [d0[k].neg_mul_add(by_a[k], a), d0[k].mul_add(by_b[k], b)]);
     }

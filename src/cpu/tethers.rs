@@ -1,4 +1,4 @@
-//! Tethers: each vertex that has one by itself, as many at once as there are lanes.
+//! Tethers: each tethered vertex is corrected independently, as many at once as there are SIMD lanes.
 
 use std::ops::Range;
 
@@ -12,20 +12,21 @@ use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
 
-/// The tethers of a list of pieces, packed for lanes that hang on one pin. A lane without a vertex of its own repeats another.
+/// The tethers of a round's pieces, packed in batches of one per lane, all of a batch attached to the same pin. Lanes
+/// left over repeat the last tether of their batch.
 #[derive(Debug, Default)]
 pub(crate) struct TetherBatches {
     vertices: Places,
-    /// Lane by lane of each batch: all lengths, all slacks, all shares.
+    /// For each batch, one value per lane: all lengths, then all slacks, then all shares.
     numbers: AlignedVec,
     /// The pin of each batch.
     anchors: Vec<u32>,
-    /// The batches of each piece.
+    /// The range of batches of each piece.
     of: Vec<Range<usize>>,
 }
 
 impl TetherBatches {
-    /// Packs `tethers`, which ascend by vertex, for the pieces that are done with their vertices.
+    /// Packs `tethers`, sorted by vertex, for the pieces that sweep the last edge of each vertex.
     pub(crate) fn new(pieces: &[Piece], tethers: &[(u32, Tether)], vertices: usize, lanes: usize) -> TetherBatches {
         let mut batches = TetherBatches { vertices: Places::new(vertices), ..TetherBatches::default() };
         for piece in pieces {
@@ -56,7 +57,7 @@ impl TetherBatches {
     }
 }
 
-/// The state that tethers look at, and what they correct.
+/// What the tethers read, and the displacements that they correct.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tethering<'a> {
     pub plan: &'a Plan<'a>,
@@ -66,7 +67,7 @@ pub(crate) struct Tethering<'a> {
 }
 
 impl Tethering<'_> {
-    /// Corrects the vertices that a piece is done with.
+    /// Corrects the tethered vertices among those whose last edge `piece` has swept.
     pub(crate) fn hold(&self, task: &Task, batches: &TetherBatches, piece: usize, substep: &Substep) {
         let Tethering { plan, x, u, width } = *self;
         let (x, u) = (x.within(task), u.within(task));

@@ -1,63 +1,68 @@
-//! How many threads a step is done on: as many as pay.
+//! Adaptive choice of the number of threads for a step.
 //!
-//! What pays depends on the cloth, on the machine, and on what else the machine does at the time: on a core that is busy with
-//! something else a task that was begun is waited for until that core comes back to it. So it is measured. Steps are timed, other
-//! counts are tried now and then, and the best is kept. What a step computes does not depend on it.
+//! The best number depends on the cloth, on the machine and on the machine's other load: a task that started on a core
+//! which is then busy with something else delays all that wait for it. So the number is measured. Steps are timed,
+//! other numbers are tried from time to time, and the fastest is kept. The result of a step does not depend on the
+//! number.
 
-/// Counts that are tried: 1, 2, 4 ... and the pool's.
+/// Numbers of candidates: 1, 2, 4 ... threads, and the whole pool.
 const COUNTS: usize = 12;
-/// Vertices that a thread has at first.
+/// Vertices per thread before anything is measured.
 const VERTICES: usize = 512;
-/// Steps of a trial; the first of them moves the cloth from cache to cache, and does not count.
+/// Steps of a trial. The first one moves the cloth between caches and is not counted.
 const TRIAL: u32 = 4;
-/// Steps between trials, at least and at most.
+/// Minimum and maximum number of steps between trials.
 const PAUSE: [u32; 2] = [4, 1024];
-/// A count that is not better than the present one by this is not worth a change.
+/// A candidate must take less than this share of the present time to replace it.
 const GAIN: f64 = 0.96;
-/// Share of a step in the mean time of its count.
+/// Weight of the newest step in the moving average of a candidate's time.
 const NEWEST: f64 = 0.125;
 
-/// Chooses the number of threads, step by step.
+/// Chooses the number of threads, step by step. Candidate `i` stands for `2^i` threads, at most the pool's.
 #[derive(Debug)]
 pub(crate) struct ThreadChoice {
-    /// Threads of the pool that it is for.
+    /// Threads of the pool.
     pool: usize,
-    /// Mean time (s) of a substep on each count, recently; 0 if it was not tried.
+    /// Moving average of the time (s) of a substep with each candidate; 0 if it was never tried.
     time: [f64; COUNTS],
-    /// Which count is kept, which was before, and which is being tried for how many steps yet.
+    /// The candidate in use.
     kept: usize,
+    /// The candidate that was in use before it.
     before: usize,
+    /// The candidate being tried, and for how many more steps.
     trial: Option<(usize, u32)>,
-    /// Steps until the next trial, and between trials.
+    /// Steps until the next trial.
     left: u32,
+    /// Steps between trials.
     pause: u32,
-    /// Whether the next one is of more threads.
+    /// Whether the next trial is of more threads, rather than fewer.
     up: bool,
 }
 
 impl ThreadChoice {
-    /// For a cloth on a pool of so many threads.
+    /// For a cloth of `vertices` vertices, on a pool of `pool` threads.
     pub(crate) fn new(vertices: usize, pool: usize) -> ThreadChoice {
         let fitting = (0..=last(pool)).take_while(|&count| threads(count, pool) * VERTICES <= vertices);
         let kept = fitting.last().unwrap_or(0);
-        // Where every thread has far more than it needs, another count is hardly better.
+        // Where every thread has far more vertices than it needs, other candidates are hardly better and are tried less
+        // often.
         let ample = vertices / (2 * VERTICES * threads(kept, pool));
         let pause = PAUSE[0].saturating_mul(ample as u32).clamp(PAUSE[0], 16 * PAUSE[0]);
         let time = [0.0; COUNTS];
         ThreadChoice { pool, time, kept, before: usize::MAX, trial: None, left: pause, pause, up: true }
     }
 
-    /// Threads for the next step.
+    /// The number of threads for the next step.
     pub(crate) fn threads(&self) -> usize {
         threads(self.trial.map_or(self.kept, |(count, _)| count), self.pool)
     }
 
-    /// Notes how long (s) a substep took on them.
+    /// Records the time (s) that a substep of the last step took.
     pub(crate) fn note(&mut self, seconds: f64) {
         let count = self.trial.map_or(self.kept, |(count, _)| count);
         let time = &mut self.time[count];
         let newest = match self.trial {
-            // A mean of the trial's own steps but the first.
+            // The mean over the trial's steps, without the first.
             Some((_, left)) => 1.0 / f64::from((TRIAL - left).max(1)),
             None => NEWEST,
         };
@@ -78,7 +83,8 @@ impl ThreadChoice {
         }
     }
 
-    /// After a step on the count that is kept: tries one that was better of late, or when it is time, another.
+    /// After a step with the candidate in use: starts a trial of one that was faster recently, or, when it is time, of
+    /// the next one up or down.
     fn consider(&mut self) {
         self.left -= 1;
         let tried = (0..=last(self.pool)).filter(|&count| self.time[count] > 0.0);
@@ -93,19 +99,20 @@ impl ThreadChoice {
         }
     }
 
-    /// Until the next trial: soon after one that brought something new, ever later after others.
+    /// Sets the pause before the next trial: short after a trial that found an improvement, else twice as long as the
+    /// last.
     fn wait(&mut self, gained: bool) {
         self.pause = if gained { PAUSE[0] } else { (2 * self.pause).min(PAUSE[1]) };
         self.left = self.pause;
     }
 }
 
-/// Threads of a count.
+/// The number of threads that a candidate stands for.
 fn threads(count: usize, pool: usize) -> usize {
     (1 << count).min(pool)
 }
 
-/// The count that is the whole pool.
+/// The candidate that stands for the whole pool.
 fn last(pool: usize) -> usize {
     (pool.next_power_of_two().trailing_zeros() as usize).min(COUNTS - 1)
 }

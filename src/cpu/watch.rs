@@ -1,4 +1,5 @@
-//! What a step's tasks find at its end: vertices out of bounds, edges that are too long, and how much the cloth moves.
+//! Stability checks by the tasks of a step: vertices out of bounds, edges that are too long, and the total kinetic
+//! energy.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
@@ -13,15 +14,17 @@ use crate::kernels::watch::is_long;
 use crate::model::cloth::Cloth;
 use crate::step::watch::{LEAST, TURNS};
 
-/// All of the allowed kinetic energy in integers, so that the order in which tasks add to it changes nothing.
+/// The allowed kinetic energy as a fixed-point number. Integer sums do not depend on the order in which tasks add.
 const WHOLE: f64 = (1_u64 << 40) as f64;
 
-/// What the tasks of a step found.
+/// The defects that the tasks of a step have found so far.
 #[derive(Debug)]
 pub(crate) struct Found {
-    /// The first vertex out of bounds, and the first edge that is too long; `usize::MAX` if none.
+    /// Index of the first vertex out of bounds; `usize::MAX` if there is none.
     lost: AtomicUsize,
+    /// Index of the first edge that is too long; `usize::MAX` if there is none.
     long: AtomicUsize,
+    /// Kinetic energy in units of the allowed energy over [`WHOLE`].
     energy: AtomicU64,
 }
 
@@ -30,17 +33,18 @@ impl Found {
         Found { lost: AtomicUsize::new(usize::MAX), long: AtomicUsize::new(usize::MAX), energy: AtomicU64::new(0) }
     }
 
-    /// A vertex is out of bounds.
+    /// Records a vertex that is out of bounds.
     pub(crate) fn lose(&self, vertex: usize) {
         self.lost.fetch_min(vertex, Ordering::Relaxed);
     }
 
-    /// Adds a share of the allowed kinetic energy.
+    /// Adds to the kinetic energy, in shares of the allowed energy.
     pub(crate) fn add(&self, share: f32) {
         self.energy.fetch_add((f64::from(share.min(1.0)) * WHOLE) as u64, Ordering::Relaxed);
     }
 
-    /// Looks at one part in [`TURNS`] of a piece's edges, in each step another, as they will be when the vertices have moved.
+    /// Checks the length that edges have once their vertices have moved. Each step checks another part of a piece's
+    /// edges, 1 in [`TURNS`] but at least [`LEAST`].
     pub(crate) fn look_at_edges(&self, cloth: &Cloth, piece: &Piece, step: u32, x: View<'_>, u: View<'_>, longest: f32) {
         let each = piece.edges.len().div_ceil(TURNS).max(LEAST);
         let turns = piece.edges.len().div_ceil(each).max(1);
@@ -48,14 +52,14 @@ impl Found {
         for &place in edges {
             let link = &cloth.links[place as usize];
             let [a, b] = link.ends.map(|end| xyz(x.get(end as usize)) + xyz(u.get(end as usize)));
-            // One without stiffness holds nothing together.
+            // An edge without stiffness may have any length.
             if link.stiffness > 0.0 && is_long(a - b, longest) {
                 self.long.fetch_min(place as usize, Ordering::Relaxed);
             }
         }
     }
 
-    /// What is wrong with a step, if anything, given the state that it made.
+    /// The most severe defect, if any was found, given the state at the step's end.
     pub(crate) fn verdict(self, params: &Params, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
         let (lost, long) = (self.lost.into_inner(), self.long.into_inner());
         if lost < usize::MAX {

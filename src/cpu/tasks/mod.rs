@@ -1,4 +1,4 @@
-//! Tasks on several threads, and the arrays that they share.
+//! A task scheduler, and the arrays that tasks share.
 
 pub(crate) mod scheduler;
 pub(crate) mod shared;

@@ -1,18 +1,21 @@
-//! A task graph on the threads of the current rayon pool.
+//! A scheduler that runs a graph of tasks on the threads of the current rayon pool.
 //!
-//! A step is turns of the same passes, and a pass is tasks. Every task says which places of the cloth it touches, and begins once
-//! all tasks of earlier passes that touch one of them are done: a count at each place says how many are. Tasks of one pass are for
-//! the caller to keep apart.
+//! A step repeats the same passes, turn after turn, and a pass consists of tasks. Each task lists the places of the
+//! cloth that it accesses. It may start once all tasks of earlier passes that access one of these places are done; a
+//! counter at each place says how many are. Tasks of one pass do not wait for one another: the caller must give them
+//! disjoint places.
 //!
-//! Why not a parallel loop for each pass (`benches/results/threads.md` has both): it wakes and settles its threads anew, 1.4 to
-//! 6 us, and a step has hundreds of passes; and all wait for the slowest each time. Here workers join once a step, and take tasks by
-//! a flag each, their own share first so that a tile stays in one core's cache. Whoever is there does the work: a worker that comes
-//! late, or never because the caller's pool is busy, is waited for by nobody, only a task that it took.
+//! Why not a parallel loop per pass (`benches/results/threads.md` compares the two)? A step has hundreds of passes.
+//! Each loop takes 1.4 to 6 us to wake and to join its threads, and all threads wait for the slowest one every time.
+//! Here workers are recruited once per step. They claim tasks by an atomic flag each, their own share first, so that a
+//! tile stays in one core's cache. No particular worker is needed: if one comes late, or never because the caller's
+//! pool is busy, the others do its tasks. They wait only for tasks that it has already claimed.
 //!
-//! Workers come by `rayon::join`, which waits for those who came by doing whatever else the pool has to do, the caller's tasks among it:
-//! `Deformer::step` warns of locks for that. What does not wait so, `rayon::spawn`, wants memory for each worker of each step and closures that
-//! outlive the step, and so code that no compiler checks to lend them the cloth; and a step that would not end before a worker that is under way has to wait
-//! for it one way or another.
+//! Workers are recruited by `rayon::join`. While it waits for them, it runs other jobs of the pool, the caller's among
+//! them, which is why `Deformer::step` warns about holding locks. `rayon::spawn` does not wait like that, but it
+//! allocates memory for each worker of each step, and its closures must be `'static`, so the cloth could be lent to
+//! them only by code that the compiler cannot check. The step could still not return before every worker that has
+//! started is done.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -20,41 +23,46 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 use super::shared::Task;
 
-/// Which tasks there are, and what each waits for. Made once for a kind of step.
+/// The tasks of a kind of step and their dependencies. Built once, run many times.
 #[derive(Debug, Default)]
 pub(crate) struct Graph {
     passes: Vec<Pass>,
-    /// Passes that come in the first turn alone, ahead of all others.
+    /// Number of passes that run in the first turn only, before all others.
     once: usize,
-    /// Where each task waits, and for how many tasks of earlier passes in the first turn.
+    /// For each task, the places that it waits at, and how many earlier tasks must be done there in the first turn.
     waits: Vec<Wait>,
-    /// Where each task's begin, and the last one's end.
+    /// Where the waits of each task begin, and at the end the total.
     wait_starts: Vec<usize>,
-    /// Where each task counts as done, likewise.
+    /// The places at which each task counts as done.
     counts: Vec<u32>,
+    /// Where the places of each task begin, and at the end the total.
     count_starts: Vec<usize>,
-    /// The tasks that count at each place, in order, and where each place's begin.
+    /// The tasks that count at each place, in order of their passes.
     at_place: Vec<u32>,
+    /// Where the tasks of each place begin, and at the end the total.
     at_place_starts: Vec<usize>,
-    /// How many of them there are in every turn.
+    /// For each place, how many of its tasks run in every turn.
     each_turn: Vec<usize>,
+    /// For each task, how often it has been claimed in this run.
     taken: Vec<Padded<AtomicU32>>,
+    /// For each place, how many tasks are done there in this run.
     done: Vec<Padded<AtomicUsize>>,
+    /// Number of workers that sleep, or are about to.
     sleepers: AtomicUsize,
     lock: Mutex<()>,
     bell: Condvar,
 }
 
-/// A pass of a graph in the making.
+/// A pass from which a [`Graph`] is built.
 #[derive(Debug, Clone)]
 pub(crate) struct PassTasks {
-    /// The places that each task touches.
+    /// The places that each task accesses.
     pub touches: Vec<Vec<u32>>,
-    /// More places where a task waits for those before it, but where nobody needs to wait for it, because whoever would waits for
-    /// others that do. Empty, or one list a task.
+    /// More places at which a task waits for earlier tasks, but where later tasks need not wait for it, because those
+    /// that would have to already wait for others that imply it. Empty, or one list per task.
     pub awaits: Vec<Vec<u32>>,
-    /// Whether its tasks wait for tasks of the pass before that are near theirs alone, so that a worker may go on to them while what
-    /// they touch is in cache.
+    /// Whether the tasks wait only for tasks of the pass before that are close to their own, so that a worker may go on
+    /// to them while their data is in cache.
     pub follows: bool,
 }
 
@@ -64,24 +72,28 @@ struct Pass {
     follows: bool,
 }
 
+/// How many tasks must be done at a place before a task may start.
 #[derive(Debug, Clone, Copy)]
 struct Wait {
     place: u32,
     before: u32,
 }
 
-/// In cache lines of its own (two, as they are fetched), so that threads at its neighbors do not wait for it.
+/// Aligned to 128 bytes (two cache lines, because processors prefetch them in pairs) to avoid false sharing between
+/// neighboring counters.
 #[derive(Debug, Default)]
 #[repr(align(128))]
 struct Padded<T>(T);
 
-/// Looks at what a task waits for before a worker looks for another to do: a microsecond or two at first, then twice as long.
+/// Polls of a task's dependencies before a worker looks for other tasks: one or two microseconds at first, doubled each
+/// time that it finds none.
 const GRACE: u32 = 50;
-/// Looks after it did another: there may be more.
+/// Polls after the worker did another task.
 const AGAIN: u32 = 50;
-/// How far back a worker looks at all that it waits for.
+/// How many dependencies back a worker searches exhaustively for a task that is ready.
 const NEAR: u32 = 2;
-/// Looks before it goes to sleep: some 0.2 ms with those before, longer than any task of a cloth worth sharing.
+/// Polls before a worker goes to sleep. With those before, this is about 0.2 ms, longer than any task of a cloth that
+/// is worth sharing.
 const PATIENCE: u32 = 64 * GRACE;
 
 /// A task in one turn.
@@ -93,7 +105,7 @@ struct Job {
 }
 
 impl Graph {
-    /// Of so many places; the first `once` passes come in the first turn alone.
+    /// Builds the graph of `passes` over `places` places. The first `once` passes run in the first turn only.
     pub(crate) fn new(passes: Vec<PassTasks>, once: usize, places: usize) -> Graph {
         let mut graph = Graph { once, wait_starts: vec![0], count_starts: vec![0], ..Graph::default() };
         let mut tasks_at: Vec<Vec<u32>> = vec![Vec::new(); places];
@@ -108,7 +120,7 @@ impl Graph {
                 graph.counts.extend(places);
                 graph.count_starts.push(graph.counts.len());
             }
-            // Those of one pass do not wait for one another.
+            // Registered after the whole pass, so that tasks of one pass do not wait for one another.
             for (task, places) in (first as u32..).zip(&touches) {
                 places.iter().for_each(|&place| tasks_at[place as usize].push(task));
             }
@@ -126,7 +138,8 @@ impl Graph {
         graph
     }
 
-    /// Calls `work(task, turn, pass, index)` for each task of so many turns, on up to so many workers of the current pool.
+    /// Calls `work(task, turn, pass, index)` for every task of `turns` turns, on up to `workers` threads of the current
+    /// pool.
     pub(crate) fn run(&mut self, turns: u32, workers: usize, work: &(impl Fn(&Task, u32, usize, usize) + Sync)) {
         let most = self.passes.iter().map(|pass| pass.tasks.len()).max().unwrap_or(0);
         let workers = workers.min(most).max(1);
@@ -143,7 +156,7 @@ impl Graph {
         Run { graph: self, workers, turns, work }.recruit(0, workers);
     }
 
-    /// The same as a parallel loop for each pass, one after another: what [`Graph::run`] is measured against.
+    /// Runs the same tasks with a parallel loop for each pass: the baseline that [`Graph::run`] is measured against.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn run_pass_by_pass(&mut self, turns: u32, work: &(impl Fn(&Task, u32, usize, usize) + Sync)) {
         use rayon::prelude::*;
@@ -154,7 +167,7 @@ impl Graph {
         }
     }
 
-    /// The passes of a turn.
+    /// The passes that run in a turn.
     fn passes_of(&self, turn: u32) -> Range<usize> {
         if turn == 0 { 0..self.passes.len() } else { self.once..self.passes.len() }
     }
@@ -165,7 +178,7 @@ impl Graph {
     }
 }
 
-/// What workers do.
+/// One run of a graph.
 struct Run<'r, W> {
     graph: &'r Graph,
     workers: usize,
@@ -174,7 +187,7 @@ struct Run<'r, W> {
 }
 
 impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
-    /// Workers `first..end`, by halves: unlike tasks of a scope, these need no memory of their own.
+    /// Starts workers `first..end` by recursive halving. Unlike the tasks of a rayon scope, this allocates no memory.
     fn recruit(&self, first: usize, end: usize) {
         if end - first == 1 {
             return self.serve(first);
@@ -183,14 +196,15 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         rayon::join(|| self.recruit(first, middle), || self.recruit(middle, end));
     }
 
-    /// One worker's part: its own tasks of every pass, unless others do them.
+    /// The work of one worker: its own tasks of every pass, except those that others have claimed.
     fn serve(&self, worker: usize) {
         for turn in 0..self.turns {
             let passes = self.graph.passes_of(turn);
             let mut first = passes.start;
             for chain in self.graph.passes[passes].chunk_by(|_, next| next.follows) {
                 let own = || self.own(turn, first..first + chain.len(), worker);
-                // All that is ready, then the others: their neighbors may wait for this.
+                // Do all own tasks that are ready first, because other workers may wait for them; then wait for the
+                // rest.
                 let ready = || own().filter(|&job| self.is_free(job) && self.is_ready(job));
                 while ready().filter(|&job| self.take(job)).count() > 0 {}
                 own().for_each(|job| self.see_to(job));
@@ -199,7 +213,8 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         }
     }
 
-    /// A worker's jobs of some passes: at each place one pass soon after the other, while the place is in cache.
+    /// A worker's own jobs of several passes, ordered so that passes follow one another closely at each place, while it
+    /// is in cache.
     fn own(&self, turn: u32, passes: Range<usize>, worker: usize) -> impl Iterator<Item = Job> {
         let share = move |pass: usize| {
             let Range { start, end } = self.graph.passes[pass].tasks;
@@ -218,12 +233,12 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         self.graph.taken[job.task].0.load(Ordering::Relaxed) == self.count(job)
     }
 
-    /// How often a job's task was taken before it.
+    /// How often the job's task is claimed before this turn.
     fn count(&self, job: Job) -> u32 {
         if job.pass < self.graph.once { 0 } else { job.turn }
     }
 
-    /// Whether all tasks before a job's that count at a place are done.
+    /// Whether all tasks that `job` waits for at this place are done.
     fn is_over(&self, job: Job, wait: Wait) -> bool {
         let needed = wait.before as usize + job.turn as usize * self.graph.each_turn[wait.place as usize];
         self.graph.done[wait.place as usize].0.load(Ordering::SeqCst) >= needed
@@ -234,7 +249,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         self.graph.waits(job.task).iter().all(|&wait| self.is_over(job, wait))
     }
 
-    /// Does a job that is ready, unless somebody has.
+    /// Claims a job that is ready and runs it. Returns false if another worker has claimed it.
     fn take(&self, job: Job) -> bool {
         let (count, taken) = (self.count(job), &self.graph.taken[job.task].0);
         let is_mine = self.is_free(job) && taken.compare_exchange(count, count + 1, Ordering::Relaxed, Ordering::Relaxed).is_ok();
@@ -246,7 +261,8 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         is_mine
     }
 
-    /// Until somebody takes a job: waits for what it waits for, and does that if nobody does.
+    /// Returns once the job has been claimed. Waits for its dependencies, helps with them if they are unclaimed, and
+    /// claims the job itself if nobody else does.
     fn see_to(&self, job: Job) {
         let mut grace = GRACE;
         while self.is_free(job) {
@@ -274,10 +290,11 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         }
     }
 
-    /// A job that is ready and that one that is not waits for, by way of others or not; none if those are all under way.
+    /// A job that is ready and on which `job` depends, directly or indirectly; none if all of them are in progress.
     ///
-    /// First what is near, farthest from where another worker is at it; then whatever the first of those that it waits for waits
-    /// for, however far back: a worker may never have come.
+    /// Close dependencies are searched first, starting with those farthest from where another worker is at work. If
+    /// there are none, follows the chain of first unclaimed dependencies back as far as it goes, because the worker
+    /// whose tasks those are may never have come.
     fn blocker(&self, job: Job) -> Option<Job> {
         self.ready_before(job, NEAR).or_else(|| {
             let mut job = job;
@@ -288,7 +305,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         })
     }
 
-    /// A job that is ready: this one, or one that it waits for by way of so many others.
+    /// A job that is ready: this one, or a dependency at most `others` levels back.
     fn ready_before(&self, job: Job, others: u32) -> Option<Job> {
         if self.is_ready(job) {
             return Some(job);
@@ -296,7 +313,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         if others == 0 { None } else { self.free_before(job).find_map(|other| self.ready_before(other, others - 1)) }
     }
 
-    /// The free jobs that a job waits for, those at the last place first.
+    /// The unclaimed jobs that a job waits for, those of its last place first.
     fn free_before(&self, job: Job) -> impl Iterator<Item = Job> {
         let graph = self.graph;
         let waits = graph.waits(job.task).iter().rev().filter(move |&&wait| !self.is_over(job, wait));
@@ -304,7 +321,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
             let place = wait.place as usize;
             let tasks = &graph.at_place[graph.at_place_starts[place]..graph.at_place_starts[place + 1]];
             let (before, behind) = tasks.split_at(wait.before as usize);
-            // What is behind it was to be done in the turn before.
+            // Of this pass and later ones, the tasks of the turn before must be done.
             let last = job.turn.checked_sub(1);
             let last = behind.iter().filter_map(move |&task| Some((last?, task)));
             last.chain(before.iter().map(move |&task| (job.turn, task)))
@@ -317,7 +334,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         self.graph.passes.partition_point(|pass| pass.tasks.end <= task)
     }
 
-    /// Sleeps until there is something to do, so that a busy machine can get on with what is waited for.
+    /// Sleeps until there is something to do, so that on a busy machine the threads that are waited for get the core.
     fn sleep(&self, job: Job) {
         let graph = self.graph;
         graph.sleepers.fetch_add(1, Ordering::SeqCst);
@@ -330,7 +347,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
     }
 }
 
-/// Counts a task as done when dropped: also if it panics, or the others would wait for ever.
+/// Counts a task as done when dropped, even if the task panics; otherwise the other workers would wait forever.
 struct Done<'a> {
     graph: &'a Graph,
     task: usize,
@@ -342,7 +359,8 @@ impl Drop for Done<'_> {
         let counts = &graph.counts[graph.count_starts[task]..graph.count_starts[task + 1]];
         counts.iter().for_each(|&place| _ = graph.done[place as usize].0.fetch_add(1, Ordering::SeqCst));
         if graph.sleepers.load(Ordering::SeqCst) > 0 {
-            // Under the lock, so that no one is between looking and sleeping.
+            // Taking the lock ensures that no worker is between its last check and its sleep, where it would miss the
+            // notification.
             drop(graph.lock.lock().unwrap_or_else(PoisonError::into_inner));
             graph.bell.notify_all();
         }

@@ -1,9 +1,10 @@
-//! Lists of places in shared arrays, compared with a bound when they are made.
+//! Lists of indices into shared arrays, checked against a bound when they are built.
 //!
-//! [`vectors`](super::vectors) asks for those inside an array ([`Rows::inside`], [`Places::inside`]), and then compares no place any
-//! more: what is in a list must stay below its bound.
+//! [`vectors`](super::vectors) checks once that the bound of a list lies inside an array ([`Rows::inside`],
+//! [`Places::inside`]) and then uses the indices without further checks, so a list must never hold an index beyond its
+//! bound.
 
-/// A list of rows, so many items one after another each, in arrays of at least `bound` items.
+/// The starts of rows, each `length` contiguous items, in arrays of at least `bound` items.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Rows {
     starts: Vec<u32>,
@@ -35,10 +36,10 @@ impl Rows {
         self.starts[index]
     }
 
-    /// Where the rows begin, all of them inside an array of so many items.
+    /// The starts of the rows, all of which lie inside an array of `array_length` items.
     ///
     /// # Panics
-    /// If the array is shorter than the bound, or the rows are not of this length.
+    /// If the array is shorter than the bound, or the rows have another length.
     #[inline(always)]
     pub(super) fn inside(&self, array_length: usize, length: usize) -> &[u32] {
         assert!(self.bound <= array_length && self.length == length, "inside the array");
@@ -46,7 +47,7 @@ impl Rows {
     }
 }
 
-/// A list of places in arrays of at least `bound` items.
+/// Indices into arrays of at least `bound` items.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Places {
     items: Vec<u32>,
@@ -78,7 +79,7 @@ impl Places {
         self.items[index]
     }
 
-    /// The places, all of them inside an array of so many items.
+    /// The indices, all of which lie inside an array of `array_length` items.
     ///
     /// # Panics
     /// If the array is shorter than the bound.

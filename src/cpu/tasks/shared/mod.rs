@@ -1,15 +1,17 @@
-//! Arrays that tasks share, each task writing in places of its own.
+//! Arrays that tasks share and write to concurrently, each in places of its own.
 //!
-//! One of the two places with unsafe code, which is in this file and in [`vectors`]. It rests on these invariants:
+//! This module and its child [`vectors`] hold one of the crate's two pieces of unsafe code. It rests on these
+//! invariants:
 //!
-//! - **Alive**: a [`SharedArray`] borrows its items, mutably, for as long as it lives, and a [`View`] borrows the array.
-//! - **Inside**: every access is compared with the array's length: once for as many items as one after another are wanted
-//!   together ([`vectors::Row`]), or once for a list of places or rows ([`lists`]) that were compared with the list's bound when it
-//!   was made. Lengths and bounds never change.
-//! - **Apart**: while tasks run, no item that one writes is read or written by another. An array can only be seen from within a
-//!   [`Task`]; tasks are made by the [`scheduler`](super::scheduler) alone, which runs one only after all earlier ones that touch
-//!   a place of the cloth that it touches. That a task's loops stay where it says is for [`Schedule`](crate::cpu::schedule::Schedule) to
-//!   say; debug builds watch every access for two tasks that meet ([`race`]), which they find when those overlap in time.
+//! - **Alive**: a [`SharedArray`] mutably borrows its items for as long as it lives, and a [`View`] borrows the array.
+//! - **Inside**: every access is checked against the array's length: once for a contiguous group of items
+//!   ([`vectors::Row`]), or once for a list of indices or rows ([`lists`]) whose elements were checked against the
+//!   list's bound when it was built. Lengths and bounds never change.
+//! - **Apart**: while tasks run, no item that one task writes is read or written by another. An array is accessible
+//!   only from within a [`Task`]. Only the [`scheduler`](super::scheduler) makes tasks, and it runs one only after all
+//!   earlier tasks that access a common place of the cloth. That a task's loops stay within the places it lists is the
+//!   responsibility of [`Schedule`](crate::cpu::schedule::Schedule); debug builds watch every access for conflicting
+//!   tasks ([`race`]), which they detect if the tasks overlap in time.
 
 #![expect(unsafe_code, reason = "see the invariants")]
 
@@ -28,17 +30,17 @@ pub(crate) mod vectors;
 #[cfg(debug_assertions)]
 use race::{Ticket, Visitors};
 
-/// A task that runs.
+/// Proof that code runs inside a task of the scheduler.
 #[derive(Debug)]
 pub(crate) struct Task {
     #[cfg(debug_assertions)]
     ticket: Ticket,
-    /// So that nobody else makes one, and that it stays in its thread.
+    /// Keeps others from constructing one, and keeps it in its thread.
     _made_here: PhantomData<*mut ()>,
 }
 
 impl Task {
-    /// For the scheduler, when it begins a task.
+    /// For the scheduler only, when it starts a task.
     pub(super) fn begin() -> Task {
         Task {
             #[cfg(debug_assertions)]
@@ -47,14 +49,14 @@ impl Task {
         }
     }
 
-    /// A task of a test, beside which no other runs.
+    /// A task for tests, in which no other task may run beside it.
     #[cfg(test)]
     pub(crate) fn alone() -> Task {
         Task::begin()
     }
 }
 
-/// An array that tasks share.
+/// An array that the tasks of a step share.
 #[derive(Debug)]
 pub(crate) struct SharedArray<'a, T = Vec4> {
     start: *mut T,
@@ -64,19 +66,19 @@ pub(crate) struct SharedArray<'a, T = Vec4> {
     visitors: Visitors,
 }
 
-// SAFETY: Apart, and items that may be sent and seen from other threads.
+// SAFETY: Apart; and the items may be sent to and shared with other threads.
 unsafe impl<T: Send + Sync> Send for SharedArray<'_, T> {}
-// SAFETY: Apart, and items that may be sent and seen from other threads.
+// SAFETY: Apart; and the items may be sent to and shared with other threads.
 unsafe impl<T: Send + Sync> Sync for SharedArray<'_, T> {}
 
 impl<'a, T> SharedArray<'a, T> {
     pub(crate) fn new(items: &'a mut [T]) -> SharedArray<'a, T> {
-        // SAFETY: Alive, for they are borrowed.
+        // SAFETY: Alive, because the items are mutably borrowed for `'a`.
         unsafe { SharedArray::at(items.as_mut_ptr(), items.len()) }
     }
 
     /// # Safety
-    /// So many items begin there, which nobody else reads or writes as long as the array lives.
+    /// `start` must point to `length` valid items, which nothing else reads or writes as long as the array lives.
     unsafe fn at(start: *mut T, length: usize) -> SharedArray<'a, T> {
         SharedArray {
             start,
@@ -87,10 +89,10 @@ impl<'a, T> SharedArray<'a, T> {
         }
     }
 
-    /// The items, once no task can see them any more.
+    /// Returns the items, once no task can access them any more.
     #[cfg(feature = "gpu")]
     pub(crate) fn into_inner(self) -> &'a mut [T] {
-        // SAFETY: Alive; whoever saw the array borrowed it, and it is given away here.
+        // SAFETY: Alive; all views borrowed the array, which is consumed here.
         unsafe { std::slice::from_raw_parts_mut(self.start, self.length) }
     }
 
@@ -98,7 +100,7 @@ impl<'a, T> SharedArray<'a, T> {
         self.length == 0
     }
 
-    /// The array as a task sees it.
+    /// The array as seen from within a task.
     #[inline(always)]
     #[cfg_attr(not(debug_assertions), expect(unused_variables, reason = "debug builds watch what it does"))]
     pub(crate) fn within<'t>(&'t self, task: &'t Task) -> View<'t, T> {
@@ -112,7 +114,7 @@ impl<'a, T> SharedArray<'a, T> {
     }
 }
 
-/// A shared array within a task.
+/// A shared array within a task. Views are copied freely: a task may hold several of one array.
 #[derive(Debug)]
 pub(crate) struct View<'t, T = Vec4> {
     start: *mut T,
@@ -132,14 +134,14 @@ impl<T> Clone for View<'_, T> {
 impl<T> Copy for View<'_, T> {}
 
 impl<T> View<'_, T> {
-    /// Where an item is.
+    /// The address of an item.
     #[inline(always)]
     fn pointer(self, item: usize) -> *mut T {
         assert!(item < self.length, "inside the array");
         self.start.wrapping_add(item)
     }
 
-    /// Notes, in debug builds, that the task reads so many items.
+    /// In debug builds, records that the task reads `count` items.
     #[inline(always)]
     #[cfg_attr(not(debug_assertions), expect(unused_variables, clippy::unused_self, reason = "nobody watches"))]
     fn reads(self, first: usize, count: usize) {
@@ -147,6 +149,7 @@ impl<T> View<'_, T> {
         (first..first + count).for_each(|item| self.visitors.0.read(item, self.visitors.1.ticket.number()));
     }
 
+    /// In debug builds, records that the task writes `count` items.
     #[inline(always)]
     #[cfg_attr(not(debug_assertions), expect(unused_variables, clippy::unused_self, reason = "nobody watches"))]
     fn writes(self, first: usize, count: usize) {
@@ -154,28 +157,30 @@ impl<T> View<'_, T> {
         (first..first + count).for_each(|item| self.visitors.0.write(item, self.visitors.1.ticket.number()));
     }
 
-    /// Shows an item.
+    /// Calls `look` with a reference to an item.
     #[cfg(feature = "gpu")]
     pub(crate) fn show<R>(self, item: usize, look: impl FnOnce(&T) -> R) -> R {
         self.reads(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and what looks on does not put another item there ([`View::replace`]).
+        // SAFETY: Alive, Inside (`pointer`), Apart; and `look` does not replace the item meanwhile ([`View::replace`]).
         look(unsafe { &*self.pointer(item) })
     }
 
-    /// Puts another item in a place, which nobody is being shown meanwhile.
+    /// Replaces an item, to which no reference may exist ([`View::show`]).
     #[cfg(feature = "gpu")]
     pub(crate) fn replace(self, item: usize, value: T) {
         self.writes(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and nobody looks on ([`View::show`]).
+        // SAFETY: Alive, Inside (`pointer`), Apart; and no reference to the item exists ([`View::show`]).
         unsafe { *self.pointer(item) = value };
     }
 
-    /// Asks for items that are about to be written: what another thread's cache holds would else be waited for at each store.
+    /// Prefetches items for writing. If another core's cache holds them, every store would otherwise wait for the
+    /// transfer.
     pub(crate) fn claim(self, items: Range<u32>) {
         #[cfg(target_arch = "x86_64")]
         for line in (items.start as usize * size_of::<T>()..items.end as usize * size_of::<T>()).step_by(64) {
             let place = self.start.cast::<u8>().wrapping_add(line);
-            // SAFETY: a hint, which may name any address and changes nothing; processors without it do nothing.
+            // SAFETY: a prefetch is a hint: it may name any address and has no effect on memory. Processors without it
+            // do nothing.
             unsafe {
                 std::arch::asm!("prefetchw [{}]", in(reg) place, options(nostack, preserves_flags));
             }
@@ -201,26 +206,27 @@ impl<T: Copy> View<'_, T> {
     }
 }
 
-/// Memory of a GPU's that is mapped to be written, as vectors of three one after another.
+/// Mapped memory of the GPU that is open for writing, as a contiguous array of 3-vectors.
 ///
-/// The pointer is good as long as this lives, for it keeps the view: wgpu does not unmap a buffer that has one.
+/// The pointer is valid as long as this lives, because it keeps the mapped view: wgpu does not unmap a buffer that has
+/// one.
 #[cfg(feature = "gpu")]
 #[derive(Debug)]
 pub(crate) struct MappedVectors {
     array: SharedArray<'static, glam::Vec3>,
-    /// Dropped after the array.
+    /// Declared after `array`, so that it is dropped later.
     _view: wgpu::BufferViewMut,
 }
 
 #[cfg(feature = "gpu")]
 impl MappedVectors {
-    /// None if the memory is at an odd address.
+    /// None if the memory is not aligned for `f32`.
     #[expect(clippy::cast_ptr_alignment, reason = "looked at below")]
     pub(crate) fn new(mut view: wgpu::BufferViewMut) -> Option<MappedVectors> {
         let length = view.len() / size_of::<glam::Vec3>();
         let start = view.slice(..).as_raw_element_ptr().as_ptr().cast::<glam::Vec3>();
         start.is_aligned().then(|| {
-            // SAFETY: Alive, for the view is kept as long; nobody else has it.
+            // SAFETY: Alive, because the view is kept for as long as the array; nothing else has access to it.
             let array = unsafe { SharedArray::at(start, length) };
             MappedVectors { array, _view: view }
         })

@@ -1,17 +1,20 @@
-//! What debug builds watch for: an item of a shared array that a task writes while another that runs reads or writes it. Found is
-//! what overlaps in time, but for readers that another reader came after.
+//! Race detection in debug builds: reports a task that writes an item of a shared array while another running task
+//! reads or writes it. It detects conflicts that overlap in time, except with a reader that was followed by another
+//! reader.
 //!
-//! Every task that runs has a ticket; every item remembers the tickets of the last task that read it and of the last that wrote it.
+//! Every running task has a ticket. Every item remembers the ticket of the last task that read it and of the last that
+//! wrote it.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Tasks that run at the same time, at most; more are not watched.
+/// Maximum number of concurrent tasks that are watched.
 const SLOTS: usize = 256;
-/// The ticket of the task that runs in each slot, 0 if none.
+/// The ticket of the task that runs in each slot; 0 if the slot is free. A ticket is a serial number times [`SLOTS`]
+/// plus the slot.
 static RUNNING: [AtomicU64; SLOTS] = [const { AtomicU64::new(0) }; SLOTS];
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
-/// A task that runs, until it is dropped.
+/// The ticket of a running task, returned when dropped; 0 if there was no free slot.
 #[derive(Debug)]
 pub(super) struct Ticket(u64);
 
@@ -40,7 +43,7 @@ impl Drop for Ticket {
     }
 }
 
-/// Who was at each item last.
+/// The last visitors of each item.
 #[derive(Debug)]
 pub(super) struct Visitors(Vec<Last>);
 
@@ -69,7 +72,7 @@ impl Visitors {
     }
 }
 
-/// Whether the task of a ticket is another, and still runs.
+/// Whether a ticket belongs to another task that is still running.
 fn meets(other: u64, ticket: u64) -> bool {
     other != 0 && other != ticket && RUNNING[other as usize % SLOTS].load(Ordering::SeqCst) == other
 }

@@ -1,7 +1,8 @@
-//! Vectors of four of a shared array, by lanes: one after another, or at the places of a list.
+//! SIMD access to a shared array of 4-vectors, contiguous or through a list of indices.
 //!
-//! The unsafe code here rests on the invariants of [`shared`](super). For **Inside**, what is made of a view ([`Row`], [`RowsOf`],
-//! [`Gathered`]) is compared with the array's length when it is made, and not again: nothing outside this file makes one.
+//! The unsafe code here rests on the invariants of [`shared`](super). For **Inside**, the types made from a view
+//! ([`Row`], [`RowsOf`], [`Gathered`]) are checked against the array's length when they are made and not again; nothing
+//! outside this file can make one.
 
 use std::marker::PhantomData;
 
@@ -12,7 +13,7 @@ use super::lists::{Places, Rows};
 use crate::simd::{Registers, Vector};
 
 impl<'t> View<'t, Vec4> {
-    /// As many vectors as lanes, one after another from `first` on.
+    /// As many contiguous vectors as there are lanes, from `first` on.
     #[inline(always)]
     pub(crate) fn row<L: Registers>(self, first: u32) -> Row<'t, L> {
         let first = first as usize;
@@ -20,7 +21,7 @@ impl<'t> View<'t, Vec4> {
         Row { view: self, first, lanes: PhantomData }
     }
 
-    /// The rows of a list, `EACH` vectors for each lane.
+    /// The rows of a list, with `EACH` vectors per lane.
     #[inline(always)]
     pub(crate) fn rows<'p, L: Registers, const EACH: usize>(self, rows: &'p Rows) -> RowsOf<'p, L, EACH>
     where
@@ -29,14 +30,14 @@ impl<'t> View<'t, Vec4> {
         RowsOf { view: self, starts: rows.inside(self.length, EACH * L::LANES), lanes: PhantomData }
     }
 
-    /// As many vectors as lanes, one after another from `first` on: all x, all y, all z.
+    /// One vector per lane, contiguous from `first` on, transposed to structure of arrays (all x, all y, all z).
     #[inline(always)]
     pub(crate) fn vectors<L: Registers>(self, first: usize) -> Vector<L> {
         let row = self.row::<L>(first as u32);
         L::transpose([row.get(0), row.get(1), row.get(2), row.get(3)])
     }
 
-    /// The inverse of [`View::vectors`], with 0 as fourth.
+    /// Stores the vectors that [`View::vectors`] loads, with 0 as the fourth component.
     #[inline(always)]
     pub(crate) fn set_vectors<L: Registers>(self, first: usize, vectors: Vector<L>) {
         let (row, [a, b, c, d]) = (self.row::<L>(first as u32), L::vectors(vectors));
@@ -46,7 +47,7 @@ impl<'t> View<'t, Vec4> {
         row.set(3, d);
     }
 
-    /// The vectors at the places of a list.
+    /// The vectors at the indices of a list.
     #[inline(always)]
     pub(crate) fn at<'p>(self, places: &'p Places) -> Gathered<'p>
     where
@@ -55,37 +56,39 @@ impl<'t> View<'t, Vec4> {
         Gathered { view: self, places: places.inside(self.length) }
     }
 
-    /// A register of vectors that are known to be inside.
+    /// A register of contiguous vectors that the caller has checked to be inside.
     #[inline(always)]
     fn load<L: Registers>(self, first: usize) -> L {
         self.reads(first, L::VECTORS);
-        // SAFETY: Alive, Inside (whoever calls this has compared), Apart.
+        // SAFETY: Alive, Inside (the caller has checked), Apart.
         L::load(unsafe { std::slice::from_raw_parts(self.start.wrapping_add(first), L::VECTORS) })
     }
 
+    /// Stores a register of contiguous vectors that the caller has checked to be inside.
     #[inline(always)]
     fn store<L: Registers>(self, first: usize, value: L) {
         self.writes(first, L::VECTORS);
-        // SAFETY: Alive, Inside (whoever calls this has compared), Apart.
+        // SAFETY: Alive, Inside (the caller has checked), Apart.
         value.store(unsafe { std::slice::from_raw_parts_mut(self.start.wrapping_add(first), L::VECTORS) });
     }
 
-    /// The even and the odd ones of twice as many vectors that are known to be inside.
+    /// The vectors at even and at odd positions of two registers' worth, which the caller has checked to be inside.
     #[inline(always)]
     fn load_pairs<L: Registers>(self, first: usize) -> [L; 2] {
         self.reads(first, 2 * L::VECTORS);
-        // SAFETY: Alive, Inside (whoever calls this has compared), Apart.
+        // SAFETY: Alive, Inside (the caller has checked), Apart.
         L::load_pairs(unsafe { std::slice::from_raw_parts(self.start.wrapping_add(first), 2 * L::VECTORS) })
     }
 
+    /// Stores what [`View::load_pairs`] loads.
     #[inline(always)]
     fn store_pairs<L: Registers>(self, first: usize, pairs: [L; 2]) {
         self.writes(first, 2 * L::VECTORS);
-        // SAFETY: Alive, Inside (whoever calls this has compared), Apart.
+        // SAFETY: Alive, Inside (the caller has checked), Apart.
         L::store_pairs(pairs, unsafe { std::slice::from_raw_parts_mut(self.start.wrapping_add(first), 2 * L::VECTORS) });
     }
 
-    /// A vector at a place of a list that was compared.
+    /// The vector at an index from a checked list.
     #[inline(always)]
     fn vector(self, place: u32) -> Vec4 {
         self.reads(place as usize, 1);
@@ -101,9 +104,10 @@ impl<'t> View<'t, Vec4> {
     }
 }
 
-/// As many vectors as lanes in four registers, wherever they are in memory; or as many pairs in four pairs of registers.
+/// One vector per lane in four registers, or one pair of vectors per lane in four pairs of registers, wherever they are
+/// in memory.
 pub(crate) trait Four<R> {
-    /// Register `k`, below 4, or the pair of registers.
+    /// Register `k` of 4, or pair of registers `k`.
     fn get(&self, k: usize) -> R;
     fn set(&self, k: usize, value: R);
 }
@@ -121,11 +125,11 @@ impl<L, F: Four<L>> Four<[L; 2]> for (F, F) {
     }
 }
 
-/// Vectors one after another, `EACH` for each lane.
+/// Contiguous vectors, `EACH` per lane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Row<'t, L, const EACH: usize = 1> {
     view: View<'t>,
-    /// There are `EACH` times as many as lanes from here on.
+    /// At least `EACH` vectors per lane lie inside from here on.
     first: usize,
     lanes: PhantomData<L>,
 }
@@ -142,7 +146,7 @@ impl<L: Registers> Four<L> for Row<'_, L> {
     }
 }
 
-/// The even ones and the odd ones.
+/// Pairs of the vectors at even and at odd positions.
 impl<L: Registers> Four<[L; 2]> for Row<'_, L, 2> {
     #[inline(always)]
     fn get(&self, k: usize) -> [L; 2] {
@@ -159,7 +163,7 @@ impl<L: Registers> Four<[L; 2]> for Row<'_, L, 2> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RowsOf<'p, L, const EACH: usize> {
     view: View<'p>,
-    /// All inside.
+    /// The start of each row; all rows lie inside.
     starts: &'p [u32],
     lanes: PhantomData<L>,
 }
@@ -171,11 +175,11 @@ impl<'p, L: Registers, const EACH: usize> RowsOf<'p, L, EACH> {
     }
 }
 
-/// Vectors anywhere: register `k` holds those of lanes `k`, `k + 4` ...
+/// Vectors at arbitrary indices: register `k` holds those of lanes `k`, `k + 4` ...
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Listed<'t, L> {
     view: View<'t>,
-    /// As many as lanes, all inside.
+    /// One index per lane, all inside.
     places: &'t [u32],
     lanes: PhantomData<L>,
 }
@@ -194,7 +198,7 @@ impl<L: Registers> Four<L> for Listed<'_, L> {
         L::from_vectors([vector(k), vector(k + 4), vector(k + 8), vector(k + 12)])
     }
 
-    /// Of vectors at one place the first is what lasts.
+    /// Where lanes have the same index, the value of the first of them is kept.
     #[inline(always)]
     fn set(&self, k: usize, value: L) {
         let vectors = value.to_vectors();
@@ -204,7 +208,7 @@ impl<L: Registers> Four<L> for Listed<'_, L> {
     }
 }
 
-/// Vectors at the places of a list.
+/// The vectors at the indices of a list.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Gathered<'p> {
     view: View<'p>,
@@ -218,20 +222,20 @@ impl<'p> Gathered<'p> {
         self.view.vector(self.places[index])
     }
 
-    /// As many vectors as lanes, from an index of the list on.
+    /// One vector per lane, from position `first` of the list on.
     #[inline(always)]
     pub(crate) fn row<L: Registers>(self, first: usize) -> Listed<'p, L> {
         Listed { view: self.view, places: &self.places[first..first + L::LANES], lanes: PhantomData }
     }
 
-    /// The same: all x, all y, all z.
+    /// The same, transposed to structure of arrays (all x, all y, all z).
     #[inline(always)]
     pub(crate) fn vectors<L: Registers>(self, first: usize) -> Vector<L> {
         let listed = self.row::<L>(first);
         L::transpose([listed.get(0), listed.get(1), listed.get(2), listed.get(3)])
     }
 
-    /// As many vectors as a register holds, from an index of the list on.
+    /// One register of vectors, from position `first` of the list on.
     #[inline(always)]
     pub(crate) fn register<L: Registers>(self, first: usize) -> L {
         let places = &self.places[first..first + L::VECTORS];
@@ -239,7 +243,8 @@ impl<'p> Gathered<'p> {
         L::from_vectors([vector(0), vector(1), vector(2), vector(3)])
     }
 
-    /// The same of a list that ascends, or ascends and then repeats its first: often they are one after another.
+    /// The same for a list that ascends, possibly followed by repeats of its first index. Often the vectors are
+    /// contiguous and need no gather.
     #[inline(always)]
     pub(crate) fn ascending<L: Registers>(self, first: usize) -> L {
         let places = &self.places[first..first + L::VECTORS];
