@@ -1,10 +1,13 @@
-//! Bending for substeps of one length: rows as stiff as they can be taken, in as many passes as that takes.
+//! Bending coefficients for substeps of one length: as much of the fabric's rigidity as stays stable, in as many filter
+//! passes as that takes.
 //!
 //! # Theory
-//! With rows `L`, `S_v = B_v D_v` and inverse masses `w`, an explicit kick `-h² w L^T S L x` is stable up to `z = h² lambda = 2`, lambda an
-//! eigenvalue of `w L^T S L`. A fine mesh exceeds that by far at few substeps, at wavelengths that hardly matter; to lower `B` there
-//! would soften all the others too. Instead the moments `S y`, `y = L x`, are filtered: `s` passes of a recursion that lets the vertices
-//! give way, by `b_k`, to the moments so far,
+//! Let `L` be the matrix of rows of the bending energy, `S` the diagonal matrix of their stiffnesses `S_v = B_v D_v`,
+//! and `w` the inverse masses. An explicit bending kick `-h² w L^T S L x` is stable up to `z = h² lambda = 2` for every
+//! eigenvalue lambda of `w L^T S L`. With few substeps a fine mesh exceeds that by far, at short wavelengths that
+//! hardly matter. Lowering `B` there would soften all other wavelengths too. Instead the moments `S y`, `y = L x`, are
+//! filtered by `s` passes of a recursion. Before each pass but the first, the vertices are displaced tentatively, by
+//! `b_k`, under the moments so far:
 //!
 //! ```text
 //! m_1 = 3/2 (w_1/w_0) S y
@@ -12,46 +15,52 @@
 //! m_{k+1} = m_k + alpha_k (m_k - m_{k-1}) + beta_k S (y + L b_k)
 //! ```
 //!
-//! make of them `m_s = Q y`, with which a mode is kicked by `P(z) = 3/2 (1 - T_s(w_0 - w_1 z)/3)` in place of `z`: Chebyshev's iteration
-//! (Golub and Varga 1961), as damped by Verwer, Hundsdorfer and Sommeijer (1990) for explicit methods. `theta = acosh(3)/s`, `w_0 = cosh theta`, `w_1 = sinh
-//! theta/(sqrt(2) s)`, `T_k = cosh(k theta)`, `alpha_k = T_{k-1}/T_{k+1}`, `beta_k = 3 w_1 T_k/T_{k+1}`. `P = z` for long waves, and `1 <= P <= 2` for
-//! the shortest, up to `z = sqrt(2) s coth(asinh(1)/s)`, about `1.6 s²`. One pass is the plain kick.
+//! The filtered moments are `m_s = Q y`, with which a mode is kicked by `P(z) = 3/2 (1 - T_s(w_0 - w_1 z)/3)` in place
+//! of `z`. This is Chebyshev's iteration (Golub and Varga 1961), damped as Verwer, Hundsdorfer and Sommeijer (1990) do
+//! for explicit methods. Here `theta = acosh(3)/s`, `w_0 = cosh theta`, `w_1 = sinh theta/(sqrt(2) s)`,
+//! `T_k = cosh(k theta)`, `alpha_k = T_{k-1}/T_{k+1}` and `beta_k = 3 w_1 T_k/T_{k+1}`. `P = z` for long waves, and
+//! `1 <= P <= 2` for the shortest ones, up to `z = sqrt(2) s coth(asinh(1)/s)`, which is about `1.6 s²`. One pass is
+//! the plain kick.
 //!
-//! `Q` is a constant symmetric matrix between rows, so that the filtered moments keep both momenta and have an energy, `y.Q y/2`.
+//! `Q` is a constant symmetric matrix acting on rows, so the filtered moments conserve linear and angular momentum and
+//! have an energy, `y.Q y/2`.
 //!
-//! Damping stays as it is in one pass ([`bend_moment`](crate::kernels::bending::bend_moment)), where it takes a half of a mode's velocity at most:
-//! filtered as well it would be up to `z/2` times as strong, and cost as much again, but a dropped towel settled no sooner.
+//! Damping is not filtered ([`bend_moment`](crate::kernels::bending::bend_moment)). In one pass it takes at most half
+//! of a mode's velocity. Filtered it would be up to `z/2` times as strong and cost as much again, but a towel dropped
+//! in a test came to rest no sooner.
 
 use glam::Vec4;
 
 use crate::kernels::bending::{BendPass, BendRow};
 use crate::model::bending::Bending;
 
-/// Passes, at most.
+/// Maximum number of passes.
 pub(crate) const MOST_PASSES: usize = 16;
 
-/// Share of the vertices' rigidity that may be lost without a word.
+/// Mean share of the rigidity that may be lost to the stability limit before [`BendRows::limited`] reports it.
 const LOST: f64 = 0.05;
 
-/// Bending for substeps of one length.
+/// Bending coefficients for substeps of one length.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct BendRows {
-    /// One for each vertex; none without bending.
+    /// One row per vertex; empty without bending.
     pub rows: Vec<BendRow>,
-    /// How the rows' moments are filtered; none if one pass will do, and the moments are what they are.
+    /// The coefficients of the filter's passes; empty if one pass suffices and the moments are used unfiltered.
     pub passes: Vec<BendPass>,
-    /// Vertices where the rigidity had to be lowered to stay stable; 0 where that takes a twentieth of the cloth's at most.
+    /// Number of vertices whose rigidity had to be lowered for stability; 0 if the cloth loses at most 5 % on average.
     pub limited: usize,
 }
 
 impl BendRows {
-    /// For rigidity `rigidity` (N m) and retardation time `tau` (s) at substep `h` (s). `rest` has the inverse masses (1/kg) as w.
+    /// For rigidity `rigidity` (N m), retardation time `tau` (s) and substep `h` (s). `rest` holds the inverse masses
+    /// (1/kg) in its w components.
     ///
-    /// As many passes as carry 95 in a hundred vertices, if that may be more than one, and 16 at most. What they do not carry is
-    /// lowered: the energy of a row, not the response of a vertex, so that momentum is kept.
+    /// If `filtered`, takes as many passes as keep 95 % of the vertices stable at full rigidity, at most 16; otherwise
+    /// one. Where that is not enough the rigidity is lowered, in the energy of rows rather than in the response of
+    /// vertices, so that momentum is conserved.
     pub(crate) fn new(bending: &Bending, rest: &[Vec4], [rigidity, tau, h]: [f64; 3], filtered: bool) -> BendRows {
         let full: Vec<f64> = bending.weight.iter().map(|weight| rigidity * weight).collect();
-        // `h² g` of each vertex.
+        // The bound `h² g` on each vertex's eigenvalue (Gershgorin).
         let reached = |stiffness: &[f64]| bending.bounds(rest, stiffness).into_iter().map(|g| h * h * g).collect::<Vec<f64>>();
         let needed = reached(&full);
         let count = if filtered { passes(&needed, tau > 0.0) } else { 1 };
@@ -59,7 +68,8 @@ impl BendRows {
         let share: Vec<f64> = needed.iter().map(|z| (most / z).min(1.0)).collect();
         let row_share: Vec<f64> = (0..rest.len()).map(|v| bending.least_of_row(&share, v)).collect();
         let stiffness: Vec<f64> = full.iter().zip(&row_share).map(|(full, share)| full * share).collect();
-        // With one pass a mode's spring and its damping share what leapfrog can take; the filter leaves a half to damping.
+        // With one pass, a mode's spring and its damping share the stability limit of leapfrog; with the filter,
+        // damping has half of it to itself.
         let damped = |z: &f64| tau.min(if count == 1 { 0.5 * h * (2.0 / z - 1.0) } else { 0.5 * h / z }).max(0.0);
         let damped: Vec<f64> = reached(&stiffness).iter().map(damped).collect();
         let rows = (0..rest.len()).map(|v| BendRow {
@@ -74,7 +84,7 @@ impl BendRows {
     }
 }
 
-/// The fewest passes that carry 95 in a hundred of the vertices that bend.
+/// The fewest passes with which 95 % of the vertices that bend are stable.
 fn passes(needed: &[f64], damped: bool) -> usize {
     let mut bent: Vec<f64> = needed.iter().copied().filter(|&z| z > 0.0).collect();
     if bent.is_empty() {
@@ -85,7 +95,7 @@ fn passes(needed: &[f64], damped: bool) -> usize {
     (1..MOST_PASSES).find(|&count| limit(count, damped) >= z).unwrap_or(MOST_PASSES)
 }
 
-/// The largest `h² g` that so many passes carry. A single one has no filter for its damping, which takes half of it.
+/// The largest `h² g` that is stable with so many passes. With a single pass, damping takes half of the limit.
 fn limit(passes: usize, damped: bool) -> f64 {
     match passes {
         1 => {
@@ -99,7 +109,7 @@ fn limit(passes: usize, damped: bool) -> f64 {
     }
 }
 
-/// The recursion of so many passes at substep `h` (s).
+/// The coefficients of the recursion with `count` passes at substep `h` (s).
 fn filter(count: usize, h: f64) -> Vec<BendPass> {
     let theta = 3.0_f64.acosh() / count as f64;
     let chebyshev = |k: usize| (k as f64 * theta).cosh();

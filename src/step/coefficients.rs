@@ -1,4 +1,5 @@
-//! What depends on the length of the substep: computed once, kept while the length stays.
+//! Coefficients that depend on the length of the substep. They are computed once and kept while the length stays the
+//! same.
 
 use crate::kernels::distance::Edge;
 use crate::kernels::tether::Tether;
@@ -9,29 +10,29 @@ use crate::options::{Method, Options};
 use crate::step::bending::BendRows;
 use crate::step::substep_count::Length;
 
-/// The cloth's numbers for substeps of one length.
+/// The coefficients of a cloth for substeps of one length.
 #[derive(Debug, Clone)]
 pub(crate) struct Coefficients {
-    /// What they are for.
+    /// The length that they are for.
     pub length: Length,
-    /// Edges in color order; none for springs, which are forces.
+    /// Edges in color order; empty for springs, which act as forces.
     pub edges: Vec<Edge>,
-    /// Coarse edges of each level in use, the finest first.
+    /// Coarse edges of each level in use, finest first.
     pub levels: Vec<Vec<Edge>>,
-    /// Tethers, by vertex; none where there are no lone pins, or the stiffness is resolved.
+    /// Tethers with their vertices, sorted by vertex; empty where there are no lone pins or the stiffness is resolved.
     pub tethers: Vec<(u32, Tether)>,
-    /// Rows of the bending energy; none without bending.
+    /// Rows of the bending energy; empty without bending.
     pub bending: BendRows,
 }
 
 impl Coefficients {
-    /// For substeps of one length, with the coarse levels in use.
+    /// For substeps of one length, with edges for the coarse `levels` in use.
     pub(crate) fn new(cloth: &Cloth, levels: &[Level], options: &Options, length: Length) -> Coefficients {
         let fine = |link: &Link, floor: f64| {
             let weight = cloth.weight(link);
             let inverse_weight = match options.method {
                 Method::SmallSteps => inverse_weight(1.0 / link.stiffness, weight, floor, length),
-                // Relaxation knows no stiffness; an edge scaled to nothing is still no edge.
+                // Relaxation ignores stiffness, but an edge scaled to zero still has to be absent.
                 _ if link.shape == 0.0 => 0.0,
                 _ => inverse_weight(0.0, weight, 0.0, length),
             };
@@ -41,7 +42,8 @@ impl Coefficients {
         let least = |link: &Link| if in_chain(link) { 0.0 } else { floor(link, cloth.weight(link), length) };
         let swept = if options.method == Method::Springs { &[] } else { cloth.swept() };
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
-        // What the fine edges carry themselves the levels need not: both together are as stiff as the fabric.
+        // The levels carry only the load that the fine sweep does not, so that both together are as stiff as the
+        // fabric.
         let left = (1.0 - length.resolved).max(0.0);
         let coarse = |level: &Level| {
             let coarse_edge = |link: &Link| {
@@ -63,17 +65,18 @@ impl Coefficients {
     }
 }
 
-/// Substeps in 1/60 s from which tethers reach less far.
+/// Substeps in 1/60 s above which tethers act only on vertices closer to the pin.
 const FULL_REACH: f64 = 20.0;
 
-/// The tethers of vertices that any share is left for. They reach as far as what the sweep leaves too long: the less, the more substeps.
+/// The tethers with a share greater than 0. They reach as far from the pin as the sweep leaves edges too long, which is
+/// less far the more substeps there are.
 fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
     let substeps = 1.0 / (60.0 * f64::from(length.longest));
     let reach = REACH * cloth.extent * (FULL_REACH / substeps).min(1.0);
     let left = 1.0 - length.resolved;
     let tether = |held: &Held| {
         let share = left * (1.0 - f64::from(held.distance) / reach);
-        // Finite, or none of it would be no number.
+        // Bounded, because an infinite slack would become NaN in zero acceleration.
         let slack = (f64::from(held.give) / cloth.stretch).min(1e9) as f32;
         let Held { vertex, anchor, distance, .. } = *held;
         (share > 0.0).then_some((vertex, Tether { anchor, length: distance, slack, share: share as f32 }))
@@ -86,43 +89,46 @@ fn edge(link: &Link, inverse_weight: f64) -> Edge {
     Edge { a, b, inverse_rest: 1.0 / link.rest, inverse_weight: inverse_weight as f32 }
 }
 
-/// `1 / (w + a')` of an edge of compliance `1/k` (m/N), with the shifted compliance `a' = alpha/h² - w/2`, `w = w_i + w_j`.
+/// `1 / (w + a')` of an edge, with its compliance `1/k` (m/N) shifted: `a' = alpha/h² - w/2`, `w = w_i + w_j`.
 ///
-/// Why half of w: the sweep solves `(D + a' + L) dlambda = -C` once, where the exact implicit step is
-/// `A + a`, `a = 1/(k h²)`, `A = L + D + L^T`. At the long wavelengths that carry the load (`A q = 0` to first order) `q.(L + L^T)q = -q.D q`, so
-/// `q.L q = -D/2`: one sweep acts as if the compliance were `a' + D/2`. On a chain of two colors this is exact; a larger
-/// shift over-corrects.
+/// Why half of `w` is subtracted: one sweep solves `(D + a' + L) dlambda = -C`, while the exact implicit step solves
+/// `(A + a) dlambda = -C` with `a = 1/(k h²)` and `A = L + D + L^T`. At the long wavelengths that carry the load,
+/// `A q = 0` to first order, so `q.(L + L^T)q = -q.D q` and `q.L q = -q.D q/2`: one sweep acts as if the compliance
+/// were `a' + D/2`. On a chain of two colors this is exact; a larger shift over-corrects.
 ///
-/// Where a substep does not resolve the stiffness nothing is left to take off, and the edge acts as a spring of `2/(h² w)`. Were
-/// `h` this substep's, a shorter one would stiffen all that is stretched, which gives it energy: steps of changing length would pump
-/// the cloth up. So it is the longest substep that the quality allows: `alpha = max(1/k, h_q² w (1/2 + floor))`.
+/// Where a substep does not resolve the stiffness, nothing is left to subtract from, and the edge acts as a spring of
+/// stiffness `2/(h² w)`. If `h` were this substep's length, a shorter substep would stiffen all stretched edges and so
+/// raise their energy, and steps of changing length would pump energy into the cloth. So `alpha` is based on the
+/// longest substep `h_q` that the quality allows: `alpha = max(1/k, h_q² w (1/2 + floor))`.
 fn inverse_weight(compliance: f64, weight: f64, floor: f64, length: Length) -> f64 {
     let [h, longest] = [length.h, length.longest].map(f64::from);
     let alpha = compliance.max(longest * longest * weight * (0.5 + floor));
     1.0 / (weight + (alpha / (h * h) - 0.5 * weight).max(0.0))
 }
 
-/// Substeps in 1/60 s above which stiff edges are softened.
+/// Substeps in 1/60 s above which unresolved edges are softened.
 const MANY: f64 = 100.0;
 
-/// Least `a'/w` of an edge: 0, but for edges that many substeps still do not resolve.
+/// The least value of `a'/w` of an edge: 0, except for edges that even many substeps do not resolve.
 ///
-/// The sweep's order makes `D + a' + L` unsymmetrical, so that a pair of slow stretching modes of like frequency feeds on itself: by up to
-/// `kappa²/(8 (1/2 + floor)²)` a substep, kappa their coupling by `(L - L^T)/2`. Little, but 1000 substeps in 1/60 s are 60,000 a
-/// second: a stiff sheet of 17 by 17 gained more than its whole fall. A half of w, approached as substeps grow, divides the rate by nine
-/// (measured: spectra of 9 by 9). It costs up to twice the strain, of which so many substeps leave little.
+/// The order of the sweep makes `D + a' + L` unsymmetric, so a pair of slow stretching modes of similar frequency
+/// amplifies itself, by up to `kappa²/(8 (1/2 + floor)²)` per substep, with kappa their coupling by `(L - L^T)/2`. That
+/// is little, but 1000 substeps in 1/60 s are 60,000 a second, and a stiff sheet of 17 by 17 vertices gained more than
+/// the energy of its whole fall. A floor of `w/2`, approached as the number of substeps grows, divides the rate by nine
+/// (measured on the spectra of 9 by 9 sheets). It costs up to twice the strain, which is small at so many substeps.
 fn floor(link: &Link, weight: f64, length: Length) -> f64 {
     let longest = f64::from(length.longest);
     let substeps = 1.0 / (60.0 * longest);
     if substeps <= MANY {
         return 0.0;
     }
-    // (S/S*)² of this edge.
+    // `(S/S*)²` of this edge.
     let resolved = 2.0 / (link.stiffness * longest * longest * weight);
     0.5 * (1.0 - resolved).max(0.0).powi(2) * (1.0 - MANY / substeps)
 }
 
-/// Which edges are part of a chain, whose order of visits has no say in stability: none needs a floor.
+/// Tells which edges are part of a chain. The order of visits does not affect the stability of a chain, so its edges
+/// need no floor.
 fn in_chain(cloth: &Cloth) -> impl Fn(&Link) -> bool {
     let mut edges_at = vec![0_u32; cloth.rest.len()];
     cloth.links.iter().flat_map(|link| link.ends).for_each(|vertex| edges_at[vertex as usize] += 1);

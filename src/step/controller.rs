@@ -1,4 +1,5 @@
-//! As many substeps as keep a promise: chosen before a step from what acts on the cloth, corrected after it by what was measured.
+//! Chooses the number of substeps that keeps a strain bound: predicted before a step from what acts on the cloth, and
+//! corrected after it by the measured strain.
 
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
@@ -7,21 +8,23 @@ use crate::record::recorded;
 use crate::step::load::Load;
 use crate::step::substep_count::{FRAMES, Rates};
 
-/// Fewest substeps in 1/60 s.
+/// Minimum number of substeps in 1/60 s.
 pub(crate) const LEAST: f64 = 5.0;
-/// Share of the promised stretch that is aimed at.
+/// The controller aims at this share of the promised stretch.
 const AIM: f64 = 0.7;
-/// Measured strain over the law's, before anything was measured.
+/// The factor in the strain law before anything was measured.
 const FIRST_FACTOR: f64 = 0.3;
-/// Time (s) in which that is forgotten, where it turns out to be less.
+/// Time constant (s) with which a factor that turned out too large decays.
 const MEMORY: f64 = 0.5;
-/// Time (s) that fewer substeps must have done for, before fewer are taken; and as few as this share of those before, at once.
+/// Time (s) for which fewer substeps must have sufficed before their number is lowered.
 const PATIENCE: f64 = 0.1;
+/// The number of substeps is lowered at most to this share at a time.
 const FALL: f64 = 0.8;
-/// Strain that is none, and the least factor.
+/// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
-/// A stretch that this share of the area is not to exceed beyond the fabric's own.
+/// A promise that `share` of the cloth's area is stretched at most by `stretch` beyond the fabric's own stretch under
+/// its load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Promise {
     pub stretch: f32,
@@ -38,16 +41,18 @@ impl Promise {
     }
 }
 
-/// What the substeps of the next step follow from, besides what acts during it.
+/// The state of the controller, from which, together with the load, the number of substeps of the next step follows.
 ///
-/// Below the resolved substep the strain beyond the fabric's own is `f (2 sigma/K) (S*/S)²`: a law for a sheet hung by an edge, with a
-/// factor `f` for everything else about the scene, which is measured. So `S = S* sqrt(2 sigma f / (K tau))`, in which K cancels.
+/// Where substeps do not resolve the stiffness, the strain beyond the fabric's own is `f (2 sigma/K) (S*/S)²`. This law
+/// holds for a sheet hung by an edge; the factor `f` stands for everything else about the scene and is measured. So
+/// `S = S* sqrt(2 sigma f / (K tau))`, in which K cancels (`S*` is proportional to its square root).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Controller {
+    /// The factor `f` of the strain law.
     factor: f64,
     /// Substeps in 1/60 s of the last step; 0 before the first.
     count: f64,
-    /// For how long (s) fewer would have done.
+    /// For how long (s) fewer substeps would have sufficed.
     low: f64,
 }
 
@@ -60,8 +65,8 @@ impl Default for Controller {
 }
 
 impl Controller {
-    /// What the next step of `dt` (s) takes: at once as many as it asks for, but fewer only after they would have done for a while, and
-    /// not many fewer.
+    /// The state for the next step of `dt` (s). The number of substeps rises at once, but falls only after fewer would
+    /// have sufficed for some time, and by a bounded share.
     pub(crate) fn next(&self, rates: &Rates, cloth: &Cloth, promise: Promise, load: &Load, dt: f32) -> Controller {
         let asked = self.asked(rates, cloth, promise, load);
         let low = self.low + f64::from(dt);
@@ -73,29 +78,30 @@ impl Controller {
         Controller { count, low, ..*self }
     }
 
-    /// Substeps in 1/60 s of the step that it is for.
+    /// Substeps in 1/60 s of the step that this state is for.
     pub(crate) fn count(&self) -> f64 {
         self.count
     }
 
-    /// The strain beyond the fabric's own that is expected of substeps of at most `longest` (s).
+    /// The strain beyond the fabric's own that the law predicts for substeps of at most `longest` (s).
     pub(crate) fn expected(&self, rates: &Rates, cloth: &Cloth, load: &Load, longest: f32) -> f64 {
         self.factor * rates.strain(load.stress(cloth), f64::from(longest))
     }
 
-    /// With another number of substeps in 1/60 s.
+    /// The same with another number of substeps in 1/60 s.
     pub(crate) fn with_count(&self, count: f64) -> Controller {
         Controller { count, ..*self }
     }
 
-    /// As many as the law asks for.
+    /// The number of substeps in 1/60 s that the law asks for.
     fn asked(&self, rates: &Rates, cloth: &Cloth, promise: Promise, load: &Load) -> f64 {
         let count = rates.keeping(load.stress(cloth), AIM * f64::from(promise.stretch) / self.factor) / FRAMES;
         let most = most(rates, cloth);
         rounded_up(count.min(most).max(LEAST)).min(most)
     }
 
-    /// Learns by how much a step of `dt` (s) exceeded the fabric's own stretch, with substeps of at most `longest` (s).
+    /// Updates the factor from `excess`, the measured stretch beyond the fabric's own in a step of `dt` (s) with
+    /// substeps of at most `longest` (s).
     pub(crate) fn learn(&mut self, rates: &Rates, cloth: &Cloth, load: &Load, excess: f64, longest: f32, dt: f32) {
         let law = rates.strain(load.stress(cloth), f64::from(longest));
         let faded = self.factor * (-f64::from(dt) / MEMORY).exp();
@@ -103,21 +109,23 @@ impl Controller {
     }
 }
 
-/// Substeps in 1/60 s past which there is nothing to gain: the stiffness is resolved, with a margin that is always stable.
+/// Substeps in 1/60 s beyond which nothing is gained: `sqrt(2) S*`, where the stiffness is resolved and every visiting
+/// order of the edges is stable.
 pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
     (std::f64::consts::SQRT_2 * rates.resolving(cloth.stretch) / FRAMES).ceil().max(LEAST)
 }
 
-/// The stretch of a share of the area beyond the fabric's own: `2 rho ((|g| + a_pin) L + v²)/K`, what a sheet that hangs or is swung has
-/// when every edge is as stiff as its fabric. Of what is measured a tenth is always taken for excess: the fabric's own is an estimate.
+/// The measured stretch of a share of the area beyond the fabric's own. The fabric's own is estimated as
+/// `2 rho ((|g| + a_pin) L + v²)/K`, the stretch of a sheet that hangs or is swung if every edge is as stiff as its
+/// fabric. Because that is an estimate, at least a tenth of the measured stretch counts as excess.
 pub(crate) fn excess(cloth: &Cloth, load: &Load, seen: &Statistics, share: f32) -> f64 {
     let measured = f64::from(seen.stretch_of(f64::from(share)));
     let own = 2.0 * load.stress_without_wind(cloth) / cloth.stretch;
     (measured - own).max(0.1 * measured)
 }
 
-/// Up to the next of `ceil(2^(k/4))`: a breeze does not change the substeps in every step, and any of them can be asked for again as
-/// [`Quality::Substeps`].
+/// Rounds up to the next number of the form `ceil(2^(k/4))`, so that a light breeze does not change the number of
+/// substeps in every step. These are integers, so any of them can be requested again as [`Quality::Substeps`].
 fn rounded_up(count: f64) -> f64 {
     let power = (4.0 * count.log2()).floor();
     let [below, above] = [power, power + 1.0].map(|power| (0.25 * power).exp2().ceil());

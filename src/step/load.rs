@@ -1,4 +1,4 @@
-//! What acts on a cloth during a step, as far as it can stretch it.
+//! The loads on a cloth during a step, as far as they stretch it.
 
 use std::sync::Arc;
 
@@ -11,38 +11,40 @@ use crate::options::Cause;
 use crate::record::recorded;
 use crate::step::motion::Motion;
 
-/// The accelerations, speeds and pressures that membrane stress follows from.
+/// The accelerations, speeds and pressures that determine the membrane stress.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Load {
     /// Gravity (m/s²).
     pub gravity: f64,
-    /// The pin that is jerked most: change of its velocity over the step (m/s²).
+    /// Acceleration (m/s²) of the pin whose velocity changes the most in this step.
     pub pins: f64,
     /// The 95th percentile of the free vertices' speed relative to the pins (m/s).
     pub cloth_speed: f64,
-    /// The fastest collider within reach (m/s).
+    /// Speed of the fastest collider that may touch the cloth (m/s).
     pub collider_speed: f64,
-    /// How fast (m/s) what contact must give way to moves, pins and meshes, where there is contact.
+    /// With contact of triangles: how fast (m/s) pins and mesh colliders move relative to each other; contact has to
+    /// give way to that.
     pub led_speed: f64,
-    /// Pressure (Pa) of the wind on cloth that stands still across it.
+    /// Dynamic pressure (Pa) of the wind on cloth at rest, facing it.
     pub pressure: f64,
 }
 
 recorded!(Load { gravity, pins, cloth_speed, collider_speed, led_speed, pressure });
 
 impl Load {
-    /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, v the larger of both speeds, L the cloth's extent.
+    /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, where v is the larger of the two speeds and L the
+    /// cloth's extent.
     pub(crate) fn stress(&self, cloth: &Cloth) -> f64 {
         self.stress_without_wind(cloth) + self.pressure * cloth.extent
     }
 
-    /// Without the wind's part, of which little is felt as long as the cloth gives way to it.
+    /// The same without the wind, which stretches the cloth little as long as the cloth gives way to it.
     pub(crate) fn stress_without_wind(&self, cloth: &Cloth) -> f64 {
         let speed = self.cloth_speed.max(self.collider_speed);
         cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
     }
 
-    /// What of it is the most.
+    /// The term that contributes most to the stress.
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
         let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
         let terms = [
@@ -54,8 +56,8 @@ impl Load {
         terms.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Cause::Motion, |(cause, _)| cause)
     }
 
-    /// Of a step of `dt` (s) under `attributes` after `motion`, `seen` being the last statistics there are; `meets` if there is contact of
-    /// triangles.
+    /// The load in a step of `dt` (s) under `attributes`. `motion` is where the last step left off, `seen` the latest
+    /// statistics, if any; `meets` tells whether the scene has contact of triangles.
     pub(crate) fn of(
         cloth: &Cloth,
         motion: &Motion,
@@ -75,17 +77,18 @@ impl Load {
     }
 }
 
-/// Pressure (Pa) of the wind on cloth that stands still across it.
+/// Dynamic pressure (Pa) of the wind on cloth at rest, facing it.
 pub(crate) fn pressure(attributes: &Attributes) -> f64 {
     0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * attributes.wind.as_dvec3().length_squared()
 }
 
-/// The acceleration (m/s²) that gravity and wind load the cloth by.
+/// The acceleration (m/s²) equivalent to the load of gravity and wind.
 pub(crate) fn acceleration(cloth: &Cloth, attributes: &Attributes) -> f64 {
     attributes.gravity.as_dvec3().length() + pressure(attributes) / cloth.density
 }
 
-/// The largest second difference of the pins' places over `dt²` (m/s²): pins that were led and are led no more stop dead.
+/// The largest change of a pin's velocity in a step over `dt` (m/s²). Pins that followed targets and no longer do stop
+/// at once.
 fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let velocity = |slot: usize| targets.get(slot).map_or(Vec3::ZERO, |&target| (target - cloth.origin - motion.pins[slot]) / dt);
@@ -95,7 +98,7 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     f64::from(change) / f64::from(dt)
 }
 
-/// Speed (m/s) of the fastest collider that could touch the cloth during the step.
+/// Speed (m/s) of the fastest collider that may touch the cloth during the step.
 fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
     let dt = f64::from(dt);
     let moved = motion.followed(&attributes.colliders).map(|(now, last)| (now, travel(&now.shape, &last.shape)));
@@ -103,18 +106,20 @@ fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f
     near.map(|(_, travel)| travel).fold(0.0, f64::max) / dt
 }
 
-/// Whether a collider that moves so far (m) could touch the cloth during a step of `dt` (s).
+/// Whether a collider that moves by `travel` (m) may touch the cloth during a step of `dt` (s). True if nothing is
+/// known about the cloth yet.
 fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
     seen.is_none_or(|seen| {
         let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
         let [low, high] = [seen.low, seen.high].map(unordered);
-        // A mesh stays where it is.
+        // The vertices of meshes are not shifted by `relative_to`, so the box is compared in the caller's coordinates.
         let origin = if let Shape::Mesh { .. } = collider.shape { cloth.origin } else { Vec3::ZERO };
         f64::from(gap(&collider.relative_to(cloth.origin).shape, low + origin, high + origin)) <= reach
     })
 }
 
-/// How fast (m/s) pins and meshes that could touch the cloth move at most against the middle between the extremes of their velocities.
+/// Half the range of the velocities (m/s) of pins and of mesh colliders near the cloth: their largest distance from the
+/// midpoint of the range. A common motion of all of them does not count.
 fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && !cloth.pinned.is_empty()).then_some(Vec3::ZERO);
@@ -126,7 +131,7 @@ fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, 
                 let [low, high] = [seen.low, seen.high].map(|bound| unordered(bound) + cloth.origin);
                 [low - reach, high + reach]
             });
-            // Of a dancer only the parts that come to where the cloth is count.
+            // Of a moving character, only the parts that come near the cloth count.
             let comes_near = move |&(to, from): &(&Vec3, &Vec3)| {
                 near.is_none_or(|[low, high]| {
                     let by = STEPS_AHEAD as f32 * (*to - *from).abs();
@@ -147,10 +152,11 @@ fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, 
     f64::from(moves().map(|by| by.distance(middle)).fold(0.0, f32::max)) / f64::from(dt)
 }
 
-/// Steps that statistics may be old, on the GPU, and one more until there are others.
+/// Age in steps that statistics may have on the GPU (three), and one step more until they are updated.
 const STEPS_AHEAD: f64 = 4.0;
 
-/// How far (m) a surface moves at most from `last` to `now`; 0 if they are of different kinds.
+/// The largest displacement (m) of a point of the surface between `last` and `now`; 0 if the shapes are of different
+/// kinds.
 pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
     let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3();
     match (now, last) {
@@ -160,7 +166,7 @@ pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
         (&Shape::Capsule { a, b, radius }, &Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
             apart(a, a0).length().max(apart(b, b0).length()) + f64::from((radius - r0).abs())
         }
-        // What it moves by in itself drags by friction, which pushes nothing.
+        // Motion within the plane only drags by friction, which does not push the cloth.
         (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, .. }) => {
             apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
         }
@@ -172,7 +178,8 @@ pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
             end(apart(a, a0).length(), radius_a, ra0).max(end(apart(b, b0).length(), radius_b, rb0))
         }
         (&Shape::RoundedBox { center, half, rotation, .. }, &Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
-            // A corner turned by an angle goes along a chord of `2 sin(angle/2)` of its distance; quaternions are `2 sin(angle/4)` apart.
+            // A corner turned by an angle moves along a chord of `2 sin(angle/2)` times its distance; the quaternions
+            // differ by `2 sin(angle/4)`.
             let [now, last] = [rotation, q0].map(|rotation| rotation.as_dquat().normalize());
             let turned = 2.0 * (now - last).length().min((now + last).length());
             apart(center, c0).length() + apart(half, h0).length() + turned * half.max(h0).as_dvec3().length()
@@ -185,7 +192,7 @@ pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
     }
 }
 
-/// Distance (m) between a surface and a box, at most.
+/// A lower bound of the distance (m) between a surface and an axis-aligned box.
 fn gap(shape: &Shape, low: Vec3, high: Vec3) -> f32 {
     let between = |first: Vec3, last: Vec3| (low - last).max(first - high).max(Vec3::ZERO).length();
     match *shape {

@@ -1,4 +1,4 @@
-//! A step as numbers, before any backend runs.
+//! Turns a step into numbers, independently of the engine that runs it.
 
 pub(crate) mod bending;
 pub(crate) mod coefficients;

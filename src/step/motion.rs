@@ -1,4 +1,4 @@
-//! Where the last step left off.
+//! The end of the last step, from which the next one goes on.
 
 use glam::{Vec3, Vec4};
 
@@ -7,29 +7,30 @@ use crate::error::StepError;
 use crate::model::cloth::Cloth;
 use crate::record::recorded;
 
-/// What the next step must know of the last.
+/// What the next step must know about the last one.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Motion {
-    /// Its substep (s); 0 if there was none, which makes the first kick half a kick (leapfrog start).
+    /// Its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
     pub h: f32,
-    /// Its colliders, which those of the next step move from; none if the state was set.
+    /// Its colliders, from which those of the next step move; empty if the state was set.
     pub colliders: Vec<Collider>,
-    /// Where it left the pins (m), local.
+    /// Positions of the pins at its end (m), in local coordinates.
     pub pins: Vec<Vec3>,
-    /// How it led them there (m/s); none if it led none.
+    /// Velocities (m/s) at which the pins were led; empty if they followed no targets.
     pub pin_velocities: Vec<Vec3>,
 }
 
 recorded!(Motion { h, colliders, pins, pin_velocities });
 
 impl Motion {
-    /// Where a state in the cloth's order leaves off, made by a substep of `h` (0: set, not stepped to).
+    /// After a state in the cloth's order, reached by substeps of `h` (s); 0 if the state was set.
     pub(crate) fn after(cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
         let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
         Motion { h, pins, ..Motion::default() }
     }
 
-    /// Where each collider moves here from; from where it is, if it is new.
+    /// Pairs each collider with the one it moves from: itself if it is new, was teleported or has another kind of
+    /// shape. Colliders are matched by id; those without one by their order, if their kinds are the same in both lists.
     pub(crate) fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
         let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());
         let shapes = |list: &'a [Collider]| unnamed(list).map(|collider| std::mem::discriminant(&collider.shape));
@@ -43,7 +44,7 @@ impl Motion {
         })
     }
 
-    /// Checks that meshes which are known from the last step have the triangles that they had.
+    /// Checks that a mesh collider known from the last step still has the same triangles.
     pub(crate) fn check(&self, colliders: &[Collider]) -> Result<(), StepError> {
         let has_others = |(index, now): (usize, &Collider)| {
             let last = self.colliders.iter().find(|last| now.id.is_some() && last.id == now.id)?;
@@ -56,7 +57,7 @@ impl Motion {
         colliders.iter().enumerate().find_map(has_others).map_or(Ok(()), Err)
     }
 
-    /// Notes where a step of `dt` (s) led the pins.
+    /// Records the targets that the pins were led to in a step of `dt` (s).
     pub(crate) fn led(&mut self, cloth: &Cloth, targets: Option<&[Vec3]>, dt: f32) {
         self.pin_velocities.clear();
         for (pin, target) in self.pins.iter_mut().zip(targets.unwrap_or_default()) {
@@ -66,7 +67,8 @@ impl Motion {
         }
     }
 
-    /// What displacements are divided by to give velocities (s): the substep, or 1 where they were given as velocities.
+    /// The time (s) that displacements are divided by to give velocities: the substep, or 1 for a state whose
+    /// velocities were set.
     pub(crate) fn unit(&self) -> f32 {
         if self.h > 0.0 { self.h } else { 1.0 }
     }

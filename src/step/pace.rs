@@ -1,33 +1,35 @@
-//! As many substeps as a time allows.
+//! Chooses the number of substeps that fits a time budget.
 
 use crate::record::recorded;
 
-/// How long substeps have taken.
+/// The measured speed of substeps.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Pace {
-    /// Time (s) that a substep takes; 0 if nothing is known.
+    /// Moving average of the time (s) of a substep; 0 before anything was measured.
     substep: f64,
 }
 
 recorded!(Pace { substep });
 
-/// Weight of the newest step, and how many times longer than usual a step may take and still be believed.
+/// Weight of the newest step in the moving average.
 const NEWEST: f64 = 0.2;
+/// A step that took more than this times as long as usual counts as this times.
 const OUTLIER: f64 = 4.0;
-/// Share of the budget that is spent, for steps differ.
+/// Share of the budget that is used, because the time of steps varies.
 const SPENT: f64 = 0.9;
-/// Growth of the time that does not change the substeps yet.
+/// If this much more would fit, the number of substeps is still kept.
 const STEADY: f64 = 0.15;
 
 impl Pace {
-    /// Substeps of a step that is to take `budget` (s), those of the last step being `last`; as many again where about as many fit.
+    /// The number of substeps that fit into `budget` (s). Returns `last`, that of the last step, if about as many fit;
+    /// none if nothing was measured.
     pub(crate) fn fitting(&self, budget: f64, last: f64) -> Option<f64> {
         let fitting = (SPENT * budget / self.substep).floor();
         let steady = last <= fitting && fitting <= (1.0 + STEADY) * last;
         (self.substep > 0.0).then_some(if steady { last } else { fitting })
     }
 
-    /// Notes that so many substeps took so long (s).
+    /// Records that `substeps` substeps took `seconds` (s).
     pub(crate) fn note(&mut self, seconds: f64, substeps: u32) {
         let now = seconds / f64::from(substeps);
         self.substep = match self.substep {

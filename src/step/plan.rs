@@ -1,4 +1,4 @@
-//! A step as numbers: what attributes, options and the last step come to, before any engine runs.
+//! A step as numbers: what follows from attributes, options and the last step, before any engine runs.
 
 use std::sync::Arc;
 
@@ -17,17 +17,17 @@ use crate::step::coefficients::Coefficients;
 use crate::step::load::acceleration;
 use crate::step::motion::Motion;
 
-/// The buffers of a plan, kept from step to step so that a step allocates nothing.
+/// The buffers of a plan. They are kept from step to step so that a step allocates nothing.
 #[derive(Debug, Default)]
 pub(crate) struct PlanBuffers {
     substeps: Vec<Substep>,
-    /// Colliders, and behind them the anchors of tethers.
+    /// Colliders, followed by the anchors of tethers.
     bodies: Vec<Body>,
     meshes: Vec<MeshBody>,
     pins: Vec<Pin>,
 }
 
-/// A mesh that the cloth meets, with its vertices at the step's start and at its end (m, the caller's).
+/// A mesh collider, with its vertices at the step's start and end (m, in the caller's coordinates).
 #[derive(Debug, Clone)]
 pub(crate) struct MeshBody {
     pub from: Arc<Mesh>,
@@ -35,40 +35,42 @@ pub(crate) struct MeshBody {
     pub friction: f32,
 }
 
-/// All that an engine needs for one step.
+/// Everything that an engine needs for one step.
 #[derive(Debug)]
 pub(crate) struct Plan<'a> {
     pub cloth: &'a Cloth,
-    /// The coarse levels, the finest first, of which as many are in use as the coefficients have.
+    /// The coarse levels, finest first. As many are used as `coefficients` has edges for.
     pub levels: &'a [Level],
     pub coefficients: &'a Coefficients,
     pub params: Params,
     pub substeps: &'a [Substep],
     pub bodies: &'a [Body],
-    /// The same, and behind them the pins that tethers hang on: points that travel.
+    /// `bodies` followed by `anchors`.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU has them in one list"))]
     pub bodies_and_anchors: &'a [Body],
+    /// The pins that tethers are attached to: only their positions and motions.
     pub anchors: &'a [Body],
-    /// Colliders that are meshes, which are in no other list.
+    /// Mesh colliders; they are not among `bodies`.
     pub meshes: &'a [MeshBody],
-    /// In the order of their vertices.
+    /// The pins that follow targets, sorted by vertex.
     pub pins: &'a [Pin],
-    /// Sweeps over the edges in each substep.
+    /// Sweeps over the edges per substep.
     pub sweeps: u32,
     pub method: Method,
-    /// The force terms that the scene has; springs are the method.
+    /// The force terms of the scene. Springs are given by `method`.
     pub bending: bool,
     pub wind: bool,
-    /// By what the cloth's strain and speed are told after the step, if they are asked for.
+    /// The gauges by which the cloth's strain is measured after the step, if statistics are asked for.
     pub gauges: Option<&'a [StrainGauge]>,
-    /// Contact of the cloth with itself.
+    /// Contact of the cloth with itself, if it is enabled.
     pub contact: Option<Contact>,
-    /// On the CPU: by this thread alone, others having cloths of their own.
+    /// On the CPU: use only this thread, because others step cloths of their own.
     pub alone: bool,
 }
 
 impl<'a> Plan<'a> {
-    /// Turns attributes into the numbers the kernels take. `motion` is where the last step left off.
+    /// Turns attributes into the numbers that the kernels take. `motion` is where the last step left off, `count` the
+    /// number of substeps.
     #[expect(clippy::too_many_arguments, reason = "all that a step follows from, and the buffers that it is written to")]
     pub(crate) fn new(
         cloth: &'a Cloth,
@@ -82,7 +84,7 @@ impl<'a> Plan<'a> {
     ) -> Plan<'a> {
         let h = coefficients.length.h;
         let drag = f64::from(attributes.damping);
-        // The kick spans from the middle of the last substep to the middle of this one; exact for linear drag.
+        // The kick lasts from the middle of the last substep to the middle of this one, and is exact for linear drag.
         let substep = |index: u32| {
             let (last, unit) = if index == 0 { (motion.h, motion.unit()) } else { (h, h) };
             let kick = 0.5 * (f64::from(last) + f64::from(h));
@@ -148,12 +150,12 @@ impl<'a> Plan<'a> {
             sweeps,
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
             levels: coefficients.levels.len() as u32,
-            // A thread has no width across which anything could pull it together.
+            // A chain has no width across which coarse edges could pull it together.
             holds: u32::from(!bending && cloth.is_sheet),
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             load: acceleration(cloth, attributes) as f32,
-            // Nothing is too fast or too long until [`Watch`](crate::step::watch::Watch) says so.
+            // No limit is set until [`Watch`](crate::step::watch::Watch) sets one.
             longest: f32::MAX,
             ..Params::default()
         };
@@ -178,7 +180,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The same step, after which statistics are asked for.
+    /// The same step with statistics after it.
     pub(crate) fn observed(self, motion: &Motion, dt: f32, attributes: &Attributes) -> Plan<'a> {
         let targets = attributes.pin_targets.as_deref().unwrap_or_default();
         let led: Vec3 = targets.iter().zip(&motion.pins).map(|(&target, &pin)| target - self.cloth.origin - pin).sum();
@@ -186,13 +188,13 @@ impl<'a> Plan<'a> {
         Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
     }
 
-    /// Whether there are forces that differ from vertex to vertex.
+    /// Whether forces act that differ from vertex to vertex.
     #[cfg(feature = "gpu")]
     pub(crate) fn has_forces(&self) -> bool {
         has_forces(self.bending, self.wind, self.method)
     }
 
-    /// Whether coarse edges hold.
+    /// Whether coarse edges also push (`distance::hold_coarse`).
     pub(crate) fn holds(&self) -> bool {
         self.params.holds != 0
     }
@@ -203,18 +205,18 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The forces that differ from vertex to vertex: a new one is named here.
+/// Whether forces act that differ from vertex to vertex. A new kind of force must be added here.
 fn has_forces(bending: bool, wind: bool, method: Method) -> bool {
     bending || wind || method == Method::Springs
 }
 
-/// A collider as the kernels take it, moving here from `last` during the step. What is round is made larger by what
-/// the longest edge sinks between its ends, a fifth more than its sagitta `l²/8R`.
+/// A collider as the kernels take it, moving from `last` to `now` during the step. Round surfaces are enlarged by 1.2
+/// times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between its ends.
 fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
     let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
-    // A sharp edge has no radius, and nothing is added to it.
+    // A sharp edge (radius 0) is not enlarged.
     let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
-    // Two ends with their radii; a sphere has one twice.
+    // From the two ends with their radii, at the step's start and end. A sphere has the same end twice.
     let round = |from: [(Vec3, f32); 2], to: [(Vec3, f32); 2]| {
         let [from_radii, to_radii] = [from, to].map(|ends| ends.map(|(_, radius)| radius + sagitta(radius)));
         let [from_taper, to_taper] = [from_radii, to_radii].map(|[a, b]| b - a);
@@ -243,7 +245,8 @@ fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
             Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
         ) => round([(a0, ra0), (b0, rb0)], [(a, radius_a), (b, radius_b)]),
         (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
-            // Only its motion along the normal can be felt without friction; a plane that turns does so at once.
+            // Without friction only a plane's motion along its normal has an effect. A rotation of the plane is applied
+            // at once.
             Body {
                 a: from.to_array(),
                 b: normal.as_dvec3().normalize().as_vec3().to_array(),
@@ -258,7 +261,7 @@ fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
             Shape::RoundedBox { center: from, half: half0, rotation: rotation0, radius: radius0 },
         ) => {
             let [first, to] = [rotation0, rotation].map(|rotation| rotation.as_dquat().normalize());
-            // The same rotation has two quaternions: the way between the nearer two is the shorter.
+            // Each rotation has two quaternions; interpolate to the nearer one.
             let to = if first.dot(to) < 0.0 { -to } else { to };
             let (core0, core) = (half0 - radius0, half - radius);
             let [edge0, edge] = [radius0, radius].map(|radius| radius + sagitta(radius));
@@ -275,7 +278,7 @@ fn body(now: &Collider, last: &Collider, origin: Vec3, longest: f32) -> Body {
                 c_travel: (to - first).as_quat().to_array(),
             }
         }
-        // Another shape in its place: nothing it moved from.
+        // The kind of shape changed, so there is no motion to interpolate.
         _ => body(now, now, origin, longest),
     }
 }

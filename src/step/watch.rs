@@ -1,18 +1,22 @@
-//! What a motion is compared with at the end of each step: how fast and how long everything in the scene together can make it.
+//! Instability detection: bounds on the speed and on the length of edges that everything in the scene together can
+//! explain, checked at the end of each step.
 //!
-//! Nothing is read back for that, so the bounds come from what is known beforehand, and they only grow until the state is set again.
-//! Speeds that can be explained add up: what the cloth was given, `g t` of a free fall, the fastest wind, pin and collider so far, and
-//! what elasticity can give. Cloth whose edges are all stretched by a strain e has the energy `1/2 sum k l0² e²`, which becomes a speed of
-//! `e sqrt(sum k l0² / M)`, the speed of the fabric's stress waves or thereabouts; and no edge moves its ends by more than its own
-//! stretch in a substep, `e l0 / h`. The lesser of the two, at a strain of 1, is what it can give. Bending kicks no shape by more than twice
-//! itself in a substep, and neighbors are no farther from a plane than an edge is long: `2 l0 / h`. The bound is [`MARGIN`] times the sum,
-//! 64 times the energy, and it is on all of the cloth: the tip of a whip may be faster.
+//! The bounds follow from what is known before the step, so nothing has to be read back for them, and they only grow
+//! until the state is set again. The explainable speed is the sum of the cloth's initial speed, `g t` of a free fall,
+//! the fastest wind, pin or collider so far, and what elasticity can contribute. If all edges are stretched by a strain
+//! e, they store `1/2 sum k l0² e²`, which converts to a speed of `e sqrt(sum k l0² / M)`, roughly the speed of stress
+//! waves in the fabric. Also, in one substep an edge moves its ends by at most its own stretch, a speed of `e l0 / h`.
+//! The smaller of the two at e = 1 is taken. With bending it is `2 l0 / h` instead: bending changes a shape by at most
+//! twice its deviation from flat in a substep, and a neighbor deviates by at most an edge's length. The bound is
+//! [`MARGIN`] times the sum, so 64 times in energy. It applies to the cloth's total kinetic energy: the tip of a whip
+//! may be faster.
 //!
-//! Lengths that can be explained are the cloth's own, what its load and its speed stretch it by if it is soft, and what one sweep
-//! leaves if it has few substeps; and as far as a collider goes it may carry a part of the cloth along. Pins that are led apart explain
-//! nothing: cloth that they tear to eight times its size has been torn.
+//! The explainable length is the cloth's own extent, plus what its load and speed stretch it by if it is soft, plus
+//! what one sweep leaves if there are few substeps, plus the distance that colliders have moved, since they may carry
+//! part of the cloth along. Pins that are led apart are not counted: cloth that they stretch to eight times its size
+//! has failed.
 //!
-//! An instability grows by a factor in every substep, so that it is seen a few substeps later than by a tighter bound.
+//! An instability grows by a factor per substep, so a tighter bound would detect it only a few substeps earlier.
 
 use glam::Vec4;
 
@@ -25,41 +29,45 @@ use crate::step::load::{pressure, travel};
 use crate::step::motion::Motion;
 use crate::step::substep_count::{Length, Rates};
 
-/// Times what is explained.
+/// Factor between what can be explained and the bound.
 const MARGIN: f64 = 8.0;
-/// Of smaller cloth (m) no edge is told from the rounding of its place.
+/// Extent (m) below which edges cannot be told from rounding errors of positions, so lengths are not checked.
 const LEAST_EXTENT: f64 = 1e-6;
-/// Peak stress in motion over the static stress `rho g L`.
+/// Ratio of the peak stress in motion to the static stress `rho g L`.
 const TRANSIENT: f64 = 5.0;
-/// A step looks at one part of so many of the edges, the next at the next, but no fewer than [`LEAST`]: both are in `stages/watch.wgsl`. What is
-/// out of cache costs more to look at than to sweep; and what tears, tears slowly.
+/// Each step checks one of so many parts of the edges, in turn, but at least [`LEAST`] edges at a time; both constants
+/// are in `stages/watch.wgsl` too. Checking an edge that is out of cache costs more than sweeping it, and overstretched
+/// edges persist for many steps.
 pub(crate) const TURNS: usize = 128;
 pub(crate) const LEAST: usize = 64;
 
-/// What is known of the motion so far.
+/// What the bounds follow from: constants of the cloth, and the largest motions in the scene so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Watch {
-    /// One over the mass (1/kg) of the vertices that are free.
+    /// One over the mass of all free vertices (1/kg).
     per_mass: f64,
-    /// Speed (m/s) that a strain of 1 can give; infinite if the fabric is inextensible or the method has no stiffness.
+    /// Speed (m/s) that a strain of 1 converts to; infinite if the fabric is inextensible or the method ignores
+    /// stiffness.
     wave: f64,
-    /// Whether it resists bending.
+    /// Whether the fabric resists bending.
     bends: bool,
-    /// Least stiffness (N/m) of any part of it; infinite likewise.
+    /// The least stiffness (N/m) of any part of the fabric; infinite likewise.
     softest: f64,
-    /// What the state was set with: the fastest vertex (m/s), and by how much an edge was longer (m) than the longest at rest.
+    /// The fastest vertex (m/s) of the state when it was set.
     speed: f64,
+    /// By how much (m) the longest edge of that state exceeded the longest one at rest.
     spread: f64,
-    /// Since then: `g t` (m/s), the fastest (m/s) of wind, pins and colliders, and how far (m) colliders have gone, in each step the one that
-    /// went farthest.
+    /// Since then: the sum of `g dt` (m/s).
     fallen: f64,
+    /// Since then: the fastest wind, pin or collider (m/s).
     fastest: f64,
+    /// Since then: the distance (m) covered by colliders, counting the fastest one in each step.
     gone: f64,
 }
 
 recorded!(Watch { speed, spread, fallen, fastest, gone } but { per_mass, wave, bends, softest });
 
-/// Which pin and which collider is led fastest in a step, by their places in the lists, and how fast (m/s).
+/// The fastest pin and the fastest collider of a step: index in its list, and speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Led {
     pub pin: (usize, f64),
@@ -82,7 +90,7 @@ impl Watch {
         Watch { per_mass, wave, bends: options.fabric.bending > 0.0, softest, ..Watch::default() }
     }
 
-    /// Begins anew from a state in the cloth's order: positions (m) and velocities (m/s).
+    /// Restarts from a state in the cloth's order: positions (m) and velocities (m/s).
     pub(crate) fn placed(&self, cloth: &Cloth, x: &[Vec4], v: &[Vec4]) -> Watch {
         let speed = v.iter().map(|v| v.truncate().as_dvec3().length()).fold(0.0, f64::max);
         let longest = cloth.swept().iter().map(|link| {
@@ -93,12 +101,12 @@ impl Watch {
         Watch { speed, spread, fallen: 0.0, fastest: 0.0, gone: 0.0, ..*self }
     }
 
-    /// Of the same cloth and options, with what was met until then.
+    /// The motions recorded in `past`, with the constants of this cloth.
     pub(crate) fn with_past(&self, past: &Watch) -> Watch {
         Watch { per_mass: self.per_mass, wave: self.wave, bends: self.bends, softest: self.softest, ..*past }
     }
 
-    /// With a step of `dt` (s) that starts from `motion`; and what is fastest in it.
+    /// Adds a step of `dt` (s) that starts from `motion`. Also returns what is fastest in it.
     pub(crate) fn meet(&self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) -> (Watch, Led) {
         let mut led = Led::default();
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
@@ -121,7 +129,7 @@ impl Watch {
         (Watch { fallen, fastest, gone, ..*self }, led)
     }
 
-    /// The bounds of a step: on the cloth's speed (m/s), and on an edge's length (m).
+    /// The bounds of a step: on the cloth's RMS speed (m/s), and on the length of an edge (m).
     pub(crate) fn bounds(&self, cloth: &Cloth, rates: &Rates, attributes: &Attributes, length: Length) -> (f32, f32) {
         let h = f64::from(length.h);
         let longest = f64::from(cloth.longest);
@@ -138,7 +146,7 @@ impl Watch {
         (speed, coarse(MARGIN * (extent + stretch + self.spread) + self.gone + f64::from(speed) * h))
     }
 
-    /// Tells a step its bounds.
+    /// Writes the bounds into a step's parameters.
     pub(crate) fn tell(&self, params: &mut Params, (speed, length): (f32, f32)) {
         params.per_length = (1.0 / (f64::from(speed) * f64::from(params.h))) as f32;
         params.per_mass = self.per_mass as f32;
@@ -146,9 +154,10 @@ impl Watch {
     }
 }
 
-/// Rounded up to a power of two, so that a steady scene sends the same numbers again and again; no more than single precision can square.
+/// Rounds up to a power of two, so that a steady scene uploads the same numbers each time. Bounded so that squares do
+/// not overflow in single precision.
 fn coarse(bound: f64) -> f32 {
-    // Not a number only where infinities meet.
+    // NaN arises here only from operations between infinities.
     let bound = if bound.is_nan() { f64::INFINITY } else { bound };
     bound.clamp(1e-3, 1e18).log2().ceil().exp2() as f32
 }
