@@ -1,4 +1,4 @@
-// Bending of a vertex's ring. The reasons are in src/kernels/bending.rs.
+// Bending of a vertex's one-ring. The derivations are in src/kernels/bending.rs.
 
 struct BendRow {
     stiffness: f32,
@@ -12,7 +12,8 @@ struct BendEntry {
     backward: f32,
 }
 
-// A pass of the filter that takes bending in few substeps: see src/step/bending.rs. One of no gain stands for no filter.
+// One pass of the Chebyshev filter that keeps stiff bending stable at few substeps: see src/step/bending.rs. A gain of
+// 0 means that there is no filter.
 struct BendPass {
     carry: f32,
     gain: f32,
@@ -20,19 +21,19 @@ struct BendPass {
     last: u32,
 }
 
-// A moment after a pass, and its change in it.
+// A moment after a pass, and its change in the pass.
 struct Passed {
     moment: vec3f,
     change: vec3f,
 }
 
-// What a vertex's row does: the pull, and the couple that takes the torque out of its damping.
+// The moment of a vertex's row, and the couple that cancels the torque of its damping.
 struct Moment {
     pull: vec3f,
     couple: vec3f,
 }
 
-// What a vertex's ring does around it; products are the inertia's xy, xz, yz.
+// What a row needs to know of its one-ring; `products` are the elements xy, xz, yz of the inertia.
 struct Ring {
     y: vec3f,
     y_rate: vec3f,
@@ -46,7 +47,7 @@ struct Spin {
     planar: bool,
 }
 
-// Adds the neighbor at `d`, which changes at `rate`, with its coefficient in the row.
+// Adds the neighbor at offset `d`, which changes at `rate`, with its coefficient in the row.
 fn add_neighbor(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f32) {
     (*ring).y += d * coefficient;
     (*ring).y_rate += rate * coefficient;
@@ -55,7 +56,7 @@ fn add_neighbor(ring: ptr<function, Ring>, d: vec3f, rate: vec3f, coefficient: f
     (*ring).products -= vec3f(d.x * d.y, d.x * d.z, d.y * d.z);
 }
 
-// Stiffness times y, and damping times dy/dt, the rate measured against the ring's own rotation.
+// The moment: stiffness times y, plus damping times dy/dt, where the rate is relative to the ring's own rotation.
 fn bend_moment(ring: Ring, stiffness: f32, damping: f32) -> Moment {
     if damping == 0.0 {
         return Moment(ring.y * stiffness, vec3f());
@@ -70,18 +71,19 @@ fn bend_moment(ring: Ring, stiffness: f32, damping: f32) -> Moment {
     return Moment(ring.y * stiffness + resisted, couple);
 }
 
-// A moment after a pass; `bent` is the curvature of the ring as it has given way.
+// The moment after a pass. `bent` is the curvature normal of the tentatively displaced ring.
 fn next_moment(moment: vec3f, change: vec3f, bent: vec3f, stiffness: f32, bend_pass: BendPass) -> Passed {
     let next = change * bend_pass.carry + bent * (stiffness * bend_pass.gain);
     return Passed(moment + next, next);
 }
 
-// The couples that act between a vertex and a neighbor: of the rows whose ring has the other in it.
+// The sum of the couples acting between a vertex and a neighbor: each row's couple acts only on the members of its
+// ring.
 fn couple_of(own: vec3f, other: vec3f, entry: BendEntry) -> vec3f {
     return own * select(1.0, 0.0, entry.forward == 0.0) + other * select(1.0, 0.0, entry.backward == 0.0);
 }
 
-// Solves I omega = spin for a symmetric inertia, unless the ring is (nearly) in one line.
+// Solves I omega = spin for a symmetric inertia, unless the ring is nearly in one line.
 fn unspin(inertia: vec3f, products: vec3f, spin: vec3f) -> Spin {
     let scale = 1.0 / max(inertia.x + inertia.y + inertia.z, 1e-30);
     let i = inertia * scale;

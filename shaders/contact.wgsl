@@ -1,4 +1,4 @@
-// Colliders, and what they do to a vertex about to move. The reasons are in src/kernels/contact.rs.
+// Collision of a vertex with an analytic collider. The derivations are in src/kernels/contact.rs.
 
 struct Body {
     a: vec3f,
@@ -19,20 +19,20 @@ const DEPENETRATION: f32 = 1.0;
 const SWEPT: f32 = 0.25;
 const SWEEP_STEPS: u32 = 24u;
 
-// Where a vertex is and how it will move.
+// The position of a vertex and its displacement in this substep.
 struct Path {
     x: vec3f,
     u: vec3f,
 }
 
-// First touch of a path: its normal, and the gap that the path's end leaves to the tangent plane.
+// The first touch of a path with a surface: the normal there, and the gap between the path's end and the tangent plane.
 struct Touch {
     hit: bool,
     n: vec3f,
     after: f32,
 }
 
-// A surface's point nearest to some place: the normal there, and the signed distance.
+// The normal and the signed distance at the point of a surface that is nearest to a given point.
 struct Gap {
     n: vec3f,
     gap: f32,
@@ -115,7 +115,7 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     return respond(x, u, turned(ends, touch.n), before, touch.after - growth, step, body.friction);
 }
 
-// The surface nearest to a path's end.
+// The point of a box's surface that is nearest to a path's end.
 fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32) -> Touch {
     let side = toward(y + dy);
     let beyond = abs(y + dy) - (core + core_step);

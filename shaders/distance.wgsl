@@ -1,4 +1,4 @@
-// An edge and the impulse that it gives its ends. The reasons are in src/kernels/distance.rs.
+// The distance constraint of an edge and its impulse. The derivations are in src/kernels/distance.rs.
 
 struct Edge {
     a: u32,
@@ -13,11 +13,11 @@ const FAR_TURN_GUARD: f32 = 0.5;
 const SHORT_GUARD: f32 = 0.1;
 const LONG_GUARD: f32 = 1.2;
 const SLACK_BAND: f32 = 6.5e-4;
-// No edge is shorter [m] where its length divides.
+// Lower bound of lengths [m] that are used as divisors.
 const LEAST_LENGTH: f32 = 1e-12;
 
-// The impulse of an edge: along its direction at the substep's start (SHAKE) unless it has turned far, or is very short or long,
-// without a square root while it has hardly turned or stretched.
+// The impulse of an edge: along its direction at the substep's start (SHAKE) unless it has turned far, is very short or
+// very long; without a square root while it has hardly turned or stretched.
 fn project_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
@@ -53,7 +53,7 @@ fn project_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return project_edge(d0, du, edge);
 }
 
-// The impulse of a coarse edge that holds: it pushes a little as long as it is hardly slack.
+// The impulse of a coarse edge that also pushes a little while it is hardly compressed.
 fn hold_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;
     let r = dot(d, d) * edge.inverse_rest * edge.inverse_rest - 1.0;

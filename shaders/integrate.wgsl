@@ -1,4 +1,4 @@
-// What a vertex does if nothing holds it. The reasons are in src/kernels/integrate.rs.
+// Prediction of a vertex's displacement without constraints. The derivations are in src/kernels/integrate.rs.
 
 struct Pin {
     origin: vec3f,
@@ -7,12 +7,12 @@ struct Pin {
     padding: u32,
 }
 
-// Leapfrog, exact for linear drag.
+// Leapfrog; exact for linear drag.
 fn predict_displacement(p: vec3f, substep: Substep) -> vec3f {
     return p * substep.carry + params.acceleration * substep.gain;
 }
 
-// To where the pin is led by the end of the substep.
+// The displacement of a pin to its prescribed position at the end of the substep.
 fn pin_displacement(pin: Pin, x: vec3f, substep: Substep) -> vec3f {
     return pin.origin + (pin.goal - pin.origin) * substep.end - x;
 }

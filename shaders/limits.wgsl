@@ -1,10 +1,10 @@
-// Which numbers a state may hold.
+// The range of numbers that a state may hold.
 
-// What the first vertex out of bounds is while there is none.
+// Index of the first vertex out of bounds while none was found.
 const NONE: u32 = 0xffffffffu;
 
-// Farther out [m] squares soon overflow; NaN and infinity are farther still. Compared by its bits, in which magnitudes
-// are ordered: a shader compiler may assume that no value is NaN.
+// Farther out [m], squares soon overflow. The comparison is of bits, which order magnitudes like integers and put
+// infinity and NaN above all numbers; in a comparison of floats a shader compiler may assume that no value is NaN.
 const MAX_POSITION: f32 = 1e15;
 
 fn is_bounded(v: vec3f) -> bool {

@@ -1,5 +1,5 @@
-// The numbers of a step and of a substep, which every stage shares. The structs mirror src/kernels/params.rs member for member;
-// tests/unit/gpu_layout.rs compares them.
+// The parameters of a step and of a substep, shared by all stages. The structs mirror src/kernels/params.rs member for
+// member; tests/unit/gpu_layout.rs compares them.
 
 struct Params {
     acceleration: vec3f,

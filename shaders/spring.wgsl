@@ -1,4 +1,4 @@
-// An explicit spring, seen from one of its ends. See src/kernels/spring.rs.
+// An explicit spring, seen from one of its ends. The derivation is in src/kernels/spring.rs.
 
 struct Spring {
     other: u32,
@@ -6,7 +6,7 @@ struct Spring {
     stiffness: f32,
 }
 
-// The force on the end that `d` points away from.
+// The force on one end of the spring; `d` points from that end to the other.
 fn spring_force(d: vec3f, spring: Spring) -> vec3f {
     let l = max(length(d), LEAST_LENGTH);
     return d * (spring.stiffness * (l - spring.rest) / l);

@@ -1,5 +1,5 @@
-// What a moving cloth is judged by: how far its area is stretched, and how fast it moves. All sums are of integers, so that they are
-// the same in any order.
+// Statistics of a state: how far the cloth's area is stretched, and how fast its vertices move. All sums are of
+// integers, so they do not depend on the order of summation. The constants are explained in src/kernels/statistics.rs.
 
 const CLASSES: u32 = 128u;
 const BITS: u32 = 20u;
@@ -28,18 +28,19 @@ struct Statistics {
     high: array<atomic<u32>, 3>,
 }
 
-// The class of a stretch or a speed: eight to an octave from the least on, as the number's own bits have them.
+// The class of a stretch or a speed: eight classes per octave from `least` on, formed from the leading bits of the
+// number.
 fn class_of(value: f32, least: f32) -> u32 {
     let before = (bitcast<u32>(least) >> BITS) - 1u;
     return min(max(bitcast<u32>(value) >> BITS, before) - before, CLASSES - 1u);
 }
 
-// How far an edge of some length [m] is stretched, 0 if it is not.
+// The stretch of an edge with this length [m]; 0 if it is compressed.
 fn stretch(length: f32, inverse_rest: f32) -> f32 {
     return max(length * inverse_rest, 1.0) - 1.0;
 }
 
-// A number whose order among others is that of `value`.
+// Maps a number to an integer so that integers are ordered like the numbers.
 fn ordered(value: f32) -> u32 {
     let bits = bitcast<u32>(value);
     return select(bits | 0x80000000u, ~bits, (bits >> 31u) == 1u);

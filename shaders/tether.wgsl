@@ -1,4 +1,5 @@
-// How far from a pin a vertex may be. The reasons are in src/kernels/tether.rs.
+// Tethers: one-sided constraints on the distance between a vertex and a pin. The derivations are in
+// src/kernels/tether.rs.
 
 struct Tether {
     anchor: u32,
@@ -10,7 +11,8 @@ struct Tether {
 const TETHER_TURN_GUARD: f32 = 0.5;
 const TETHER_SHORT_GUARD: f32 = 0.1;
 
-// What a tether moves its vertex by, which is `d0` from the pin when the substep begins and moves by `du` from it.
+// The correction of a tethered vertex that is at `d0` from the pin at the substep's start and moves by `du` relative to
+// it.
 fn tethered(d0: vec3f, du: vec3f, reach: f32, share: f32) -> vec3f {
     let d = d0 + du;
     let l = length(d);

@@ -1,8 +1,8 @@
-// What a watch looks for at the end of a step. The reasons are in src/kernels/watch.rs.
+// What the instability watch measures at the end of a step. The derivations are in src/kernels/watch.rs.
 
 const MOST_SQUARE: f32 = 1e30;
 
-// Of a vertex with inverse mass `w`, 0 for a pin, which goes where it is led.
+// Mass of a vertex with inverse mass `w`; 0 for a pin, whose motion is prescribed.
 fn free_mass(w: f32) -> f32 {
     if w == 0.0 {
         return 0.0;

@@ -1,17 +1,18 @@
-// The force of the air on a triangle. The reasons are in src/kernels/wind.rs.
+// The aerodynamic force on a triangle. The derivations are in src/kernels/wind.rs.
 
 struct Panel {
     corners: vec3u,
     mass: f32,
 }
 
-// k / (1 + kick k A/m): exact for a free panel, never reverses the velocity relative to the air.
+// k A / (1 + kick k A/m), where `kick` is the time for which the force acts. Exact for a free panel in steady air, and
+// never reverses the velocity relative to it.
 fn limited(k: f32, area: f32, mass: f32) -> f32 {
     let kick = substep.gain / params.h;
     return k * area / (1.0 + kick * k * area / mass);
 }
 
-// Drag along the stream and lift across it (Keckeisen et al. 2004), as a normal and a tangential part.
+// Drag along the flow and lift across it (Keckeisen et al. 2004), combined as a normal and a tangential part.
 fn wind_force(x0: vec3f, x1: vec3f, x2: vec3f, velocity: vec3f, mass: f32) -> vec3f {
     let cross_product = cross(x1 - x0, x2 - x0);
     let double_area = length(cross_product);

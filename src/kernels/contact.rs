@@ -1,4 +1,4 @@
-//! Contact of a vertex with a body. One vertex at a time: few are near one.
+//! Collision of a vertex with an analytic collider. Scalar code, because few vertices are close to a collider.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3A, Vec4, Vec4Swizzles};
@@ -11,43 +11,49 @@ use crate::simd::{Lanes, Vector};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Body {
-    /// Plane: a point of it. Round: one end of the axis (a sphere's center). Box: its center. All at the step's start.
+    /// Plane: a point of it. Round body: one end of the axis (a sphere's center). Box: its center. All at the step's
+    /// start.
     pub a: [f32; 3],
-    /// Of a round body at `a`; of a box, by which it reaches beyond its core.
+    /// Round body: the radius at `a`. Box: the radius of its rounded edges, by which it extends beyond its core.
     pub radius: f32,
-    /// Plane: its unit normal. Round: the other end of the axis. Box: half of its core, along its own axes.
+    /// Plane: its unit normal. Round body: the other end of the axis. Box: the half extents of its core, along its own
+    /// axes.
     pub b: [f32; 3],
     pub friction: f32,
-    /// How `a`, `radius`, and all but a plane's `b`, change over the step.
+    /// Changes over the step of `a`, of `radius`, and of `b` (not of a plane's normal).
     pub a_travel: [f32; 3],
     pub radius_travel: f32,
     pub b_travel: [f32; 3],
     /// [`PLANE`], [`ROUND`] or [`BOX`].
     pub kind: u32,
-    /// Round: by how much the radius is larger at `b`, and three numbers that mean nothing. Box: its rotation, a quaternion, of length 1
-    /// at the step's start and end.
+    /// Round body: by how much the radius at `b` is larger than at `a`, then three unused numbers. Box: its rotation, a
+    /// quaternion that has unit length at the step's start and end.
     pub c: [f32; 4],
-    /// How `c` changes over the step.
+    /// Change of `c` over the step.
     pub c_travel: [f32; 4],
 }
 
+/// Values of [`Body::kind`].
 pub(crate) const PLANE: u32 = 0;
 pub(crate) const ROUND: u32 = 1;
 pub(crate) const BOX: u32 = 2;
 
-/// Speed (m/s) at which a vertex that began a substep inside a body is moved out of it.
+/// Speed (m/s) at which a vertex that began a substep inside a body is pushed out.
 pub(crate) const DEPENETRATION: f32 = 1.0;
-/// A vertex that moves by more than this share of a body's radius, or of half a box's thickness, in a substep is swept along its path.
+/// A vertex that moves in a substep by more than this share of a body's radius, or of half a box's thickness, is tested
+/// along its path (continuous collision detection).
 pub(crate) const SWEPT: f32 = 0.25;
+/// Maximum number of steps along a path.
 pub(crate) const SWEEP_STEPS: u32 = 24;
 
-/// Contact of a vertex at `x` about to move by `u` with one body: `(x, u)` afterwards.
+/// Resolves the collision of a vertex at `x` that is about to move by `u` with one body. Returns `(x, u)` afterwards.
 ///
-/// The gap is formed in displacements, so that it is right to the last bit of `u`, not of `x`: formed in positions it loses
-/// part of `h² g` to rounding at hundreds of substeps, and with it part of friction (0.4 % of the acceleration at 16.9
-/// degrees and friction 0.3, 320 substeps, a meter from the origin; more farther out). What the vertex was already
-/// inside by is taken out of `x` at a bounded speed and gives it no velocity; the rest is taken out of `u`, and is what
-/// friction (Coulomb, relative to the body's own motion) is measured by. A fast vertex is swept along its path.
+/// The gap is computed from displacements, so that its rounding error is relative to `u`, not to `x`. Computed from
+/// positions it would lose part of `h² g` at hundreds of substeps, and with it part of the friction (0.4 % of the
+/// acceleration at 16.9 degrees, friction 0.3, 320 substeps, one meter from the origin; more farther out). The depth at
+/// which the vertex already was inside is removed from `x` at a bounded speed, which adds no velocity. The remaining
+/// depth is removed from `u`, and Coulomb friction, relative to the body's motion, is proportional to it. The path of a
+/// fast vertex is tested for the first touch.
 pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
     let a = Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start;
     let a_step = Vec3A::from(body.a_travel) * params.fraction;
@@ -75,7 +81,7 @@ pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, p
     let end = d.length();
     let before = start - radius;
     let travel2 = du.length_squared();
-    // A vertex at rest on the surface may be inside it by a rounding.
+    // A vertex at rest on the surface may be inside by a rounding error.
     if before > -SWEPT * radius
         && travel2 > SWEPT * SWEPT * radius * radius
         && let Some((n, after)) = swept(x, du, a, b, radius_a, taper, travel2.sqrt())
@@ -87,8 +93,9 @@ pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, p
     respond(x, u, n, before, after, step, body.friction, params.h)
 }
 
-/// The center of the ball, of those that fill a round body, whose surface is nearest to `x`: where between `a` (0) and `b` (1). The radius
-/// is larger by `taper` at `b`. On a cone the way to the surface leans by the sine `taper / |b - a|`.
+/// Parameter, from 0 at `a` to 1 at `b`, of that ball of a round body whose surface is nearest to `x`. The body is the
+/// union of balls along the axis, with a radius larger by `taper` at `b`. On a cone the normal is inclined to the
+/// perpendicular of the axis by an angle of sine `taper / |b - a|`.
 fn nearest(a: Vec3A, b: Vec3A, taper: f32, x: Vec3A) -> f32 {
     let axis = b - a;
     let square = axis.length_squared();
@@ -98,15 +105,16 @@ fn nearest(a: Vec3A, b: Vec3A, taper: f32, x: Vec3A) -> f32 {
     }
     let cone = square - taper * taper;
     if cone <= 0.0 {
-        // The larger ball holds the smaller one.
+        // The larger ball contains the smaller one.
         return if taper > 0.0 { 1.0 } else { 0.0 };
     }
     let across = (x - a - axis * along).length();
     (along + across * taper / (cone * square).sqrt()).clamp(0.0, 1.0)
 }
 
-/// First touch of the path `x + s du` with a round body: its normal there, and the gap that the end of the path leaves to
-/// the tangent plane. Steps by the distance still free (sphere tracing: Hart 1996), which never passes the surface.
+/// The first touch of the path `x + s du` with a round body: the normal there, and the gap between the path's end and
+/// the tangent plane. Steps along the path by the distance to the surface (sphere tracing: Hart 1996), which never
+/// passes through it.
 fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, taper: f32, travel: f32) -> Option<(Vec3A, f32)> {
     let mut s = 0.0;
     for _ in 0..SWEEP_STEPS {
@@ -127,11 +135,11 @@ fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, taper: f32, trave
     None
 }
 
-/// [`contact_body`] with a box that moves and turns, in the box's own axes, where it rests.
+/// [`contact_body`] for a box that moves and rotates, computed in the frame of the box.
 ///
-/// The box turns along the straight way between two quaternions. The turn of a substep is formed from their difference, as the vector
-/// `g` along its axis of length `tan(angle/2)`: so what the box moves by under the vertex, `2 (g x r + g x (g x r)) / (1 + g²)`, is right to
-/// its own last bit.
+/// The quaternion is interpolated linearly over the step. The rotation in a substep is computed from the quaternions'
+/// difference, as the vector `g` along the axis with length `tan(angle/2)`. The box's displacement under the vertex,
+/// `2 (g x r + g x (g x r)) / (1 + g²)`, then has a rounding error relative to itself, not to the position.
 fn contact_box(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
     let arm = x - (Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start);
     let rotation = Vec4::from(body.c) + Vec4::from(body.c_travel) * substep.start;
@@ -155,8 +163,9 @@ fn contact_box(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Para
     respond(x, u, turned(ends, n), before, after - growth, step, body.friction, params.h)
 }
 
-/// The surface of a box nearest to the end of the path from `y` by `dy`: its normal there, and the gap, formed in displacements.
-/// What lies beyond one face alone is nearest to that face; beyond several, to their edge or corner.
+/// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
+/// from displacements. A point beyond one face only is nearest to that face, a point beyond several to their common
+/// edge or corner.
 fn box_end(y: Vec3A, dy: Vec3A, core: Vec3A, core_step: Vec3A, radius: f32) -> (Vec3A, f32) {
     let side = toward(y + dy);
     let beyond = (y + dy).abs() - (core + core_step);
@@ -172,7 +181,7 @@ fn box_end(y: Vec3A, dy: Vec3A, core: Vec3A, core_step: Vec3A, radius: f32) -> (
     (n, (n.dot(y) - axis.dot(core)) - radius + n.dot(dy) - axis.dot(core_step))
 }
 
-/// First touch of the path `y + s dy` with a box at rest: as [`swept`].
+/// The first touch of the path `y + s dy` with a box at rest; see [`swept`].
 fn swept_box(y: Vec3A, dy: Vec3A, core: Vec3A, radius: f32, travel: f32) -> Option<(Vec3A, f32)> {
     let touching = 0.001 * (core.min_element() + radius);
     let mut s = 0.0;
@@ -189,7 +198,7 @@ fn swept_box(y: Vec3A, dy: Vec3A, core: Vec3A, radius: f32, travel: f32) -> Opti
     None
 }
 
-/// Normal and signed distance of the surface of a box at rest that is nearest to `y`.
+/// Normal and signed distance of the surface of a box at rest at its point nearest to `y`.
 fn box_gap(y: Vec3A, core: Vec3A, radius: f32) -> (Vec3A, f32) {
     let (side, beyond) = (toward(y), y.abs() - core);
     let outside = positive(beyond);
@@ -202,7 +211,7 @@ fn box_gap(y: Vec3A, core: Vec3A, radius: f32) -> (Vec3A, f32) {
     (side * axis, axis.dot(beyond) - radius)
 }
 
-/// The axis along which a vector is largest, the first of equals.
+/// The axis with the largest component; the first of equal ones.
 fn farthest(v: Vec3A) -> Vec3A {
     match (v.x >= v.y && v.x >= v.z, v.y >= v.z) {
         (true, _) => Vec3A::X,
@@ -211,36 +220,38 @@ fn farthest(v: Vec3A) -> Vec3A {
     }
 }
 
-/// 1 or -1 along each axis, toward the side that `y` is on.
+/// For each axis 1 or -1, the sign of the side that `y` is on.
 fn toward(y: Vec3A) -> Vec3A {
     Vec3A::select(y.cmplt(Vec3A::ZERO), Vec3A::NEG_ONE, Vec3A::ONE)
 }
 
-/// 1 along each axis along which a vector is positive, 0 along the others.
+/// 1 for each positive component, 0 for the others.
 fn positive(v: Vec3A) -> Vec3A {
     Vec3A::select(v.cmpgt(Vec3A::ZERO), Vec3A::ONE, Vec3A::ZERO)
 }
 
-/// The turn from a quaternion to one that differs by `change`, neither of length 1: along its axis, of length `tan(angle/2)`.
+/// The rotation vector, along the axis with length `tan(angle/2)`, from a quaternion to one that differs by `change`.
+/// Neither needs unit length.
 fn turn(rotation: Vec4, change: Vec4) -> Vec3A {
     let (from, by) = (Vec3A::from_vec4(rotation), Vec3A::from_vec4(change));
     let axis = by * rotation.w - from * change.w - by.cross(from);
     axis / (rotation.dot(rotation) + rotation.dot(change))
 }
 
-/// A vector turned by a quaternion of length 1.
+/// Rotates a vector by a unit quaternion.
 fn turned(rotation: Vec4, v: Vec3A) -> Vec3A {
     let axis = Vec3A::from_vec4(rotation);
     let across = axis.cross(v) * 2.0;
     v + across * rotation.w + axis.cross(across)
 }
 
-/// A vector turned back by a quaternion of length 1.
+/// Rotates a vector by the inverse of a unit quaternion.
 fn turned_back(rotation: Vec4, v: Vec3A) -> Vec3A {
     turned((-rotation.xyz()).extend(rotation.w), v)
 }
 
-/// Pushes a vertex out along `n` given its signed gap before and after the substep, with friction: `(x, u)` afterwards.
+/// Pushes a vertex out along `n`, given its signed gap before and after the substep, and applies friction. Returns
+/// `(x, u)` afterwards.
 #[expect(clippy::too_many_arguments, reason = "a contact has this many numbers; the shader's twin takes the same")]
 fn respond(x: Vec3A, u: Vec3A, n: Vec3A, before: f32, after: f32, step: Vec3A, friction: f32, h: f32) -> (Vec3A, Vec3A) {
     if after >= 0.0 {
@@ -257,14 +268,16 @@ fn respond(x: Vec3A, u: Vec3A, n: Vec3A, before: f32, after: f32, step: Vec3A, f
     (x + n * old.min(DEPENETRATION * h), u)
 }
 
-/// Where a body cannot be met in a substep, told more cheaply than where it is.
+/// A cheap conservative test: where vertices cannot touch a body in a substep.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Clear {
-    /// Vertices that move by less than this (m) ...
+    /// Vertices that move by less than this (m) cannot touch the body if they begin outside `reach`.
     travel: f32,
-    /// ... and begin farther from here than `reach` (m), or for a plane above it along its normal, are clear.
+    /// Center of the bounding sphere; for a plane, a point of it.
     center: Vec3A,
+    /// Radius of the bounding sphere (m); for a plane, a height above it.
     reach: f32,
+    /// Normal of a plane, none for other bodies.
     normal: Option<Vec3A>,
 }
 
@@ -288,12 +301,12 @@ impl Clear {
         let b = Vec3A::from(body.b) + b_travel * substep.start;
         let travel = 0.25 * radius;
         let step = a_travel.length().max(b_travel.length()) * fraction;
-        // With a margin for what rounding makes of either, here and in the contact's own arithmetic.
+        // The factor 1.01 covers rounding errors, here and in the collision itself.
         let reach = 1.01 * (0.5 * (b - a).length() + radius + travel + step);
         Clear { travel, center: (a + b) * 0.5, reach, normal: None }
     }
 
-    /// Where vertices at `x` (m) that move by `u` (m) surely do not meet the body.
+    /// A mask of the vertices at `x` (m), moving by `u` (m), that surely do not touch the body.
     #[inline(always)]
     pub(crate) fn of_vertices<L: Lanes>(&self, x: Vector<L>, u: Vector<L>) -> L::Mask {
         let from = x - Vector::splat(self.center.to_array());

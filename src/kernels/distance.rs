@@ -1,10 +1,10 @@
-//! Edges: how far apart their ends may be.
+//! The distance constraint of an edge.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::simd::{Lanes, Vector};
 
-/// An edge, ready for one length of substep.
+/// An edge with coefficients for substeps of one length.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Edge {
@@ -12,62 +12,71 @@ pub(crate) struct Edge {
     pub b: u32,
     /// One over the rest length (1/m).
     pub inverse_rest: f32,
-    /// `1 / (w_a + w_b + a')` (kg), `a'` the shifted compliance over `h²`.
+    /// `1 / (w_a + w_b + a')` (kg), where `a'` is the shifted compliance divided by `h²`.
     pub inverse_weight: f32,
 }
 
-/// SHAKE's direction is used while the edge has turned by less than this (cosine) ...
+/// An edge is corrected along its direction at the substep's start (SHAKE), without a square root, if it has turned by
+/// less than this (cosine) ...
 pub(crate) const TURN_GUARD: f32 = 0.9;
-/// ... and its squared length is within this share of its rest value, at the substep's start and end.
+/// ... and its squared length is within this share of the rest value, at the substep's start and end.
 pub(crate) const STRETCH_GUARD: f32 = 0.1;
-/// The direction at the start is kept, with a square root, while the edge has turned by less than this (cosine: 60 degrees) ...
+/// Otherwise it is corrected along that direction with square roots, if it has turned by less than this (cosine: 60
+/// degrees) ...
 pub(crate) const FAR_TURN_GUARD: f32 = 0.5;
-/// ... is longer than this share of its rest length, at the substep's start and end ...
+/// ... and is longer than this share of its rest length, at the substep's start and end ...
 pub(crate) const SHORT_GUARD: f32 = 0.1;
-/// ... and ends no longer than this: farther off, a direction that is not its own throws it about.
+/// ... and ends shorter than this multiple of it. A longer edge would throw the cloth about if corrected along a
+/// direction that is no longer its own.
 pub(crate) const LONG_GUARD: f32 = 1.2;
-/// A coarse edge that holds pushes while it is slack by less than this share of its squared length, the less the slacker it is.
+/// With [`hold_coarse`], a coarse edge pushes while its squared length is below the rest value by less than this share,
+/// and pushes less the closer it is to that limit.
 pub(crate) const SLACK_BAND: f32 = 6.5e-4;
-/// No edge is shorter (m) where its length divides.
+/// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const LEAST_LENGTH: f32 = 1e-12;
 
-/// What an edge asks of its ends: its impulse is `-scale * inverse_weight * direction`. Add `w_a` times it to `u_a`, subtract
-/// `w_b` times it from `u_b`.
+/// The correction of an edge. Its impulse is `-scale * inverse_weight * direction`: add `w_a` times that to `u_a` and
+/// subtract `w_b` times it from `u_b`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Correction<L: Lanes> {
-    /// How much of the direction is too much.
+    /// The excess length relative to the length of the direction vector.
     pub scale: L,
-    /// Where the direction is `d0`, the edge's at the start of the substep; elsewhere it is `d0 + du`, its current one.
+    /// Where set, the direction is `d0`, the edge vector at the substep's start; elsewhere it is `d0 + du`, the current
+    /// one.
     pub at_start: L::Mask,
 }
 
-/// The correction of an edge with ends apart by `d0` (m) at the start of the substep, which move apart by `du` (m).
+/// The correction of an edge between vertices that are apart by `d0` (m) at the substep's start and move apart by `du`
+/// (m) in it.
 ///
-/// `C = l - l0`, corrected along the edge's direction at the substep's start (SHAKE: Ryckaert et al. 1977) unless the edge has turned
-/// far, or is very short or long, else along its current direction (XPBD: Macklin et al. 2016). Only an impulse along the direction at the
-/// start has no torque about any point: one along the current direction turns the edge by `d0 x du`, and a cloth on one pin
-/// whose edges stretch would slowly begin to spin.
+/// The constraint is `C = l - l0`. It is corrected along the edge's direction at the substep's start (SHAKE: Ryckaert
+/// et al. 1977), or along its current direction (XPBD: Macklin et al. 2016) if the edge has turned far, is very short
+/// or very long. Only an impulse along the direction at the start exerts no torque about any point. One along the
+/// current direction turns the edge by `d0 x du`, so that a cloth hung by one pin whose edges stretch would slowly
+/// start to spin.
 ///
-/// While the edge has hardly turned or stretched, `l - l0` is a series in `r = (l/l0)² - 1`, and so is one over the length at the start:
-/// the common case has no square root, and the rest length cancels. Without the second series the edge would be stiffer by
-/// its own strain, at every substep; its guard keeps it from the edges of a scrambled cloth, where it diverges.
+/// While the edge has hardly turned or stretched, `l - l0` is a series in `r = (l/l0)² - 1`, and the inverse of the
+/// length at the start is a series too. So the common case needs no square root, and the rest length cancels. Without
+/// the second series the edge would be stiffer by a share equal to its strain, at any number of substeps. The guard on
+/// it excludes the edges of a scrambled cloth, where it diverges.
 #[inline(always)]
 pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
     project::<L, false>(d0, du, inverse_rest)
 }
 
-/// The correction of a coarse edge, which only pulls: centers of cloth may come as near as they like.
+/// The correction of a coarse edge that only pulls: the centers of aggregates may come arbitrarily close.
 #[inline(always)]
 pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
     project::<L, true>(d0, du, inverse_rest)
 }
 
-/// The correction of a coarse edge that holds: it pulls, and pushes a little as long as it is hardly slack.
+/// The correction of a coarse edge that pulls, and also pushes a little while it is hardly compressed.
 ///
-/// In a sheet that hangs at rest, coarse diagonals pull the cloth together across the load. If no coarse edge across took that up,
-/// fine edges would: pressed, they buckle within an aggregate, where no coarse edge has a say, and a sheet that does not resist
-/// bending never comes to rest. The push fades with [`SLACK_BAND`] and has a potential. It resists bending by as little; so it is for cloth that
-/// does not bend against any resistance of its own.
+/// In a sheet that hangs at rest, diagonal coarse edges pull the cloth together across the load. If no coarse edge
+/// across resisted that, fine edges would. They would buckle under the pressure within an aggregate, where coarse edges
+/// have no influence, and a sheet without bending stiffness would never come to rest. The push fades out within
+/// [`SLACK_BAND`] and derives from a potential. It acts as a small bending resistance, so it is used only for cloth
+/// without bending stiffness of its own.
 #[inline(always)]
 pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -79,7 +88,8 @@ pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
     correction
 }
 
-/// The correction of an edge along its current direction: Jakobsen's relaxation (2001) where the edge has no compliance.
+/// The correction of an edge along its current direction. For an edge without compliance this is Jakobsen's relaxation
+/// (2001).
 #[inline(always)]
 pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
     let nowhere = L::splat(0.0).lt(L::splat(0.0));
@@ -88,7 +98,7 @@ pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L
     Correction { scale: one - one / (inverse_rest * length), at_start: nowhere }
 }
 
-/// [`project_edge`], and if `PULL`, [`project_coarse`].
+/// [`project_edge`], or with `PULL` [`project_coarse`].
 #[inline(always)]
 fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -99,15 +109,16 @@ fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_res
     let r0 = d0.dot(d0).mul_add(inverse_square, less_one);
     let c = d0.dot(d) * inverse_square;
     let guard = L::splat(STRETCH_GUARD);
-    // Each compared by itself: a maximum would let a NaN pass.
+    // Both are compared, because taking a maximum first could drop a NaN.
     let hardly_stretched = L::and(r.abs().lt(guard), r0.abs().lt(guard));
     let mut at_start = L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched);
     let slack = r.lt(zero);
     if PULL {
-        // What is slack is left alone, whichever way it points.
+        // A compressed edge gets no correction, in whichever direction.
         at_start = L::or(at_start, slack);
     }
-    // 1 - r0 (1/2 - 3/8 r0), which is l0 over the length at the start, and r (1/2 - r (1/8 - r/16)), which is (l - l0)/l0.
+    // `unit = 1 - r0 (1/2 - 3/8 r0)` approximates l0 over the length at the start, and
+    // `r inner = r (1/2 - r (1/8 - r/16))` approximates (l - l0)/l0.
     let unit = r0.neg_mul_add(r0.neg_mul_add(L::splat(0.375), L::splat(0.5)), one);
     let inner = r.neg_mul_add(r.neg_mul_add(L::splat(0.0625), L::splat(0.125)), L::splat(0.5));
     let mut scale = unit * r * inner;
@@ -116,7 +127,7 @@ fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_res
         let short = L::splat(SHORT_GUARD);
         let sound = L::and(L::and(short.lt(stretch0), short.lt(stretch)), stretch.lt(L::splat(LONG_GUARD)));
         let hardly_turned = L::and((L::splat(FAR_TURN_GUARD) * stretch0 * stretch).lt(c), sound);
-        // (l - l0)/l, or over the length of the direction that is taken.
+        // (l - l0) over the length of the direction vector that is used.
         let length = L::select(hardly_turned, stretch0, stretch.max(inverse_rest * L::splat(LEAST_LENGTH)));
         scale = L::select(at_start, scale, (stretch + less_one) / length);
         at_start = L::or(at_start, hardly_turned);

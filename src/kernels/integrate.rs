@@ -1,4 +1,4 @@
-//! Where a vertex is on its way to if nothing holds it, and where a pin is led.
+//! Prediction of a vertex's displacement without constraints, and of a pin's prescribed one.
 
 use std::ops::{Add, Mul};
 
@@ -7,7 +7,7 @@ use glam::{Vec3A, Vec4};
 
 use super::params::Substep;
 
-/// A pinned vertex on its way through a step, in local coordinates.
+/// A pin that follows a target, with its positions at the step's start and end (m, local coordinates).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Pin {
@@ -17,21 +17,21 @@ pub(crate) struct Pin {
     pub padding: u32,
 }
 
-/// Displacement (m) predicted from the last one and the ambient acceleration: leapfrog, exact for linear drag.
+/// The displacement (m) predicted from the last one and the ambient acceleration, by leapfrog; exact for linear drag.
 ///
-/// `carry` is [`Substep::carry`], `fall` the acceleration times [`Substep::gain`] (m).
+/// `carry` is [`Substep::carry`], and `fall` is the acceleration times [`Substep::gain`] (m).
 #[inline(always)]
 pub(crate) fn predict_displacement<V: Mul<Output = V> + Add<Output = V>>(p: V, carry: V, fall: V) -> V {
     p * carry + fall
 }
 
-/// Displacement (m) of a pin at `x` (m) to where it is led by the end of the substep.
+/// The displacement (m) of a pin at `x` (m) to its prescribed position at the end of the substep.
 pub(crate) fn pin_displacement(pin: &Pin, x: Vec3A, substep: &Substep) -> Vec3A {
     let (origin, goal) = (Vec3A::from(pin.origin), Vec3A::from(pin.goal));
     origin + (goal - origin) * substep.end - x
 }
 
-/// The xyz of a vertex stored with a fourth number.
+/// The xyz components of a vector whose w component holds something else.
 pub(crate) fn xyz(v: Vec4) -> Vec3A {
     Vec3A::from_vec4(v)
 }

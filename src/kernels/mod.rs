@@ -1,9 +1,11 @@
-//! The mathematics: values in, values out, once for every number of lanes. `shaders/` has the same files and functions.
+//! The mathematics of the solver as pure functions, generic over the number of SIMD lanes. `shaders/` has the same
+//! files and functions in WGSL.
 //!
-//! Within a substep of length `h` a vertex is at `x` (m) and will move by `u` (m); `p` (m) is its displacement over the
-//! substep before, so its velocity is `p / h`. Everything is written in displacements: formed as `(x - x_prev) / h` in
-//! single precision, a velocity loses gravity altogether once `h^2 g` nears the last bit of `x`. Storing `p` rather than
-//! `v` spares a division and lets no rounding of `v -> h v -> v` add up over thousands of substeps.
+//! Within a substep of length `h`, a vertex is at `x` (m) and will move by `u` (m). `p` (m) is its displacement over
+//! the last substep, so its velocity is `p / h`. Everything is formulated in displacements: computed as
+//! `(x - x_prev) / h` in single precision, a velocity would lose gravity altogether once `h² g` approaches the last bit
+//! of `x`. Storing `p` instead of `v` saves a division, and the rounding errors of `v -> h v -> v` cannot add up over
+//! thousands of substeps.
 
 pub(crate) mod bending;
 pub(crate) mod contact;

@@ -1,21 +1,24 @@
-//! A pair of features of cloth that may touch: a vertex and a triangle, or two edges. Four corners, and a weight each.
+//! A pair of features that may collide: a vertex and a triangle, or two edges. Either way it has four corners with a
+//! weight each.
 //!
-//! The weights of the closest points add up to 1 on one side and to -1 on the other, so that `sum_i weight_i x_i` is the vector from
-//! the second side to the first, and `sum_i weight_i u_i` how they move apart; a pair is then the same whatever it is of.
+//! The weights are the barycentric coordinates of the closest points, positive on one side (sum 1) and negative on the
+//! other (sum -1). So `sum_i weight_i x_i` is the vector from the second side to the first, `sum_i weight_i u_i` is
+//! their relative displacement, and both kinds of pairs are treated alike.
 
 use crate::simd::{Lanes, Vector};
 
-/// Share of Jacobi's step that is taken: below 2 it is stable (see [`step_of_lambda`]).
+/// Relaxation factor of the Jacobi iteration over pairs; it is stable below 2 (see [`step_of_lambda`]).
 pub(crate) const RELAXATION: f32 = 1.7;
-/// A vertex stays this share of the thickness away from a pair's middle plane ...
+/// Share of a pair's distance, or of the thickness if that is more, that a vertex keeps to the pair's middle plane: see
+/// [`kept`].
 pub(crate) const KEEP: f32 = 0.05;
 
-/// A triangle is thin whose sides make an angle of a smaller squared sine than this.
+/// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 const THIN: f32 = 1e-6;
-/// As small as nothing, where a sign is asked for.
+/// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 
-/// Whether a number is at most zero, and whether it is at least that.
+/// Whether a number is at most 0. Below, whether it is at least 0.
 #[inline(always)]
 fn down<L: Lanes>(t: L) -> L::Mask {
     t.lt(L::splat(TINY))
@@ -33,7 +36,7 @@ fn clamp01<L: Lanes>(t: L) -> L {
     L::select(t.lt(one), t, one)
 }
 
-/// Where along `b` (0 to 1) its point nearest to `a` is.
+/// The parameter, from 0 to 1, of the point on the segment `b` that is nearest to `a`; both start at the origin.
 #[inline(always)]
 fn along<L: Lanes>(a: Vector<L>, b: Vector<L>) -> L {
     clamp01(a.dot(b) / square(b).max(L::splat(1e-30)))
@@ -49,7 +52,7 @@ fn choose<L: Lanes>(mask: L::Mask, yes: (L, L), no: (L, L)) -> (L, L) {
     (L::select(mask, yes.0, no.0), L::select(mask, yes.1, no.1))
 }
 
-/// Weights of the closest points of a vertex and a triangle (Ericson 2004, "Real-Time Collision Detection", 5.1.5).
+/// The weights of the closest points of a vertex and a triangle (Ericson 2004, "Real-Time Collision Detection", 5.1.5).
 #[inline(always)]
 pub(crate) fn vertex_triangle<L: Lanes>([p, a, b, c]: [Vector<L>; 4]) -> [L; 4] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -65,7 +68,7 @@ pub(crate) fn vertex_triangle<L: Lanes>([p, a, b, c]: [Vector<L>; 4]) -> [L; 4] 
     let weights = choose(L::and(up(d6), down(d5 - d6)), (zero, one), weights);
     let weights = choose(L::and(up(d3), down(d4 - d3)), (one, zero), weights);
     let mut weights = choose(L::and(down(d1), down(d2)), (zero, zero), weights);
-    // A triangle this thin has no inside that single precision could tell.
+    // A degenerate triangle has no interior in single precision; use the closest point on its sides.
     let thin = (va + vb + vc).lt(ab.dot(ab) * ac.dot(ac) * L::splat(THIN));
     if !L::all(L::eq(L::select(thin, one, zero), zero)) {
         let (s, t, r) = (along(ap, ab), along(ap, ac), along(bp, c - b));
@@ -78,27 +81,28 @@ pub(crate) fn vertex_triangle<L: Lanes>([p, a, b, c]: [Vector<L>; 4]) -> [L; 4] 
     [one, v + w - one, zero - v, zero - w]
 }
 
-/// Weights of the closest points of two edges (Ericson 2004, 5.1.9).
+/// The weights of the closest points of two edges (Ericson 2004, 5.1.9).
 #[inline(always)]
 pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
     let (zero, one, tiny) = (L::splat(0.0), L::splat(1.0), L::splat(1e-30));
     let (d1, d2, r) = (a1 - a0, b1 - b0, a0 - b0);
     let (a, e, f, c, b) = (d1.dot(d1).max(tiny), d2.dot(d2).max(tiny), d2.dot(r), d1.dot(r), d1.dot(d2));
     let across = b.neg_mul_add(b, a * e);
-    // Of parallel edges any points will do.
+    // On parallel edges any pair of nearest points will do.
     let parallel = across.lt(a * e * L::splat(1e-6));
     let s = L::select(parallel, zero, clamp01(c.neg_mul_add(e, b * f) / across.max(tiny)));
     let t = clamp01(b.mul_add(s, f) / e);
-    // Where the second was clamped, the first goes with it.
+    // Where the parameter on the second edge was clamped, recompute that on the first.
     let s = clamp01((b * t - c) / a);
     [one - s, s, t - one, zero - t]
 }
 
-/// The multipliers of a pair after one step of Jacobi's: along the friction, and along the normal (kg m).
+/// One Jacobi step of a pair's multipliers: `rub`, those of friction, and `press`, that of the normal (kg m).
 ///
-/// `relative` (m) is how the sides move apart in this substep, `gap` (m) how far they may approach. `rate` is [`RELAXATION`] over
-/// `D = sum_v w_v |weight_v| N_v`, `N_v` the sum of a vertex's weights over all its pairs: D bounds the rows of `J W J^T` (Gershgorin), so
-/// that pairs which all act at once do not overshoot. Friction is Coulomb's, by the multiplier's bound.
+/// `relative` (m) is the relative displacement of the two sides in this substep, and `gap` (m) how far they may
+/// approach. `rate` is [`RELAXATION`] over `D = sum_v w_v |weight_v| N_v`, where `N_v` is the sum of a vertex's weights
+/// over all its pairs. `D` bounds the rows of `J W J^T` (Gershgorin), so pairs that all act at once do not overshoot.
+/// Coulomb friction bounds the tangential multipliers by `friction` times the normal one.
 #[inline(always)]
 pub(crate) fn step_of_lambda<L: Lanes>(
     (rub, press): (Vector<L>, L),
@@ -123,15 +127,16 @@ pub(crate) fn impulse<L: Lanes>((rub, press): (Vector<L>, L), normal: Vector<L>)
     normal.mul_add(press, rub)
 }
 
-/// How far (m) a vertex stays from the middle plane of a pair that is `distance` (m) apart and whose thickness is `thickness` (m).
+/// The distance (m) that a vertex keeps to the middle plane of a pair whose sides are `distance` (m) apart, for cloth
+/// of a `thickness` (m).
 #[inline(always)]
 pub(crate) fn kept<L: Lanes>(distance: L, thickness: L) -> L {
     let (half, most) = (distance * L::splat(0.5), thickness * L::splat(KEEP));
     (distance * L::splat(KEEP)).max(L::select(half.lt(most), half, most))
 }
 
-/// How much of a displacement that brings a vertex nearer to a plane by `toward` (m) may be taken, if it is `height` (m) above it
-/// and has to stay `kept` (m) above.
+/// The largest share of a displacement that may be taken. The displacement brings a vertex at `height` (m) above a
+/// plane nearer to it by `toward` (m), and it has to stay `kept` (m) above.
 #[inline(always)]
 pub(crate) fn share_above<L: Lanes>(height: L, kept: L, toward: L) -> L {
     let cuts = L::and(L::splat(0.0).lt(toward), (height - toward).lt(kept));

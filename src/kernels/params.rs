@@ -1,8 +1,8 @@
-//! The numbers of a step and of its substeps, as every kernel and shader takes them.
+//! The parameters of a step and of its substeps, laid out as kernels and shaders share them.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What is the same for every vertex and every substep of a step.
+/// Parameters that are the same for every vertex and every substep of a step.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct Params {
@@ -18,49 +18,54 @@ pub(crate) struct Params {
     pub lift: f32,
     /// One over the number of substeps.
     pub fraction: f32,
+    /// Number of vertices. Below, of analytic colliders and of pins that follow targets.
     pub vertices: u32,
     pub bodies: u32,
     pub pins: u32,
     /// 1 if bending is damped.
     pub damped: u32,
-    /// 1 if there is more to predict by than the last displacement and a uniform acceleration: forces, or pins that are led.
+    /// 1 if the prediction needs more than the last displacement and a uniform acceleration: per-vertex forces, or pins
+    /// that follow targets.
     pub predicted: u32,
     pub substeps: u32,
     /// Sweeps over the edges in a substep.
     pub sweeps: u32,
-    /// 1 if edges are relaxed (Jakobsen), not projected.
+    /// 1 if edges are corrected by Jakobsen's relaxation instead of projection.
     pub relaxed: u32,
     /// Coarse levels in use.
     pub levels: u32,
-    /// How far (m) the pins are led in a substep, on average.
+    /// Mean displacement (m) of the pins in a substep.
     pub drift: [f32; 3],
-    /// 1 if coarse edges hold (`distance::hold_coarse`).
+    /// 1 if coarse edges also push (`distance::hold_coarse`).
     pub holds: u32,
-    /// Edges that are swept.
+    /// Number of edges that are swept.
     pub edges: u32,
-    /// What the watch compares with (`kernels::watch`): one over the displacement (m) in a substep at the fastest speed that the scene
-    /// explains, one over the free mass (kg), and the longest edge (m) that it does.
+    /// Bounds of the instability watch (`kernels::watch`). One over the displacement (m) in a substep at the greatest
+    /// RMS speed that the scene explains.
     pub per_length: f32,
+    /// One over the mass of all free vertices (1/kg).
     pub per_mass: f32,
+    /// The greatest length of an edge (m) that the scene explains.
     pub longest: f32,
     /// 1 if tethers are in use.
     pub tethers: u32,
-    /// Acceleration (m/s²) whose load lengthens them.
+    /// Acceleration (m/s²) under whose load tethers are lengthened by their slack.
     pub load: f32,
     pub padding: [u32; 2],
 }
 
-/// What differs from one substep to the next.
+/// Parameters that differ between substeps.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct Substep {
-    /// Share of the last displacement that carries over: drag, and the ratio of this substep to the last.
+    /// Factor from the last displacement to its contribution to this one: drag, and the ratio of this substep to the
+    /// last.
     pub carry: f32,
-    /// Displacement by a unit of acceleration (s²): `h²`, half of it in the first substep (leapfrog start).
+    /// Displacement per unit of acceleration (s²): `h²`, or half of that in the first substep (leapfrog start).
     pub gain: f32,
-    /// One over the last substep (1/s): turns `p` into a velocity.
+    /// One over the last substep (1/s), which turns `p` into a velocity.
     pub rate: f32,
-    /// Where the substep begins and ends within the step, 0..1.
+    /// Where the substep begins and ends within the step, from 0 to 1.
     pub start: f32,
     pub end: f32,
 }

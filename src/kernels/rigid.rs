@@ -1,21 +1,21 @@
-//! A rigid motion of all that a cloth has: points and vectors in its own coordinates.
+//! A rigid motion applied to a cloth's whole state, in the cloth's local coordinates.
 
 use glam::{Affine3A, DMat3, DQuat, DVec3, Vec3, Vec4};
 
-/// How far from a rotation a matrix may be by rounding: the largest entry of `R^T R - 1`.
+/// How far a matrix may deviate from a rotation by rounding errors: the largest entry of `R^T R - 1`.
 const ROUNDING: f64 = 1e-3;
 
-/// A rotation, then a translation (m).
+/// A rotation followed by a translation (m), in the caller's coordinates.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rigid {
     rotation: DQuat,
     translation: DVec3,
-    /// Where the cloth's own coordinates begin (m).
+    /// Origin of the cloth's local coordinates (m).
     origin: DVec3,
 }
 
 impl Rigid {
-    /// Of a cloth whose coordinates begin at `origin`; what is wrong with a motion that is not rigid.
+    /// For a cloth with local coordinates at `origin`. If the motion is not rigid, returns what is wrong with it.
     pub(crate) fn new(motion: Affine3A, origin: Vec3) -> Result<Rigid, &'static str> {
         let matrix = DMat3::from_cols_array(&motion.matrix3.to_cols_array().map(f64::from));
         if !motion.is_finite() {
@@ -28,26 +28,27 @@ impl Rigid {
         if matrix.determinant() < 0.0 {
             return Err("mirrors");
         }
-        // What rounding left in the matrix would add up.
+        // Normalized, because repeated warps would accumulate the matrix's rounding errors.
         let rotation = DQuat::from_mat3(&matrix).normalize();
         Ok(Rigid { rotation, translation: motion.translation.as_dvec3(), origin: origin.as_dvec3() })
     }
 
-    /// Where a point goes (m).
+    /// The image of a point (m).
     pub(crate) fn point(&self, x: Vec3) -> Vec3 {
         (self.rotation * (x.as_dvec3() + self.origin) + self.translation - self.origin).as_vec3()
     }
 
-    /// How a displacement, a velocity or an impulse turns.
+    /// The image of a displacement, velocity or impulse.
     pub(crate) fn vector(&self, v: Vec3) -> Vec3 {
         (self.rotation * v.as_dvec3()).as_vec3()
     }
 
-    /// The same of points and of vectors that have a fourth number, which stays.
+    /// Maps points with a w component, which is kept.
     pub(crate) fn points4(&self, list: &mut [Vec4]) {
         list.iter_mut().for_each(|x| *x = self.point(x.truncate()).extend(x.w));
     }
 
+    /// Maps vectors with a w component, which is kept.
     pub(crate) fn vectors4(&self, list: &mut [Vec4]) {
         list.iter_mut().for_each(|v| *v = self.vector(v.truncate()).extend(v.w));
     }

@@ -1,4 +1,4 @@
-//! Explicit springs, a force: for [`Method::Springs`](crate::Method::Springs).
+//! Explicit springs as forces, for [`Method::Springs`](crate::Method::Springs).
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
@@ -16,7 +16,7 @@ pub(crate) struct Spring {
     pub stiffness: f32,
 }
 
-/// Force (N) of a spring on the end that `d` (m) points away from: `k (l - l0) d / l`.
+/// The force (N) of a spring on one end, `k (l - l0) d / l`, where `d` (m) points from that end to the other.
 pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
     let length = d.length().max(LEAST_LENGTH);
     d * (spring.stiffness * (length - spring.rest) / length)

@@ -1,5 +1,5 @@
-//! What a moving cloth is judged by: how far its area is stretched, and how fast it moves. All sums are of integers, so that they are
-//! the same in any order.
+//! Statistics of a state: how far the cloth's area is stretched, and how fast its vertices move. All sums are of
+//! integers, so they do not depend on the order of summation.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{BVec3, Vec3};
@@ -7,51 +7,56 @@ use glam::{BVec3, Vec3};
 use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
 
-/// Classes of a histogram.
+/// Number of classes of a histogram.
 pub(crate) const CLASSES: usize = 128;
-/// Bits of a number that are the same to a class: all but its exponent and the first three after it, which make eight classes an octave.
+/// Bits of an f32 that do not affect its class: all but the exponent and the first three bits of the mantissa, which
+/// gives eight classes per octave.
 pub(crate) const BITS: u32 = f32::MANTISSA_DIGITS - 1 - 3;
-/// Least stretch that is told from none, and least speed (m/s) from rest: the lower ends of the class 1.
+/// The least stretch that is told from none: the lower end of class 1.
 pub(crate) const LEAST_STRETCH: f32 = 1.0 / 4096.0;
+/// The least speed (m/s) that is told from rest: the lower end of class 1.
 pub(crate) const LEAST_SPEED: f32 = 1.0 / 1024.0;
-/// The area of all gauges, and the number of all vertices, in the parts that are counted.
+/// The total area of all gauges as an integer.
 pub(crate) const WHOLE: u32 = 1 << 30;
-/// One, of a mean that is summed up in integers, and the largest stretch in it, which keeps the sum from overflowing.
+/// 1 as a fixed-point number, for means that are summed as integers.
 pub(crate) const ONE: f32 = (1 << 26) as f32;
+/// Larger stretches count as this in the mean, so that the sum cannot overflow.
 pub(crate) const MOST: f32 = 32.0;
-/// Speed (m/s) that squares of speeds are summed up to; who is faster is counted so fast.
+/// Larger speeds (m/s) count as this in the sum of squares.
 pub(crate) const SLOW: f32 = 0.01;
+/// 1 as a fixed-point number in that sum.
 pub(crate) const SLOW_PARTS: f32 = 128.0;
 
-/// An edge by which strain is told.
+/// An edge by whose stretch the cloth's strain is measured.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct StrainGauge {
     pub ends: [u32; 2],
     /// One over the rest length (1/m).
     pub inverse_rest: f32,
-    /// Its share of the area, in parts of [`WHOLE`].
+    /// The area that the edge stands for, in units of 1/[`WHOLE`] of the total.
     pub weight: u32,
 }
 
-/// What is counted of a state.
+/// Histograms and extremes of a state.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Statistics {
-    /// Area by stretch, in parts of [`WHOLE`]; the first class is what is left of it.
+    /// Area by stretch, in units of 1/[`WHOLE`]. Class 0 is not counted: it is the rest of the area.
     pub stretch: [u32; CLASSES],
-    /// Free vertices by speed.
+    /// Number of free vertices by speed.
     pub speed: [u32; CLASSES],
-    /// Mean stretch of the area, what is beyond [`MOST`] counted as that, in parts of [`ONE`].
+    /// Mean stretch of the area, in units of 1/[`ONE`]; stretches beyond [`MOST`] count as that.
     pub mean_stretch: u32,
-    /// Bits of the largest stretch.
+    /// The largest stretch, as the bits of an f32.
     pub worst_stretch: u32,
-    /// Sum of `min((v / SLOW)², 1)` over the free vertices, in parts of [`SLOW_PARTS`].
+    /// Sum of `min((v / SLOW)², 1)` over the free vertices, in units of 1/[`SLOW_PARTS`].
     pub slow: u32,
-    /// Bits of the largest speed (m/s).
+    /// The largest speed (m/s), as the bits of an f32.
     pub fastest: u32,
-    /// The box around the vertices (m), as [`ordered`] numbers: its lowest and its highest corner.
+    /// The lowest corner of the vertices' bounding box (m), as [`ordered`] numbers.
     pub low: [u32; 3],
+    /// Its highest corner.
     pub high: [u32; 3],
 }
 
@@ -64,7 +69,7 @@ impl Default for Statistics {
 recorded!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high });
 
 impl Statistics {
-    /// Of nothing.
+    /// The statistics of no vertices and no gauges.
     pub(crate) const NONE: Statistics = Statistics {
         stretch: [0; CLASSES],
         speed: [0; CLASSES],
@@ -76,7 +81,7 @@ impl Statistics {
         high: [0; 3],
     };
 
-    /// Of two parts together.
+    /// Combines the statistics of two parts.
     pub(crate) fn with(mut self, other: &Statistics) -> Statistics {
         self.stretch.iter_mut().zip(&other.stretch).for_each(|(sum, more)| *sum += more);
         self.speed.iter_mut().zip(&other.speed).for_each(|(sum, more)| *sum += more);
@@ -89,7 +94,8 @@ impl Statistics {
         self
     }
 
-    /// The same of a cloth that was moved as a whole: the box around it is no smaller than it was, turned.
+    /// The statistics after a rigid motion of the whole cloth. The bounding box becomes that of the old box's image,
+    /// which may be larger than necessary.
     pub(crate) fn warp(&mut self, rigid: &Rigid) {
         let [low, high] = [self.low, self.high].map(unordered);
         if !(low.is_finite() && high.is_finite()) {
@@ -120,25 +126,25 @@ impl Statistics {
         self.mean_stretch as f32 / ONE
     }
 
-    /// Root of the mean square of the speeds (m/s), as long as none is above [`SLOW`].
+    /// Root mean square of the speeds (m/s), correct as long as none is above [`SLOW`].
     pub(crate) fn rms_speed(&self) -> f32 {
         let counted: u32 = self.speed.iter().sum();
         SLOW * (self.slow as f32 / SLOW_PARTS / counted.max(1) as f32).sqrt()
     }
 }
 
-/// The class of a stretch or a speed: eight to an octave from the least on, as the number's own bits have them; the first has all that
-/// is less, the last all that is more.
+/// The class of a stretch or a speed. There are eight classes per octave from `least` on, formed from the leading bits
+/// of the number. Class 0 holds all smaller values, the last class all larger ones.
 pub(crate) fn class_of(value: f32, least: f32) -> usize {
     (value.to_bits() >> BITS).saturating_sub((least.to_bits() >> BITS) - 1).min(CLASSES as u32 - 1) as usize
 }
 
-/// What a class but the first begins with.
+/// The lower end of a class other than 0.
 fn begin(class: usize, least: f32) -> f32 {
     f32::from_bits(((least.to_bits() >> BITS) + class as u32 - 1) << BITS)
 }
 
-/// What all but `exceeded` of what a histogram counts is below, evenly within a class.
+/// The value that an amount `exceeded` of a histogram lies above, interpolated linearly within a class.
 fn quantile(histogram: &[u32; CLASSES], least: f32, exceeded: f64) -> f32 {
     let mut above = 0.0;
     for class in (1..CLASSES).rev() {
@@ -152,18 +158,18 @@ fn quantile(histogram: &[u32; CLASSES], least: f32, exceeded: f64) -> f32 {
     least
 }
 
-/// How far an edge of some length (m) is stretched, 0 if it is not.
+/// The stretch of an edge with this length (m); 0 if it is compressed.
 pub(crate) fn stretch(length: f32, inverse_rest: f32) -> f32 {
     (length * inverse_rest).max(1.0) - 1.0
 }
 
-/// A number whose order among others is that of `value`.
+/// Maps a number to an integer so that integers are ordered like the numbers.
 pub(crate) fn ordered(value: f32) -> u32 {
     let bits = value.to_bits();
     if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
 }
 
-/// The values that are [`ordered`] so.
+/// The inverse of [`ordered`], for each component.
 pub(crate) fn unordered(key: [u32; 3]) -> Vec3 {
     Vec3::from(key.map(|key| f32::from_bits(if key >> 31 == 1 { key & !(1 << 31) } else { !key })))
 }

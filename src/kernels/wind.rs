@@ -1,25 +1,26 @@
-//! Wind, a force on each triangle.
+//! Aerodynamic drag and lift, as a force on each triangle.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
 
-/// A triangle that the air acts on.
+/// A triangle that is exposed to the air.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Panel {
     pub corners: [u32; 3],
-    /// Mass (kg) that its force moves: its area times the least areal density of its corners.
+    /// The mass (kg) that the force is limited for: the triangle's area times the least areal density at its corners.
     pub mass: f32,
 }
 
-/// Force (N) of the air on a triangle (Keckeisen et al. 2004). With `v` its velocity relative to the air, `v_n` and `v_t` the
-/// parts along and across its normal, and `s = |v_n|/|v|`: drag `-rho/2 A C_D |v_n| v` along the stream, and lift
-/// `-rho/2 A C_L |v| (v_n - s² v)` across it, largest at 45 degrees.
+/// The aerodynamic force (N) on a triangle (Keckeisen et al. 2004). Let `v` be its velocity relative to the air, `v_n`
+/// and `v_t` the parts of it along and across the normal, and `s = |v_n|/|v|`. Drag is `-rho/2 A C_D |v_n| v`, along
+/// the flow. Lift is `-rho/2 A C_L |v| (v_n - s² v)`, across it and greatest at 45 degrees.
 ///
-/// Resolved into `-A (k_n v_n + k_t v_t)`, each `k` limited to `k / (1 + kick k A/m)`, `kick` (s) being the time the force acts:
-/// exact for a free panel in steady air, and never reverses the velocity relative to it, however strong the wind.
+/// Both are combined as `-A (k_n v_n + k_t v_t)`, and each `k` is limited to `k / (1 + kick k A/m)`, where `kick` (s)
+/// is the time for which the force acts. This is exact for a free panel in steady air, and never reverses the relative
+/// velocity, however strong the wind.
 #[inline(always)]
 pub(crate) fn wind_force<L: Lanes>(
     x: [Vector<L>; 3],
