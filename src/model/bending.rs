@@ -1,12 +1,14 @@
-//! Bending: the rows of the discrete curvature energy, and how far explicit integration can take them.
+//! The rows of the discrete curvature energy, and bounds for their explicit integration.
 //!
-//! `E = B/2 sum_v D_v |y_v|²`, `y_v = sum_j c_vj (x_j - x_v)`: cotangent weights and mixed Voronoi areas (Meyer et al.
-//! 2003), `D = 1/A`, at interior vertices; at a vertex on a straight free edge the curvature along that edge alone. The
-//! rest shape is flat, as cloth is cut. Off at `B = 0`, when none of this is built.
+//! The energy is `E = B/2 sum_v D_v |y_v|²` with `y_v = sum_j c_vj (x_j - x_v)`. At interior vertices `c` are cotangent
+//! weights and `D = 1/A` with mixed Voronoi areas (Meyer et al. 2003). At a vertex on a straight free edge, `y` is the
+//! curvature along that edge alone. The rest shape is flat, because cloth is cut from flat fabric. With `B = 0` none of
+//! this is built.
 //!
-//! Limitation: the energy sees the mean curvature alone, so a saddle costs nothing. What keeps a sheet from it is that it
-//! does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`: true of cloth (a millimeter and more), not of a narrow
-//! strip as stiff as a ruler, which bends the other way across and sags too much.
+//! Limitation: the energy depends on the mean curvature only, so a saddle costs nothing. A sheet is kept from bending
+//! into a saddle because it does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`. That holds for cloth (a
+//! millimeter and more), but not for a narrow strip as stiff as a ruler, which bends the opposite way across its width
+//! and sags too much.
 
 use glam::Vec4;
 
@@ -15,10 +17,10 @@ use crate::kernels::distance::LEAST_LENGTH;
 use crate::model::csr::Csr;
 use crate::model::mesh::{self, EdgeIndex};
 
-/// The rows for unit bending rigidity, independent of the substep.
+/// The rows for unit bending rigidity; they do not depend on the substep.
 #[derive(Debug, Clone)]
 pub(crate) struct Bending {
-    /// The neighbors in each vertex's row, and the vertex in theirs.
+    /// For each vertex, the neighbors in its row and in whose rows it is.
     pub entries: Csr<BendEntry>,
     /// `D_v` (1/m²) for each vertex; 0 where it has no row.
     pub weight: Vec<f64>,
@@ -26,14 +28,16 @@ pub(crate) struct Bending {
     pub diagonal: Vec<f64>,
 }
 
-/// A boundary vertex has a row if its two boundary edges are this nearly in line (cosine of the angle between them).
+/// A boundary vertex has a row if the cosine of the angle between its two boundary edges is below this, that is, if
+/// they are nearly in line.
 const IN_LINE: f64 = -0.9;
 
-/// What the triangles around one edge say of it.
+/// What the triangles at one edge contribute to its coefficient.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sides {
+    /// Number of triangles with this edge.
     triangles: u32,
-    /// Half the sum of the cotangents of the opposite corners.
+    /// Half the sum of the cotangents of the opposite angles.
     cotangent: f64,
 }
 
@@ -50,7 +54,8 @@ impl Bending {
             let x = triangle.map(at);
             let double_area = (x[1] - x[0]).cross(x[2] - x[0]).length();
             let longest = (0..3).map(|k| x[k].distance_squared(x[(k + 1) % 3])).fold(0.0, f64::max);
-            // No plane and no cotangents, or too small for its curvature to be a number: it bends freely.
+            // The triangle has no plane and no cotangents, or is too small for its curvature to be finite. It gets no
+            // bending stiffness.
             if double_area <= 1e-9 * longest || longest < f64::from(LEAST_LENGTH).powi(2) {
                 continue;
             }
@@ -124,7 +129,8 @@ impl Bending {
         self.weight.iter().enumerate().map(row).sum()
     }
 
-    /// Adds the forces (N) of the energy's matrix for unit rigidity on displacements `q` (m) in one direction.
+    /// Adds the forces (N) of unit rigidity on displacements `q` (m) along one coordinate; the energy is the same for
+    /// each coordinate.
     pub(crate) fn add_forces(&self, q: &[f64], forces: &mut [f64]) {
         for (v, weight) in self.weight.iter().enumerate() {
             let entries = self.entries.of(v as u32);
@@ -136,8 +142,9 @@ impl Bending {
         }
     }
 
-    /// Gershgorin's bounds (1/s²) on the largest eigenvalue of rows of some stiffness, one for each vertex:
-    /// `g_i = w_i sum_v |c_vi| r_v S_v`, `r_v = sum_j |c_vj|`. `rest` has the inverse masses (1/kg) as w.
+    /// Gershgorin bounds (1/s²) on the largest eigenvalue with the given row stiffnesses, one for each vertex:
+    /// `g_i = w_i sum_v |c_vi| r_v S_v`, `r_v = sum_j |c_vj|`. `rest` holds the inverse masses (1/kg) in its w
+    /// components.
     pub(crate) fn bounds(&self, rest: &[Vec4], stiffness: &[f64]) -> Vec<f64> {
         let reach =
             |v: usize| self.diagonal[v].abs() + self.entries.of(v as u32).iter().map(|e| f64::from(e.forward.abs())).sum::<f64>();
@@ -151,14 +158,14 @@ impl Bending {
         (0..rest.len()).map(bound).collect()
     }
 
-    /// The least of what the vertices in a row have.
+    /// The least of the values at the vertices of a row.
     pub(crate) fn least_of_row(&self, per_vertex: &[f64], v: usize) -> f64 {
         let row = self.entries.of(v as u32).iter().filter(|e| e.forward != 0.0);
         row.map(|e| per_vertex[e.other as usize]).fold(per_vertex[v], f64::min)
     }
 }
 
-/// The share of a triangle's area nearest to its corner `k`, obtuse triangles split by halves (Meyer et al. 2003).
+/// The mixed Voronoi area of a triangle's corner `k`; obtuse triangles are split by halves (Meyer et al. 2003).
 fn mixed_area(k: usize, double_area: f64, dot: [f64; 3], cotangent: [f64; 3], x: [glam::DVec3; 3]) -> f64 {
     match dot.iter().position(|&dot| dot < 0.0) {
         Some(obtuse) if obtuse == k => 0.25 * double_area,

@@ -1,7 +1,8 @@
 //! The cloth: everything about a mesh and its fabric that does not change while it moves.
 //!
-//! A vertex of a grid takes 350 bytes in all on the CPU, 420 with levels, 500 with bending, 550 in passes (`tests/memory.rs`); of the 350 the
-//! three edges here are 96, the same for one length of substep 48; state and what is needed to go back 64.
+//! On the CPU a vertex of a grid takes 350 bytes in all, 420 with levels, 500 with bending, 550 with bending in several
+//! passes (`tests/memory.rs`). Of the 350 bytes, 96 are the three edges stored here, 48 their coefficients for one
+//! length of substep, and 64 the state and the copy of it for undoing a step.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -25,35 +26,36 @@ use crate::options::{self, Method, Options};
 /// A cloth in its own vertex order and local coordinates.
 #[derive(Debug)]
 pub(crate) struct Cloth {
-    /// The mesh's index of each vertex.
+    /// The index in the mesh of each vertex.
     pub order: Vec<u32>,
-    /// What was subtracted from the mesh's positions (m), exactly.
+    /// The origin of the local coordinates (m). Subtracting it from the mesh's positions is exact.
     pub origin: Vec3,
     /// Rest positions (m); w is the inverse mass (1/kg), 0 where pinned.
     pub rest: Vec<Vec4>,
-    /// Masses (kg), pinned or not.
+    /// Masses (kg), of pinned vertices too.
     pub mass: Vec<f32>,
     /// Triangles, without those that name a vertex twice.
     pub triangles: Vec<[u32; 3]>,
-    /// Edges in color order; those between two pins come last, in no color.
+    /// Edges in color order. Edges between two pins come last and have no color.
     pub links: Vec<Link>,
-    /// The edges of each color.
+    /// The range of edges of each color.
     pub colors: Vec<Range<usize>>,
-    /// Pinned vertices, in the order of the options.
+    /// Pinned vertices, in the order of [`Options::pinned`].
     pub pinned: Vec<u32>,
-    /// Mass over area (kg/m²).
+    /// Mean areal density (kg/m²).
     pub density: f64,
-    /// The rest shape's box, and the longest of its sides (m).
+    /// Sides of the rest shape's bounding box (m).
     pub extents: DVec3,
+    /// The longest of them (m).
     pub extent: f64,
-    /// Longest edge (m).
+    /// Length of the longest edge (m).
     pub longest: f32,
     /// Membrane stiffness K (N/m).
     pub stretch: f64,
     pub slivers: Slivers,
-    /// Whether it has any area.
+    /// Whether any triangle has an area.
     pub is_sheet: bool,
-    /// If any pin is alone and they are wanted.
+    /// Tethers; none if no pin is alone or they are switched off.
     pub tethers: Option<Tethers>,
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
@@ -71,21 +73,21 @@ pub(crate) struct Link {
     pub stiffness: f64,
     /// The same for K = 1 N/m.
     pub shape: f64,
-    /// What of it the fabric's stiffness is scaled by here.
+    /// Factor on the fabric's stiffness ([`Options::edge_scale`]).
     pub scale: f32,
 }
 
-/// Edges with triangles that are over a hundred times as long as they: `(A1 + A2)/l0²` above [`SLIVER`].
+/// Counts edges whose triangles are over 100 times as high as the edge is long: `(A1 + A2)/l0²` above [`SLIVER`].
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Slivers {
     pub edges: usize,
-    /// The one with the longest triangles for its length, by the mesh's indices.
+    /// The edge with the highest triangles relative to its length, by the mesh's indices.
     pub worst: [u32; 2],
 }
 
 const SLIVER: f64 = 100.0;
 
-/// The triangles, and which of them each vertex belongs to.
+/// The triangles with their masses for aerodynamic forces, and the triangles at each vertex.
 #[derive(Debug, Clone)]
 pub(crate) struct Panels {
     pub panels: Vec<Panel>,
@@ -93,7 +95,7 @@ pub(crate) struct Panels {
 }
 
 impl Cloth {
-    /// Checks the mesh and the options, and builds all that every scene needs.
+    /// Validates the mesh and the options, and builds what every scene needs.
     pub(crate) fn new(mesh: &Mesh, options: &Options) -> Result<Cloth, BuildError> {
         check_mesh(mesh)?;
         let mesh_edges = mesh.edges();
@@ -120,7 +122,7 @@ impl Cloth {
         let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
         pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
 
-        // Vertices without an edge have no say in how large the cloth is.
+        // Vertices without edges do not count for the size of the cloth.
         let held: Vec<Vec3> = mesh_edges.iter().flatten().map(|&vertex| rest[rank[vertex as usize] as usize]).collect();
         let (low, high) = bounds(&held);
         let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
@@ -136,9 +138,9 @@ impl Cloth {
             let [a, b] = named.map(|vertex| rank[vertex as usize]);
             let ends = [a.min(b), a.max(b)];
             let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
-            // Coincident ends have no direction; a length too short to see keeps the arithmetic finite.
+            // Coincident vertices have no direction. A tiny length in place of 0 keeps the arithmetic finite.
             let length = length.max(1e-7 * longest).max(1e-12);
-            // An edge without area (a thread, a flat sliver) is given that of a square of its length.
+            // An edge without area (a thread, a degenerate triangle) gets that of a square of its length.
             let area = if side_area[index] > 0.0 { side_area[index] } else { length * length };
             let aspect = area / (length * length);
             if aspect > SLIVER {
@@ -182,7 +184,8 @@ impl Cloth {
         Ok(cloth)
     }
 
-    /// The same cloth, as one made anew with other options would be: its fabric, masses and pins. What follows from the mesh alone is copied.
+    /// The cloth as it would be built with other options: fabric, masses and pins. What depends on the mesh alone is
+    /// copied. Also tells what has changed.
     pub(crate) fn changed(&self, options: &Options) -> Result<(Cloth, Change), BuildError> {
         check_options(self.rest.len(), self.links.len(), options)?;
         let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
@@ -235,7 +238,7 @@ impl Cloth {
         Ok((cloth, change))
     }
 
-    /// Area (m²) of each vertex: a third of each of its triangles'.
+    /// Area (m²) of each vertex: a third of the area of each of its triangles.
     fn areas(&self, rest: &[Vec3]) -> Vec<f64> {
         let mut area = vec![0.0; rest.len()];
         for &triangle in &self.triangles {
@@ -244,7 +247,7 @@ impl Cloth {
         area
     }
 
-    /// The edges that the sweep visits: all but those between two pins.
+    /// The edges that the sweep visits: all except those between two pins.
     pub(crate) fn swept(&self) -> &[Link] {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
     }
@@ -254,8 +257,8 @@ impl Cloth {
         self.rest.iter().map(|x| x.w).collect()
     }
 
-    /// How much of the cloth can hang on an edge: its extent (m) along the edge over its longest. A strip's width is held by the edges
-    /// across, and no more.
+    /// How much of the cloth can hang on an edge: the cloth's extent (m) along the edge's direction over its longest
+    /// extent. For example, edges across a strip can hold no more than its width.
     pub(crate) fn load_share(&self, link: &Link) -> f64 {
         let [a, b] = link.ends.map(|vertex| self.rest[vertex as usize].truncate().as_dvec3());
         let along = (b - a).normalize_or_zero().abs().dot(self.extents);
@@ -267,7 +270,7 @@ impl Cloth {
         link.ends.iter().map(|&vertex| f64::from(self.rest[vertex as usize].w)).sum()
     }
 
-    /// The triangles as the air sees them; built when air is first met.
+    /// The triangles for aerodynamic forces; built on first use.
     pub(crate) fn panels(&self) -> &Panels {
         self.panels.get_or_init(|| {
             let rest: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
@@ -278,7 +281,8 @@ impl Cloth {
                 let mass = (area_of(corners, &rest) * least) as f32;
                 Panel { corners, mass: if mass.is_finite() { mass.max(f32::MIN_POSITIVE) } else { f32::MIN_POSITIVE } }
             };
-            // Those that are near come together: the mesh's triangles may be in another order than the vertices here.
+            // Sorted so that triangles close to each other are close in memory: the mesh's order of triangles may
+            // differ from the order of vertices here.
             let mut triangles = self.triangles.clone();
             triangles.sort_by_key(|corners| corners.iter().min().copied());
             let panels = triangles.iter().map(panel).collect();
@@ -288,7 +292,7 @@ impl Cloth {
         })
     }
 
-    /// The springs at each vertex; built for [`Method::Springs`](crate::Method::Springs) alone.
+    /// The springs at each vertex; built only for [`Method::Springs`](crate::Method::Springs).
     pub(crate) fn springs(&self) -> &Csr<Spring> {
         self.springs.get_or_init(|| {
             let ends = self.swept().iter().flat_map(|link| {
@@ -300,29 +304,30 @@ impl Cloth {
         })
     }
 
-    /// The rows of the bending energy; built for a fabric that resists bending.
+    /// The rows of the bending energy; built only for a fabric with bending stiffness.
     pub(crate) fn bending(&self) -> &Bending {
         self.bending.get_or_init(|| Bending::new(&self.rest, &self.triangles))
     }
 
-    /// The gauges on its edges; built when strain is to be kept.
+    /// The strain gauges; built when strain is measured.
     pub(crate) fn gauges(&self) -> &[StrainGauge] {
         self.gauges.get_or_init(|| strain_gauges(self))
     }
 }
 
-/// What a change of the options changes of a cloth, besides the stiffness.
+/// What a change of options affects besides the stiffness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Change {
-    /// Nothing.
+    /// Only the stiffness.
     Stiffness,
-    /// Masses, or who is pinned.
+    /// Masses, or which vertices are pinned.
     Masses,
-    /// And which edges are swept, and so their order.
+    /// Also which edges are swept, and thus their order.
     Edges,
 }
 
-/// Colors the edges with a free end and sorts them by color, the others behind them: the range of each color.
+/// Colors the edges with a free vertex and sorts them by color, with the others after them. Returns the range of each
+/// color.
 fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
     let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
     links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
@@ -394,15 +399,16 @@ fn check_options(vertices: usize, edges: usize, options: &Options) -> Result<(),
     Ok(())
 }
 
-/// Whether a mass (kg) and its inverse are ordinary numbers.
+/// Whether a mass (kg) and its inverse are normal floating-point numbers.
 fn is_mass(mass: f32) -> bool {
     mass > 0.0 && mass.is_normal() && (1.0 / mass).is_normal()
 }
 
 /// Mass of each vertex (kg) and the mean areal density (kg/m²).
 ///
-/// A vertex of no triangle, or of flat ones alone, has no area to weigh: it takes the mean mass of the others, or if
-/// there are none, that of a square meter shared by all. Alone it moves the same whatever its mass.
+/// A vertex without triangles, or with degenerate ones only, has no area. It gets the mean mass of the others; if there
+/// are none, an equal share of the mass of one square meter. The mass of such a vertex has no influence on how it moves
+/// unless it is connected to others.
 fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f64), BuildError> {
     let density = f64::from(options.fabric.density);
     let total: f64 = area.iter().sum();
@@ -413,7 +419,7 @@ fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f
     }
     let count = area.iter().filter(|&&area| area > 0.0).count();
     let mean = if count == 0 { 1.0 / area.len() as f64 } else { total / count as f64 };
-    // Slivers too thin for their mass to be inverted weigh as little as can be.
+    // Lower bound for the mass of slivers that are too thin for their mass to be inverted.
     let least = 1e-30;
     let mass: Vec<f32> = area.iter().map(|&area| (density * if area > 0.0 { area } else { mean }).max(least) as f32).collect();
     if mass.iter().all(|&mass| is_mass(mass)) {
@@ -423,7 +429,7 @@ fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f
     Err(BuildError::Value { name, value, remedy: "makes vertices of this mesh too heavy for single precision; lower it" })
 }
 
-/// Origin of the local coordinates: 0 unless the mesh is far out, and such that subtracting it is exact.
+/// The origin of the local coordinates. It is 0 unless the mesh is far from 0, and such that subtracting it is exact.
 ///
 /// Along an axis whose coordinates are all within a factor of two, the difference of any two is exact (Sterbenz 1974),
 /// and so is adding it back.
@@ -440,7 +446,7 @@ fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
     positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
-/// Area (m²), in double precision: single would lose a thin triangle.
+/// Area (m²), in double precision because single precision would lose a thin triangle.
 fn area_of(triangle: [u32; 3], positions: &[Vec3]) -> f64 {
     let [a, b, c]: [DVec3; 3] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
     0.5 * (b - a).cross(c - a).length()

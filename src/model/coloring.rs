@@ -1,7 +1,8 @@
 //! Edge coloring: batches of edges that share no vertex, visited in one fixed order.
 //!
-//! The order is a property of stability, not only of speed: one sweep a substep is stable for any fixed coloring, while
-//! sweeping rows or tiles one after another explodes below the resolved substep. Never reverse or shuffle it between substeps.
+//! The order affects stability, not only speed. One sweep per substep is stable for any fixed coloring, but sweeping
+//! rows or tiles one after another is unstable if substeps do not resolve the stiffness. Never reverse or shuffle the
+//! order between substeps.
 
 use std::collections::HashMap;
 
@@ -9,11 +10,12 @@ use glam::Vec3;
 
 use crate::model::csr::Csr;
 
-/// A color for each edge, `0..colors`, such that edges with a common vertex differ. Deterministic.
+/// Colors the edges with `0..colors` such that edges with a common vertex differ. Deterministic.
 ///
-/// Greedy, over edges sorted by direction: on a grid, opposite edges of a vertex are then visited one after the other,
-/// which makes the sweep's antisymmetric part vanish. Directions get palettes of their own when that costs no color
-/// beyond the maximum degree, as on a grid (h0 h1 v0 v1 d0 d1); else they share one, in whichever order needs fewest.
+/// Greedy, over edges sorted by direction. On a grid, opposite edges of a vertex are then visited one after the other,
+/// so the antisymmetric part of the sweep's matrix vanishes. Each direction gets colors of its own if that needs no
+/// more colors than the maximum degree, as on a grid (h0 h1 v0 v1 d0 d1). Otherwise all directions share the colors, in
+/// the order, by direction or by vertex, that needs fewer.
 pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
     let vertices = positions.len();
     let directions: Vec<u32> = edges.iter().map(|&edge| direction(edge, positions)).collect();
@@ -42,26 +44,27 @@ pub(crate) struct Coloring {
 }
 
 impl Coloring {
-    /// The edges of each color, in their order.
+    /// The edges of each color, in their given order.
     pub(crate) fn batches(&self) -> Csr<u32> {
         Csr::new(self.colors, self.of.iter().copied().zip(0..))
     }
 }
 
-/// Most edges at one vertex: no coloring has fewer colors.
+/// Maximum number of edges at one vertex, a lower bound for the number of colors.
 pub(crate) fn max_degree(edges: &[[u32; 2]], vertices: usize) -> usize {
     let mut degree = vec![0; vertices];
     edges.iter().flatten().for_each(|&vertex| degree[vertex as usize] += 1);
     degree.into_iter().max().unwrap_or(0)
 }
 
-/// Directions that are told apart: a rounded component is -4..=4.
+/// Number of distinct directions: each component is rounded to -4..=4.
 const DIRECTIONS: usize = 9 * 9 * 9;
 
-/// The edge's direction, the same for both ways along it, rounded so that parallel edges agree; numbered in the order of
+/// The direction of an edge as a number, equal for both orientations and for parallel edges, ascending with the rounded
 /// components.
 fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
-    // In double precision, which has the square of any edge's length.
+    // In double precision, because the square of a long or short edge's length may exceed the range of single
+    // precision.
     let [a, b] = [a, b].map(|vertex| positions[vertex as usize].as_dvec3());
     let d = (b - a).normalize_or_zero();
     let rounded = [d.x, d.y, d.z].map(|component| (4.0 * component).round() as i32);
@@ -69,9 +72,9 @@ fn direction([a, b]: [u32; 2], positions: &[Vec3]) -> u32 {
     (x * 9 + y) * 9 + z
 }
 
-/// First fit, each palette with colors of its own; none if that takes more than `most`.
+/// First-fit coloring, in which each palette gets new colors. None if that takes more than `most` colors.
 ///
-/// A row of a grid's edges is given one color if it can be, so that they can be visited side by side.
+/// A row of a grid's edges gets a single color if possible, so that its edges can be processed by contiguous loads.
 fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, most: usize, vertices: usize) -> Option<Coloring> {
     let mut used = Used::new(vertices);
     let mut of = vec![0; edges.len()];
@@ -90,7 +93,7 @@ fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, mos
         };
         let beside = |&one: &u32, &next: &u32| edges[one as usize].map(|vertex| vertex + 1) == edges[next as usize];
         for run in palette.chunk_by(beside) {
-            // So many have no vertex in common.
+            // So many consecutive edges have no vertex in common.
             let [a, b] = edges[run[0] as usize];
             for row in run.chunks(a.abs_diff(b) as usize) {
                 if (row.len() < ROW || !give(row)) && !row.chunks(1).all(&mut give) {
@@ -102,18 +105,19 @@ fn greedy<'a>(edges: &[[u32; 2]], palettes: impl Iterator<Item = &'a [u32]>, mos
     Some(Coloring { of, colors })
 }
 
-/// Edges that are worth a color in common.
+/// Minimum number of edges in a row that gets a common color.
 const ROW: usize = 8;
 
-/// The colors of a palette that each vertex has: a bit each, in words of 64. One word does for all but the wildest fans.
+/// The colors of the current palette that each vertex has, as bits in words of 64. One word suffices except for
+/// triangle fans with many triangles.
 ///
-/// Beyond it a vertex has only the words that it has a color in, and says which are full: every vertex of a fan's rim has one color,
-/// which may be any of as many as there are vertices, and the hub has them all.
+/// Further words are stored sparsely, and for each vertex the first word that is not full is remembered. Each vertex on
+/// a fan's rim has one color, which may be any of as many as there are vertices, while the hub has them all.
 struct Used {
     first: Vec<u64>,
     /// Words from number 1 on, by vertex and number.
     further: HashMap<(u32, u32), u64>,
-    /// The first of those that is not full, where it is not number 1.
+    /// The number of the first word from 1 on that is not full, if it is not 1.
     open: HashMap<u32, u32>,
 }
 
@@ -122,7 +126,7 @@ impl Used {
         Used { first: vec![0; vertices], further: HashMap::new(), open: HashMap::new() }
     }
 
-    /// Forgets the colors of the palette before, given the vertices of the next.
+    /// Removes the colors of the last palette, given the vertices of the next one.
     fn clear(&mut self, vertices: impl Iterator<Item = u32>) {
         vertices.for_each(|vertex| self.first[vertex as usize] = 0);
         self.further.clear();
@@ -143,7 +147,7 @@ impl Used {
             .expect("a word past the last used color is free")
     }
 
-    /// The first color that none of these has, if it is one of the first 64: rows of a grid need no others.
+    /// The first color that none of the vertices has, if it is among the first 64; rows of a grid need no others.
     fn free_to_all(&self, vertices: impl Iterator<Item = u32>) -> Option<usize> {
         first_free(vertices.fold(0, |taken, vertex| taken | self.first[vertex as usize]))
     }
@@ -165,7 +169,7 @@ impl Used {
     }
 }
 
-/// The first bit that is not set.
+/// The first bit that is 0.
 fn first_free(taken: u64) -> Option<usize> {
     (taken != u64::MAX).then(|| taken.trailing_ones() as usize)
 }

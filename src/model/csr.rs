@@ -1,8 +1,8 @@
-//! Compressed sparse rows: a list for each vertex, all in one array.
+//! Compressed sparse rows: a list of items for each vertex, all in one array.
 
 use bytemuck::{Pod, Zeroable};
 
-/// One row's place in the array: items `start..end`.
+/// The place of one row in the array: items `start..end`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Span {
@@ -10,7 +10,7 @@ pub(crate) struct Span {
     pub end: u32,
 }
 
-/// A list of items for each vertex, all in one array (compressed sparse rows).
+/// A list of items for each vertex, all in one array.
 #[derive(Debug, Clone)]
 pub(crate) struct Csr<T> {
     pub spans: Vec<Span>,

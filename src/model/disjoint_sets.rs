@@ -1,16 +1,16 @@
-//! Which vertices belong together.
+//! Connected components of vertices (union-find).
 
-/// Disjoint sets of vertices, each named by its lowest.
+/// Disjoint sets of vertices, each represented by its lowest vertex.
 #[derive(Debug)]
 pub(crate) struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
-    /// Of so many vertices, each alone.
+    /// `count` vertices, each in a set of its own.
     pub(crate) fn new(count: usize) -> DisjointSets {
         DisjointSets((0..count as u32).collect())
     }
 
-    /// The lowest of the set that a vertex is in.
+    /// The lowest vertex of the set that contains `vertex`.
     pub(crate) fn root(&mut self, mut vertex: u32) -> u32 {
         while self.0[vertex as usize] != vertex {
             self.0[vertex as usize] = self.0[self.0[vertex as usize] as usize];
@@ -19,7 +19,7 @@ impl DisjointSets {
         vertex
     }
 
-    /// Makes one set of those that two vertices are in.
+    /// Merges the sets of two vertices.
     pub(crate) fn join(&mut self, ends: [u32; 2]) {
         let [a, b] = ends.map(|end| self.root(end));
         self.0[a.max(b) as usize] = a.min(b);

@@ -43,17 +43,17 @@ impl Mesh {
         Mesh { positions, triangles }
     }
 
-    /// Whether another has the same triangles of as many vertices.
+    /// Whether both meshes have the same triangles and the same number of vertices.
     pub(crate) fn has_triangles_of(&self, other: &Mesh) -> bool {
         std::ptr::eq(self, other) || self.positions.len() == other.positions.len() && self.triangles == other.triangles
     }
 
-    /// The least and the greatest of each coordinate (m).
+    /// The lowest and highest corner of the bounding box (m).
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
         self.positions.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
     }
 
-    /// Distance (m) from its triangles to a point (m).
+    /// Distance (m) from a point to the nearest triangle.
     pub(crate) fn distance(&self, x: DVec3) -> f64 {
         let to = |triangle: &[u32; 3]| to_triangle(x, triangle.map(|vertex| self.positions[vertex as usize].as_dvec3()));
         self.triangles.iter().map(to).fold(f64::INFINITY, f64::min)
@@ -82,7 +82,7 @@ impl Recorded for Arc<Mesh> {
     }
 }
 
-/// Distance (m) from a triangle to a point: to its plane where that is over it, else to the nearest of its sides.
+/// Distance (m) from a point to a triangle: to its plane if the projection lies inside, else to the nearest side.
 fn to_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let n = (b - a).cross(c - a);
     let is_over = |a: DVec3, b: DVec3| (b - a).cross(x - a).dot(n) >= 0.0;
@@ -96,9 +96,9 @@ fn to_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     to_side(a, b).min(to_side(b, c)).min(to_side(c, a))
 }
 
-/// Each side of some triangles once, sorted.
+/// Each edge of some triangles once, sorted.
 pub(crate) fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    // One number is compared faster than two.
+    // Packed into one integer, edges sort faster than as pairs.
     let mut edges: Vec<u64> =
         triangles.iter().flat_map(|&triangle| sides(triangle)).map(|[i, j]| u64::from(i) << 32 | u64::from(j)).collect();
     edges.sort_unstable();
@@ -106,10 +106,10 @@ pub(crate) fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect()
 }
 
-/// Finds edges in a sorted list of them.
+/// Finds edges in a sorted list by their vertices.
 pub(crate) struct EdgeIndex<'a> {
     edges: &'a [[u32; 2]],
-    /// Where those of each first vertex start.
+    /// Where the edges of each first vertex begin.
     first: Vec<u32>,
 }
 
@@ -121,7 +121,7 @@ impl<'a> EdgeIndex<'a> {
         EdgeIndex { edges, first }
     }
 
-    /// The index of `[i, j]`, which is in the list.
+    /// The index of the edge `[i, j]`, which must be in the list.
     pub(crate) fn of(&self, [i, j]: [u32; 2]) -> usize {
         let start = self.first[i as usize] as usize;
         let near = &self.edges[start..self.first[i as usize + 1] as usize];
@@ -129,7 +129,7 @@ impl<'a> EdgeIndex<'a> {
     }
 }
 
-/// The sides of a triangle as `[i, j]` with `i < j`; a side from a vertex to itself is none.
+/// The edges of a triangle as `[i, j]` with `i < j`. Sides from a vertex to itself are omitted.
 pub(crate) fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> {
     [[a, b], [b, c], [c, a]].into_iter().filter(|[i, j]| i != j).map(|[i, j]| [i.min(j), i.max(j)])
 }

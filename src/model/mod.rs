@@ -1,4 +1,5 @@
-//! What never changes while the cloth moves: the mesh, its masses, edges and their colors, bending rows, tethers.
+//! Data that does not change while the cloth moves: the mesh, its masses, edges and their colors, bending rows,
+//! tethers.
 
 pub(crate) mod bending;
 pub(crate) mod cloth;

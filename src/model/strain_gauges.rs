@@ -1,12 +1,13 @@
-//! Gauges on the edges, by which the strain of a cloth is told while it moves.
+//! Gauges on the edges, by which the strain of a moving cloth is measured.
 
 use crate::kernels::statistics::{StrainGauge, WHOLE};
 use crate::model::cloth::Cloth;
 use crate::model::mesh::{EdgeIndex, edges, sides};
 
-/// A gauge on each edge that is swept and that the fabric holds, weighed by the area of its triangles: slivers say little.
+/// A gauge on each swept edge, weighted by the area of its triangles so that slivers count little.
 ///
-/// An edge whose stiffness is scaled below a half, for soft shear, has none: how far it stretches is the fabric's own affair.
+/// Edges whose stiffness is scaled to less than a half, as for soft shear, have none: their stretch is a property of
+/// the fabric.
 pub(crate) fn strain_gauges(cloth: &Cloth) -> Vec<StrainGauge> {
     let sides_of_all = edges(&cloth.triangles);
     let index_of = EdgeIndex::new(&sides_of_all, cloth.rest.len());
@@ -19,13 +20,13 @@ pub(crate) fn strain_gauges(cloth: &Cloth) -> Vec<StrainGauge> {
     let held = cloth.swept().iter().filter_map(|link| {
         let index = index_of.of(link.ends);
         let square = f64::from(link.rest).powi(2);
-        // A thread has no area; its edges are as stiff as with that of a square.
+        // A thread has no area; its edges count with the area of a square, as they do for their stiffness.
         let of_edge = if sides_of_all.get(index) == Some(&link.ends) { area[index] } else { 0.0 };
         let of_edge = if of_edge > 0.0 { of_edge } else { square };
         (link.shape > 0.5 * of_edge / square).then_some((link, of_edge))
     });
     let mut held: Vec<_> = held.collect();
-    // In the order in which a pass over the vertices comes by.
+    // In the order of the vertices, so that measuring reads memory sequentially.
     held.sort_unstable_by_key(|(link, _)| link.ends);
     let total: f64 = held.iter().map(|(_, area)| area).sum();
     let weight = |area: f64| (area / total * f64::from(WHOLE)).round() as u32;

@@ -1,19 +1,21 @@
-//! Tethers of a cloth: which pins have any, and how far each vertex is from the nearest of them along the cloth.
+//! Tethers: which pins have any, and the distance of each vertex from the nearest of them along the cloth.
 //!
 //! # Theory
-//! A pin's few edges carry all that hangs on it, and one sweep leaves an edge `T h² w / l` too long, where the force T falls as one over
-//! the distance from the pin. Coarse levels have the same worst place. So a vertex near a pin is held to it directly, by the length of
-//! the way between them in unstretched cloth: no vertex of whole cloth can be farther away (Kim, Chentanez & Müller 2012). Here the
-//! share of the correction fades with the distance, so that nothing is held across a sheet and each vertex is
-//! corrected by itself, in no order; and what the fabric itself gives way by is left to it.
+//! A pin's few edges carry the load of all that hangs on it. One sweep leaves an edge too long by `T h² w / l`, where
+//! the force T decreases as the inverse of the distance from the pin; coarse levels have their largest strain there
+//! too. So a vertex near a pin is held to it directly, within the length of the shortest path between them in
+//! unstretched cloth, which their distance cannot exceed (long range attachments: Kim, Chentanez and Müller 2012).
+//! Unlike there, the share of the correction fades with the distance. So nothing is held across a whole sheet, each
+//! vertex can be corrected independently in any order, and the fabric's own stretch is allowed for.
 //!
 //! # Practice
-//! Only a lone pin needs them, or two side by side: in a longer row the vertices near a pin have others to hang on. (With tethers the ends of
-//! a row are better by a fifth, in the tenth worst frame of a sheet that swings down, and the others no worse; but the law of the strain that
-//! few substeps leave in it is then no more `T h² w / l`, and a row that is led wildly leaves two edges tangled.)
-//! Ways run over triangles that are unfolded, each from the two nearer corners to the third (fast marching: Kimmel & Sethian 1998,
-//! with straight ways instead of a front), and along edges. Where an edge is soft ([`Options::edge_scale`](crate::Options::edge_scale))
-//! cloth gives way along the bias: only whole edges are ways there.
+//! Only lone pins, or two side by side, have tethers. In a longer row of pins, a pin's load is shared by its neighbors.
+//! (With tethers the ends of a row would be better by a fifth, in the tenth worst frame of a sheet that swings down,
+//! and the rest no worse. But the strain left by few substeps would no longer follow the law `T h² w / l`, and a row
+//! that is moved violently would leave two edges tangled.) Paths run across unfolded triangles, from two corners to the
+//! third (fast marching: Kimmel and Sethian 1998, with straight paths instead of a front), and along edges. Where an
+//! edge is soft ([`Options::edge_scale`](crate::Options::edge_scale)), cloth stretches along the bias, so paths there
+//! follow only edges of full stiffness.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
@@ -24,20 +26,21 @@ use crate::model::cloth::{Cloth, Link};
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 
-/// Tethers reach no farther than this share of the cloth's extent.
+/// Maximum length of tethers as a share of the cloth's extent.
 pub(crate) const REACH: f64 = 0.5;
-/// Edges softer than this share of the fabric's stiffness are no way.
+/// Paths do not use edges softer than this share of the fabric's stiffness.
 const WHOLE: f32 = 0.5;
-/// A way that is shorter by less than this share is no other, and vertices are visited so often at most, on average.
+/// A path replaces another only if it is shorter by at least this share.
 const SHORTER: f64 = 1e-6;
+/// Bound on the mean number of visits per vertex.
 const VISITS: usize = 16;
 
 /// The tethers of a cloth with lone pins.
 #[derive(Debug)]
 pub(crate) struct Tethers {
-    /// Lone pins, as places in [`Cloth::pinned`].
+    /// Lone pins, as indices into [`Cloth::pinned`].
     pub anchors: Vec<u32>,
-    /// By vertex.
+    /// The vertices near lone pins, ascending.
     pub held: Vec<Held>,
 }
 
@@ -45,16 +48,16 @@ pub(crate) struct Tethers {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Held {
     pub vertex: u32,
-    /// Which of [`Tethers::anchors`].
+    /// Index into [`Tethers::anchors`].
     pub anchor: u32,
-    /// Along the cloth (m).
+    /// Distance along the cloth (m).
     pub distance: f32,
-    /// How much longer the way is (m) where the fabric's stiffness is 1 N/m and acceleration 1 m/s².
+    /// How much the path lengthens (m) under load, for a stiffness of 1 N/m and an acceleration of 1 m/s².
     pub give: f32,
 }
 
 impl Tethers {
-    /// `None` if there is no lone pin.
+    /// The tethers of a cloth; `None` if it has no lone pin.
     pub(crate) fn new(cloth: &Cloth) -> Option<Tethers> {
         let anchors = lone_pins(cloth);
         if anchors.is_empty() {
@@ -67,7 +70,7 @@ impl Tethers {
         let free = (0..cloth.rest.len()).filter(|&v| cloth.rest[v].w > 0.0 && ways.found[v].is_some());
         let held = free.map(|vertex| {
             let (distance, anchor) = ways.found[vertex].expect("filtered");
-            // Rounding must not pull at cloth that is at rest.
+            // Rounding errors must not make a tether pull on cloth at rest.
             let (length, give) = (distance * (1.0 + 1e-6), give.of(anchor, distance));
             Held { vertex: vertex as u32, anchor, distance: length as f32, give: give as f32 }
         });
@@ -75,7 +78,8 @@ impl Tethers {
     }
 }
 
-/// Pins that hold anything and have no pinned neighbor, or one that has no other, as places in [`Cloth::pinned`].
+/// Pins with free neighbors that have no pinned neighbor, or one that has no other pinned neighbor, as indices into
+/// [`Cloth::pinned`].
 fn lone_pins(cloth: &Cloth) -> Vec<u32> {
     let is_pinned = |vertex: u32| cloth.rest[vertex as usize].w == 0.0;
     let both_ways = || cloth.links.iter().map(|link| link.ends).flat_map(|[a, b]| [(a, b), (b, a)]);
@@ -90,17 +94,19 @@ fn lone_pins(cloth: &Cloth) -> Vec<u32> {
     (0..cloth.pinned.len() as u32).filter(is_lone).collect()
 }
 
-/// The shortest ways found so far.
+/// A search for the shortest paths from the pins.
 struct Ways<'a> {
     rest: Vec<DVec3>,
     triangles: &'a [[u32; 3]],
-    /// Whole edges at each vertex, by their other end; and triangles of whole edges alone.
+    /// For each vertex, the other ends of its edges of full stiffness.
     edges: Csr<u32>,
+    /// For each vertex, its triangles all of whose edges have full stiffness.
     around: Csr<u32>,
-    /// Length (m) of the way from the nearest pin to each vertex, and which pin that is.
+    /// Length (m) of the shortest path to each vertex so far, and the pin that it starts from.
     found: Vec<Option<(f64, u32)>>,
-    /// What is to be visited: the nearest first. Lengths are positive, and their bits ascend with them.
+    /// Vertices to visit, nearest first. The key is the bits of the length, which order positive numbers like integers.
     next: BinaryHeap<Reverse<(u64, u32)>>,
+    /// Longest path of interest (m).
     farthest: f64,
 }
 
@@ -130,7 +136,7 @@ impl<'a> Ways<'a> {
         self.next.push(Reverse((0, pin)));
     }
 
-    /// Notes a way if it is the shortest so far.
+    /// Records a path if it is the shortest to its vertex so far.
     fn note(&mut self, vertex: u32, length: f64, anchor: u32) {
         let longer = self.found[vertex as usize].is_none_or(|(found, _)| length < found * (1.0 - SHORTER));
         if longer && length < self.farthest {
@@ -139,7 +145,8 @@ impl<'a> Ways<'a> {
         }
     }
 
-    /// Follows all ways, those from vertices whose own became shorter again. However few visits are left, what was found is a way.
+    /// Extends paths until no vertex's path becomes shorter. If the bound on visits is reached, the paths found are
+    /// valid but may not be the shortest.
     fn march(&mut self) {
         for _ in 0..VISITS * self.rest.len() {
             let Some(Reverse((bits, vertex))) = self.next.pop() else { break };
@@ -170,8 +177,9 @@ impl<'a> Ways<'a> {
         self.rest[a as usize].distance(self.rest[b as usize])
     }
 
-    /// The way across an edge, both of whose ends have one to the same pin, to the corner beyond: straight in the plane of the triangle, from
-    /// where the pin is if the other side is unfolded.
+    /// The path across an edge to the opposite corner of a triangle, if both ends of the edge have paths to the same
+    /// pin. It is straight in the triangle's plane, from the place that the pin has if the other side is unfolded into
+    /// that plane.
     fn across(&mut self, [a, b]: [u32; 2], beyond: u32) {
         let (Some((to_a, anchor)), Some((to_b, other))) = (self.found[a as usize], self.found[b as usize]) else { return };
         let [from, x, y] = [a, b, beyond].map(|vertex| self.rest[vertex as usize]);
@@ -179,7 +187,7 @@ impl<'a> Ways<'a> {
         if anchor != other || base <= 0.0 {
             return;
         }
-        // Along the edge from a, and away from it.
+        // Coordinates along the edge, from `a`, and perpendicular to it.
         let at = (y - from).dot(edge) / base;
         let height = ((y - from).length_squared() - at * at).max(0.0).sqrt();
         let pin = (to_a * to_a - to_b * to_b + base * base) / (2.0 * base);
@@ -191,16 +199,17 @@ impl<'a> Ways<'a> {
     }
 }
 
-/// What cloth gives way by about a pin at rest, twice: `W/(K phi) (1 + ln(1 + d/l))` in a wedge of angle phi that a weight W hangs on from
-/// its tip, the first edge (l) being as long as it is, and the stress `rho g L` of the whole sheet on the way.
+/// The stretch of the cloth itself between a pin and a vertex under load, times two. Around the pin the cloth is a
+/// wedge of angle phi whose tip bears a weight W: it stretches by `W/(K phi) (1 + ln(1 + d/l))`, where the 1 stands for
+/// the first edge, of length l. To this is added the stress `rho g L` of the whole sheet along the path.
 struct Give {
-    /// Free mass (kg) over angle, for each anchor.
+    /// Free mass (kg) per pin over the angle, for each anchor.
     mass: Vec<f64>,
-    /// Mass over area times the extent (kg/m).
+    /// Mean areal density times the extent (kg/m).
     sheet: f64,
     /// Mean length (m) of an edge.
     edge: f64,
-    /// Whether it is a thread, which has no angle: `W d/(K l)`.
+    /// Whether the anchor holds a thread, which has no angle and stretches by `W d/(K l)`.
     is_thread: Vec<bool>,
 }
 
@@ -232,7 +241,7 @@ impl Give {
         }
     }
 
-    /// What a way of some length gives way by (m) where stiffness (N/m) and acceleration (m/s²) are one.
+    /// The stretch (m) along a path of a given length, for a stiffness of 1 N/m and an acceleration of 1 m/s².
     fn of(&self, anchor: u32, distance: f64) -> f64 {
         let Give { mass, sheet, edge, is_thread } = self;
         let spread = if is_thread[anchor as usize] { distance / edge } else { 1.0 + (1.0 + distance / edge).ln() };

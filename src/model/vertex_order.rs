@@ -1,24 +1,24 @@
-//! A vertex order that keeps neighbors close in memory.
+//! Vertex orders that keep neighbors close in memory.
 
 use std::collections::VecDeque;
 
 use crate::model::csr::Csr;
 
-/// An order of the vertices in which neighbors are close: the mesh's own if it has rows or is close, else breadth
-/// first. `order[k]` is the mesh's index of the `k`-th vertex. `edges` ascend.
+/// An order of the vertices in which neighbors are close: the mesh's own if it consists of rows or is good enough, else
+/// breadth-first. `order[k]` is the mesh's index of the `k`-th vertex. `edges` must be sorted.
 pub(crate) fn vertex_order(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
     let own: Vec<u32> = (0..vertices as u32).collect();
-    // What lines up can be loaded side by side, which is worth more than a shorter way to the next row. Of a grid that is two thirds
-    // at least, whichever way its diagonals run.
+    // Edges that line up can be processed by contiguous loads, which is worth more than a shorter distance to the next
+    // row. On a grid at least two thirds of the edges do, whichever way its diagonals run.
     if 5 * lined_up(edges) >= 3 * edges.len() {
         return own;
     }
     let breadth_first = breadth_first(edges, vertices);
-    // It must win clearly: some rows may line up.
+    // The breadth-first order must be clearly better, because part of the mesh's own order may line up.
     if spread(edges, &own) <= 1.5 * spread(edges, &breadth_first) { own } else { breadth_first }
 }
 
-/// Edges that have another beside them, one vertex on at both ends.
+/// Number of edges for which the edge one vertex further on at both ends exists too.
 fn lined_up(edges: &[[u32; 2]]) -> usize {
     let mut others = edges.iter().peekable();
     let beside = |edge: &&[u32; 2]| {
@@ -29,7 +29,7 @@ fn lined_up(edges: &[[u32; 2]]) -> usize {
     edges.iter().filter(beside).count()
 }
 
-/// Mean distance in memory between the ends of an edge.
+/// Mean index distance between the ends of an edge.
 fn spread(edges: &[[u32; 2]], order: &[u32]) -> f64 {
     let rank = inverse(order);
     let total: u64 = edges.iter().map(|&[a, b]| u64::from(rank[a as usize].abs_diff(rank[b as usize]))).sum();

@@ -1,4 +1,4 @@
-//! Aggregates: the vertices of a mesh in connected, balanced, nested groups.
+//! Aggregation: divides the vertices of a mesh into connected, balanced, nested groups.
 
 use std::collections::HashMap;
 
@@ -7,40 +7,44 @@ use glam::{DVec3, Vec3};
 use crate::model::cloth::{Cloth, Link};
 use crate::model::disjoint_sets::DisjointSets;
 
-/// An aggregate at rest; a vertex is one by itself.
+/// The mass properties of an aggregate at rest. A vertex counts as an aggregate of one.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Aggregate {
-    /// Mass (kg), and its center (m).
+    /// Mass (kg).
     pub mass: f64,
+    /// Center of mass (m).
     pub center: DVec3,
     pub pinned: bool,
-    /// Sum of the normals, each as long as the area it stands for.
+    /// Sum of the area-weighted normals.
     pub normal: DVec3,
 }
 
 impl Aggregate {
-    /// One over the mass (1/kg), 0 where pinned.
+    /// One over the mass (1/kg); 0 if pinned.
     pub(crate) fn inverse_mass(&self) -> f64 {
         if self.pinned { 0.0 } else { 1.0 / self.mass }
     }
 }
 
-/// Most vertices of the finest aggregates, half as many the fewest, but for pieces cut off. A grid's 4 x 4 blocks fit, and a row more
-/// here and there.
+/// The mean size of the finest aggregates is at most this, and at least half of it. Disconnected pieces may be smaller.
+/// It is slightly above 16, so that blocks of 4 x 4 vertices of a grid are not halved again, even if some have an extra
+/// row.
 const FINEST: f64 = 17.5;
 
-/// The mesh's parts by recursive bisection across their longest side: which half of which half each vertex is in.
+/// Recursive bisection of the mesh's connected parts across their longest side.
 ///
-/// On a grid of rows and columns the halves are blocks. Sizes within a part differ by a row or column at each cut.
+/// On a grid of rows and columns the halves are blocks. Within a part, the two halves of a cut differ in size by at
+/// most a row or column.
 #[derive(Debug)]
 pub(crate) struct Bisection {
-    /// The part of each vertex, named by one of its vertices.
+    /// The connected part of each vertex, named by one of its vertices.
     part: Vec<u32>,
-    /// Its halves, one bit each, the last one lowest; as many as `depth` of its part says.
+    /// The halves that each vertex falls into, one bit per cut, with the last cut in the lowest bit. The number of cuts
+    /// depends on the size of the vertex's part.
     path: Vec<u32>,
 }
 
-/// The edges that hold: one scaled to nothing is a gap.
+/// The edges with stiffness. An edge scaled to 0 is a gap.
 pub(crate) fn holding(cloth: &Cloth) -> impl Iterator<Item = &Link> {
     cloth.links.iter().filter(|link| link.shape > 0.0)
 }
@@ -62,10 +66,12 @@ impl Bisection {
         Bisection { part, path }
     }
 
-    /// The aggregates of level `level` (0 the finest, each next one four times as large): that of each vertex, and how many.
+    /// The aggregates of level `level` (0 is the finest, each next level has aggregates four times as large): the
+    /// aggregate of each vertex, and their number.
     ///
-    /// Vertices of the same cell that no edges of the cell connect are apart, and so are the pinned ones from the free.
-    /// Aggregates are numbered in the order of their first vertices, so that neighbors are near in memory.
+    /// A cell of the bisection is split into the components connected by edges within it, and pinned vertices are
+    /// separated from free ones. Aggregates are numbered in the order of their first vertices, so that neighbors are
+    /// close in memory.
     pub(crate) fn of_level(&self, cloth: &Cloth, level: u32) -> (Vec<u32>, usize) {
         let vertices = self.path.len();
         let cell = |vertex: u32| (self.part[vertex as usize], self.path[vertex as usize] >> (2 * level).min(31));
@@ -94,7 +100,7 @@ impl Bisection {
     }
 }
 
-/// Halves a group `depth` times; `path` takes down the way to each vertex.
+/// Halves a group `depth` times and records in `path` the halves that each vertex falls into.
 fn bisect(group: &mut [u32], depth: u32, way: u32, rest: &[Vec3], path: &mut [u32]) {
     if depth == 0 || group.len() < 2 {
         group.iter().for_each(|&vertex| path[vertex as usize] = way << depth);
@@ -105,12 +111,12 @@ fn bisect(group: &mut [u32], depth: u32, way: u32, rest: &[Vec3], path: &mut [u3
     bisect(high, depth - 1, 2 * way + 1, rest, path);
 }
 
-/// Cuts a group in two across the longest side of its box, between two rows if it has any.
+/// Cuts a group in two across the longest side of its bounding box, between two grid rows if possible.
 fn cut<'a>(group: &'a mut [u32], rest: &[Vec3]) -> (&'a mut [u32], &'a mut [u32]) {
     let at = |vertex: &u32| rest[*vertex as usize];
     let low = group.iter().map(at).fold(Vec3::INFINITY, Vec3::min);
     let size = group.iter().map(at).fold(Vec3::NEG_INFINITY, Vec3::max) - low;
-    // A square counts as long in x, whatever its roundings.
+    // Within rounding errors, equal sides count as equal and x is preferred.
     let longest = size.max_element();
     let axis = (0..3).find(|&axis| size[axis] >= 0.9999 * longest).unwrap_or(0);
     let along = |vertex: &u32| at(vertex)[axis];
@@ -120,7 +126,7 @@ fn cut<'a>(group: &'a mut [u32], rest: &[Vec3]) -> (&'a mut [u32], &'a mut [u32]
     let before = group.iter().filter(|&vertex| along(vertex) < middle - 1e-4 * longest).count();
     let through = group.iter().filter(|&vertex| along(vertex) <= middle + 1e-4 * longest).count();
     let nearest = if half - before <= through - half { before } else { through };
-    // A group of few rows may have none that ends near its middle.
+    // In a group of few rows, no boundary between rows may be close to the middle.
     let count = if 4 * nearest.min(group.len() - nearest) >= group.len() { nearest } else { half };
     group.select_nth_unstable_by(count, order);
     group.split_at_mut(count)

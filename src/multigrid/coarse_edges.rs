@@ -1,4 +1,5 @@
-//! The edges between aggregates: which there are, how long they are at rest, and how stiff. The reasons are in [`hierarchy`](super::hierarchy).
+//! The edges between aggregates: which aggregates are joined, and the rest length and stiffness of each edge. The
+//! reasons are in [`hierarchy`](super::hierarchy).
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,10 +11,12 @@ use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::multigrid::aggregation::{Aggregate, holding};
 
-/// Cloth that is softer than this along an edge, as a share of what it is made of, does not pull there.
+/// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is
+/// omitted.
 const SLACK: f64 = 1e-3;
 
-/// What aggregates are made of, as masses at points, for the distances about pins: vertices, or aggregates two levels finer.
+/// The items that aggregates consist of, as point masses: vertices, or aggregates two levels finer. They determine the
+/// rest lengths of edges to pinned aggregates.
 pub(crate) struct PointMasses {
     items: Vec<Aggregate>,
     of: Csr<u32>,
@@ -25,7 +28,8 @@ impl PointMasses {
         PointMasses { items, of }
     }
 
-    /// Mean distance (m) by which mass moves in a transport plan that carries one aggregate onto the other: the nearest pairs first.
+    /// Mean distance (m) that mass moves in a transport plan from one aggregate onto the other. The plan is greedy,
+    /// nearest pairs first.
     fn transport(&self, aggregates: [u32; 2], masses: [f64; 2]) -> f64 {
         let [mut from, mut to] = [0, 1].map(|side| {
             let of = self.of.of(aggregates[side]).iter();
@@ -47,15 +51,17 @@ impl PointMasses {
     }
 }
 
-/// Stiffness of aggregates along any direction: that of their own edges, and half of those that leave them.
+/// Membrane stiffness of aggregates along any direction, from all of their inner edges and half of the edges that leave
+/// them.
 pub(crate) struct Stiffness {
-    /// Two directions in the plane of each aggregate.
+    /// Two orthogonal directions in the plane of each aggregate.
     frames: Vec<[DVec3; 2]>,
-    /// Sum of `K l0² q q^T` for K = 1 N/m (m²), `q = (a², b², sqrt(2) a b)` of an edge's direction in the plane.
+    /// Sum of `K l0² q q^T` for K = 1 N/m (m²), where `q = (a², b², sqrt(2) a b)` for an edge with direction `(a, b)`
+    /// in that plane.
     tensors: Vec<DMat3>,
 }
 
-/// A fine edge as the aggregates at its ends feel it; the same for all levels.
+/// A fine edge as it contributes to the stiffness of the aggregates at its ends; the same for all levels.
 pub(crate) struct Fiber {
     ends: [u32; 2],
     direction: DVec3,
@@ -64,7 +70,7 @@ pub(crate) struct Fiber {
 }
 
 impl Fiber {
-    /// Those of the edges that hold.
+    /// The fibers of all edges with stiffness.
     pub(crate) fn all(cloth: &Cloth) -> Vec<Fiber> {
         let fiber = |link: &Link| {
             let [a, b] = link.ends.map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
@@ -78,7 +84,7 @@ impl Fiber {
 impl Stiffness {
     pub(crate) fn new(fibers: &[Fiber], aggregates: &[Aggregate], aggregate_of: &[u32]) -> Stiffness {
         let of = |fiber: &Fiber| fiber.ends.map(|vertex| aggregate_of[vertex as usize] as usize);
-        // Threads have no normal; the plane of one is any through it.
+        // Threads have no normal; any plane through a thread serves as its plane.
         let mut along = vec![DVec3::ZERO; aggregates.len()];
         for fiber in fibers {
             let d = fiber.direction;
@@ -106,7 +112,8 @@ impl Stiffness {
         Stiffness { frames, tensors }
     }
 
-    /// Stiffness times area (m²) along `n` for K = 1 N/m, free to contract across it, and its share of that of all directions together.
+    /// Stiffness times area (m²) along `n` for K = 1 N/m, with the cloth free to contract across it; and its share of
+    /// the stiffness of all directions together.
     fn along(&self, aggregate: u32, n: DVec3) -> (f64, f64) {
         let tensor = self.tensors[aggregate as usize];
         let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
@@ -119,24 +126,26 @@ impl Stiffness {
     }
 }
 
-/// `(a², b², sqrt(2) a b)` of a direction in a plane: what a strain is multiplied by to give the direction's own.
+/// `(a², b², sqrt(2) a b)` of a direction in a plane: its scalar product with the strain tensor (in Mandel notation) is
+/// the strain along it.
 fn voigt(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
     let (a, b) = (n.dot(e), n.dot(f));
     DVec3::new(a * a, b * b, std::f64::consts::SQRT_2 * a * b)
 }
 
-/// What it takes to make coarse edges.
+/// Everything needed to make the coarse edges of a level.
 pub(crate) struct Edges<'a> {
     pub cloth: &'a Cloth,
     pub aggregates: &'a [Aggregate],
     pub masses: &'a PointMasses,
-    /// Share of the distance about pins that counts.
+    /// Factor on the transport distance at pins.
     pub pin_share: f64,
     pub stiffness: Stiffness,
 }
 
 impl Edges<'_> {
-    /// The edges between groups of pairs, group after group, in color order.
+    /// The edges between given pairs of aggregates, with colors that are separate for each group of pairs, in color
+    /// order.
     pub(crate) fn color(&self, groups: &[Vec<[u32; 2]>]) -> (Vec<Link>, Vec<Range<usize>>) {
         let centers: Vec<Vec3> = self.aggregates.iter().map(|aggregate| aggregate.center.as_vec3()).collect();
         let (mut links, mut colors) = (Vec::new(), Vec::new());
@@ -151,7 +160,7 @@ impl Edges<'_> {
         (links, colors)
     }
 
-    /// The edge between two aggregates; none if nothing holds them together.
+    /// The edge between two aggregates; none if the cloth does not connect them along it.
     fn between(&self, pair: [u32; 2]) -> Option<Link> {
         let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
         let turn = 0.5 * a.normal.angle_between(b.normal);
@@ -162,13 +171,14 @@ impl Edges<'_> {
         }
         let n = (b.center - a.center).normalize_or_zero();
         let along = pair.map(|aggregate| self.stiffness.along(aggregate, n));
-        // Of the pinned vertices there may be one only, with hardly an edge.
+        // A pinned aggregate may consist of one vertex with hardly any edges, so the free aggregate alone determines
+        // the stiffness.
         let (area, part) = match (a.pinned, b.pinned) {
             (true, _) => along[1],
             (_, true) => along[0],
             _ => (0.5 * (along[0].0 + along[1].0), along[0].1.min(along[1].1)),
         };
-        // What would not be a number is no edge either.
+        // Also omits edges whose rest length is 0 or not finite.
         if !(rest.is_normal() && rest > 0.0 && part > SLACK) {
             return None;
         }
@@ -177,20 +187,21 @@ impl Edges<'_> {
     }
 }
 
-/// An aggregate with more neighbors than this is no way from one of them to another: a fan's hub would join every two of its rim,
-/// where a dozen directions are plenty.
+/// Two-ring links are not made through an aggregate with more neighbors than this: the hub of a fan would link every
+/// two aggregates of its rim, while a dozen directions are enough.
 const CROWDED: usize = 64;
 
-/// Pairs that are not neighbors but have two neighbors in common, one on either side: not across the end of a slit.
+/// Pairs of aggregates that are not neighbors but have common neighbors on both sides of the line between them, so that
+/// they are not separated by a slit.
 pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u32; 2]> {
     let near = Csr::new(aggregates.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
     let mut found = Vec::new();
     for a in 0..aggregates.len() as u32 {
-        // Which sides of the way to each aggregate two rings away have a common neighbor.
+        // For each aggregate two rings away, the sides of the line to it on which there is a common neighbor.
         let mut sides: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
         for &between in near.of(a).iter().filter(|&&between| near.of(between).len() <= CROWDED) {
             for &b in near.of(between) {
-                // Neighbors ascend, as the pairs do.
+                // Neighbors are sorted because the pairs are.
                 if b <= a || near.of(a).binary_search(&b).is_ok() {
                     continue;
                 }

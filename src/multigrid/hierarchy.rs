@@ -1,55 +1,64 @@
-//! Coarse levels: the cloth in ever larger aggregates, for a correction that reaches as far in one substep as stress does.
+//! Coarse levels: aggregates of the cloth of increasing size, for a correction that in one substep reaches as far as
+//! stress does.
 //!
 //! # Theory
-//! One sweep carries an impulse from an edge to the next. Below the resolved substep (`S < S*`) that is too slow: the
-//! strain it leaves grows as `(N/S)²`. So the predicted displacements are first corrected on coarse cloths, whose vertices are
-//! aggregates of 16, 64, 256 ... vertices: the two-level idea of multigrid and of domain decomposition (aggregation:
-//! Vaněk, Mandel & Brezina 1996; hierarchical position-based dynamics: Müller 2008), here in displacements:
+//! One sweep carries an impulse only from each edge to the next. If substeps do not resolve the stiffness (`S < S*`),
+//! that is too slow, and the strain grows as `(N/S)²`. So the predicted displacements are first corrected on coarser
+//! cloths, whose vertices are aggregates of 16, 64, 256 ... vertices. This is the idea of two-level multigrid and
+//! domain decomposition methods (aggregation: Vaněk, Mandel and Brezina 1996; hierarchical position-based dynamics:
+//! Müller 2008), here applied to displacements:
 //!
-//! 1. restrict by the mass-weighted average, `x_c = sum m_v x_v / m_c`, `u_c` likewise: the adjoint of piecewise constant
-//!    prolongation in the metric of the masses, so that the correction is a projection and gives no energy;
-//! 2. sweep once over the coarse edges, those that are stretched alone (cloth gives way to compression), along their direction
-//!    at the substep's start, with the shifted compliance of what the fine edges leave of the stiffness: `1 - (S/S*)²` of it;
-//! 3. add to each vertex what its aggregate was corrected by.
+//! 1. Restrict by the mass-weighted average, `x_c = sum m_v x_v / m_c`, and `u_c` likewise. This is the adjoint of
+//!    piecewise constant prolongation in the metric of the masses, so the correction is a projection and adds no
+//!    energy.
+//! 2. Sweep once over the coarse edges, correcting only stretched ones (cloth gives way to compression) along their
+//!    direction at the substep's start. Their shifted compliance corresponds to the share of the stiffness that the
+//!    fine edges do not carry, `1 - (S/S*)²`.
+//! 3. Prolong: add to each vertex the correction of its aggregate.
 //!
-//! Weights are constant in an aggregate and aggregates are nested. So one pass over the vertices restricts to the finest level,
-//! each coarser one is restricted from the finer, and what the coarsest are corrected by is handed down.
-//! An impulse `j` along `x_a - x_b` moves the aggregates' masses by `j` and `-j` and has no torque about any point, so both
-//! momenta are kept, whatever the weights, while the direction is that of the start.
+//! Weights are constant in an aggregate, and aggregates are nested. So one pass over the vertices restricts to the
+//! finest level, each coarser level is restricted from the next finer one, and the corrections are handed down from the
+//! coarsest level. An impulse `j` along `x_a - x_b` gives the masses of two aggregates the impulses `j` and `-j` and
+//! exerts no torque about any point. So linear and angular momentum are conserved for any weights, as long as the
+//! direction at the substep's start is used.
 //!
 //! # Practice
-//! Aggregates come from halving each part of the mesh across its longest side, down to 16 vertices or so; on a grid these are
-//! blocks. Pieces that are connected by no edge of their own are told apart, and pinned vertices are an aggregate of their
-//! own, which moves as they do. Coarse edges join aggregates with a fine edge in common, and those with two common
-//! neighbors on either side: it is the number of directions that counts.
+//! Aggregates are formed by halving each connected part of the mesh across its longest side, down to about 16 vertices;
+//! on a grid they are blocks. Pieces not connected by edges within a cell are separated, and the pinned vertices of a
+//! cell form an aggregate of their own, which moves as they do. Coarse edges join aggregates that share a fine edge,
+//! and those with common neighbors on both sides (two-ring links): what matters is the number of directions.
 //!
-//! An edge's rest length is the most that the aggregates' centers can be apart in unstretched cloth. The centers of two
-//! shapes that are carried onto each other by a plan that moves mass by `d` on average are at most `d` apart (Kantorovich):
-//! for shapes that are translated copies that is the distance of their centers; about a pin it is the mean distance to it (on
-//! the finest levels a little less, for cloth does not gather in one line within a few edges).
-//! Where the rest shape bends by the angle t from one to the other, centers are inside of it and `((t/2)/sin(t/2))²` nearer.
-//! Stiffness is that of the fabric along the edge, free to contract across it, so that cloth soft in shear stays so.
+//! The rest length of a coarse edge is the largest distance that the aggregates' centers can have in unstretched cloth.
+//! If a transport plan carries one shape onto the other and moves mass by `d` on average, the centers are at most `d`
+//! apart (Kantorovich). For shapes that are translated copies this is the distance of their centers; at a pin it is the
+//! mean distance to the pin (on the finest levels a little less, because cloth does not gather into a line within a few
+//! edges). Where the rest shape bends by an angle t between the aggregates, their centers lie inside the curve and are
+//! closer by the factor `((t/2)/sin(t/2))²`. The stiffness is that of the fabric along the edge, free to contract
+//! across it, so that cloth that is soft in shear remains soft.
 //!
 //! # Limits
-//! Pins are the coarse cloth's own worst place, as they are the fine one's: the worst edge there is better by a few times only. Lone pins
-//! have tethers for that ([`model::tethers`](crate::model::tethers)).
-//! Where the substeps resolve the stiffness, levels have nothing to add. Up to seven eighths of `S*` they do: a sheet of 64 by 64
-//! swings down with 3.6e-4 m of error at 112 substeps, and with 7.2e-4 m without them.
+//! Pins are the places with the largest strain on coarse levels as on the fine one: the worst edge there improves only
+//! by a few times. Tethers handle lone pins ([`model::tethers`](crate::model::tethers)). Where the substeps resolve the
+//! stiffness, levels have nothing to add. Up to 7/8 of `S*` they help: a sheet of 64 by 64 swings down with an error of
+//! 3.6e-4 m at 112 substeps, and of 7.2e-4 m without levels.
 //!
-//! Of cloth that does not resist bending coarse edges hold (`distance::hold_coarse`): in a hung sheet that they only pull, diagonals
-//! pull it narrower, fine edges across are pressed, and it flutters below an aggregate's size by 3 to 7 mm/s for ever. A compliance floor
-//! under the fine edges stills that as well, for a fifth to a half more error in motion and up to twice the strain; a coarse edge that
-//! holds irons what is flatter than three parts in a hundred, for a tenth more error at 40 substeps and none from 80 on.
+//! In cloth without bending stiffness, coarse edges also push (`distance::hold_coarse`). If they only pulled, the
+//! diagonals would contract a hanging sheet sideways and compress the fine edges across, and it would flutter at scales
+//! below an aggregate's size, at 3 to 7 mm/s, without end. A compliance floor on the fine edges would stop that too,
+//! but costs a fifth to a half more error in motion and up to twice the strain. Coarse edges that push flatten wrinkles
+//! shallower than 3 %, and cost a tenth more error at 40 substeps and nothing from 80 on.
 //!
-//! What the levels carry the fine edges need not, and so wrinkles smaller than an aggregate are held less taut. At rest nothing
-//! feeds them. In wind something does: the length that the fine edges still have too much of, half or less of what it
-//! was, is then seen as small wrinkles instead of as stretch. A sheet of 65 by 65 in gusts of 8 m/s, 20 substeps: mean strain
-//! 7.7e-3 against 1.7e-2, and 18 m of folds against 13, where 8 m are right; at 30 m/s it is a waffle of aggregates. Smooth
-//! weights make no difference. So no levels are chosen in a gale; what helps there is substeps.
+//! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. At rest
+//! nothing feeds such wrinkles, but wind does: the excess length of the fine edges, half or less of what it would be,
+//! then shows as small wrinkles instead of as stretch. A sheet of 65 by 65 in gusts of 8 m/s at 20 substeps has a mean
+//! strain of 7.7e-3 instead of 1.7e-2, but 18 m of folds instead of 13, where 8 m are right. At 30 m/s the aggregates
+//! become visible as a waffle pattern. Smooth weights make no difference. So no levels are chosen automatically in a
+//! gale; more substeps help there.
 //!
-//! Tethers (long range attachments: Kim, Chentanez & Müller 2012) do not take the levels' place. Those of the whole sheet, cheaper by a
-//! tenth of a substep, leave 6.5e-3 of strain and 0.057 m of error where levels leave 2.4e-3 and 0.006 m (a sheet of 129 hung
-//! by an edge, 20 substeps; 6.8e-2 and 0.20 m with neither), and need pins.
+//! Tethers (long range attachments: Kim, Chentanez and Müller 2012) cannot replace the levels. Tethers over a whole
+//! sheet are cheaper by a tenth of a substep, but leave a strain of 6.5e-3 and an error of 0.057 m, where levels leave
+//! 2.4e-3 and 0.006 m (a sheet of 129 by 129 hung by an edge, 20 substeps; 6.8e-2 and 0.20 m with neither). They also
+//! need pins.
 
 use std::ops::Range;
 
@@ -60,45 +69,46 @@ use crate::model::csr::Csr;
 use crate::multigrid::aggregation::{Aggregate, Bisection, holding};
 use crate::multigrid::coarse_edges::{Edges, Fiber, PointMasses, Stiffness, two_rings};
 
-/// A level of fewer aggregates is not worth its overhead.
+/// A level with fewer aggregates is not worth its overhead.
 const FEWEST: usize = 6;
-/// The most levels: the finest of the largest cloth has a million aggregates, and each next one a quarter as many.
+/// Maximum number of levels: the finest level of the largest cloth has a million aggregates, and each next level a
+/// quarter as many.
 pub(crate) const MAX_LEVELS: usize = 12;
 
-/// Nested levels, the finest first.
+/// The nested levels of a cloth, finest first.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Hierarchy {
     pub levels: Vec<Level>,
-    /// Whether they have been built: a mesh may have none.
+    /// Whether the levels were built; a small mesh has none even then.
     built: bool,
 }
 
-/// Aggregates, and the edges between them.
+/// The aggregates of one level and the edges between them.
 #[derive(Debug, Clone)]
 pub(crate) struct Level {
-    /// The aggregate of each item below: of each vertex, or of each aggregate of the next finer level.
+    /// The aggregate of each item of the next finer level: of each vertex, or of each finer aggregate.
     pub label: Vec<u32>,
     /// The items of each aggregate.
     pub members: Csr<u32>,
-    /// Share of each of them in their aggregate's mass.
+    /// Share of each member in the mass of its aggregate, in the order of `members.items`.
     pub share: Vec<f32>,
-    /// One over the mass (1/kg) of each aggregate, 0 where pinned.
+    /// One over the mass (1/kg) of each aggregate; 0 where pinned.
     pub inverse_mass: Vec<f32>,
     /// Edges in color order.
     pub links: Vec<Link>,
-    /// The edges of each color.
+    /// The range of edges of each color.
     pub colors: Vec<Range<usize>>,
 }
 
 impl Hierarchy {
-    /// Builds the levels if any are asked for and there are none yet.
+    /// Builds the levels if `asked` is not 0 and they were not built before.
     pub(crate) fn build(&mut self, cloth: &Cloth, asked: usize) {
         if asked > 0 && !self.built {
             *self = Hierarchy::new(cloth);
         }
     }
 
-    /// The finest levels, as many as asked for or as there are.
+    /// The finest levels: `asked` of them, or all if there are fewer.
     pub(crate) fn finest(&self, asked: usize) -> &[Level] {
         &self.levels[..asked.min(self.levels.len())]
     }
@@ -108,7 +118,8 @@ impl Hierarchy {
         let fibers = Fiber::all(cloth);
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
-        // The aggregates of the last level (to begin with, the vertices) and of the one before, and which of the last each vertex is in.
+        // The aggregates of the last level (initially the vertices), those of the level before it, and for each vertex
+        // its aggregate in the last level.
         let mut last = vertices(cloth);
         let mut before: Option<Vec<Aggregate>> = None;
         let mut item_of: Vec<u32> = (0..last.len() as u32).collect();
@@ -137,7 +148,8 @@ impl Hierarchy {
                 _ => PointMasses::new(last.clone(), label.clone(), count),
             };
             let rings = two_rings(&pairs, &aggregates);
-            // Near a lone pin fine cloth does not gather in one line, as the farthest that centers can be apart takes it to be.
+            // The transport distance assumes that cloth gathers into a line, which fine cloth near a lone pin does not
+            // do.
             let pin_share = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
             let edges = Edges {
                 cloth,
@@ -172,7 +184,7 @@ fn vertices(cloth: &Cloth) -> Vec<Aggregate> {
     aggregates
 }
 
-/// Aggregates made of smaller ones, by the label of each.
+/// Merges items into aggregates according to their labels.
 fn merged(items: &[Aggregate], label: &[u32], count: usize) -> Vec<Aggregate> {
     let mut aggregates = vec![Aggregate::default(); count];
     for (item, &label) in items.iter().zip(label) {

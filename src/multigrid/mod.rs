@@ -1,4 +1,4 @@
-//! The coarse levels of a cloth: [`hierarchy`] has the theory.
+//! The coarse levels of a cloth; the theory is in [`hierarchy`].
 
 pub(crate) mod aggregation;
 pub(crate) mod coarse_edges;

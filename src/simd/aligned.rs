@@ -1,4 +1,4 @@
-//! Vectors in whole cache lines, so that no wide load is across two that need not be.
+//! Arrays of 4-vectors aligned to cache lines, so that no wide load straddles two lines unnecessarily.
 
 use std::ops::{Deref, DerefMut};
 
@@ -7,34 +7,35 @@ use glam::Vec4;
 
 use super::MAX_LANES;
 
-/// As many vectors as were asked for, from the start of a cache line on, and room for whole groups of [`MAX_LANES`] of them.
+/// A vector of `length` 4-vectors, aligned to a cache line and padded to whole groups of [`MAX_LANES`] vectors.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AlignedVec {
     lines: Vec<Line>,
     length: usize,
 }
 
-/// A cache line.
+/// A cache line (64 bytes).
 #[repr(C, align(64))]
 #[derive(Debug, Clone, Copy, Zeroable, Pod)]
 struct Line([Vec4; IN_LINE]);
 
+/// Vectors in a cache line.
 const IN_LINE: usize = 4;
-/// Cache lines of a whole group.
+/// Cache lines of a group of [`MAX_LANES`] vectors.
 const WHOLE: usize = MAX_LANES / IN_LINE;
 
 impl AlignedVec {
-    /// Zeros.
+    /// `length` zero vectors.
     pub(crate) fn new(length: usize) -> AlignedVec {
         AlignedVec { lines: vec![Line::zeroed(); WHOLE * length.div_ceil(MAX_LANES)], length }
     }
 
-    /// Makes room for so many vectors, those that there are included; and gives back what is beyond.
+    /// Resizes the padding so that there is room for `vectors` vectors in all, and frees the rest. The length stays.
     pub(crate) fn make_room(&mut self, vectors: usize) {
         self.lines.resize(WHOLE * vectors.max(self.length).div_ceil(MAX_LANES), Line::zeroed());
     }
 
-    /// Adds a number for each of so many lanes.
+    /// Appends one number per lane, given by its lane. `lanes` must be a multiple of 4.
     pub(crate) fn push(&mut self, lanes: usize, number: impl Fn(usize) -> f32) {
         for four in 0..lanes / 4 {
             if self.length == IN_LINE * self.lines.len() {
@@ -46,12 +47,12 @@ impl AlignedVec {
         }
     }
 
-    /// Gives back what pushing took beforehand.
+    /// Frees the capacity that `push` has reserved ahead.
     pub(crate) fn trim(&mut self) {
         self.lines.shrink_to_fit();
     }
 
-    /// All that there is room for.
+    /// The vectors including the padding.
     pub(crate) fn room(&mut self) -> &mut [Vec4] {
         bytemuck::cast_slice_mut(&mut self.lines)
     }

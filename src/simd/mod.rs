@@ -1,13 +1,13 @@
-//! Numbers side by side, for loops that do the same to many: sixteen with AVX-512, eight with AVX2, four wherever glam runs.
+//! SIMD lanes: 16 with AVX-512, 8 with AVX2, 4 elsewhere (wherever glam runs).
 //!
-//! Mathematics is written once over [`Lanes`], and is the same for one number (`f32`) as for sixteen. Loops over the cloth are
-//! written over [`Registers`]: the state is vectors of four in memory, of which a register holds a quarter as many as it has lanes;
-//! four registers are loaded and transposed into all x, all y, all z.
+//! Mathematics is written once, generic over [`Lanes`], and works for a single number (`f32`) as for 16. Loops over the
+//! cloth are generic over [`Registers`]: the state is stored as 4-vectors, of which a register holds a quarter as many
+//! as it has lanes. Four registers are loaded and transposed into one each of x, y and z.
 //!
-//! Instructions can be enabled for whole functions alone, so all that a [`Loop`] calls is inlined into one function for each
-//! width ([`run`]).
+//! An instruction set can be enabled only for whole functions, so everything that a [`Loop`] calls is inlined into one
+//! function for each width ([`run`]).
 //!
-//! Why there is no library for this: see `README.md` beside this file.
+//! Why no SIMD library is used: see `README.md` in this directory.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -21,10 +21,10 @@ mod x86;
 
 pub(crate) use vector::Vector;
 
-/// The most lanes that there are. Arrays have room for whole groups of so many, and tiles begin at multiples of it.
+/// The largest number of lanes. Arrays are padded to whole groups of so many, and tiles begin at multiples of it.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// How many lanes to compute on: no more than the processor has instructions for, for there is no other way to make one.
+/// The number of lanes to use. Values can be obtained only by detection, so that the processor supports them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Width(Instructions);
 
@@ -38,7 +38,7 @@ enum Instructions {
 }
 
 impl Width {
-    /// The widest here.
+    /// The widest that this processor supports.
     pub(crate) fn detected() -> Width {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -47,7 +47,7 @@ impl Width {
         Width(Instructions::Portable)
     }
 
-    /// All that there are here, the widest last.
+    /// All widths that this processor supports, widest last.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn all() -> Vec<Width> {
         let mut all = vec![Width(Instructions::Portable)];
@@ -57,13 +57,13 @@ impl Width {
         all
     }
 
-    /// The widest here of no more than so many lanes, or else of the fewest.
+    /// The widest supported with at most `lanes` lanes, or the narrowest there is.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn at_most(lanes: usize) -> Width {
         Width::all().into_iter().rfind(|width| width.lanes() <= lanes).unwrap_or(Width(Instructions::Portable))
     }
 
-    /// Numbers at once.
+    /// Number of f32 lanes.
     pub(crate) fn lanes(self) -> usize {
         match self.0 {
             Instructions::Portable => 4,
@@ -75,12 +75,12 @@ impl Width {
     }
 }
 
-/// A loop that is compiled for each width; what it calls must be inlined into it.
+/// A loop that is compiled once for each width. Everything it calls must be inlined into it.
 pub(crate) trait Loop {
     fn run<L: Registers>(self);
 }
 
-/// Runs a loop on so many lanes.
+/// Runs a loop at the given width.
 pub(crate) fn run(width: Width, work: impl Loop) {
     match width.0 {
         Instructions::Portable => work.run::<Vec4>(),
@@ -89,77 +89,82 @@ pub(crate) fn run(width: Width, work: impl Loop) {
     }
 }
 
-/// Numbers side by side.
+/// A group of numbers on which the same operations are done: one per lane.
 pub(crate) trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     type Mask: Copy;
     const LANES: usize;
     fn splat(value: f32) -> Self;
-    /// `self * by + plus`, rounded once where the machine can.
+    /// `self * by + plus`, with a single rounding (fused) where the instruction set has it.
     fn mul_add(self, by: Self, plus: Self) -> Self;
-    /// `plus - self * by`, rounded once where the machine can.
+    /// `plus - self * by`, with a single rounding (fused) where the instruction set has it.
     fn neg_mul_add(self, by: Self, plus: Self) -> Self;
     fn abs(self) -> Self;
     fn sqrt(self) -> Self;
     fn max(self, other: Self) -> Self;
-    /// False for NaN.
+    /// False if either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// False for NaN.
+    /// False if either is NaN.
     fn eq(self, other: Self) -> Self::Mask;
     fn and(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn or(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn all(mask: Self::Mask) -> bool;
-    /// A bit for each lane, that of the first the lowest.
+    /// One bit per lane, the first lane in the lowest bit.
     fn bits(mask: Self::Mask) -> u32;
     /// `yes` in the lanes of the mask, `no` in the others.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 }
 
-/// Lanes that are a register: a quarter as many vectors of four.
+/// Lanes that fill a register, which holds a quarter as many 4-vectors.
 pub(crate) trait Registers: Lanes {
-    /// Vectors that a register holds.
+    /// Number of 4-vectors in a register.
     const VECTORS: usize = Self::LANES / 4;
-    /// # Panics
-    /// If there are not as many as lanes.
-    fn from_slice(values: &[f32]) -> Self;
-    /// Each of these in all four lanes of its vector.
+    /// One value per lane.
     ///
     /// # Panics
-    /// If there are not as many as vectors.
+    /// If the slice does not have as many values as lanes.
+    fn from_slice(values: &[f32]) -> Self;
+    /// Each value repeated in all four lanes of its 4-vector.
+    ///
+    /// # Panics
+    /// If the slice does not have as many values as 4-vectors.
     fn repeat_each(values: &[f32]) -> Self;
-    /// One vector again and again.
+    /// The same 4-vector repeated.
     fn repeat(vector: Vec4) -> Self;
-    /// The first so many as a register holds.
+    /// The first [`Registers::VECTORS`] of four 4-vectors.
     fn from_vectors(vectors: [Vec4; 4]) -> Self;
-    /// The vectors; what is past those of the register means nothing.
+    /// The 4-vectors of the register; any beyond their number are unspecified.
     fn to_vectors(self) -> [Vec4; 4];
     /// # Panics
-    /// If there are not as many as vectors.
+    /// If the slice does not have as many vectors as the register.
     fn load(from: &[Vec4]) -> Self;
     /// # Panics
-    /// If there are not as many as vectors.
+    /// If the slice does not have as many vectors as the register.
     fn store(self, to: &mut [Vec4]);
-    /// The even and the odd ones of twice as many vectors.
+    /// The vectors at even and at odd positions of a slice of twice as many as the register holds.
     ///
     /// # Panics
-    /// If there are not twice as many as vectors.
+    /// If the slice does not have twice as many vectors as the register.
     fn load_pairs(from: &[Vec4]) -> [Self; 2];
+    /// The inverse of [`Registers::load_pairs`].
+    ///
     /// # Panics
-    /// If there are not twice as many as vectors.
+    /// If the slice does not have twice as many vectors as the register.
     fn store_pairs(pairs: [Self; 2], to: &mut [Vec4]);
-    /// The x, y and z of the vectors of four registers; lanes as [`vector_of_lane`] says.
+    /// The x, y and z of the vectors in four registers; [`vector_of_lane`] tells the order of the lanes.
     fn transpose(vectors: [Self; 4]) -> Vector<Self>;
-    /// The inverse of [`Registers::transpose`], with 0 as fourth.
+    /// The inverse of [`Registers::transpose`], with 0 as the fourth component.
     fn vectors(numbers: Vector<Self>) -> [Self; 4];
-    /// The vectors added up.
+    /// The sum of the register's 4-vectors.
     fn sum(self) -> Vec4;
     /// Each vector's w, in all four of its lanes.
     fn w(self) -> Self;
-    /// Each number in all four lanes of its vector: register by register as they were transposed.
+    /// Each lane's number repeated over the four lanes of its vector, in the layout before [`Registers::transpose`].
     fn spread(self) -> [Self; 4];
+    /// The same for a mask.
     fn spread_mask(mask: Self::Mask) -> [Self::Mask; 4];
 }
 
-/// Which of so many vectors one after another a lane has, once they are loaded side by side and transposed.
+/// The position of the vector that a lane holds, among `lanes` contiguous vectors loaded and transposed.
 #[inline(always)]
 pub(crate) fn vector_of_lane(lane: usize, lanes: usize) -> usize {
     lanes / 4 * (lane % 4) + lane / 4

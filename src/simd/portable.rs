@@ -1,10 +1,10 @@
-//! One number, and four on any machine.
+//! Lanes without special instructions: a single number, and four by glam's `Vec4`.
 
 use glam::{BVec4A, Mat4, Vec4};
 
 use super::{Lanes, Registers, Vector};
 
-/// Functions that are inlined into whatever loop they are called from.
+/// Marks functions as `inline(always)`, so that they become part of the loop that calls them.
 macro_rules! inlined {
     ($(fn $name:ident $arguments:tt -> $result:ty { $($body:tt)* })*) => {$(
         #[inline(always)]

@@ -1,10 +1,10 @@
-//! Vectors of three, each component as many numbers as there are lanes.
+//! 3-vectors with one number per lane in each component.
 
 use std::ops::{Add, Mul, Sub};
 
 use super::Lanes;
 
-/// As many vectors as lanes: all x, all y, all z.
+/// One 3-vector per lane, as a structure of arrays: all x, all y, all z.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Vector<L> {
     pub x: L,

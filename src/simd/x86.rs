@@ -1,10 +1,11 @@
-//! Eight numbers in a register of AVX2, sixteen in one of AVX-512.
+//! Registers of eight lanes with AVX2, and of sixteen with AVX-512.
 //!
-//! One of the two places with unsafe code. It rests on one invariant:
+//! One of the crate's two pieces of unsafe code. It rests on one invariant:
 //!
-//! - **Detected**: [`F32x8`] and [`F32x16`] are private to this file, and their methods run in [`run`] alone, which is given a
-//!   [`Width`]. A width is made by [`Width::detected`] and what follows from it, so it names no instructions that the processor
-//!   lacks. What would break it: naming one of the types anywhere else, or making a width without asking the processor.
+//! - **Detected**: [`F32x8`] and [`F32x16`] are private to this file, and their methods run only within [`run`], which
+//!   is given a [`Width`]. Widths are made only by [`Width::detected`] and what is derived from it, so they name no
+//!   instructions that the processor lacks. This would break if one of the types were used elsewhere, or if a width
+//!   were made without asking the processor.
 
 #![expect(unsafe_code, reason = "instruction sets")]
 
@@ -16,7 +17,7 @@ use glam::Vec4;
 
 use super::{Instructions, Lanes, Loop, Registers, Vector, Width};
 
-/// Runs a loop with the instructions of a width wider than what every processor has.
+/// Runs a loop at a width beyond the baseline of x86-64.
 pub(super) fn run(width: Width, work: impl Loop) {
     #[target_feature(enable = "avx512f,avx2,fma")]
     fn avx512(work: impl Loop) {
@@ -36,17 +37,18 @@ pub(super) fn run(width: Width, work: impl Loop) {
     }
 }
 
-/// Functions that are instructions.
+/// Defines inlined functions whose bodies are intrinsics.
 macro_rules! instructions {
     ($(fn $name:ident $arguments:tt -> $result:ty { $($body:tt)* })*) => {$(
         #[inline(always)]
         fn $name $arguments -> $result {
-            // SAFETY: Detected; a slice that is loaded from or stored to was asserted to be as long as the register.
+            // SAFETY: Detected; slices that are loaded from or stored to are asserted to be as long as the register.
             unsafe { $($body)* }
         }
     )*};
 }
 
+/// Defines arithmetic operators by one intrinsic each.
 macro_rules! operators {
     ($register:ident, $($operator:ident, $name:ident, $instruction:ident;)*) => {$(
         impl $operator for $register {
@@ -58,11 +60,11 @@ macro_rules! operators {
     )*};
 }
 
-/// AVX2, with FMA.
+/// Eight lanes: AVX2 with FMA.
 #[derive(Debug, Clone, Copy)]
 struct F32x8(__m256);
 
-/// AVX-512F.
+/// Sixteen lanes: AVX-512F.
 #[derive(Debug, Clone, Copy)]
 struct F32x16(__m512);
 
@@ -279,7 +281,7 @@ impl Registers for F32x16 {
 
     #[inline(always)]
     fn spread_mask(mask: __mmask16) -> [__mmask16; 4] {
-        // Bit `k` of each four, four times over.
+        // Spreads bit `k` of each group of four bits over the group.
         [0, 1, 2, 3].map(|k| (mask >> k & 0x1111) * 0xf)
     }
 }
