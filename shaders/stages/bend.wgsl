@@ -1,12 +1,14 @@
-// Bending, a force: first each vertex's mean curvature normal times its rigidity, then what its neighbors' ones do to it.
-// The first also predicts: it saves a dispatch. Between them, where bending takes several passes, vertices give way to the moments so
-// far, and the rows take them again.
+// Bending forces: first the moment of each vertex's row (its mean curvature normal times its rigidity), then the forces
+// of the moments around each vertex. The first stage also predicts the displacements, which saves a dispatch. Where
+// bending takes several passes of a filter, in between the vertices are displaced tentatively under the moments so far,
+// and the rows recompute their moments.
 
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
 @group(1) @binding(5) var<storage, read> spans: array<Span>;
 @group(1) @binding(6) var<storage, read> entries: array<BendEntry>;
-// Of each vertex pull and couple; then, with several passes, of all the curvatures, of all the changes of the pull in the last pass, of
-// all what they give way by, of all what damping adds to the pull.
+// For each vertex its moment (pull) and its couple. With several passes followed by, for all vertices: the curvature
+// normals, the changes of the moments in the last pass, the tentative displacements, and the damping parts of the
+// moments.
 @group(1) @binding(7) var<storage, read_write> moments: array<vec4f>;
 @group(1) @binding(8) var<uniform> bend_pass: BendPass;
 

@@ -1,9 +1,10 @@
-// Bending and the prediction of a tile of vertices, all passes in one dispatch. Beside its own vertices the workgroup holds the rings
-// around them that those depend on through the passes, and computes these too, without keeping them. What the outermost would have to
-// know of is left out: that is wrong, and too far off to be seen.
+// Bending and prediction for a tile of vertices, with all passes in one dispatch. Besides its own vertices, the
+// workgroup holds a halo: the rings around them on which they depend through the passes. It recomputes the halo without
+// storing it. At the halo's outermost vertices, contributions from beyond it are missing; the error is too far away to
+// reach the tile's own vertices.
 
-// Invocations of a workgroup, vertices that a tile has room for, numbers in workgroup memory, and whether there are several passes. How
-// many says the last of them.
+// Invocations per workgroup, vertices that a tile has room for, numbers in workgroup memory, and whether there are
+// several passes; the last pass is marked by its `last`.
 override LANES: u32 = 64u;
 override ROOM: u32 = 64u;
 override NUMBERS: u32 = 384u;
@@ -12,8 +13,9 @@ override FILTERED: bool = false;
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
 @group(1) @binding(5) var<storage, read> spans: array<Span>;
 @group(1) @binding(6) var<storage, read> entries: array<BendEntry>;
-// For each tile how many vertices are its own, how many it holds, and where those are listed: each vertex, its own first, and where the
-// places of its neighbors in that list are listed, in the order of its entries.
+// For each tile, the number of its own vertices, the number of vertices that it holds, and where they are listed. The
+// list has for each vertex, own ones first, its index and where its neighbors are listed; those are positions in this
+// list, in the order of the vertex's entries, or NO_PLACE if not held.
 @group(1) @binding(7) var<storage, read> table: array<u32>;
 @group(1) @binding(8) var<uniform> bend_passes: array<BendPass, 16>;
 
@@ -21,7 +23,8 @@ const NO_PLACE: u32 = 0xffffffffu;
 
 var<workgroup> numbers: array<f32, NUMBERS>;
 
-// Where a vertex's vectors are in workgroup memory: pull and couple always, the others with several passes.
+// Positions of a vertex's vectors in workgroup memory: moment (pull) and couple always, the others only with several
+// passes.
 fn pull_of(k: u32) -> u32 {
     return 3u * k;
 }
@@ -133,7 +136,7 @@ fn bend_force(v: u32, k: u32, places: u32) -> vec3f {
 
 @compute @workgroup_size(LANES)
 fn bend_tile(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    // One dimension holds as many tiles as there may be.
+    // A single dimension suffices for the largest possible number of tiles.
     let tile = group.x;
     let own = table[3u * tile];
     let held = table[3u * tile + 1u];

@@ -1,18 +1,19 @@
-// Once a step: if the state that its last substep made is within bounds it becomes the cloth's, else the cloth stays as it
-// was. Nothing is read back for it.
+// Runs once per step: if the state that the last substep produced is within bounds, it becomes the cloth's state,
+// otherwise the cloth stays as it was. Nothing is read back for this.
 
 @group(1) @binding(0) var<storage, read> x_made: array<vec4f>;
 @group(1) @binding(1) var<storage, read> p_made: array<vec4f>;
 @group(1) @binding(2) var<storage, read_write> x: array<vec4f>;
 @group(1) @binding(3) var<storage, read_write> p: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> found: Found;
-// The ends of every edge that is swept.
+// The ends of each edge that is swept; an edge without stiffness is given one vertex twice, so that it is never too
+// long.
 @group(1) @binding(5) var<storage, read> ends: array<vec2u>;
 
-// Shares of the allowed kinetic energy.
+// Each invocation's share of the allowed kinetic energy.
 var<workgroup> shares: array<f32, WORKGROUP>;
 
-// Edges that a step looks at.
+// Number of edges that a step checks.
 fn edges_each() -> u32 {
     return max((params.edges + TURNS - 1u) / TURNS, min(LEAST, params.edges));
 }

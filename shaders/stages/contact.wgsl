@@ -1,5 +1,5 @@
-// The end of a substep, a dispatch of its own: tethers, contact and the move.
-// p.w keeps the substep that p was made in: a state that is gone back to brings its own.
+// The end of a substep as a dispatch of its own: tethers, collisions and the move. p.w stores the substep's length that
+// p was computed with, so that a restored state includes it.
 
 @group(1) @binding(0) var<storage, read> x: array<vec4f>;
 @group(1) @binding(1) var<storage, read> u: array<vec4f>;

@@ -1,12 +1,12 @@
-// How an invocation finds its item, and lists of items.
+// How an invocation finds its item, and types for lists of items.
 
-// Items from `start` up to `end`: those of one row of many (compressed sparse rows).
+// One row of a compressed sparse row list: items `start` up to but not including `end`.
 struct Span {
     start: u32,
     end: u32,
 }
 
-// A run of items for one dispatch.
+// A range of items that one dispatch processes.
 struct Batch {
     first: u32,
     count: u32,
@@ -14,7 +14,7 @@ struct Batch {
 
 const WORKGROUP: u32 = 64u;
 
-// Large dispatches are folded into two dimensions: one holds 65535 workgroups.
+// Large dispatches are folded into two dimensions, because one dimension is limited to 65535 workgroups.
 fn item(id: vec3u, groups: vec3u) -> u32 {
     return id.x + id.y * groups.x * WORKGROUP;
 }

@@ -1,6 +1,6 @@
-// To a processor and back: three floats a vertex, in memory that both can reach.
+// Exchange with the CPU in the hybrid engine: three floats per vertex, in memory that both can access.
 
-// What was sent. Positions, or nothing, are followed by displacements, or nothing.
+// What the CPU has sent: positions, if any, followed by displacements, if any.
 override POSITIONS: bool = true;
 override DISPLACEMENTS: bool = true;
 
@@ -14,7 +14,7 @@ fn sent(i: u32) -> vec3f {
     return vec3f(outbox[3u * i], outbox[3u * i + 1u], outbox[3u * i + 2u]);
 }
 
-// Of a vertex that only moved the displacement is enough.
+// If the vertices only moved by their displacements, these are enough.
 @compute @workgroup_size(WORKGROUP)
 fn arrive(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
@@ -31,7 +31,7 @@ fn arrive(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
     }
 }
 
-// A float each, so that what is far away is written in full cache lines.
+// One float per invocation, so that writes to memory across the bus fill whole cache lines.
 @compute @workgroup_size(WORKGROUP)
 fn leave(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let k = item(id, groups);

@@ -1,11 +1,11 @@
-// A sweep over a tile of aggregates, as tile.wgsl does one of vertices: for coarse levels too large for one workgroup.
+// The sweep of a tile of aggregates, as tile.wgsl does for vertices: for coarse levels too large for one workgroup.
 
-// The number of the level.
+// The index of the level, 0 being the finest.
 override LEVEL: u32 = 0u;
 
 @group(1) @binding(1) var<storage, read> centers: array<vec4f>;
 @group(1) @binding(2) var<storage, read> predicted: array<vec4f>;
-// What each aggregate is corrected by.
+// The correction of each aggregate.
 @group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {

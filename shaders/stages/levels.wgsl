@@ -1,11 +1,12 @@
-// Coarse levels that one workgroup holds together: averaged, each from the one below, and swept one after another, the
-// coarsest first. What they are says src/multigrid/hierarchy.rs, how they are laid out src/gpu/multigrid/level_table.rs.
-// A shader says where an aggregate's center with its inverse mass (`center_of`) and its displacements, as predicted and as
-// corrected (`predicted_of`, `corrected_of`), are kept, and those of what the finest is made of (`below`).
+// The coarse levels that one workgroup holds together: restricts each from the next finer one and sweeps them one after
+// another, coarsest first. The theory is in src/multigrid/hierarchy.rs, the layout in src/gpu/multigrid/level_table.rs.
+// The including shader defines where an aggregate's center and inverse mass (`center_of`), its predicted and its
+// corrected displacement (`predicted_of`, `corrected_of`) and the members of the finest level (`below`) are stored.
 
-// Levels, finer ones that are swept elsewhere, aggregates of the finest and of all of them, most members of one of the finest, 0 if that
-// is averaged elsewhere, and of another, and edges of a color and colors that there is room for. Levels begin at colors that are
-// multiples of four. A step may use the finest of them alone: `params.levels`, of all.
+// Number of levels held here; of finer levels, which are swept elsewhere; of aggregates of the finest level held and of
+// all levels; largest number of members of an aggregate of the finest level (0 if that is restricted elsewhere) and of
+// the other levels; edges per color and number of colors that there is room for. The colors of each level begin at a
+// multiple of four. A step may use only the finest of all levels; their number is `params.levels`.
 override LEVELS: u32 = 1u;
 override FINER: u32 = 0u;
 override FINEST: u32 = 64u;
@@ -14,9 +15,10 @@ override OF_FINEST: u32 = 0u;
 override MEMBERS: u32 = 4u;
 override COARSE_WIDTH: u32 = 64u;
 override COARSE_COLORS: u32 = 4u;
-// Where in the table they are: for each level where its aggregates start, and the end; for each level its first color, and
-// the end; for each aggregate the one that it is in; for each its members, each with its share, the first again with none
-// where there are fewer; edges. What is an aggregate is its place here.
+// Where the levels begin in the table. It holds: for each level the index of its first aggregate, and the total; for
+// each level its first color, and the total; for each aggregate its aggregate in the next coarser level; for each
+// aggregate its members with their mass shares, padded by the first member with share 0; the edges. Aggregates are
+// identified by their index in this order.
 override COARSE: u32 = 0u;
 
 struct Item {
@@ -36,7 +38,7 @@ fn label_of(k: u32) -> u32 {
     return table[COARSE + 2u * (LEVELS + 1u) + k];
 }
 
-// Levels in use, and where the colors of the coarsest of them start.
+// Levels in use. Below, the first color of the coarsest of them.
 fn levels_in_use() -> u32 {
     return max(params.levels, FINER + 1u) - FINER;
 }
@@ -53,7 +55,7 @@ fn coarse_edges() -> ColoredEdges {
     return ColoredEdges(lists() + 2u * OF_FINEST * FINEST + 2u * MEMBERS * (AGGREGATES - FINEST), COARSE_WIDTH, COARSE_COLORS);
 }
 
-// Those of the levels in use, the first color being number `first_in_use`.
+// The edges of the levels in use, from color number `first_in_use` on.
 fn edges_in_use(skipped: u32) -> ColoredEdges {
     let all = coarse_edges();
     return ColoredEdges(all.start + 3u * all.width * skipped, all.width, all.colors - skipped);
@@ -66,7 +68,8 @@ fn item_of(level: u32, k: u32) -> Item {
     return Item(center_of(k).xyz, corrected_of(k));
 }
 
-// A level from the one below it: its aggregates have so many members each, listed from a word on.
+// Restricts to a level from the next finer one. Its aggregates have `members` members each, listed from a word of the
+// table on.
 fn restrict_level(level: u32, list: u32, members: u32, lane: u32) {
     let start = start_of(level);
     let end = start_of(level + 1u);
@@ -98,9 +101,11 @@ fn restrict_levels(lane: u32) {
     }
 }
 
-// Colors of levels that are not in use, the level that is swept, and the color in use from which on it is the next finer one.
+// Number of colors of levels that are not in use.
 var<private> skipped: u32;
+// The level that is being swept.
 var<private> level: u32;
+// The color in use at which the next finer level begins.
 var<private> next_at: u32;
 
 fn go_to(to: u32) {
@@ -111,22 +116,23 @@ fn go_to(to: u32) {
     }
 }
 
-// Sweeps all in use, the first edges being there, and leaves what each of the finest is moved by.
+// Sweeps all levels in use, given the edges of the first four colors, and leaves the corrected displacements of the
+// finest level.
 fn sweep_levels(first: FourColors, lane: u32) {
     go_to(levels_in_use() - 1u);
     sweep(edges_in_use(skipped), first, lane);
     descend(COARSE_COLORS, lane);
 }
 
-// Hands down what levels were corrected by, as far as the one that is swept from a color on.
+// Prolongs corrections to the next finer level, and on to the level that the given color belongs to.
 fn descend(color: u32, lane: u32) {
     while color >= next_at {
         let finer = start_of(level - 1u);
         let here = start_of(level);
         let end = start_of(level + 1u);
-        // Asked for now, to be there when it is looked into.
+        // Loaded early, to be there when it is needed.
         var above = label_of(finer + lane);
-        // The level above is not needed any more: from here on it holds what it was corrected by.
+        // The displacements of the coarser level are not needed any more; replace them by its corrections.
         for (var k = here + lane; k < end; k += LANES) {
             set_corrected(k, corrected_of(k) - predicted_of(k));
         }

@@ -1,14 +1,14 @@
-// The coarse levels that fit into one workgroup together, in workgroup memory. The finest of them has been averaged: from the
-// memory that all share that is faster done by many.
+// The coarse levels that fit into one workgroup's memory together. The finest of them was restricted by another
+// dispatch: reading its many members from global memory is faster with many workgroups.
 
 override LANES: u32 = 64u;
-// The number of the first aggregate here.
+// The index of the first aggregate held here.
 override BASE: u32 = 0u;
 
 @group(1) @binding(0) var<storage, read> table: array<u32>;
 @group(1) @binding(1) var<storage, read> centers: array<vec4f>;
 @group(1) @binding(2) var<storage, read_write> predicted: array<vec4f>;
-// What each aggregate is corrected by.
+// The correction of each aggregate.
 @group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
 
 var<workgroup> level_x: array<vec4f, AGGREGATES>;
@@ -30,12 +30,12 @@ fn set_corrected(k: u32, u: vec3f) {
     level_u[k] = vec4f(u, 0.0);
 }
 
-// Not asked for: the finest level has been averaged.
+// Never called, because the finest level was restricted before.
 fn below(k: u32) -> Item {
     return Item();
 }
 
-// Read by the lane that wrote it.
+// Each value is read by the invocation that wrote it, so no barrier is needed.
 fn predicted_of(k: u32) -> vec3f {
     return predicted[BASE + k].xyz;
 }

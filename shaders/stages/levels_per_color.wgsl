@@ -1,11 +1,12 @@
-// Coarse levels the plain way, for any mesh: what the level above was corrected by is handed down, and each color is a dispatch.
+// Coarse levels in the simplest way, for any mesh: a dispatch prolongs the correction of the next coarser level, and
+// then each color is a dispatch.
 
 @group(1) @binding(0) var<uniform> batch: Batch;
 @group(1) @binding(1) var<storage, read> edges: array<Edge>;
 @group(1) @binding(2) var<storage, read> centers: array<vec4f>;
 @group(1) @binding(3) var<storage, read> predicted: array<vec4f>;
 @group(1) @binding(4) var<storage, read> labels: array<u32>;
-// Displacements of aggregates as corrected, and what the finest level is corrected by.
+// Corrected displacements of the aggregates of all levels. Below, the corrections of the finest level.
 @group(1) @binding(5) var<storage, read_write> corrected: array<vec4f>;
 @group(1) @binding(6) var<storage, read_write> shift: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> u: array<vec4f>;

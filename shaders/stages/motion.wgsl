@@ -1,4 +1,5 @@
-// A vertex's displacement in this substep as predicted: `motion` is that already if forces were added to it, else the last one.
+// A vertex's predicted displacement in this substep. `motion` already is that if a prediction stage ran, otherwise it
+// is the last displacement.
 fn motion_displacement(motion: vec3f, w: f32, substep: Substep) -> vec3f {
     if params.predicted != 0u {
         return motion;

@@ -1,6 +1,7 @@
-// The end of a substep for one vertex: its tether (`tether_of`), then contact with every body of `bodies`, and friction.
+// The end of a substep for one vertex: its tether (`tether_of`), then collisions with all of `bodies`, including
+// friction.
 
-// From where a vertex is, its inverse mass behind, and its displacement as the edges left it.
+// `x` holds a vertex's position and inverse mass, `u` its displacement after the sweep.
 fn after_contact(v: u32, x: vec4f, u: vec3f, substep: Substep) -> Path {
     var path = Path(x.xyz, u);
     if x.w > 0.0 {
@@ -14,7 +15,7 @@ fn after_contact(v: u32, x: vec4f, u: vec3f, substep: Substep) -> Path {
     return path;
 }
 
-// What a vertex is moved by toward the pin that its tether hangs on, which is led as pins are. Behind the bodies are the pins.
+// The correction of a vertex by its tether. The pins that tethers are attached to follow the colliders in `bodies`.
 fn held(x: vec3f, u: vec3f, tether: Tether, substep: Substep) -> vec3f {
     if tether.share == 0.0 {
         return vec3f();

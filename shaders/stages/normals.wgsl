@@ -1,13 +1,14 @@
-// Normals of the vertices, for drawing: each sums those of the triangles around it, weighted by their areas.
+// Vertex normals for drawing: the sum of the normals of the triangles around each vertex, weighted by area.
 
-// Three corners a triangle, as an index buffer has them.
+// Three corners per triangle, as in an index buffer.
 @group(1) @binding(0) var<storage, read> triangles: array<u32>;
 @group(1) @binding(1) var<storage, read> spans: array<Span>;
 @group(1) @binding(2) var<storage, read> around: array<u32>;
 @group(1) @binding(3) var<storage, read> x: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> normals: array<vec4f>;
 
-// Of length 1; none where there is no area. Scaled first: the square of a small triangle's area is no number.
+// The unit vector along `sum`, or 0 if there is no area. Scaled before it is normalized, because squares of small areas
+// would underflow.
 fn unit(sum: vec3f) -> vec3f {
     let largest = max(max(abs(sum.x), abs(sum.y)), abs(sum.z));
     if largest < 1e-30 {

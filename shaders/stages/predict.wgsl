@@ -1,12 +1,12 @@
-// The start of a substep: the displacement that the last one and a uniform acceleration predict; pinned vertices go where
-// they are led. x.w is the inverse mass, 0 where pinned. Forces that differ from vertex to vertex are added by their own stages.
+// The start of a substep: the displacement predicted from the last one and a uniform acceleration; pinned vertices
+// follow their targets. x.w is the inverse mass, 0 where pinned. Per-vertex forces are added by their own stages.
 
 @group(1) @binding(0) var<storage, read> x: array<vec4f>;
 @group(1) @binding(1) var<storage, read> p: array<vec4f>;
 @group(1) @binding(2) var<storage, read_write> u: array<vec4f>;
 @group(1) @binding(3) var<storage, read> pins: array<Pin>;
 
-// Every vertex, then every pin that is led: none has two writers.
+// Items are all vertices followed by all pins that follow targets; each displacement is written by only one of them.
 fn predict_item(i: u32) {
     if i < params.vertices {
         if x[i].w != 0.0 {

@@ -1,4 +1,5 @@
-// The edges of one color, which share no vertex: a sweep with a dispatch a color, the plain way, for any mesh.
+// The edges of one color, which share no vertex. Sweeping with a dispatch per color is the simplest way and works for
+// any mesh.
 
 @group(1) @binding(0) var<uniform> batch: Batch;
 @group(1) @binding(1) var<storage, read> edges: array<Edge>;

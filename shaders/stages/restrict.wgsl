@@ -1,4 +1,4 @@
-// Coarse levels, first: each aggregate takes the mass-weighted average of what it is made of. See
+// Restriction to a coarse level: each aggregate gets the mass-weighted averages of its members. See
 // src/multigrid/hierarchy.rs.
 
 struct Member {
@@ -6,9 +6,9 @@ struct Member {
     share: f32,
 }
 
-// If it is made of vertices, whose displacements are yet to be predicted, not of aggregates of the level below.
+// Whether the members are vertices, whose displacements are yet to be predicted, or aggregates of the next finer level.
 override OF_VERTICES: bool = true;
-// Lanes that share an aggregate's members.
+// Number of invocations that share the members of an aggregate.
 override EACH: u32 = 16u;
 
 @group(1) @binding(0) var<uniform> batch: Batch;
@@ -16,11 +16,11 @@ override EACH: u32 = 16u;
 @group(1) @binding(2) var<storage, read> motion: array<vec4f>;
 @group(1) @binding(3) var<storage, read> spans: array<Span>;
 @group(1) @binding(4) var<storage, read> members: array<Member>;
-// Of all levels, the finest first: centers and inverse masses, and displacements as predicted.
+// For all levels, finest first: centers and inverse masses. Below, the restricted displacements.
 @group(1) @binding(5) var<storage, read_write> centers: array<vec4f>;
 @group(1) @binding(6) var<storage, read_write> predicted: array<vec4f>;
 
-// What each lane's members come to.
+// Each invocation's partial sums.
 var<workgroup> dx_of: array<vec3f, WORKGROUP>;
 var<workgroup> u_of: array<vec3f, WORKGROUP>;
 

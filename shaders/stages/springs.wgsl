@@ -1,4 +1,4 @@
-// The force of explicit springs: each vertex sums those at its ends.
+// Forces of explicit springs: each vertex sums the forces of its springs.
 
 @group(1) @binding(0) var<storage, read> springs_at: array<Spring>;
 @group(1) @binding(1) var<storage, read> spans: array<Span>;

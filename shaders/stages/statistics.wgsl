@@ -1,11 +1,12 @@
-// Once a step, if it is asked for: statistics of the state that it led to.
+// Statistics of the state after a step, if they are asked for.
 
 @group(1) @binding(0) var<storage, read> gauges: array<StrainGauge>;
 @group(1) @binding(1) var<storage, read> x: array<vec4f>;
 @group(1) @binding(2) var<storage, read> p: array<vec4f>;
 @group(1) @binding(3) var<storage, read_write> statistics: Statistics;
 
-// What a workgroup counts, before it is added to what the others do: all of them would wait for a few classes.
+// Histograms of one workgroup, which are added to the global ones at the end: all invocations would contend for the
+// same few classes.
 var<workgroup> stretches: array<atomic<u32>, CLASSES>;
 var<workgroup> speeds: array<atomic<u32>, CLASSES>;
 var<workgroup> sums: array<vec2f, WORKGROUP>;
@@ -58,7 +59,7 @@ fn count(
         if stretched > 0u { atomicAdd(&statistics.stretch[bin], stretched); }
         if fast > 0u { atomicAdd(&statistics.speed[bin], fast); }
     }
-    // Half of the lanes, a quarter ..: always the same order.
+    // A tree reduction, whose order of summation is always the same.
     for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
         if lane < half { sums[lane] += sums[lane + half]; }
         workgroupBarrier();

@@ -1,23 +1,23 @@
-// A sweep over the edges of a table, color after color. A shader says what becomes of an edge (`correct`) and what is to be
-// done before some colors (`before`).
+// A Gauss-Seidel sweep over the edges of a table, color after color. The including shader defines how an edge is
+// corrected (`correct`) and what has to be done before some colors (`before`).
 
-// Edges of so many colors from a word of the table on, each color with room for `width` of them: all ends, then all of
-// either number.
+// The edges of `colors` colors, from word `start` of the table on. Each color has room for `width` edges: first the
+// ends of all, then all inverse rest lengths, then all inverse weights.
 struct ColoredEdges {
     start: u32,
     width: u32,
     colors: u32,
 }
 
-// An edge as it is stored: both ends, as places in the tile's list of vertices, in one word; then its two numbers.
-// Not looked into when it is fetched, for that would be to wait for it.
+// An edge as it is stored: both ends, as positions in the tile's list of vertices, in one word, then its two numbers as
+// bits. It is decoded only when it is used; decoding it on loading would stall until memory has answered.
 struct StoredEdge {
     ends: u32,
     inverse_rest: u32,
     inverse_weight: u32,
 }
 
-// A lane's first edges of four colors.
+// The first edge of an invocation in each of four colors.
 struct FourColors {
     a: StoredEdge,
     b: StoredEdge,
@@ -27,7 +27,7 @@ struct FourColors {
 
 const NO_EDGE: u32 = 0xffffffffu;
 
-// The edge number k of a color; what is past the last color must not be used.
+// Edge number k of a color. Colors past the last one return unspecified edges, which must not be used.
 fn fetch(edges: ColoredEdges, color: u32, k: u32) -> StoredEdge {
     if k >= edges.width {
         return StoredEdge(NO_EDGE, 0u, 0u);
@@ -52,7 +52,7 @@ fn correct_stored(stored: StoredEdge) {
     }
 }
 
-// A color's edges: the lane's first, and those that it has beside.
+// Corrects the edges of a color: the invocation's first one, which was prefetched, and any further ones.
 fn sweep_color(edges: ColoredEdges, color: u32, first: StoredEdge, lane: u32) {
     if color >= edges.colors {
         return;
@@ -72,8 +72,8 @@ fn sweep_four(edges: ColoredEdges, color: u32, four: FourColors, lane: u32) {
     sweep_color(edges, color + 3u, four.d, lane);
 }
 
-// All colors, the first four of which are there. Memory takes longer to answer than a color to sweep: so four are asked
-// for together, while four are swept that were asked for before.
+// Sweeps all colors, given the prefetched edges of the first four. Memory takes longer to answer than a color to sweep,
+// so edges are fetched for four colors at a time while the four colors before are swept.
 fn sweep(edges: ColoredEdges, first: FourColors, lane: u32) {
     var four = first;
     for (var color = 0u; color < edges.colors; color += 8u) {

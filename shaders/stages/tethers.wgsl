@@ -1,6 +1,6 @@
-// The tethers of all vertices, behind all else in the table.
+// The tethers of all vertices, stored at the end of the table.
 
-// Where they begin.
+// The word of the table where they begin.
 override TETHERS: u32 = 0u;
 
 fn tether_of(v: u32) -> Tether {

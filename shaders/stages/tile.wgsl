@@ -1,14 +1,14 @@
-// A substep of a tile in workgroup memory. Beside its own vertices the workgroup holds its halo, all that they depend on
-// through the colors of the sweep, and computes that too, without keeping it: so no workgroup waits for another, and the
-// result is that of visiting the colors one after another.
+// A substep of one tile in workgroup memory. Besides its own vertices, the workgroup holds a halo: all vertices on
+// which they depend through the colors of the sweep. It recomputes the halo without storing it. So no workgroup waits
+// for another, and the result is the same as if the colors were swept one after another over the whole cloth.
 
 @group(1) @binding(1) var<storage, read> x: array<vec4f>;
-// The last displacements, or, if forces have predicted them, this substep's.
+// The last displacements, or this substep's if a prediction stage ran.
 @group(1) @binding(2) var<storage, read> motion: array<vec4f>;
 @group(1) @binding(3) var<storage, read> bodies: array<Body>;
 @group(1) @binding(4) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> p_out: array<vec4f>;
-// What each aggregate of the finest coarse level is corrected by.
+// The correction of each aggregate of the finest coarse level.
 @group(1) @binding(6) var<storage, read> shift: array<vec4f>;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {

@@ -1,6 +1,6 @@
-// A sweep over a tile's edges in workgroup memory. A shader says which impulse an edge gives its ends (`impulse_of`).
+// A sweep over a tile's edges in workgroup memory. The including shader defines the impulse of an edge (`impulse_of`).
 
-// Positions (or centers) with inverse masses, and displacements, of all that the tile holds.
+// For all vertices (or aggregates) that the tile holds: positions with inverse masses. Below, displacements.
 var<workgroup> tile_x: array<vec4f, ROOM>;
 var<workgroup> tile_u: array<vec4f, ROOM>;
 

@@ -1,15 +1,16 @@
-// Tiles of vertices, as src/gpu/tiles.rs lays them out.
-// Every tile has as much room as any needs: so all is where it is, and no lane waits for memory to learn where to look.
+// Tiles of vertices, as laid out by src/gpu/tiles.rs. All tiles have room for the largest one, so addresses can be
+// computed without waiting for memory.
 
-// Invocations of a workgroup, vertices and edges of a color that a tile has room for, colors, and tiles.
+// Invocations per workgroup, vertices that a tile has room for, edges per color that it has room for, number of colors,
+// and number of tiles.
 override LANES: u32 = 64u;
 override ROOM: u32 = 64u;
 override WIDTH: u32 = 64u;
 override COLORS: u32 = 6u;
 override TILES: u32 = 1u;
 
-// For each tile how many vertices are its own; then for each its vertices, its own first; then for each the aggregates
-// that those are in; then for each its edges.
+// For each tile the number of its own vertices; then for each tile its vertices, own ones first; then for each tile the
+// aggregates of those vertices; then for each tile its edges.
 @group(1) @binding(0) var<storage, read> table: array<u32>;
 
 fn own_vertices(tile: u32) -> u32 {

@@ -1,24 +1,25 @@
-// What a step found, until somebody looks. Mirrors src/gpu/watch.rs.
+// What the watch has found in the steps since it was last read. Mirrors src/gpu/watch.rs.
 
-// The allowed kinetic energy in integers, so that the order of adding up changes nothing.
+// The allowed kinetic energy as a fixed-point number. Integer sums do not depend on the order of summation.
 const ALL_ENERGY: u32 = 0x1000000u;
-// A step looks at one part of so many of the edges, the next at the next, but no fewer than these.
+// Each step checks one of so many parts of the edges, in turn. Below, the least number of edges that it checks.
 const TURNS: u32 = 128u;
 const LEAST: u32 = 64u;
-// Said beside an edge's place by `single_workgroup.wgsl`, where it is one in the tile's table.
+// Set by `single_workgroup.wgsl` beside the index of an edge, which is an index in the tile's table there.
 const IN_TABLE: u32 = 0x80000000u;
 
 struct Found {
-    // The first vertex out of bounds, the first edge of those looked at that is too long, the first vertex faster than the bound; none.
+    // The first vertex out of bounds, the first edge checked that is too long, and the first vertex faster than the
+    // bound; NONE if there is none.
     lost: atomic<u32>,
     long: atomic<u32>,
     fast: atomic<u32>,
-    // Energy so far, and whether it came to more than is allowed.
+    // Kinetic energy of the step so far, and whether it has exceeded what is allowed.
     energy: atomic<u32>,
     hot: atomic<u32>,
-    // 1 since a step failed: later ones, which start where it did, add nothing.
+    // 1 after a step failed. Later steps start from the same state and do not check anything.
     stopped: u32,
-    // Good steps, and where the next begins among the edges.
+    // Number of successful steps, and the first edge that the next step checks.
     steps: u32,
     next: u32,
 }
@@ -40,13 +41,13 @@ fn look_at_vertex(i: u32, x: vec3f, p: vec3f, share: f32) {
 fn add_energy(share: f32) {
     let units = u32(min(share, 1.0) * f32(ALL_ENERGY) + 0.5);
     let before = atomicAdd(&found.energy, units);
-    // No more than one whole is added at once, so one of those who add sees it pass.
+    // A single addition is at most the whole, so exactly one of the invocations sees the sum pass it.
     if before < ALL_ENERGY && before + units >= ALL_ENERGY {
         atomicStore(&found.hot, 1u);
     }
 }
 
-// By one invocation, once all have looked: of `parts` things that are looked at in turn, `each` are in a step.
+// Called by one invocation at the end of the check. `parts` is the number of edges, of which each step checks `each`.
 fn end_of_watch(parts: u32, each: u32) {
     if has_failed() {
         found.stopped = 1u;

@@ -1,4 +1,4 @@
-// Wind, a force per triangle, gathered by each vertex from the triangles around it.
+// Aerodynamic forces per triangle, gathered by each vertex from the triangles around it.
 
 @group(1) @binding(0) var<storage, read> panels: array<Panel>;
 @group(1) @binding(1) var<storage, read> spans: array<Span>;

@@ -1,11 +1,12 @@
-//! Edges through triangles, counted in double precision by themselves: no code here is the solver's, not even the list of edges.
+//! Counts edges that pass through triangles, in double precision and independently: nothing here is shared with the
+//! solver, not even the list of edges.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec3, Vec3};
 
-/// Pairs of an edge and a triangle that go through one another and share no vertex, `x` being where the mesh's vertices are (m).
+/// Pairs of an edge and a triangle that intersect and share no vertex. `x` are the vertices' positions (m).
 pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
     let x: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
     let at = |v: u32| x[v as usize];
@@ -15,7 +16,7 @@ pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
     }
     let longest = edges.iter().map(|&[i, j]| at(i).distance(at(j))).fold(0.0, f64::max).max(1e-9);
     let cell = |p: DVec3| (p / longest).floor().to_array().map(|c| c as i32);
-    // Where triangles are, by every cell that their box meets.
+    // For each cell of a grid, the triangles whose bounding boxes meet it.
     let mut cells: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
     for (index, t) in mesh.triangles.iter().enumerate() {
         let [a, b, c] = t.map(at);
@@ -35,7 +36,8 @@ pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
     found
 }
 
-/// How many edges of the mesh, whose vertices are at `x` (m), go through triangles of a body, and of the body's through the mesh's.
+/// The number of edges of the mesh, with vertices at `x` (m), that pass through triangles of a body, plus that of the
+/// body's edges through the mesh's triangles.
 pub fn crossings_with(mesh: &Mesh, x: &[Vec3], body: &Mesh) -> usize {
     let first = x.len() as u32;
     let mut both = Mesh { positions: Vec::new(), triangles: mesh.triangles.clone() };
@@ -52,12 +54,13 @@ fn for_cells(low: [i32; 3], high: [i32; 3], mut then: impl FnMut([i32; 3])) {
     }
 }
 
-/// Six times the volume of a tetrahedron, by its handedness.
+/// Six times the signed volume of a tetrahedron.
 fn volume(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     (b - a).cross(c - a).dot(d - a)
 }
 
-/// Whether a segment goes through a triangle: its ends on either side, and the triangle's sides all passed on one hand.
+/// Whether a segment passes through a triangle: its ends lie on different sides, and its line passes all sides of the
+/// triangle with the same orientation.
 fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     if (volume(a, b, c, p) > 0.0) == (volume(a, b, c, q) > 0.0) {
         return false;
@@ -66,7 +69,7 @@ fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     hands.iter().all(|&hand| hand > 0.0) || hands.iter().all(|&hand| hand < 0.0)
 }
 
-/// The least distance (m) between a vertex and a triangle that it is no corner of.
+/// The least distance (m) between a vertex and a triangle of which it is not a corner.
 pub fn closest(mesh: &Mesh, x: &[Vec3]) -> f64 {
     let x: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
     let mut least = f64::INFINITY;
@@ -82,7 +85,7 @@ pub fn closest(mesh: &Mesh, x: &[Vec3]) -> f64 {
     least
 }
 
-/// The point of a triangle that is nearest to another: inside, or on the nearest of its sides.
+/// The point of a triangle that is nearest to `p`: inside, or on the nearest of its sides.
 fn nearest(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let n = (b - a).cross(c - a);
     let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(n) >= 0.0;

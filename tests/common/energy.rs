@@ -1,11 +1,12 @@
-//! Conserved quantities, in double precision, with the mesh's own springs: no figure here comes from the solver.
+//! Conserved quantities, computed in double precision from the mesh's own springs; no figure here comes from the
+//! solver.
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec3, Vec3};
 
 use super::reference::Spring;
 
-/// A third of each adjacent triangle's mass (kg).
+/// The lumped mass (kg) of each vertex: a third of that of each of its triangles.
 pub fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     let mut masses = vec![0.0; mesh.positions.len()];
     for t in &mesh.triangles {
@@ -17,8 +18,8 @@ pub fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     masses
 }
 
-/// Energy (J) in gravity `g` (m/s²) along -y. Velocities are half a substep `h` back (leapfrog), so heights are taken back
-/// by as much: without that, the energy of a falling cloth is off by `m g v h / 2`.
+/// Energy (J) in gravity `g` (m/s²) along -y. Leapfrog velocities are half a substep `h` older than positions, so
+/// heights are taken half a substep back too; otherwise the energy of a falling cloth would be off by `m g v h / 2`.
 pub fn energy(springs: &[Spring], masses: &[f32], g: f64, h: f64, x: &[Vec3], v: &[Vec3]) -> f64 {
     let x: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
     let of_vertex = |((x, v), &m): ((&DVec3, DVec3), &f32)| f64::from(m) * (0.5 * v.length_squared() + g * (x.y - 0.5 * h * v.y));
@@ -27,8 +28,8 @@ pub fn energy(springs: &[Spring], masses: &[f32], g: f64, h: f64, x: &[Vec3], v:
     motion + springs.iter().map(of_spring).sum::<f64>()
 }
 
-/// The springs as a sweep at substep `h` (s) sees them. An edge whose stiffness the substep does not resolve is no stiffer
-/// than `2 / (h² (w_i + w_j))`, and gives back no more energy than that when it is released.
+/// The springs with the stiffness that a sweep at substep `h` (s) gives them: at most `2 / (h² (w_i + w_j))`, since an
+/// edge that the substep does not resolve is no stiffer and returns no more energy when released.
 pub fn resolved_at(h: f64, springs: &[Spring], masses: &[f32], pinned: &[u32]) -> Vec<Spring> {
     let mut weight: Vec<f64> = masses.iter().map(|&m| 1.0 / f64::from(m)).collect();
     for &v in pinned {

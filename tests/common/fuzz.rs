@@ -1,5 +1,5 @@
-//! What any bytes may do to the public doors: nothing but a clear error or a state of finite numbers. `fuzz/` hands these functions what
-//! libFuzzer finds, `tests/fuzz.rs` what chance does.
+//! Fuzz targets: arbitrary bytes given to the public interface must result in a clear error or in a state of finite
+//! numbers. `fuzz/` calls these functions with libFuzzer's inputs, `tests/fuzz.rs` with random ones.
 
 #![allow(dead_code, unreachable_pub, reason = "each target of fuzz/ takes its own door")]
 
@@ -9,7 +9,7 @@ use cloth_deformer::{
     StepError,
 };
 
-/// Bytes as choices; zeros once they are spent.
+/// Decodes bytes into choices; zeros once they are used up.
 struct Choices<'a>(&'a [u8]);
 
 impl Choices<'_> {
@@ -23,12 +23,12 @@ impl Choices<'_> {
         u32::from(self.byte()) % count
     }
 
-    /// Rarely.
+    /// True with a probability of about 5 %.
     fn seldom(&mut self) -> bool {
         self.byte() >= 0xf4
     }
 
-    /// A number that nobody would give on purpose.
+    /// A number that would hardly be given on purpose.
     fn hostile(&mut self) -> f32 {
         const HOSTILE: [f32; 16] = [
             f32::NAN,
@@ -51,7 +51,7 @@ impl Choices<'_> {
         HOSTILE[self.below(16) as usize]
     }
 
-    /// A number about as large as `usual`.
+    /// A number from 0.5 to 1.5 times `usual`, or occasionally a hostile one.
     fn number(&mut self, usual: f32) -> f32 {
         if self.seldom() { self.hostile() } else { usual * (0.5 + f32::from(self.byte()) / 256.0) }
     }
@@ -61,7 +61,7 @@ impl Choices<'_> {
     }
 }
 
-/// An OBJ file: the bytes themselves, or the words that they stand for.
+/// An OBJ file: the bytes themselves, or OBJ tokens selected by them.
 pub fn obj(data: &[u8]) {
     const WORDS: [&str; 24] = [
         "v ",
@@ -117,7 +117,7 @@ pub fn obj(data: &[u8]) {
     }
 }
 
-/// A mesh and options, then some steps under any attributes.
+/// A random mesh with options, then some steps under random attributes.
 pub fn scene(data: &[u8]) {
     let choices = &mut Choices(data);
     let (mesh, options) = mesh_and_options(choices);
@@ -137,7 +137,7 @@ pub fn scene(data: &[u8]) {
     }
 }
 
-/// Calls in any order, beside a twin that is spared those that failed.
+/// Random sequences of calls, compared with a twin that gets only the calls that succeeded.
 pub fn calls(data: &[u8]) {
     let choices = &mut Choices(data);
     let mesh = Mesh::grid(2 + choices.below(3), 2 + choices.below(3), 1.0, 1.0);
@@ -188,7 +188,7 @@ pub fn calls(data: &[u8]) {
                 }
             }
             7 => {
-                // Which goes on as if nothing had been.
+                // Restoring one's own snapshot must not change anything.
                 let bytes = one.snapshot().unwrap().to_bytes();
                 one.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
             }

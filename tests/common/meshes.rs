@@ -1,5 +1,5 @@
-//! Meshes that a grid's one diagonal would hide a fault from, on the unit square of the xz-plane, centered and front up like
-//! `Mesh::grid`; and where real ones are.
+//! Meshes that expose faults which a regular grid with one diagonal direction would hide. They cover the unit square of
+//! the xz-plane, centered and facing up like `Mesh::grid`. Also the folder of real meshes.
 
 use std::path::{Path, PathBuf};
 
@@ -19,8 +19,8 @@ pub fn alternating(n: u32) -> Mesh {
     mesh
 }
 
-/// Equilateral triangles of side `1/(n - 1)` m: 1 m along x, along z the whole number of rows nearest to 1 m. Every other
-/// row is shifted by half a side, and its ends are closed by half triangles.
+/// Equilateral triangles of side `1/(n - 1)` m. The mesh is 1 m long in x, and in z has the number of rows that comes
+/// nearest to 1 m. Every other row is shifted by half a side and closed at its ends by half triangles.
 pub fn equilateral(n: u32) -> Mesh {
     let side = 1.0 / f64::from(n - 1);
     let height = side * 0.75_f64.sqrt();
@@ -35,7 +35,8 @@ pub fn equilateral(n: u32) -> Mesh {
         let count = if shifted { n + 1 } else { n };
         mesh.positions.extend((0..count).map(|k| Vec3::new(x(k) as f32, 0.0, z as f32)));
         let here: Vec<u32> = (first..first + count).collect();
-        // The longer row's ends are the half triangles' right angles: its vertex k lies between k - 1 and k of the other.
+        // The ends of the longer row are the right angles of the half triangles: its vertex k lies between vertices k -
+        // 1 and k of the other row.
         for (k, pair) in last.windows(2).enumerate() {
             mesh.triangles.push([pair[0], here[if shifted { k + 1 } else { k.min(here.len() - 1) }], pair[1]]);
         }
@@ -48,8 +49,8 @@ pub fn equilateral(n: u32) -> Mesh {
     mesh
 }
 
-/// `n` x `n` vertices, those inside moved at random by up to 0.3 of the spacing either way: Delaunay's triangulation.
-/// Vertices keep the grid's numbers.
+/// `n` x `n` vertices of a grid, of which the inner ones are moved at random by up to 0.3 of the spacing in each
+/// direction, with their Delaunay triangulation. Vertices keep the grid's numbering.
 pub fn delaunay(n: u32, seed: u64) -> Mesh {
     let mut random = fastrand::Rng::with_seed(seed);
     let spacing = 1.0 / f64::from(n - 1);
@@ -62,17 +63,19 @@ pub fn delaunay(n: u32, seed: u64) -> Mesh {
             DVec2::new(f64::from(column), f64::from(row)) * spacing + moved
         })
         .collect();
-    // Counter-clockwise in (x, z) is clockwise seen from +y.
+    // Counter-clockwise in (x, z) is clockwise as seen from +y.
     let triangles = triangulate(&points).into_iter().map(|[a, b, c]| [a as u32, c as u32, b as u32]).collect();
     let positions = points.iter().map(|p| Vec3::new(p.x as f32 - 0.5, 0.0, p.y as f32 - 0.5)).collect();
     Mesh { positions, triangles }
 }
 
-/// Delaunay's triangulation of points in the unit square, counter-clockwise: a point at a time (Bowyer 1981, Watson 1981).
+/// The Delaunay triangulation of points in the unit square, counter-clockwise, by incremental insertion (Bowyer 1981,
+/// Watson 1981).
 fn triangulate(points: &[DVec2]) -> Vec<[usize; 3]> {
     let n = points.len();
     let mut p = points.to_vec();
-    // A triangle around all, far enough that its circles are straight lines at the scale of an edge.
+    // A triangle around all points, large enough that circles through its corners are nearly straight lines at the
+    // scale of an edge.
     p.extend([DVec2::new(-100.0, -100.0), DVec2::new(200.0, -100.0), DVec2::new(0.0, 200.0)]);
     let mut triangles = vec![[n, n + 1, n + 2]];
     for i in 0..n {
@@ -90,8 +93,9 @@ fn in_circle([a, b, c]: [DVec2; 3]) -> bool {
     a.length_squared() * b.perp_dot(c) + b.length_squared() * c.perp_dot(a) + c.length_squared() * a.perp_dot(b) > 0.0
 }
 
-/// The folder of real meshes: the one `CLOTH_MESHES` names, else `../shared/meshes` of the crate's folder if there is one.
-/// With neither, as in a fresh clone, a test makes the same assertions of meshes made here, and says so: this does.
+/// The folder of real meshes: the one that `CLOTH_MESHES` names, else `../shared/meshes` beside the crate's directory
+/// if it exists. Without either, as in a fresh clone, tests make the same assertions about generated meshes, and this
+/// function prints a note.
 pub fn folder() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("CLOTH_MESHES") {
         return Some(named.into());

@@ -1,4 +1,4 @@
-//! What the test files share: scenes, the f64 reference, and the list of backends.
+//! Shared by the test files: scenes, the f64 reference, and the list of backends.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
 pub mod chain;
@@ -16,7 +16,7 @@ pub use hang::{grid_masses, hang, top};
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Deformer};
 
-/// A frame (s).
+/// The duration of a frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
 
 /// Steps `frames` frames of 1/60 s.
@@ -33,8 +33,8 @@ pub fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
     (sum / a.len() as f64).sqrt()
 }
 
-/// Makes a test of each function for each backend, named `backend::function`. A build without the `gpu` feature is how a
-/// run asks for the CPU alone; with it, a machine without an adapter fails these tests.
+/// Makes a test of each function for each backend, named `backend::function`. To test the CPU alone, build without the
+/// `gpu` feature; with it, these tests fail on a machine without an adapter.
 #[macro_export]
 macro_rules! on_every_backend {
     ($($test:ident),+ $(,)?) => {

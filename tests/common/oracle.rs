@@ -1,17 +1,17 @@
-//! The kernels once more, as plainly as they can be said: one number after another, no lanes, no series where a root will do.
-//! What runs is in `src/kernels/`.
+//! The kernels of `src/kernels/` once more, written as plainly as possible: scalar, and without series where a square
+//! root will do.
 
 #![allow(dead_code, reason = "each test takes what it needs")]
 
 use glam::{DVec3, Mat3A, Vec3A};
 
-/// An edge's impulse: add `w_a` times it to `u_a`, subtract `w_b` times it from `u_b`.
+/// The impulse of an edge: add `w_a` times it to `u_a` and subtract `w_b` times it from `u_b`.
 pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
     let d = d0 + du;
     let (square, square0) = (d.length_squared() * inverse_rest * inverse_rest, d0.length_squared() * inverse_rest * inverse_rest);
     let turn = d0.dot(d) * inverse_rest * inverse_rest;
     if turn > 0.9 && (square - 1.0).abs() < 0.1 && (square0 - 1.0).abs() < 0.1 {
-        // The series of sqrt(square) - 1 and of 1/sqrt(square0).
+        // The series of `sqrt(square) - 1` and of `1/sqrt(square0)`.
         let (r, r0) = (square - 1.0, square0 - 1.0);
         let excess = r / 2.0 - r * r / 8.0 + r * r * r / 16.0;
         -inverse_weight * excess * (1.0 - r0 / 2.0 + 3.0 * r0 * r0 / 8.0) * d0
@@ -38,7 +38,7 @@ pub fn relax_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) 
     inverse_weight * (1.0 / inverse_rest - length) / length * d
 }
 
-/// What a tether moves its vertex by, which is `d0` from the pin and moves by `du` from it.
+/// The correction of a tethered vertex that is at `d0` from the pin and moves by `du` relative to it.
 pub fn tethered(d0: Vec3A, du: Vec3A, reach: f32, share: f32) -> Vec3A {
     let d = d0 + du;
     if d.length() <= reach {
@@ -48,8 +48,8 @@ pub fn tethered(d0: Vec3A, du: Vec3A, reach: f32, share: f32) -> Vec3A {
     share * (reach - d.length()) * if is_sound { d0 } else { d }.normalize()
 }
 
-/// What a vertex's bending row pulls by, and the couple of its damping, given its neighbors: where they are from it, how fast that
-/// changes, and their coefficients.
+/// The moment of a vertex's bending row and the couple of its damping. Each neighbor is given by its offset, the
+/// offset's rate of change, and its coefficient.
 pub fn bend_moment(ring: &[(Vec3A, Vec3A, f32)], stiffness: f32, tau: f32) -> [Vec3A; 2] {
     let ring = || ring.iter().filter(|neighbor| neighbor.2 != 0.0);
     let y: Vec3A = ring().map(|&(d, _, c)| c * d).sum();
@@ -70,7 +70,8 @@ pub fn bend_moment(ring: &[(Vec3A, Vec3A, f32)], stiffness: f32, tau: f32) -> [V
     [stiffness * y + resisted, inertia.inverse() * y.cross(resisted)]
 }
 
-/// `P(A) x`, what a filter of so many passes makes of `A x`, the kick of one: by Chebyshev's polynomials, in double precision.
+/// `P(A) x`, what a filter of `passes` passes makes of `A x`, the kick of a single pass, by Chebyshev polynomials in
+/// double precision.
 pub fn filtered_kick(x: &[DVec3], passes: usize, kick: impl Fn(&[DVec3]) -> Vec<DVec3>) -> Vec<DVec3> {
     let theta = 3.0_f64.acosh() / passes as f64;
     let (w0, w1) = (theta.cosh(), theta.sinh() / (2.0_f64.sqrt() * passes as f64));
@@ -83,7 +84,8 @@ pub fn filtered_kick(x: &[DVec3], passes: usize, kick: impl Fn(&[DVec3]) -> Vec<
     x.iter().zip(t).map(|(x, t)| 1.5 * (x - t / 3.0)).collect()
 }
 
-/// Force of the air on a triangle: `half_density`, drag and lift as in `Params`; `kick` is how long (s) the force acts.
+/// Aerodynamic force on a triangle with velocity `v` relative to the air. `half_density`, `drag` and `lift` are as in
+/// `Params`, and `kick` (s) is the time for which the force acts.
 pub fn wind_force(x: [Vec3A; 3], v: Vec3A, mass: f32, kick: f32, half_density: f32, drag: f32, lift: f32) -> Vec3A {
     let cross = (x[1] - x[0]).cross(x[2] - x[0]);
     if cross.length() < 1e-20 {
@@ -98,17 +100,17 @@ pub fn wind_force(x: [Vec3A; 3], v: Vec3A, mass: f32, kick: f32, half_density: f
     -(k_n * normal + k_t * (v - normal))
 }
 
-/// How far a place is from a box about the origin whose core, half of which is `core`, is surrounded at a `radius`.
+/// Signed distance of a point from a rounded box around the origin, whose core has the half extents `core`.
 pub fn box_distance(y: DVec3, core: DVec3, radius: f64) -> f64 {
     let outside = y.distance(y.clamp(-core, core));
     let deepest = (0..3).map(|axis| y[axis].abs() - core[axis]).fold(f64::MIN, f64::max);
     if outside > 0.0 { outside - radius } else { deepest - radius }
 }
 
-/// How far a place is from the nearest of all balls between two.
+/// Signed distance of a point from the union of all balls between two.
 pub fn ball_chain_distance(x: DVec3, ends: [DVec3; 2], radii: [f64; 2]) -> f64 {
     let distance = |t: f64| x.distance(ends[0].lerp(ends[1], t)) - (radii[0] + (radii[1] - radii[0]) * t);
-    // It has one minimum: the distance from a line's point is convex along the line.
+    // Ternary search. There is one minimum, because the distance from a point is convex along a line.
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..100 {
         let third = (high - low) / 3.0;

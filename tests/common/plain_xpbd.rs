@@ -1,5 +1,5 @@
-//! Baselines that must fail where the solver passes: plain small-step XPBD (Macklin et al. 2019), and the solver's own edge
-//! in an order that is not safe. Written for themselves alone, in single precision; they share no code with the solver.
+//! Baselines that must fail where the solver passes: plain small-step XPBD (Macklin et al. 2019), and the solver's own
+//! edge constraint in an unsafe order. In single precision; they share no code with the solver.
 
 use cloth_deformer::glam::Vec3;
 
@@ -10,11 +10,12 @@ use super::reference::Spring;
 pub enum Scheme {
     /// Compliance `1/(k h²)`, current direction, velocities `(x - x_prev) / h`.
     Plain,
-    /// Compliance less half the weights, direction at the substep's start (guarded), displacements, half a first kick.
+    /// Compliance reduced by half the weights, direction at the substep's start (guarded), displacements as unknowns,
+    /// and a first kick of half a substep.
     FourChanges,
 }
 
-/// Vertices and edges swept once a substep, one after another in the order given.
+/// Vertices and edges; the edges are swept once per substep in the given order.
 #[derive(Debug, Clone)]
 pub struct Baseline {
     scheme: Scheme,
@@ -28,7 +29,7 @@ pub struct Baseline {
 }
 
 impl Baseline {
-    /// At rest at `x` (m), in gravity along -y, undamped; springs are visited in the order given.
+    /// At rest at `x` (m), in gravity along -y, undamped. Springs are visited in the given order.
     pub fn new(scheme: Scheme, x: Vec<Vec3>, springs: Vec<Spring>, masses: &[f32], pinned: &[u32]) -> Baseline {
         let mut inverse_mass: Vec<f32> = masses.iter().map(|m| 1.0 / m).collect();
         for &v in pinned {

@@ -1,4 +1,4 @@
-//! The main binary, where `cargo test` puts it, run from outside.
+//! Runs the `drape` example as a program, where `cargo test` has built it.
 
 use std::env;
 use std::path::PathBuf;
@@ -6,7 +6,8 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-/// `cargo test` builds the examples, but gives their path to no one: they are in `examples`, beside `deps`, where tests are.
+/// Path of the program. `cargo test` builds the examples but does not tell their path: they are in `examples`, beside
+/// `deps`, where test programs are.
 pub fn path() -> PathBuf {
     let test = env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();
@@ -15,7 +16,7 @@ pub fn path() -> PathBuf {
     path
 }
 
-/// A directory to run in, and the command that runs there. The CPU unless the test says otherwise.
+/// A command that runs the program in a directory, on the CPU unless the arguments name a backend.
 pub fn drape(directory: &TempDir, arguments: &[&str]) -> Command {
     let mut command = Command::new(path());
     command.current_dir(directory).args(arguments);
@@ -38,7 +39,7 @@ pub fn succeeds(output: &Output) {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(output));
 }
 
-/// The exit code, and one line on stderr that says each of `words`.
+/// Asserts the exit code, and a single error line on stderr that contains each of `words`.
 #[track_caller]
 pub fn fails(output: &Output, code: i32, words: &[&str]) {
     let text = stderr(output);

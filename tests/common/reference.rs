@@ -1,13 +1,14 @@
-//! The oracle: explicit leapfrog springs in double precision, written for itself alone. It shares no code with the solver,
-//! not even the list of edges.
+//! The reference solution: explicit leapfrog springs in double precision. It shares no code with the solver, not even
+//! the list of edges.
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec3, Vec3};
 
-/// An edge as a spring: its ends, rest length (m) and stiffness (N/m).
+/// An edge as a spring: its two vertices, rest length (m) and stiffness (N/m).
 pub type Spring = (usize, usize, f64, f64);
 
-/// The springs of a mesh: stiffness `K (A1 + A2) / l²` along its edges, K along a thread (an edge without area).
+/// The springs of a mesh. Their stiffness is `K (A1 + A2) / l²` along edges, and K along a thread (an edge without
+/// area).
 pub fn springs(mesh: &Mesh, stretch: f64) -> Vec<Spring> {
     let x: Vec<DVec3> = mesh.positions.iter().map(|x| x.as_dvec3()).collect();
     let mut areas = std::collections::BTreeMap::new();
@@ -35,7 +36,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Springs of stiffness `K (A1 + A2) / l²` (N/m) along the mesh's edges, masses (kg), vertices without mass if pinned.
+    /// Springs of stiffness `K (A1 + A2) / l²` (N/m) along the mesh's edges, masses (kg), and pinned vertices, which do
+    /// not move.
     pub fn new(mesh: &Mesh, masses: &[f32], pinned: &[u32], stretch: f64) -> Reference {
         let x: Vec<DVec3> = mesh.positions.iter().map(|x| x.as_dvec3()).collect();
         let springs = springs(mesh, stretch);
@@ -59,7 +61,7 @@ impl Reference {
         force.iter().zip(&self.inverse_mass).map(accelerate).collect()
     }
 
-    /// Kick, drift, kick for `time` (s) in `steps` steps.
+    /// Integrates over `time` (s) in `steps` steps of kick, drift, kick.
     pub fn run(mut self, time: f64, steps: u32) -> Reference {
         let dt = time / f64::from(steps);
         let mut a = self.acceleration();

@@ -1,11 +1,11 @@
-//! Cloth that meets itself, and bodies of triangles.
+//! Meshes for contact: cloth that meets itself, and bodies made of triangles.
 
 use std::f32::consts::PI;
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Quat, Vec3};
 
-/// Noise of a tenth of a millimeter, so that nothing lies exactly over anything.
+/// Adds noise of up to a tenth of a millimeter, so that no two things are exactly aligned.
 pub fn jittered(mut mesh: Mesh, seed: u64) -> Mesh {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut noise = || 2e-4 * (random.f32() - 0.5);
@@ -13,7 +13,8 @@ pub fn jittered(mut mesh: Mesh, seed: u64) -> Mesh {
     mesh
 }
 
-/// Where a flat sheet's point is once it is bent over, until one half lies a tenth of a meter above the other, 2 cm above the ground.
+/// Maps a point of a flat sheet to the sheet folded over: one half lies 0.1 m above the other, which lies 2 cm above
+/// the ground.
 pub fn bent(x: &Vec3) -> Vec3 {
     let (radius, quarter) = (0.05_f32, 0.5 * PI * 0.05);
     let (z, y) = match x.z {
@@ -27,7 +28,7 @@ pub fn bent(x: &Vec3) -> Vec3 {
     Vec3::new(x.x, 0.02 + y + x.y, z)
 }
 
-/// Sheets one over another, each turned a little.
+/// `count` sheets stacked above one another, each rotated slightly.
 pub fn sheets(count: u32, n: u32, size: f32, gap: f32) -> Mesh {
     let mut mesh = Mesh::default();
     for sheet in 0..count {
@@ -39,12 +40,12 @@ pub fn sheets(count: u32, n: u32, size: f32, gap: f32) -> Mesh {
     mesh
 }
 
-/// A ball of so many rings, its poles on the y-axis.
+/// A ball with poles on the x-axis, divided into `rings` rings.
 pub fn ball(center: Vec3, radius: f32, rings: u32) -> Mesh {
     capsule(center, center, radius, rings)
 }
 
-/// A capsule along x: a ball cut in two, its halves apart.
+/// A capsule from `a` to `b`, which must differ along x only: a ball cut in two halves that are moved apart.
 pub fn capsule(a: Vec3, b: Vec3, radius: f32, rings: u32) -> Mesh {
     let around = 2 * rings;
     let mut mesh = Mesh::default();
