@@ -114,7 +114,7 @@ fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_res
     let mut at_start = L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched);
     let slack = r.lt(zero);
     if PULL {
-        // A compressed edge gets no correction, in whichever direction.
+        // A compressed edge gets no correction, so its direction is irrelevant and the path with roots is not needed for it.
         at_start = L::or(at_start, slack);
     }
     // `unit = 1 - r0 (1/2 - 3/8 r0)` approximates l0 over the length at the start, and
