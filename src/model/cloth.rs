@@ -292,7 +292,7 @@ impl Cloth {
         })
     }
 
-    /// The springs at each vertex; built only for [`Method::Springs`](crate::Method::Springs).
+    /// The springs at each vertex; built only for [`Method::Springs`].
     pub(crate) fn springs(&self) -> &Csr<Spring> {
         self.springs.get_or_init(|| {
             let ends = self.swept().iter().flat_map(|link| {
