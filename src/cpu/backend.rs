@@ -15,7 +15,7 @@ use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::schedule::Schedule;
 use crate::cpu::stages::Terms;
 use crate::cpu::statistics::Observed;
-use crate::cpu::substep::{Elsewhere, Stepper};
+use crate::cpu::substep::{ExternalPrediction, Stepper};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::tethers::{TetherBatches, Tethering};
@@ -133,7 +133,7 @@ impl Cpu {
         match &past.contact {
             None => self.contact = None,
             Some(past) => {
-                self.meet(cloth, options, past.bodies.iter());
+                self.prepare_contact(cloth, options, past.bodies.iter());
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
                     return false;
                 }
@@ -147,7 +147,7 @@ impl Cpu {
 
     /// Creates the contact data for the cloth and these mesh colliders unless it exists, and extends the state by the
     /// colliders' vertices.
-    fn meet<'a>(
+    fn prepare_contact<'a>(
         &mut self,
         cloth: &Cloth,
         options: Option<Contact>,
@@ -178,11 +178,11 @@ impl Cpu {
         }
     }
 
-    /// Runs one step. If `elsewhere` is given, another engine predicts the displacements. If the motion became
+    /// Runs one step. If `external` is given, another engine predicts the displacements. If the motion became
     /// unstable, the step is undone and the cause returned.
-    pub(crate) fn step(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Result<(), Failure> {
+    pub(crate) fn step(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Result<(), Failure> {
         let step = self.steps.saturating_add(1);
-        let cause = self.run(plan, elsewhere);
+        let cause = self.run(plan, external);
         let crowd = self.contact.as_ref().map_or(0, |contact| contact.crowd);
         let failure = match (cause, crowd) {
             (None, 0) => {
@@ -212,9 +212,9 @@ impl Cpu {
     }
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
-    fn run(&mut self, plan: &Plan<'_>, elsewhere: Option<&Elsewhere<'_>>) -> Option<Cause> {
+    fn run(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Option<Cause> {
         let pool = rayon::current_num_threads();
-        self.pack(plan, elsewhere.is_some(), pool);
+        self.pack(plan, external.is_some(), pool);
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
         let threads = if plan.alone { 1 } else { threads };
@@ -222,11 +222,11 @@ impl Cpu {
         // A pool of one thread leaves nothing to choose, and its platform (a browser) may have no clock.
         let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
-            None => self.turns(0, 0..turns, plan, elsewhere, threads),
+            None => self.turns(0, 0..turns, plan, external, threads),
             Some(mut contact) => {
                 // Contact runs parallel loops one after another, which are cheaper to start from a thread of the pool
                 // than from outside.
-                let mut work = || self.substeps(&mut contact, plan, elsewhere, threads);
+                let mut work = || self.substeps(&mut contact, plan, external, threads);
                 let cause = if threads > 1 { rayon::join(work, || ()).0 } else { work() };
                 self.contact = Some(contact);
                 cause
@@ -242,19 +242,19 @@ impl Cpu {
         &mut self,
         contact: &mut SelfContact,
         plan: &Plan<'_>,
-        elsewhere: Option<&Elsewhere<'_>>,
+        external: Option<&ExternalPrediction<'_>>,
         threads: usize,
     ) -> Option<Cause> {
         let sweeps = plan.sweeps.max(1);
         // Contact also handles the analytic colliders, so the move must not handle them again.
         let moves = Plan { bodies: &[], ..*plan };
         contact.begin(plan, self.x.room(), self.p.room());
-        let mut cause = self.turns(0, 0..1, plan, elsewhere, threads);
+        let mut cause = self.turns(0, 0..1, plan, external, threads);
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
-            cause = cause.or(self.turns(1, turns.clone(), plan, elsewhere, threads));
+            cause = cause.or(self.turns(1, turns.clone(), plan, external, threads));
             contact.resolve(plan, substep, self.x.room(), self.p.room(), threads > 1, self.width);
-            cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, elsewhere, threads));
+            cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, threads));
         }
         cause
     }
@@ -266,7 +266,7 @@ impl Cpu {
         schedule: usize,
         turns: Range<u32>,
         plan: &Plan<'_>,
-        elsewhere: Option<&Elsewhere<'_>>,
+        external: Option<&ExternalPrediction<'_>>,
         threads: usize,
     ) -> Option<Cause> {
         let Cpu { x, p, x_good, p_good, forces, coarse, edges, tethers, schedules, partition, width, .. } = self;
@@ -284,7 +284,7 @@ impl Cpu {
             correction: coarse.share(&x, &u, if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }, *width),
             integrator: Integrator { plan, x: &x, u: &u, good, found: Found::nothing(), width: *width },
             chunks: schedule.chunks.as_deref(),
-            elsewhere,
+            external,
             rule: rule(plan.method),
             workers: threads,
             step: self.steps,
@@ -309,7 +309,7 @@ impl Cpu {
         if plan.contact.is_none() && plan.meshes.is_empty() {
             self.contact = None;
         } else {
-            self.meet(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
+            self.prepare_contact(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
         }
         let (coefficients, cloth) = (plan.coefficients, plan.cloth);
         let levels = coefficients.levels.len();
@@ -328,7 +328,7 @@ impl Cpu {
                     |pieces: &Vec<Piece>| EdgeBatches::new(pieces, &coefficients.edges, &cloth.colors, &inverse_mass, lanes);
                 self.edges = partition.rounds.iter().map(pack).collect();
             } else {
-                self.edges.iter_mut().for_each(|round| round.reweigh(&coefficients.edges, &inverse_mass));
+                self.edges.iter_mut().for_each(|round| round.update_shares(&coefficients.edges, &inverse_mass));
             }
             let held = &coefficients.tethers;
             let pack = |pieces: &Vec<Piece>| TetherBatches::new(pieces, held, cloth.rest.len(), lanes);

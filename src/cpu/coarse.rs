@@ -7,7 +7,7 @@ use glam::Vec4;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::sweep::{Rule, sweep};
-use crate::cpu::tasks::shared::lists::Places;
+use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::distance::Edge;
@@ -34,7 +34,7 @@ pub(crate) struct Coarse {
 struct Aggregates {
     members: Members,
     /// The aggregate of each item of the next finer level.
-    label: Places,
+    label: Indices,
     /// For each register's worth of items, the aggregate that all of them belong to, or [`MIXED`].
     common: Vec<u32>,
     inverse_mass: Vec<f32>,
@@ -61,7 +61,7 @@ struct State {
 /// and each member's share of the aggregate's mass.
 #[derive(Debug)]
 struct Members {
-    items: Places,
+    items: Indices,
     shares: Vec<f32>,
     /// Where the members of each aggregate begin, and at the end the total.
     starts: Vec<usize>,
@@ -69,7 +69,7 @@ struct Members {
 
 impl Members {
     fn new(level: &Level, lanes: usize) -> Members {
-        let mut members = Members { items: Places::new(level.label.len()), shares: Vec::new(), starts: vec![0] };
+        let mut members = Members { items: Indices::new(level.label.len()), shares: Vec::new(), starts: vec![0] };
         for span in &level.members.spans {
             let range = span.start as usize..span.end as usize;
             let first = level.members.items[range.start];
@@ -92,7 +92,7 @@ fn common(labels: &[u32]) -> u32 {
 impl Aggregates {
     fn new(level: &Level, width: Width, threads: usize) -> Aggregates {
         let count = level.inverse_mass.len();
-        let mut label = Places::new(count);
+        let mut label = Indices::new(count);
         label.extend(level.label.iter().copied());
         Aggregates {
             members: Members::new(level, width.lanes()),
@@ -107,7 +107,7 @@ impl Aggregates {
 
     fn pack(&mut self, level: &Level, edges: &[Edge], width: Width) {
         if !self.edges.is_empty() {
-            return self.edges.iter_mut().for_each(|round| round.reweigh(edges, &self.inverse_mass));
+            return self.edges.iter_mut().for_each(|round| round.update_shares(edges, &self.inverse_mass));
         }
         let pack = |pieces: &Vec<Piece>| EdgeBatches::new(pieces, edges, &level.colors, &level.inverse_mass, width.lanes());
         self.edges = self.partition.rounds.iter().map(pack).collect();
@@ -322,7 +322,7 @@ impl Loop for Restrict<'_> {
 
 /// Prolongation: adds to each item the correction of its aggregate.
 struct HandDown<'t> {
-    label: &'t Places,
+    label: &'t Indices,
     common: &'t [u32],
     change: View<'t>,
     u: View<'t>,

@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
-use crate::cpu::tasks::shared::lists::{Places, Rows};
+use crate::cpu::tasks::shared::lists::{Indices, Rows};
 use crate::kernels::distance::Edge;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{MAX_LANES, vector_of_lane};
@@ -24,7 +24,7 @@ pub(crate) enum Ends {
 
 /// Consecutive rows with the same layout.
 #[derive(Debug, Clone)]
-struct RowsAlike {
+struct RowRange {
     ends: Ends,
     rows: Range<usize>,
     /// Where their vertices begin in the list for this layout.
@@ -50,7 +50,7 @@ pub(crate) struct EndLists {
     /// vertices.
     pub rows: Rows,
     pub pairs: Rows,
-    pub listed: Places,
+    pub listed: Indices,
 }
 
 /// The packed rows of a list of pieces. A lane without an edge of its own repeats another: within the same row this has
@@ -63,7 +63,7 @@ pub(crate) struct EdgeBatches {
     /// For each lane of each row, the index of its edge. [`NO_SHARE`] is added where the lane has no share.
     places: Vec<u32>,
     at: EndLists,
-    batches: Vec<RowsAlike>,
+    batches: Vec<RowRange>,
     /// The range of batches of each piece.
     of: Vec<Range<usize>>,
 }
@@ -106,7 +106,7 @@ impl EdgeBatches {
         let at = EndLists {
             rows: Rows::new(lanes, vertices.next_multiple_of(MAX_LANES)),
             pairs: Rows::new(2 * lanes, vertices.next_multiple_of(MAX_LANES)),
-            listed: Places::new(vertices),
+            listed: Indices::new(vertices),
         };
         let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
         let mut packer = Packer { inverse_mass, batches };
@@ -144,7 +144,7 @@ impl EdgeBatches {
     }
 
     /// Recomputes the shares for substeps of another length; the packing stays.
-    pub(crate) fn reweigh(&mut self, edges: &[Edge], inverse_mass: &[f32]) {
+    pub(crate) fn update_shares(&mut self, edges: &[Edge], inverse_mass: &[f32]) {
         let factors: &mut [f32] = bytemuck::cast_slice_mut(&mut self.factors);
         for (row, places) in factors.chunks_exact_mut(3 * self.lanes).zip(self.places.chunks_exact(self.lanes)) {
             for (lane, &place) in places.iter().enumerate() {
@@ -223,7 +223,7 @@ impl Packer<'_> {
         };
         match batches[open..].last_mut() {
             Some(batch) if batch.ends == ends => batch.rows.end += 1,
-            _ => batches.push(RowsAlike { ends, rows: row..row + 1, first }),
+            _ => batches.push(RowRange { ends, rows: row..row + 1, first }),
         }
         match ends {
             Ends::Rows => [edge(0).a, edge(0).b].into_iter().for_each(|end| at.rows.push(end)),

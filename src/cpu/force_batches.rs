@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::cpu::tasks::shared::View;
-use crate::cpu::tasks::shared::lists::Places;
+use crate::cpu::tasks::shared::lists::Indices;
 use crate::kernels::bending::{BendEntry, BendRow};
 use crate::kernels::wind::Panel;
 use crate::model::bending::Bending;
@@ -24,7 +24,7 @@ pub(crate) struct RingBatches {
     /// The coefficients of each item ([`BendEntry`]): forward, then backward, lane by lane.
     weights: AlignedVec,
     /// The neighbors that are not contiguous in memory, lane by lane.
-    listed: Places,
+    listed: Indices,
 }
 
 /// Where one neighbor per lane lies in memory.
@@ -48,7 +48,7 @@ pub(crate) struct Rings<L> {
 
 impl RingBatches {
     pub(crate) fn new(cloth: &Cloth, rows: &[BendRow], bending: &Bending, lanes: usize) -> RingBatches {
-        let mut batches = RingBatches { listed: Places::new(cloth.rest.len()), ..RingBatches::default() };
+        let mut batches = RingBatches { listed: Indices::new(cloth.rest.len()), ..RingBatches::default() };
         let mut entries: Vec<Vec<BendEntry>> = vec![Vec::new(); lanes];
         for first in (0..rows.len()).step_by(lanes) {
             let vertex = |lane: usize| first + vector_of_lane(lane, lanes);
@@ -125,12 +125,12 @@ impl RingBatches {
 pub(crate) struct PanelBatches {
     masses: AlignedVec,
     /// For each group: all first corners, then all second, then all third.
-    corners: Places,
+    corners: Indices,
 }
 
 impl PanelBatches {
     pub(crate) fn new(cloth: &Cloth, panels: &[Panel], lanes: usize) -> PanelBatches {
-        let mut batches = PanelBatches { masses: AlignedVec::default(), corners: Places::new(cloth.rest.len()) };
+        let mut batches = PanelBatches { masses: AlignedVec::default(), corners: Indices::new(cloth.rest.len()) };
         for panels in panels.chunks(lanes) {
             let panel = |lane: usize| panels[vector_of_lane(lane, lanes).min(panels.len() - 1)];
             batches.masses.push(lanes, |lane| panel(lane).mass);

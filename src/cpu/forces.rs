@@ -170,7 +170,7 @@ impl Forces<'_> {
     }
 
     /// Adds the wind and spring forces to the displacements of a tile's vertices.
-    pub(crate) fn blow_and_pull(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
+    pub(crate) fn add_wind_and_springs(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         // Each force is summed and then added separately, in the order of the GPU's stages, so that fewer roundings
         // differ between the two engines.

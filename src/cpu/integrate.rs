@@ -93,7 +93,7 @@ impl Integrator<'_> {
                     let bounded = |v: Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
                     // Written so that NaN, which compares false, also counts as out of bounds.
                     if !(bounded(to) && bounded(by.extend(0.0))) {
-                        self.found.lose(i);
+                        self.found.report_lost(i);
                     }
                     let mass = if w > 0.0 { self.plan.cloth.mass[i] } else { 0.0 };
                     let share = |p: f32| energy_share(p, mass, params.per_length, params.per_mass);

@@ -24,6 +24,6 @@ mod watch;
 
 pub(crate) use backend::Cpu;
 #[cfg(feature = "gpu")]
-pub(crate) use substep::{Elsewhere, State};
+pub(crate) use substep::{ExternalPrediction, State};
 #[cfg(feature = "gpu")]
 pub(crate) use tasks::shared::{MappedVectors, SharedArray, Task};

@@ -30,9 +30,9 @@ const SHARES: usize = 32;
 /// Maximum number of rounds, not counting the last.
 const MOST: usize = 16;
 /// Border pieces with up to this many edges in total are merged into one.
-const CRUMBS: usize = 128;
+const SMALL_PIECE: usize = 128;
 /// Loops over vertices process this many at a time, so a piece owns vertices in groups of this size.
-const TOGETHER: usize = simd::MAX_LANES;
+const GROUP: usize = simd::MAX_LANES;
 /// Marks a connected part that has no piece yet.
 const NONE: u32 = u32::MAX;
 
@@ -86,7 +86,7 @@ impl Partition {
         let count = (vertices / length).max(1);
         let start = |tile: usize| match tile {
             _ if tile == count => vertices as u32,
-            _ => (tile * vertices / count / TOGETHER * TOGETHER) as u32,
+            _ => (tile * vertices / count / GROUP * GROUP) as u32,
         };
         let ranges: Vec<Range<u32>> = (0..count).map(|tile| start(tile)..start(tile + 1)).collect();
         let mut tile_of = vec![0_u32; vertices];
@@ -105,7 +105,7 @@ impl Partition {
         let (first, mut late) = round(links, &places, &tile_of, count, &mut waits);
         // Vertices are moved in groups, so a deferred vertex defers its whole group; otherwise they would have to be
         // moved one by one.
-        for beside in waits.chunks_mut(TOGETHER).filter(|beside| beside.contains(&true)) {
+        for beside in waits.chunks_mut(GROUP).filter(|beside| beside.contains(&true)) {
             beside.fill(true);
         }
         let most = first.iter().map(|piece| piece.edges.len()).max().unwrap_or(0);
@@ -120,7 +120,7 @@ impl Partition {
             // borders were not.
             let length = vertices.div_ceil(count);
             let shift = if rounds.len() % 2 == 1 { length / 2 } else { 0 };
-            let group = |vertex: usize| vertex / TOGETHER * TOGETHER;
+            let group = |vertex: usize| vertex / GROUP * GROUP;
             let again: Vec<u32> = (0..vertices).map(|vertex| ((group(vertex) + shift) / length) as u32).collect();
             let (pieces, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
             if rounds.len() == MOST || later.len() == late.len() {
@@ -169,8 +169,8 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec
     let mut edges = vec![0_usize; waits.len()];
     late.iter().for_each(|&place| parts.join(links[place as usize].ends));
     // Vertices of one group are moved together, so they count as connected.
-    for first in (0..waits.len()).step_by(TOGETHER).filter(|&first| waits[first]) {
-        (first + 1..waits.len().min(first + TOGETHER)).for_each(|vertex| parts.join([first as u32, vertex as u32]));
+    for first in (0..waits.len()).step_by(GROUP).filter(|&first| waits[first]) {
+        (first + 1..waits.len().min(first + GROUP)).for_each(|vertex| parts.join([first as u32, vertex as u32]));
     }
     late.iter().for_each(|&place| edges[parts.root(links[place as usize].ends[0]) as usize] += 1);
     let mut pieces: Vec<Piece> = Vec::new();
@@ -181,7 +181,7 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec
         let piece = &mut piece_of[root as usize];
         if *piece == NONE {
             let (tile, size) = (tile_of[root as usize], edges[root as usize]);
-            if pieces.is_empty() || filled.0 != tile || filled.1 + size > CRUMBS {
+            if pieces.is_empty() || filled.0 != tile || filled.1 + size > SMALL_PIECE {
                 pieces.push(Piece::default());
                 filled = (tile, 0);
             }
@@ -207,8 +207,8 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
         *owner = Some((0, tile_of[vertex]));
     }
     let last = rounds.len() as u32 - 1;
-    for first in (0..waits.len()).step_by(TOGETHER).filter(|&first| waits[first]) {
-        let beside = &mut owner[first..waits.len().min(first + TOGETHER)];
+    for first in (0..waits.len()).step_by(GROUP).filter(|&first| waits[first]) {
+        let beside = &mut owner[first..waits.len().min(first + GROUP)];
         let latest = beside.iter().flatten().copied().max_by_key(|&(round, piece)| (round, u32::MAX - piece));
         let latest = latest.unwrap_or_else(|| {
             // The group has no deferred edge; only forces read it across a border. It gets a piece without edges in the

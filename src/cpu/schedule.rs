@@ -39,7 +39,7 @@ impl Stage {
             | Stage::BendAgain(_)
             | Stage::Predict
             | Stage::LeadPins
-            | Stage::MoveOn
+            | Stage::MoveAfterContact
                 if chunks =>
             {
                 Over::Chunks
@@ -56,16 +56,16 @@ impl Stage {
 
     /// Whether this stage reads what the stage `before` wrote at neighboring vertices. Such stages must not share a
     /// pass.
-    fn looks_around_after(self, before: Stage) -> bool {
+    fn reads_neighbors_of(self, before: Stage) -> bool {
         match before {
             Stage::GiveWay(_) => matches!(self, Stage::BendAgain(_)),
-            before => before.is_around() && matches!(self, Stage::GiveWay(_) | Stage::Predict),
+            before => before.reads_neighbors() && matches!(self, Stage::GiveWay(_) | Stage::Predict),
         }
     }
 
     /// Whether this stage reads positions or displacements at neighboring vertices, so that its task must also reserve
     /// the tiles around its own.
-    fn is_around(self) -> bool {
+    fn reads_neighbors(self) -> bool {
         matches!(self, Stage::BendMoments | Stage::BendAgain(_))
     }
 }
@@ -79,7 +79,7 @@ fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
     let mut passes: Vec<Pass> = Vec::new();
     for stage in stages {
         match passes.last_mut() {
-            Some(pass) if pass[0].over(chunks) == stage.over(chunks) && !stage.looks_around_after(pass[0]) => pass.push(stage),
+            Some(pass) if pass[0].over(chunks) == stage.over(chunks) && !stage.reads_neighbors_of(pass[0]) => pass.push(stage),
             _ => passes.push(vec![stage]),
         }
     }
@@ -106,7 +106,7 @@ impl Schedule {
         let stages = stages(terms, partition, coarse);
         match terms.contact {
             false => vec![schedule(prologue(terms), stages)],
-            true => [prologue(terms), stages, vec![Stage::MoveOn]].map(|stages| schedule(Vec::new(), stages)).into(),
+            true => [prologue(terms), stages, vec![Stage::MoveAfterContact]].map(|stages| schedule(Vec::new(), stages)).into(),
         }
     }
 
@@ -123,20 +123,20 @@ impl Schedule {
         let mut passes = fuse(first, chunks.is_some());
         let once = passes.len();
         passes.extend(fuse(stages, chunks.is_some()));
-        let places = Places { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
+        let resources = Resources { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
         let mut tasks: Vec<PassTasks> = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
             let is_local = |over| matches!(over, Over::Tiles | Over::Chunks | Over::Triangles | Over::Borders(_));
-            let follows = index > once && is_local(places.over(pass)) && is_local(places.over(&passes[index - 1]));
-            tasks.push(PassTasks { touches: places.touched(pass), awaits: places.awaited(pass), follows });
+            let follows = index > once && is_local(resources.over(pass)) && is_local(resources.over(&passes[index - 1]));
+            tasks.push(PassTasks { touches: resources.touched(pass), awaits: resources.awaited(pass), follows });
         }
-        Schedule { graph: Graph::new(tasks, once, places.count()), passes, chunks }
+        Schedule { graph: Graph::new(tasks, once, resources.count()), passes, chunks }
     }
 }
 
 /// The resources that tasks wait for one another at. They are numbered: first the cloth's tiles, then the tiles of each
 /// level whose sweep is shared, and last a single one for all smaller levels.
-struct Places<'a> {
+struct Resources<'a> {
     partition: &'a Partition,
     coarse: &'a Coarse,
     panel_tiles: &'a [Vec<u32>],
@@ -154,7 +154,7 @@ fn chunks(partition: &Partition, count: usize) -> Vec<Range<u32>> {
     partition.tiles.iter().flat_map(of_tile).collect()
 }
 
-impl Places<'_> {
+impl Resources<'_> {
     fn over(&self, pass: &Pass) -> Over {
         pass[0].over(self.chunks.is_some())
     }
@@ -178,7 +178,7 @@ impl Places<'_> {
 
     /// The resources that each task of a pass accesses.
     fn touched(&self, pass: &Pass) -> Vec<Vec<u32>> {
-        let Places { partition, coarse, .. } = *self;
+        let Resources { partition, coarse, .. } = *self;
         let tiles = 0..partition.tiles.len() as u32;
         match self.over(pass) {
             Over::Everything => vec![(0..self.count() as u32).collect()],
@@ -188,11 +188,11 @@ impl Places<'_> {
             }
             Over::Chunks => {
                 let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
-                let around = pass[0].is_around();
+                let around = pass[0].reads_neighbors();
                 let touched = |tile: u32| if around { partition.around[tile as usize].clone() } else { vec![tile] };
                 self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
             }
-            Over::Tiles if pass[0].is_around() => partition.around.clone(),
+            Over::Tiles if pass[0].reads_neighbors() => partition.around.clone(),
             Over::Tiles => tiles.map(|tile| vec![tile]).collect(),
             Over::Triangles => self.panel_tiles.to_vec(),
             Over::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
@@ -221,7 +221,7 @@ impl Places<'_> {
     /// which waits for their members, and those were corrected by this very prolongation. Restriction reads the members
     /// of its aggregates; the next task to write those is the prolongation, which waits for the aggregates.
     fn awaited(&self, pass: &Pass) -> Vec<Vec<u32>> {
-        let Places { partition, coarse, .. } = *self;
+        let Resources { partition, coarse, .. } = *self;
         match self.over(pass) {
             Over::Tiles if pass.contains(&Stage::Correct) => {
                 let labels = |tile: &Range<u32>| self.of_level(0, coarse.labels(0, tile.clone()));
@@ -250,11 +250,11 @@ impl Places<'_> {
     }
 }
 
-fn sorted(places: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut places: Vec<u32> = places.collect();
-    places.sort_unstable();
-    places.dedup();
-    places
+fn sorted(resources: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut resources: Vec<u32> = resources.collect();
+    resources.sort_unstable();
+    resources.dedup();
+    resources
 }
 
 fn tile_of(tiles: &[Range<u32>], item: u32) -> u32 {

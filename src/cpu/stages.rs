@@ -42,7 +42,7 @@ pub(crate) enum Stage {
     /// swept in this round. Where no per-vertex force acts, the displacement of the next substep is predicted here too.
     Move(usize),
     /// Advance the positions of all vertices, once contact of triangles has been resolved outside the task graph.
-    MoveOn,
+    MoveAfterContact,
 }
 
 /// The features of a scene that decide which stages a substep has.

@@ -28,7 +28,7 @@ type TaskLoop<'a, T> = dyn Fn(&Task, State<'_>, T, usize) + Sync + 'a;
 type MovedLoop<'a> = dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync + 'a;
 
 /// Callbacks of an engine that predicts the displacements itself, as the hybrid engine does on the GPU.
-pub(crate) struct Elsewhere<'a> {
+pub(crate) struct ExternalPrediction<'a> {
     /// Runs before each substep, while no other task runs.
     pub exchange: &'a TaskLoop<'a, ()>,
     /// Predicts the displacements of a range of vertices.
@@ -49,7 +49,7 @@ pub(crate) struct Stepper<'a> {
     pub correction: Correction<'a>,
     pub integrator: Integrator<'a>,
     pub chunks: Option<&'a [Range<u32>]>,
-    pub elsewhere: Option<&'a Elsewhere<'a>>,
+    pub external: Option<&'a ExternalPrediction<'a>>,
     /// How edges are corrected; none if they are springs, which act as forces.
     pub rule: Option<Rule>,
     pub workers: usize,
@@ -68,7 +68,7 @@ impl Stepper<'_> {
         for &stage in pass {
             let is_due = match stage {
                 Stage::Sweep(_) => true,
-                Stage::Tether(_) | Stage::Move(_) | Stage::MoveOn => ends,
+                Stage::Tether(_) | Stage::Move(_) | Stage::MoveAfterContact => ends,
                 _ => begins,
             };
             if is_due {
@@ -86,7 +86,7 @@ impl Stepper<'_> {
         match stage {
             Stage::Remember => self.integrator.remember(task, tile()),
             Stage::Exchange => {
-                self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.exchange)(task, self.state(task), (), index));
+                self.external.into_iter().for_each(|external| (external.exchange)(task, self.state(task), (), index));
             }
             Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
             Stage::GiveWay(pass) => self.forces.give_way(task, tile(), pass),
@@ -101,15 +101,15 @@ impl Stepper<'_> {
             Stage::Sweep(round) => {
                 self.sweep(task, round, part);
                 if self.terms.contact {
-                    self.look_at_edges(task, round, part, index);
+                    self.check_edges(task, round, part, index);
                 }
             }
             Stage::Tether(round) => self.tethering.hold(task, &self.tethers[round], part, substep),
             Stage::Move(round) => {
-                self.look_at_edges(task, round, part, index);
+                self.check_edges(task, round, part, index);
                 self.advance(task, &self.partition.rounds[round][part].vertices, index);
             }
-            Stage::MoveOn => self.advance(task, &[tile()], index),
+            Stage::MoveAfterContact => self.advance(task, &[tile()], index),
         }
     }
 
@@ -119,8 +119,8 @@ impl Stepper<'_> {
 
     fn predict(&self, task: &Task, tile: Range<u32>, index: usize) {
         let substep = &self.plan.substeps[index];
-        if let Some(elsewhere) = self.elsewhere {
-            return (elsewhere.predict)(task, self.state(task), tile, index);
+        if let Some(external) = self.external {
+            return (external.predict)(task, self.state(task), tile, index);
         }
         if self.terms.bending {
             self.forces.bend(task, tile.clone(), substep);
@@ -128,7 +128,7 @@ impl Stepper<'_> {
             self.integrator.fall(task, tile.clone(), substep);
         }
         if self.terms.wind || self.terms.springs {
-            self.forces.blow_and_pull(task, tile, substep);
+            self.forces.add_wind_and_springs(task, tile, substep);
         }
     }
 
@@ -145,11 +145,11 @@ impl Stepper<'_> {
     }
 
     /// In the last substep of a step, checks some of a piece's edges for excessive length.
-    fn look_at_edges(&self, task: &Task, round: usize, part: usize, index: usize) {
+    fn check_edges(&self, task: &Task, round: usize, part: usize, index: usize) {
         if index + 1 == self.plan.substeps.len() {
             let (State { x, u }, piece) = (self.state(task), &self.partition.rounds[round][part]);
             let longest = self.plan.params.longest;
-            self.integrator.found.look_at_edges(self.plan.cloth, piece, self.step, x, u, longest);
+            self.integrator.found.check_edges(self.plan.cloth, piece, self.step, x, u, longest);
         }
     }
 
@@ -160,6 +160,6 @@ impl Stepper<'_> {
             Some(_) => Then::Wait,
         };
         self.integrator.advance(task, vertices, &self.plan.substeps[index], then);
-        self.elsewhere.into_iter().for_each(|elsewhere| (elsewhere.moved)(task, self.state(task), vertices, index));
+        self.external.into_iter().for_each(|external| (external.moved)(task, self.state(task), vertices, index));
     }
 }

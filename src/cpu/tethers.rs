@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
-use crate::cpu::tasks::shared::lists::Places;
+use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::params::Substep;
@@ -16,7 +16,7 @@ use crate::step::plan::Plan;
 /// left over repeat the last tether of their batch.
 #[derive(Debug, Default)]
 pub(crate) struct TetherBatches {
-    vertices: Places,
+    vertices: Indices,
     /// For each batch, one value per lane: all lengths, then all slacks, then all shares.
     numbers: AlignedVec,
     /// The pin of each batch.
@@ -28,7 +28,7 @@ pub(crate) struct TetherBatches {
 impl TetherBatches {
     /// Packs `tethers`, sorted by vertex, for the pieces that sweep the last edge of each vertex.
     pub(crate) fn new(pieces: &[Piece], tethers: &[(u32, Tether)], vertices: usize, lanes: usize) -> TetherBatches {
-        let mut batches = TetherBatches { vertices: Places::new(vertices), ..TetherBatches::default() };
+        let mut batches = TetherBatches { vertices: Indices::new(vertices), ..TetherBatches::default() };
         for piece in pieces {
             let first = batches.anchors.len();
             let within = |range: &Range<u32>| {

@@ -34,7 +34,7 @@ impl Found {
     }
 
     /// Records a vertex that is out of bounds.
-    pub(crate) fn lose(&self, vertex: usize) {
+    pub(crate) fn report_lost(&self, vertex: usize) {
         self.lost.fetch_min(vertex, Ordering::Relaxed);
     }
 
@@ -45,7 +45,7 @@ impl Found {
 
     /// Checks the length that edges have once their vertices have moved. Each step checks another part of a piece's
     /// edges, 1 in [`TURNS`] but at least [`LEAST`].
-    pub(crate) fn look_at_edges(&self, cloth: &Cloth, piece: &Piece, step: u32, x: View<'_>, u: View<'_>, longest: f32) {
+    pub(crate) fn check_edges(&self, cloth: &Cloth, piece: &Piece, step: u32, x: View<'_>, u: View<'_>, longest: f32) {
         let each = piece.edges.len().div_ceil(TURNS).max(LEAST);
         let turns = piece.edges.len().div_ceil(each).max(1);
         let Some(edges) = piece.edges.chunks(each).nth(step as usize % turns) else { return };

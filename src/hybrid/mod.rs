@@ -7,7 +7,7 @@
 //! differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
 //!
 //! # Practice
-//! An exchange is a stage of the CPU's own substep ([`Elsewhere`]), taken by one thread while the others look on. Tasks write what is
+//! An exchange is a stage of the CPU's own substep ([`ExternalPrediction`]), taken by one thread while the others look on. Tasks write what is
 //! sent into mapped memory as they move their vertices, and read what comes back where it lies: see
 //! [`Exchange`]. While the GPU works its next commands are encoded. Sent is what the terms need: positions for bending and
 //! springs, displacements for air and damped bending, from which the GPU keeps the positions itself; both where contact moves a
@@ -37,7 +37,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{Vec3A, Vec4};
 
-use crate::cpu::{Cpu, Elsewhere, SharedArray, State, Task};
+use crate::cpu::{Cpu, ExternalPrediction, SharedArray, State, Task};
 use crate::device::Gpu;
 use crate::failure::Failure;
 use crate::gpu::Forces;
@@ -243,7 +243,7 @@ impl Hybrid {
                 }
             });
         };
-        let stepped = cpu.step(plan, Some(&Elsewhere { exchange: &fetch, predict: &predict, moved: &moved }));
+        let stepped = cpu.step(plan, Some(&ExternalPrediction { exchange: &fetch, predict: &predict, moved: &moved }));
         match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
             None => {
                 *mapped = slot.into_inner()[0].take();

@@ -63,13 +63,13 @@ impl Tethers {
         if anchors.is_empty() {
             return None;
         }
-        let mut ways = Ways::new(cloth);
-        anchors.iter().zip(0..).for_each(|(&place, anchor)| ways.start(cloth.pinned[place as usize], anchor));
-        ways.march();
-        let give = Give::new(cloth, &anchors);
-        let free = (0..cloth.rest.len()).filter(|&v| cloth.rest[v].w > 0.0 && ways.found[v].is_some());
+        let mut paths = ShortestPaths::new(cloth);
+        anchors.iter().zip(0..).for_each(|(&place, anchor)| paths.start(cloth.pinned[place as usize], anchor));
+        paths.march();
+        let give = OwnStretch::new(cloth, &anchors);
+        let free = (0..cloth.rest.len()).filter(|&v| cloth.rest[v].w > 0.0 && paths.found[v].is_some());
         let held = free.map(|vertex| {
-            let (distance, anchor) = ways.found[vertex].expect("filtered");
+            let (distance, anchor) = paths.found[vertex].expect("filtered");
             // Rounding errors must not make a tether pull on cloth at rest.
             let (length, give) = (distance * (1.0 + 1e-6), give.of(anchor, distance));
             Held { vertex: vertex as u32, anchor, distance: length as f32, give: give as f32 }
@@ -95,7 +95,7 @@ fn lone_pins(cloth: &Cloth) -> Vec<u32> {
 }
 
 /// A search for the shortest paths from the pins.
-struct Ways<'a> {
+struct ShortestPaths<'a> {
     rest: Vec<DVec3>,
     triangles: &'a [[u32; 3]],
     /// For each vertex, the other ends of its edges of full stiffness.
@@ -110,8 +110,8 @@ struct Ways<'a> {
     farthest: f64,
 }
 
-impl<'a> Ways<'a> {
-    fn new(cloth: &'a Cloth) -> Ways<'a> {
+impl<'a> ShortestPaths<'a> {
+    fn new(cloth: &'a Cloth) -> ShortestPaths<'a> {
         let vertices = cloth.rest.len();
         let is_whole = |link: &&Link| link.scale >= WHOLE;
         let whole = cloth.links.iter().filter(is_whole).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
@@ -120,7 +120,7 @@ impl<'a> Ways<'a> {
         let of_whole =
             |&(_, &[a, b, c]): &(usize, &[u32; 3])| soft.is_empty() || !(is_soft(a, b) || is_soft(b, c) || is_soft(c, a));
         let triangles = cloth.triangles.iter().enumerate().filter(of_whole);
-        Ways {
+        ShortestPaths {
             rest: cloth.rest.iter().map(|x| x.truncate().as_dvec3()).collect(),
             triangles: &cloth.triangles,
             edges: Csr::new(vertices, whole.map(|[a, b]| (a, b))),
@@ -202,7 +202,7 @@ impl<'a> Ways<'a> {
 /// The stretch of the cloth itself between a pin and a vertex under load, times two. Around the pin the cloth is a
 /// wedge of angle phi whose tip bears a weight W: it stretches by `W/(K phi) (1 + ln(1 + d/l))`, where the 1 stands for
 /// the first edge, of length l. To this is added the stress `rho g L` of the whole sheet along the path.
-struct Give {
+struct OwnStretch {
     /// Free mass (kg) per pin over the angle, for each anchor.
     mass: Vec<f64>,
     /// Mean areal density times the extent (kg/m).
@@ -213,8 +213,8 @@ struct Give {
     is_thread: Vec<bool>,
 }
 
-impl Give {
-    fn new(cloth: &Cloth, anchors: &[u32]) -> Give {
+impl OwnStretch {
+    fn new(cloth: &Cloth, anchors: &[u32]) -> OwnStretch {
         let mut parts = DisjointSets::new(cloth.rest.len());
         cloth.links.iter().for_each(|link| parts.join(link.ends));
         let root: Vec<u32> = (0..cloth.rest.len() as u32).map(|vertex| parts.root(vertex)).collect();
@@ -233,7 +233,7 @@ impl Give {
         let vertices = || anchors.iter().map(|&place| cloth.pinned[place as usize] as usize);
         let per_pin = |vertex: usize| mass[root[vertex] as usize] / pins[root[vertex] as usize];
         let total: f64 = cloth.links.iter().map(|link| f64::from(link.rest)).sum();
-        Give {
+        OwnStretch {
             mass: vertices().map(|vertex| per_pin(vertex) / if angle[vertex] > 0.0 { angle[vertex] } else { 1.0 }).collect(),
             sheet: cloth.density * cloth.extent,
             edge: total / cloth.links.len() as f64,
@@ -243,7 +243,7 @@ impl Give {
 
     /// The stretch (m) along a path of a given length, for a stiffness of 1 N/m and an acceleration of 1 m/s².
     fn of(&self, anchor: u32, distance: f64) -> f64 {
-        let Give { mass, sheet, edge, is_thread } = self;
+        let OwnStretch { mass, sheet, edge, is_thread } = self;
         let spread = if is_thread[anchor as usize] { distance / edge } else { 1.0 + (1.0 + distance / edge).ln() };
         2.0 * (mass[anchor as usize] * spread + sheet * distance)
     }

@@ -129,7 +129,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
         each_tile(&|tile| integrator.fall(&task, tile, substep));
     }
     if plan.wind {
-        each_tile(&|tile| forces.blow_and_pull(&task, tile, substep));
+        each_tile(&|tile| forces.add_wind_and_springs(&task, tile, substep));
     }
     u.to_vec()
 }

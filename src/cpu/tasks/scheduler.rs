@@ -50,7 +50,7 @@ pub(crate) struct Graph {
     /// Number of workers that sleep, or are about to.
     sleepers: AtomicUsize,
     lock: Mutex<()>,
-    bell: Condvar,
+    condvar: Condvar,
 }
 
 /// A pass from which a [`Graph`] is built.
@@ -87,14 +87,14 @@ struct Padded<T>(T);
 
 /// Polls of a task's dependencies before a worker looks for other tasks: one or two microseconds at first, doubled each
 /// time that it finds none.
-const GRACE: u32 = 50;
+const POLLS: u32 = 50;
 /// Polls after the worker did another task.
-const AGAIN: u32 = 50;
+const POLLS_AFTER_HELP: u32 = 50;
 /// How many dependencies back a worker searches exhaustively for a task that is ready.
-const NEAR: u32 = 2;
+const SEARCH_DEPTH: u32 = 2;
 /// Polls before a worker goes to sleep. With those before, this is about 0.2 ms, longer than any task of a cloth that
 /// is worth sharing.
-const PATIENCE: u32 = 64 * GRACE;
+const POLLS_BEFORE_SLEEP: u32 = 64 * POLLS;
 
 /// A task in one turn.
 #[derive(Debug, Clone, Copy)]
@@ -207,7 +207,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
                 // rest.
                 let ready = || own().filter(|&job| self.is_free(job) && self.is_ready(job));
                 while ready().filter(|&job| self.take(job)).count() > 0 {}
-                own().for_each(|job| self.see_to(job));
+                own().for_each(|job| self.complete(job));
                 first += chain.len();
             }
         }
@@ -263,11 +263,11 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
 
     /// Returns once the job has been claimed. Waits for its dependencies, helps with them if they are unclaimed, and
     /// claims the job itself if nobody else does.
-    fn see_to(&self, job: Job) {
-        let mut grace = GRACE;
+    fn complete(&self, job: Job) {
+        let mut polls = POLLS;
         while self.is_free(job) {
             let looks = || {
-                (0..grace).any(|_| {
+                (0..polls).any(|_| {
                     std::hint::spin_loop();
                     self.is_ready(job)
                 })
@@ -276,15 +276,15 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
                 self.take(job);
                 return;
             }
-            grace = match self.blocker(job) {
+            polls = match self.blocker(job) {
                 Some(other) => {
                     self.take(other);
-                    AGAIN
+                    POLLS_AFTER_HELP
                 }
-                None if grace < PATIENCE => 2 * grace,
+                None if polls < POLLS_BEFORE_SLEEP => 2 * polls,
                 None => {
                     self.sleep(job);
-                    GRACE
+                    POLLS
                 }
             };
         }
@@ -296,7 +296,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
     /// there are none, follows the chain of first unclaimed dependencies back as far as it goes, because the worker
     /// whose tasks those are may never have come.
     fn blocker(&self, job: Job) -> Option<Job> {
-        self.ready_before(job, NEAR).or_else(|| {
+        self.ready_before(job, SEARCH_DEPTH).or_else(|| {
             let mut job = job;
             while !self.is_ready(job) {
                 job = self.free_before(job).next()?;
@@ -340,7 +340,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
         graph.sleepers.fetch_add(1, Ordering::SeqCst);
         let mut guard = graph.lock.lock().unwrap_or_else(PoisonError::into_inner);
         while self.is_free(job) && self.blocker(job).is_none() {
-            guard = graph.bell.wait(guard).unwrap_or_else(PoisonError::into_inner);
+            guard = graph.condvar.wait(guard).unwrap_or_else(PoisonError::into_inner);
         }
         drop(guard);
         graph.sleepers.fetch_sub(1, Ordering::SeqCst);
@@ -362,7 +362,7 @@ impl Drop for Done<'_> {
             // Taking the lock ensures that no worker is between its last check and its sleep, where it would miss the
             // notification.
             drop(graph.lock.lock().unwrap_or_else(PoisonError::into_inner));
-            graph.bell.notify_all();
+            graph.condvar.notify_all();
         }
     }
 }

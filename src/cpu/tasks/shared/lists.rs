@@ -1,7 +1,7 @@
 //! Lists of indices into shared arrays, checked against a bound when they are built.
 //!
 //! [`vectors`](super::vectors) checks once that the bound of a list lies inside an array ([`Rows::inside`],
-//! [`Places::inside`]) and then uses the indices without further checks, so a list must never hold an index beyond its
+//! [`Indices::inside`]) and then uses the indices without further checks, so a list must never hold an index beyond its
 //! bound.
 
 /// The starts of rows, each `length` contiguous items, in arrays of at least `bound` items.
@@ -49,14 +49,14 @@ impl Rows {
 
 /// Indices into arrays of at least `bound` items.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Places {
+pub(crate) struct Indices {
     items: Vec<u32>,
     bound: usize,
 }
 
-impl Places {
-    pub(crate) fn new(bound: usize) -> Places {
-        Places { items: Vec::new(), bound }
+impl Indices {
+    pub(crate) fn new(bound: usize) -> Indices {
+        Indices { items: Vec::new(), bound }
     }
 
     /// # Panics

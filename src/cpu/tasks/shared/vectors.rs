@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use glam::Vec4;
 
 use super::View;
-use super::lists::{Places, Rows};
+use super::lists::{Indices, Rows};
 use crate::simd::{Registers, Vector};
 
 impl<'t> View<'t, Vec4> {
@@ -49,7 +49,7 @@ impl<'t> View<'t, Vec4> {
 
     /// The vectors at the indices of a list.
     #[inline(always)]
-    pub(crate) fn at<'p>(self, places: &'p Places) -> Gathered<'p>
+    pub(crate) fn at<'p>(self, places: &'p Indices) -> Gathered<'p>
     where
         't: 'p,
     {
