@@ -1,10 +1,12 @@
-//! Forces for a processor: its state in, their displacements out, three floats a vertex each, through two buffers that stay.
+//! Transfers between the CPU and the GPU: the state in one direction, the displacements caused by forces in the other,
+//! at three floats per vertex, through two persistent buffers.
 //!
-//! Both are mapped while the processor works and written and read in place ([`Mapped`]); [`Exchange::submit`] hands them to the GPU
-//! and [`Exchange::receive`] waits until they are back. Where the device can use mapped memory as it is, nothing is copied.
+//! Both buffers are mapped while the CPU works and are written and read in place ([`Mapped`]). [`Exchange::submit`]
+//! hands them to the GPU, and [`Exchange::receive`] waits until they are back. Nothing is copied if the device can use
+//! mapped memory directly.
 //!
-//! Waiting: a driver that sleeps until a fence is signaled wakes 20 us late, as long as half a small exchange takes;
-//! [`Gpu::wait`] stays awake for a while.
+//! Waiting: a driver that sleeps until a fence is signaled wakes 20 us late, half the time of a small exchange; so
+//! [`Gpu::wait`] polls for a while first.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -18,19 +20,20 @@ use crate::gpu::{Bind, Forces, Stage, shaders};
 use crate::gpu_fault::GpuFault;
 use crate::step::plan::Plan;
 
-/// How long a callback may take once the device is done.
+/// How long a callback may take after the device has finished.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Bytes of three floats.
+/// Size of three floats in bytes.
 const THREE: u64 = size_of::<Vec3>() as u64;
-/// What `ready` holds when both buffers are back, and what one that was refused adds.
+/// The value of `ready` when both buffers are mapped.
 const BOTH: u32 = 2;
+/// Added to `ready` if mapping a buffer was refused.
 const REFUSED: u32 = 1 << 16;
 
-/// What of the state is sent.
+/// Which part of the state is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Payload {
     Positions,
-    /// Positions follow from them.
+    /// Displacements only, from which the device computes the positions.
     Displacements,
     Both,
 }
@@ -47,22 +50,22 @@ impl Payload {
     }
 }
 
-/// What the processor can reach between two exchanges.
+/// The memory that the CPU can access between two exchanges.
 #[derive(Debug)]
 pub(crate) struct Mapped {
-    /// To be written: the positions (m) of all vertices, then their displacements (m).
+    /// For writing: the positions (m) of all vertices, followed by their displacements (m).
     outbox: MappedVectors,
     inbox: wgpu::BufferView,
     vertices: usize,
 }
 
 impl Mapped {
-    /// Displacements (m) by the forces, one a vertex.
+    /// The displacements (m) caused by the forces, one per vertex.
     pub(crate) fn received(&self) -> &[Vec3] {
         bytemuck::cast_slice(&self.inbox)
     }
 
-    /// Sends a vertex, at `x` (m) after it moved by `p` (m).
+    /// Writes the part `what` of a vertex's state, which is at `x` (m) after it moved by `p` (m).
     pub(crate) fn send(&self, task: &Task, what: Payload, vertex: usize, x: Vec4, p: Vec4) {
         let outbox = self.outbox.array().within(task);
         if what.has_positions() {
@@ -74,24 +77,25 @@ impl Mapped {
     }
 }
 
-/// The buffers, and what moves between them and the state.
+/// The buffers, and the stages that transfer between them and the state on the GPU.
 #[derive(Debug)]
 pub(crate) struct Exchange {
     outbox: wgpu::Buffer,
     inbox: wgpu::Buffer,
-    /// The same on the device, where that cannot use a mapped buffer as it is.
+    /// Copies of the buffers on the device, if it cannot use mapped buffers directly.
     sent: Option<wgpu::Buffer>,
     given: Option<wgpu::Buffer>,
     arrive: Vec<Stage>,
     leave: Stage,
     vertices: u64,
-    /// Whether they are mapped, or about to be.
+    /// Whether the buffers are mapped, or mapping was requested.
     asked: bool,
     ready: Arc<AtomicU32>,
 }
 
 impl Exchange {
-    /// For the first state of `forces`; `in_place` says whether the device is to use the mapped outbox and inbox themselves.
+    /// For the first state of `forces`. `in_place` says for outbox and inbox whether the device uses the mapped buffer
+    /// directly.
     pub(crate) fn new(gpu: &Gpu, forces: &Forces, vertices: usize, in_place: [bool; 2]) -> Exchange {
         use wgpu::BufferUsages as Usage;
         let vertices = vertices as u64;
@@ -119,14 +123,15 @@ impl Exchange {
         Exchange { arrive, leave, vertices, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
     }
 
-    /// Maps the buffers.
+    /// Maps the buffers and waits until they are.
     pub(crate) fn open(&mut self, gpu: &Gpu) -> Result<Mapped, GpuFault> {
         self.close();
         self.ask();
         self.receive(gpu)
     }
 
-    /// The commands of an exchange: `what` in, the forces of substep number `index` of `plan`, their displacements out.
+    /// The commands of an exchange: receive `what`, compute the forces of substep number `index` of `plan`, return the
+    /// displacements.
     pub(crate) fn encode(&self, gpu: &Gpu, forces: &Forces, plan: &Plan<'_>, index: usize, what: Payload) -> wgpu::CommandBuffer {
         let mut encoder = gpu.encoder();
         let vertices = self.vertices as usize;
@@ -148,17 +153,18 @@ impl Exchange {
         encoder.finish()
     }
 
-    /// Hands the buffers over, and asks for them back. What was mapped must be dropped before.
+    /// Unmaps the buffers, submits the commands, and requests that the buffers be mapped again. Views of them must be
+    /// dropped before.
     pub(crate) fn submit(&mut self, gpu: &Gpu, commands: wgpu::CommandBuffer) {
         self.close();
         gpu.queue().submit([commands]);
         self.ask();
     }
 
-    /// Waits until the buffers are back.
+    /// Waits until the buffers are mapped again.
     pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Mapped, GpuFault> {
         gpu.wait()?;
-        // Another thread that waits for the device may be about to call back for this one.
+        // The callbacks may be called by another thread that also waits for the device, a moment later.
         let start = Instant::now();
         while self.ready.load(Ordering::Acquire) < BOTH && start.elapsed() < PATIENCE {
             std::thread::yield_now();
@@ -183,7 +189,8 @@ impl Exchange {
 
     fn ask(&mut self) {
         self.asked = true;
-        // A callback of the mapping before may still come: it keeps the count that it knows, and this mapping takes another.
+        // A callback of the last mapping may still be pending. It keeps its own counter, and this mapping gets a new
+        // one.
         match Arc::get_mut(&mut self.ready) {
             Some(ready) => *ready.get_mut() = 0,
             None => self.ready = Arc::default(),

@@ -1,22 +1,21 @@
-//! Forces on the GPU, edges and contact on the CPU: WGSL integrates the forces, buffers are mapped back, threads resolve the colored
-//! edges and contact. A composition of the other two backends.
+//! The hybrid engine: forces on the GPU, edges and contact on the CPU. It is composed of the two other engines.
 //!
 //! # Theory
-//! The GPU turns what the CPU sends, positions or displacements, into the displacement that the forces cause in a substep;
-//! the CPU adds it to what carries over from the last substep, sweeps the edges and moves the vertices. Only forces that
-//! differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
+//! The CPU sends positions or displacements. The GPU computes from them the displacement that the forces cause in a
+//! substep. The CPU adds it to what carries over from the last substep, sweeps the edges and moves the vertices. Only
+//! forces that differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
 //!
 //! # Practice
-//! An exchange is a stage of the CPU's own substep ([`ExternalPrediction`]), taken by one thread while the others look on. Tasks write what is
-//! sent into mapped memory as they move their vertices, and read what comes back where it lies: see
-//! [`Exchange`]. While the GPU works its next commands are encoded. Sent is what the terms need: positions for bending and
-//! springs, displacements for air and damped bending, from which the GPU keeps the positions itself; both where contact moves a
-//! vertex besides.
+//! An exchange is a stage of the CPU's substep ([`ExternalPrediction`]), run by one thread while the others wait. Tasks
+//! write what is sent into mapped memory as they move their vertices, and read the results from mapped memory: see
+//! [`Exchange`]. While the GPU works, its next commands are encoded. What is sent depends on the forces: positions for
+//! bending and springs; displacements for air and damped bending, from which the GPU updates its positions; both if
+//! contact also shifts positions.
 //!
 //! # How often
-//! Every substep, if at all. Half a second of a square meter of 65 x 65 vertices at 20 substeps (`cargo bench --bench hybrid`
-//! on an H200), the forces held for as many substeps as an exchange is made to be good for: RMS distance from 640 substeps on
-//! the CPU (m), and milliseconds a frame.
+//! Every substep, if at all. The table shows half a second of a square meter of 65 x 65 vertices at 20 substeps
+//! (`cargo bench --bench hybrid` on an H200), with the forces of one exchange held for several substeps: RMS distance
+//! from 640 substeps on the CPU (m), and milliseconds per frame.
 //!
 //! | an exchange every | 1 | 2 | 4 | 10 | 20 |
 //! |---|---|---|---|---|---|
@@ -25,10 +24,10 @@
 //! | wind, 5 m/s | .037, 1.5 | .037, 1.0 | .037, 0.57 | .038, 0.39 | .044, 0.32 |
 //! | a towel in it, damped | .016, 1.9 | .018, 1.3 | .045, 0.96 | .068, 0.87 | .059, 0.64 |
 //!
-//! Bending that is held acts late, which gives energy: from 2 on the sheet shivers. Wind alone could be held for half a frame
-//! without being farther from the truth than 20 substeps are, but it moves the cloth by .004 m (2) to .024 m (20) from where
-//! the other backends have it; so it is not. The figures, and how near an exchange is to the bare transfer, are in
-//! `benches/results/hybrid_h200.csv`.
+//! Held bending forces act late, which adds energy: from 2 substeps on the sheet shivers. Wind alone could be held for
+//! half a frame without a larger error than 20 substeps have anyway, but it moves the cloth by .004 m (2) to .024 m
+//! (20) from where the other engines have it, so it is not held. The figures, and how close an exchange comes to the
+//! bare transfer, are in `benches/results/hybrid_h200.csv`.
 
 mod exchange;
 
@@ -50,31 +49,33 @@ use crate::options::Contact;
 use crate::past::Past;
 use crate::step::plan::Plan;
 
-/// A cloth whose state is in memory and whose forces are computed on the GPU.
+/// A cloth whose state is in the CPU's memory and whose forces are computed on the GPU.
 #[derive(Debug)]
 pub(crate) struct Hybrid {
     gpu: Gpu,
     forces: Forces,
     exchange: Exchange,
-    /// What is mapped between steps, and what of the next one's start was written there ahead.
+    /// The mapped buffers between steps.
     mapped: Option<Mapped>,
+    /// Which part of the next step's initial state was written to them already.
     sent: Option<Payload>,
-    /// Substeps that each exchange is good for.
+    /// Number of substeps for which the forces of an exchange are used.
     pub every: usize,
-    /// What the GPU is told of the substeps, one an exchange.
+    /// The substeps as the GPU sees them, one per exchange.
     told: Vec<Substep>,
-    /// Why a step could not be made ready: what it built by half must not be used by another.
+    /// Why preparing a step failed. The objects built halfway must not be used by another step.
     broken: Option<GpuFault>,
     pub cpu: Cpu,
 }
 
-/// Exchanges at work: by one thread at a time.
+/// The exchanges of a step, which one thread at a time runs.
 struct Exchanges<'a> {
     gpu: &'a Gpu,
     forces: &'a Forces,
     exchange: &'a mut Exchange,
+    /// The encoded commands of the next exchange.
     next: Option<wgpu::CommandBuffer>,
-    /// Why there are no more.
+    /// Why exchanging failed, if it did.
     failed: Option<GpuFault>,
 }
 
@@ -82,7 +83,7 @@ impl Hybrid {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth) -> Result<Hybrid, GpuFault> {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 0, None)?;
-            // The inverse masses; the rest of it is sent.
+            // Provides the inverse masses; positions are sent.
             gpu.write(&forces.states[0].x, 0, &cloth.rest);
             let in_place = gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
             let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), [in_place; 2]);
@@ -104,19 +105,20 @@ impl Hybrid {
         self.gpu.name()
     }
 
-    /// Puts the state somewhere else.
+    /// Sets positions and displacements.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.sent = None;
         self.cpu.set(x, p);
     }
 
-    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    /// Resumes from a state and a recorded past. Returns false if this cloth cannot have such a past; positions and
+    /// displacements are then unchanged.
     pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, state: [&[Vec4]; 2], past: &Past) -> bool {
         self.sent = None;
         self.cpu.resume(cloth, options, state, past)
     }
 
-    /// Goes on as a cloth that was changed.
+    /// Continues with changed parameters of the cloth.
     pub(crate) fn change(&mut self, cloth: &Cloth, change: Change) -> Result<(), GpuFault> {
         if change == Change::Stiffness {
             self.forces.forget_springs();
@@ -130,7 +132,7 @@ impl Hybrid {
         Ok(())
     }
 
-    /// One step. Fails, with the state as it was, if the GPU did or the state left the bounds.
+    /// Runs one step. If the GPU fails or the motion is unstable, it returns the failure and restores the state.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let sent = self.sent.take();
         if !plan.has_forces() {
@@ -141,7 +143,7 @@ impl Hybrid {
         Ok(())
     }
 
-    /// Whether the device uses the mapped outbox and inbox themselves.
+    /// Chooses whether the device uses the mapped outbox and inbox directly.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn exchange_in_place(&mut self, vertices: usize, in_place: [bool; 2]) {
         self.mapped = None;
@@ -149,7 +151,7 @@ impl Hybrid {
         self.sent = None;
     }
 
-    /// Runs the kernels of a substep's forces this often, and waits.
+    /// Runs the force kernels of a substep `repeats` times and waits for them.
     #[cfg(feature = "bench")]
     pub(crate) fn run_forces(&mut self, plan: &Plan<'_>, repeats: u32) -> Result<(), GpuFault> {
         let Hybrid { gpu, forces, .. } = self;
@@ -165,11 +167,12 @@ impl Hybrid {
         })
     }
 
-    /// A step whose start was sent ahead, or was not. Returns what was sent ahead of the next.
+    /// Runs a step with exchanges. `sent` is the part of its initial state that was already sent. Returns the part of
+    /// the next step's that was.
     fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Payload>) -> Result<Payload, Failure> {
         let Hybrid { gpu, forces, exchange, mapped, every, told, broken, cpu, .. } = self;
         let (every, count) = ((*every).clamp(1, plan.substeps.len()), plan.substeps.len());
-        // Forces alone: what carries over is the CPU's, and so are the pins.
+        // The GPU computes the forces only; the CPU adds what carries over and moves the pins.
         told.clear();
         told.extend(plan.substeps.chunks(every).map(|run| {
             let gain = run.iter().map(|substep| substep.gain).sum();
@@ -194,11 +197,13 @@ impl Hybrid {
             Ok((mapped, exchange.encode(gpu, forces, &alone, 0, complete)))
         });
         let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone())).map_err(Failure::Gpu)?;
-        // Empty while the buffers are away; only the exchange, beside which no task runs, puts something else there.
+        // The mapped buffers, or none while the GPU has them. Only the exchange stage changes this, and no other task
+        // runs during it.
         let mut slot = [Some(first)];
         let slot = SharedArray::new(&mut slot);
         let exchanges = Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None });
-        // What the GPU is to see of the state first: written before the first exchange unless it was at the end of the last step.
+        // Whether the state at the step's start is already in the outbox. Otherwise it is written before the first
+        // exchange.
         let is_there = sent == Some(complete);
         let fetch = |task: &Task, state: State<'_>, (): (), substep: usize| {
             let slot = slot.within(task);
@@ -258,7 +263,7 @@ impl Hybrid {
 }
 
 impl Exchanges<'_> {
-    /// One exchange; meanwhile the next is encoded. Nothing is mapped if it failed.
+    /// Runs one exchange and encodes the next one meanwhile. On failure nothing is mapped.
     fn exchange(&mut self, plan: &Plan<'_>, next: Option<(usize, Payload)>) -> Option<Mapped> {
         let Exchanges { gpu, forces, exchange, .. } = self;
         let commands = self.next.take()?;

@@ -1,4 +1,4 @@
-//! Tests of `src/cpu/forces.rs`, from inside.
+//! Unit tests of `src/cpu/forces.rs`.
 
 use glam::{DVec3, Vec3A, Vec4};
 
@@ -16,7 +16,7 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::oracle;
 
-/// A crumpled cloth that moves: positions and displacements.
+/// A crumpled, moving cloth: positions and displacements.
 fn crumpled(cloth: &Cloth) -> [Vec<Vec4>; 2] {
     let mut random = fastrand::Rng::with_seed(3);
     let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
@@ -25,7 +25,7 @@ fn crumpled(cloth: &Cloth) -> [Vec<Vec4>; 2] {
     [0, 1].map(|k| both.iter().map(|both| both[k]).collect())
 }
 
-/// What a substep of `h` (s) kicks a shape by, unfiltered: `h² w L^T S L x`.
+/// The displacement that unfiltered bending causes in a substep of `h` (s): `h² w L^T S L x`.
 fn kick(plan: &Plan<'_>, h: f64, x: &[DVec3]) -> Vec<DVec3> {
     let (entries, rows) = (&plan.cloth.bending().entries, &plan.coefficients.bending.rows);
     let mut force = vec![DVec3::ZERO; x.len()];
@@ -41,7 +41,7 @@ fn kick(plan: &Plan<'_>, h: f64, x: &[DVec3]) -> Vec<DVec3> {
     force.iter().zip(&plan.cloth.rest).map(|(force, rest)| h * h * f64::from(rest.w) * force).collect()
 }
 
-/// What one substep predicts, by the oracle.
+/// The displacements of one substep as predicted by the oracle.
 fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
     let (cloth, params, substep) = (plan.cloth, &plan.params, &plan.substeps[0]);
     let [x, u] = crumpled(cloth).map(|list| list.into_iter().map(xyz).collect::<Vec<Vec3A>>());
@@ -58,12 +58,12 @@ fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
             if filtered == 0 {
                 return [pull, couple];
             }
-            // The filter's part is beside.
+            // With a filter, this is only the damping part; the filtered part is added below.
             [pull - oracle::bend_moment(&ring, stiffness, 0.0)[0], couple]
         };
         let moments: Vec<[Vec3A; 2]> = (0..x.len()).map(moment).collect();
         for v in 0..x.len() {
-            // Row v pulls at its ring, and holds it by its couple; the reaction is the vertex's own.
+            // Row v acts on the members of its ring by its moment and its couple; the reaction acts on v itself.
             for entry in entries.of(v as u32).iter().filter(|entry| entry.forward != 0.0) {
                 let other = entry.other as usize;
                 let by = moments[v][1].cross(x[other] - x[v]) - moments[v][0] * entry.forward;
@@ -97,7 +97,7 @@ fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
     (0..x.len()).map(|v| by(v).extend(0.0)).collect()
 }
 
-/// The same by the stages.
+/// The same displacements as predicted by the CPU's stages.
 fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
     let count = plan.cloth.rest.len();
     let [mut x, mut u] = crumpled(plan.cloth).map(|list| {
@@ -134,12 +134,13 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
     u.to_vec()
 }
 
-/// Chunks of triangles.
+/// The number of chunks of triangles.
 fn arrays_of(plan: &Plan<'_>) -> usize {
     if plan.wind { plan.cloth.panels().panels.len().div_ceil(GRAIN) } else { 0 }
 }
 
-/// At every width, on meshes with rows and without, with borders, pins and a remainder: the same to rounding.
+/// At every SIMD width the stages agree with the oracle to rounding, on meshes with and without contiguous rows, with
+/// borders, pins, and vertices left over.
 #[test]
 fn every_width_predicts_as_the_oracle_does() {
     let grid = Mesh::grid(32, 27, 1.0, 0.9);

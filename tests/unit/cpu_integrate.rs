@@ -1,4 +1,4 @@
-//! Tests of `src/cpu/integrate.rs`, from inside.
+//! Unit tests of `src/cpu/integrate.rs`.
 
 use super::*;
 use crate::model::cloth::Cloth;
@@ -9,7 +9,7 @@ use crate::step::plan::PlanBuffers;
 use crate::step::substep_count::Length;
 use crate::{Attributes, Collider, Mesh, Options};
 
-/// Vertices near bodies and far, slow and fast, together and one by one: the same bits.
+/// The SIMD and the scalar path give the same bits for vertices close to colliders and far from them, slow and fast.
 #[test]
 fn what_is_told_to_be_clear_is_clear() {
     let options = Options { pinned: vec![3, 70], ..Options::default() };
@@ -25,7 +25,7 @@ fn what_is_told_to_be_clear_is_clear() {
     for (body, far, size) in
         bodies.into_iter().flat_map(|b| [(1.0, 1e-4), (1.0, 0.03), (1.0, 0.5), (20.0, 0.01)].map(|(f, s)| (b.clone(), f, s)))
     {
-        // It comes from elsewhere, so that it moves within the step.
+        // A different start position, so that the collider moves within the step.
         let before = match body.shape {
             _ if size > 0.1 => body.clone(),
             _ => Collider::sphere(at(0.3), 0.25),

@@ -1,4 +1,4 @@
-//! Tests of `src/cpu/partition.rs`, from inside.
+//! Unit tests of `src/cpu/partition.rs`.
 
 use super::*;
 use crate::model::cloth::Cloth;
@@ -18,7 +18,7 @@ fn cloths() -> Vec<(&'static str, Cloth)> {
     let mut two = grid.clone();
     two.positions.extend(grid.positions.iter().map(|x| *x + glam::Vec3::Y));
     two.triangles.extend(grid.triangles.iter().map(|t| t.map(|v| v + 2400)));
-    // Vertices without an edge.
+    // With vertices that have no edge.
     let mut loose = grid.clone();
     loose.triangles.retain(|corners| !corners.iter().any(|vertex| vertex % 50 > 45));
     vec![
@@ -32,8 +32,8 @@ fn cloths() -> Vec<(&'static str, Cloth)> {
     ]
 }
 
-/// Every edge and every vertex once; no piece writes where another of its round writes or, outside, reads what it moves;
-/// and at every vertex the edges come in the order of their colors.
+/// Each edge and each vertex belongs to exactly one piece. No piece writes where another one of its round writes, or
+/// reads what one outside it moves. At every vertex the edges come in the order of their colors.
 #[test]
 fn tiles_keep_the_color_order() {
     for (name, cloth) in cloths() {
@@ -73,7 +73,7 @@ fn tiles_keep_the_color_order() {
             }
             assert!(visited.iter().all(|&count| count == 1) && moved.iter().all(|&count| count == 1), "{name} {length}");
             let of = |vertex: u32| partition.tiles.iter().position(|range| range.contains(&vertex));
-            // A piece waits for all who meet it.
+            // A piece lists the tiles of all pieces that it may conflict with.
             for (round, pieces) in partition.rounds.iter().enumerate() {
                 for (index, piece) in pieces.iter().enumerate() {
                     let touches = |vertex: u32| piece.touches.binary_search(&(of(vertex).unwrap() as u32)).is_ok();
@@ -91,7 +91,7 @@ fn tiles_keep_the_color_order() {
                     "{name} {length}"
                 );
             }
-            // What lies across from a tile's border is not moved in the first round: forces look there.
+            // Forces read across edges between tiles, so the first round must not move their vertices.
             for link in &cloth.links {
                 let [a, b] = link.ends;
                 assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 > 0), "{name} {length}");
@@ -111,7 +111,7 @@ fn borders_of_a_grid_are_apart() {
     assert!(late < cloth.swept().len() / 2, "{late} of {} edges wait", cloth.swept().len());
 }
 
-/// Where colors are many for the tiles' width, more rounds keep the pieces small.
+/// Where the colors are many relative to the width of the tiles, more rounds keep the pieces small.
 #[test]
 fn coarse_levels_share_their_work() {
     let cloth = Cloth::new(&Mesh::grid(256, 256, 1.0, 1.0), &Options::default()).unwrap();

@@ -1,4 +1,4 @@
-//! Tests of `src/cpu/tasks/scheduler.rs`, from inside.
+//! Unit tests of `src/cpu/tasks/scheduler.rs`.
 
 use std::sync::atomic::AtomicU32;
 
@@ -8,7 +8,7 @@ use crate::cpu::tasks::shared::SharedArray;
 
 const PLACES: usize = 14;
 
-/// Passes of random tasks that are local, wide or everywhere; those of one pass touch places of their own, or share one.
+/// Random passes. The tasks of a pass touch one place, several or all; in some passes neighboring tasks share a place.
 fn scene(random: &mut fastrand::Rng) -> (Vec<PassTasks>, usize) {
     let passes = random.usize(2..7);
     let all: Vec<u32> = (0..PLACES as u32).collect();
@@ -24,8 +24,9 @@ fn scene(random: &mut fastrand::Rng) -> (Vec<PassTasks>, usize) {
     ((0..passes).map(|_| pass(random)).collect(), random.usize(0..2))
 }
 
-/// Every task once a turn, and none before those that it must wait for, on any number of threads; also with more threads than
-/// cores, and more workers than threads, so that some never come. Parallel loops do the same.
+/// Every task runs once per turn, and none before those that it must wait for. This holds for any number of threads,
+/// also with more threads than cores, and with more workers than threads, so that some never start. The parallel loops
+/// do the same.
 #[test]
 fn tasks_wait_for_all_that_touches_what_they_touch() {
     let mut random = fastrand::Rng::with_seed(4);
@@ -81,7 +82,7 @@ fn a_panic_in_a_task_reaches_the_caller_and_stops_nobody() {
     assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(&mut run)).is_err());
 }
 
-/// Tasks that say nothing of what they write are found out, if their builds look.
+/// A task that writes what it did not declare is detected in debug builds.
 #[test]
 #[cfg(debug_assertions)]
 fn a_race_is_found() {

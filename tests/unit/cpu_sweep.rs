@@ -1,4 +1,4 @@
-//! Tests of `src/cpu/sweep.rs`, from inside.
+//! Unit tests of `src/cpu/sweep.rs`.
 
 use glam::{Vec3A, Vec4};
 
@@ -48,7 +48,8 @@ fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rul
     u.to_vec()
 }
 
-/// The same work in the same order: to rounding with every width, gentle or wild, soft or stiff, pinned or not.
+/// Sweeping in pieces agrees with sweeping edge by edge, to rounding, at every SIMD width: for gentle and wild motion,
+/// soft and stiff edges, with and without pins.
 #[test]
 fn every_width_sweeps_as_the_oracle_does() {
     let mut mesh = Mesh::grid(37, 61, 1.0, 1.6);
@@ -60,7 +61,7 @@ fn every_width_sweeps_as_the_oracle_does() {
         let options = Options { fabric, pinned: vec![0, 36, 500], ..Options::default() };
         let cloth = Cloth::new(&mesh, &options).unwrap();
         let edges = Coefficients::new(&cloth, &[], &options, Length::of(1.0 / 1200.0)).edges;
-        // Already stretched by some per cent at the start of the substep.
+        // Some edges are already stretched by several percent at the substep's start.
         let x: Vec<Vec4> = cloth.rest.iter().map(|x| *x + vector(0.0015).extend(0.0)).collect();
         let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
         for rule in [Rule::Project, Rule::ProjectCoarse, Rule::HoldCoarse, Rule::Relax] {

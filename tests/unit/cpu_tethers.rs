@@ -1,4 +1,4 @@
-//! Tests of `src/cpu/tethers.rs`, from inside.
+//! Unit tests of `src/cpu/tethers.rs`.
 
 use glam::{Vec3, Vec3A, Vec4};
 
@@ -13,7 +13,8 @@ use crate::step::plan::PlanBuffers;
 use crate::step::substep_count::Length;
 use crate::{Attributes, Mesh, Options};
 
-/// With every width each vertex that has a tether is moved as the oracle says, gently or wildly, its pins led; no other is.
+/// At every SIMD width, each tethered vertex is moved as the oracle says and no other vertex is moved, in gentle and
+/// wild motion, with moving pins.
 #[test]
 fn every_width_holds_as_the_oracle_does() {
     let options = Options { pinned: vec![0, 36, 500], ..Options::default() };

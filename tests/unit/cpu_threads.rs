@@ -1,8 +1,8 @@
-//! Tests of `src/cpu/threads.rs`, from inside.
+//! Unit tests of `src/cpu/threads.rs`.
 
 use super::*;
 
-/// Runs so many steps whose time (s) depends on the threads, and says what they took on average.
+/// Runs `steps` steps whose time (s) depends on the number of threads, and returns the mean time.
 fn run(choice: &mut ThreadChoice, steps: u32, time: impl Fn(usize, u32) -> f64) -> f64 {
     let step = |step: u32| {
         let seconds = time(choice.threads(), step);
@@ -16,7 +16,7 @@ fn run(choice: &mut ThreadChoice, steps: u32, time: impl Fn(usize, u32) -> f64) 
 fn as_many_threads_as_pay() {
     for pool in [1, 2, 3, 8, 16, 48] {
         for best in [1, 2, 3, 5, 16] {
-            // The work is shared, and each thread costs something.
+            // The work is divided among the threads, and each thread adds a cost.
             let time = |threads: usize, _: u32| 1.0 / threads as f64 + threads as f64 / f64::from(best * best);
             let least = (0..=last(pool)).map(|count| time(threads(count, pool), 0)).fold(f64::INFINITY, f64::min);
             for vertices in [10, 4000, 1_000_000] {
@@ -29,7 +29,8 @@ fn as_many_threads_as_pay() {
     }
 }
 
-/// Half of the steps on two threads wait for a core that is busy: they are left to one thread, and come back when it is free.
+/// Half of the steps on two threads wait for a busy core: a single thread is chosen, and two again once the core is
+/// free.
 #[test]
 fn a_busy_core_is_left_alone() {
     let mut choice = ThreadChoice::new(100_000, 2);

@@ -1,9 +1,9 @@
-//! Tests of `src/gpu_fault.rs`, from inside: what no software driver can be made to say.
+//! Unit tests of `src/gpu_fault.rs`, for faults that no software driver can be made to report.
 
 use super::*;
 use crate::device::Gpu;
 
-/// A full memory is told from a refusal, by its kind and not by its words.
+/// Running out of memory is told from a refusal by the error's kind, not by its text.
 #[test]
 fn a_full_memory_is_named() {
     let full = wgpu::Error::OutOfMemory { source: "not enough\nroom".into() };
@@ -14,7 +14,8 @@ fn a_full_memory_is_named() {
     assert!(matches!(GpuFault::from(refused), GpuFault::Other(_)));
 }
 
-/// Of a refusal and what the device says of it in turn, the refusal is told; another thread's, and one that was told, are not.
+/// If the device reports an error as a consequence of a refusal, the refusal is returned, but not one of another
+/// thread, nor one that was returned before.
 #[test]
 fn a_refusal_is_told_once_where_it_was_met() {
     let gpu = Gpu::shared(true).unwrap();

@@ -1,5 +1,5 @@
-//! Test: the shaders are valid, their structs are laid out as the Rust structs that are copied into them, and their constants
-//! are Rust's.
+//! The shaders are valid, their structs have the layout of the Rust structs that are copied into them, and their
+//! constants have the same values as in Rust.
 
 use std::collections::BTreeSet;
 use std::mem::offset_of;
@@ -24,7 +24,7 @@ use crate::kernels::wind::Panel;
 use crate::limits::MAX_POSITION;
 use crate::model::csr::Span;
 
-/// A struct as Rust lays it out.
+/// The layout of a Rust struct.
 struct Layout {
     name: &'static str,
     size: usize,
@@ -60,7 +60,7 @@ fn structs() -> Vec<Layout> {
     ]
 }
 
-/// Every shader as naga reads it.
+/// Every shader, as parsed by naga.
 fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
     shaders::ALL.iter().map(|shader| match naga::front::wgsl::parse_str(shader.source) {
         Ok(module) => (shader.name, module),
@@ -68,7 +68,7 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
     })
 }
 
-/// The constants that shaders and Rust have in common, under the shaders' names.
+/// The constants that shaders and Rust have in common, by their names in the shaders.
 fn constants() -> Vec<(&'static str, Literal)> {
     vec![
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
@@ -114,7 +114,7 @@ fn shaders_are_valid_and_share_a_workgroup_size() {
         validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
         assert!(!module.entry_points.is_empty());
         for entry in &module.entry_points {
-            // Or one that the pipeline is told.
+            // Or its size is set when the pipeline is made.
             let told = entry.workgroup_size_overrides.is_some();
             assert!(told || entry.workgroup_size == [WORKGROUP as u32, 1, 1], "{name}: {}", entry.name);
         }
@@ -128,7 +128,7 @@ fn shared_structs_agree_member_for_member() {
     for (shader, module) in modules() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
-            // Structs of the shader alone never cross over.
+            // These structs exist only in shaders.
             if ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
                 .contains(&name.as_str())
             {

@@ -1,11 +1,12 @@
-//! Tests of `src/gpu/multigrid/level_table.rs`, from inside.
+//! Unit tests of `src/gpu/multigrid/level_table.rs`.
 
 use super::*;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::{Mesh, Options};
 
-/// The table, read as `stages/levels.wgsl` reads it, says what the levels are: whole colors or parts of them.
+/// The table, read as `stages/levels.wgsl` reads it, contains the levels, whether their colors are whole or split into
+/// parts.
 #[test]
 fn a_table_says_what_the_levels_are() {
     let options = Options { pinned: (0..70).collect(), ..Options::default() };

@@ -1,4 +1,4 @@
-//! Test: every way to do a step agrees with the CPU, and tiles hold what they must.
+//! Every way to run a step on the GPU agrees with the CPU, and tiles hold all that they depend on.
 
 use glam::{Vec3, Vec4};
 
@@ -22,11 +22,11 @@ use crate::step::motion::Motion;
 use crate::step::plan::{Plan, PlanBuffers};
 use crate::step::substep_count::Length;
 
-/// A step (s) and its substeps.
+/// Duration of a step (s). Below, its number of substeps.
 const DT: f32 = 1.0 / 60.0;
 const SUBSTEPS: u32 = 11;
 
-/// A jittered grid with diagonals either way and names in no order; a second part, and a vertex of no triangle.
+/// A jittered grid with random diagonals and a random vertex order, in two parts, with a vertex that has no triangle.
 fn mesh(columns: u32, rows: u32) -> Mesh {
     let mut random = fastrand::Rng::with_seed(5);
     let mut grid = Mesh::grid(columns, rows, 1.0, 1.0);
@@ -47,16 +47,16 @@ fn mesh(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// In one frame the pins are led, in the other they are held. In two more a fold goes one way or the other by the last bit,
-/// and what parts two right paths is more than what is wrong with a third.
+/// In one frame the pins are moved, in the other they are held. In two more frames a fold would go one way or the other
+/// depending on the last bit, and the difference between two correct paths would exceed the error of a wrong one.
 const FRAMES: u8 = 2;
 
-/// The state after a few steps of colliders, led pins and, if asked for, bending and wind.
+/// The state after some steps with colliders, moving pins and, if `windy`, bending and wind.
 fn play(engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool, levels: usize) -> (Vec<Vec4>, Vec<Vec4>) {
     play_from(1.0, engine, cloth, options, windy, levels)
 }
 
-/// The same from positions that are this many times as far from the origin.
+/// The same, starting from positions that are `scale` times as far from the origin.
 fn play_from(
     scale: f32,
     engine: &mut Engine,
@@ -81,7 +81,7 @@ fn play_from(
         if windy {
             (attributes.wind, attributes.air_density) = (Vec3::new(2.0, 4.0, -3.0), 1.2);
         }
-        // Led in some frames, then held.
+        // The pins are moved in even frames and held in odd ones.
         if frame % 2 == 0 {
             attributes.pin_targets = Some(motion.pins.iter().map(|&pin| pin + Vec3::new(0.01, 0.02, 0.0)).collect());
         }
@@ -108,12 +108,12 @@ fn play_from(
     state
 }
 
-/// Roundings that may part the CPU, with fused multiply-adds, from a GPU. Coarse edges pull or do not, so that a cloth with
-/// levels makes more of a rounding than one without; what is wrong makes more still.
+/// Number of roundings by which the CPU, with fused multiply-adds, may differ from a GPU. Coarse edges either pull or
+/// do not, so levels amplify a rounding difference; a real error is still larger.
 const ROUNDINGS: f64 = 4.0;
 
-/// How far (m) the last bits of where a cloth starts move where it ends, `x`: at most, of several, for most change little and some
-/// make a coarse edge pull that did not.
+/// By how much (m) the final positions differ from `x` if the initial positions change in their last bits: the largest
+/// of several changes, since most have little effect and some make a coarse edge pull that did not before.
 fn rounding(cloth: &Cloth, options: &Options, windy: bool, levels: usize, x: &[Vec4]) -> f64 {
     let scales = [-2, -1, 1, 2].map(|bits: i8| 1.0 + f32::from(bits) * f32::EPSILON);
     let ends = scales.map(|scale| play_from(scale, &mut Engine::Cpu(Box::new(Cpu::new(cloth))), cloth, options, windy, levels).0);
@@ -143,7 +143,7 @@ fn every_path_agrees_with_the_cpu() {
             let (moved, speed) = (apart(&x, &cloth.rest), apart(&p, &vec![Vec4::ZERO; p.len()]));
             assert!(moved > 0.01, "{name}: moved by {moved} m");
             let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
-            // The smallest room holds the second level alone, so the first is cut into tiles.
+            // The smallest room holds only the second level, so the first level is cut into tiles.
             let sizes = [(40, room), (30, 320), (200, room)].map(|(own, room)| TileSize { own, room, bytes: usize::MAX });
             let paths = [(Path::PerColor, sizes[0]), (Path::Tiled, sizes[0]), (Path::Tiled, sizes[1]), (Path::Tiled, sizes[2])];
             for (path, size) in paths.into_iter().chain([(Path::SingleWorkgroup, sizes[0])]) {
@@ -157,7 +157,8 @@ fn every_path_agrees_with_the_cpu() {
                 let what =
                     format!("{name}, {method:?}, windy {windy}, {levels} levels: {path:?}, {size:?}: {dx:e}, {dp:e} apart");
                 println!("{what}");
-                // Rounding alone; an edge left out or visited out of turn makes 1e-3 and more.
+                // Only rounding is allowed; an edge that is omitted or visited out of turn makes a difference of 1e-3
+                // and more.
                 let slack = 1.0 + ROUNDINGS * rounding / 2e-5;
                 assert!(dx <= 2e-5 * slack && dp <= 2e-4 * slack, "{what}, one rounding {rounding:e}");
             }
@@ -165,7 +166,7 @@ fn every_path_agrees_with_the_cpu() {
     }
 }
 
-/// In one pass and in several, damped or not, in tiles and in a dispatch for each look at neighbors: the CPU's motion.
+/// Bending agrees with the CPU in one pass and in several, damped and undamped, in tiles and with a dispatch per stage.
 #[test]
 fn bending_in_tiles_and_apart_agrees_with_the_cpu() {
     let gpu = Gpu::shared(true).unwrap();
@@ -190,13 +191,14 @@ fn bending_in_tiles_and_apart_agrees_with_the_cpu() {
             });
             let [dx, between] = [apart(&x, &ends[0]), apart(&ends[0], &ends[1])].map(|apart| apart / moved);
             println!("{name}, B = {bending}, tau = {damping}, {count} passes: {dx:e} apart, {between:e} in tiles and not");
-            // Rounding, of which damping makes much where a ring's curvature has hardly a direction.
+            // Rounding, which damping amplifies where the direction of a ring's curvature is nearly undefined.
             assert!(dx <= 1e-4 && between <= 1e-5, "{name}, B = {bending}, tau = {damping}: {dx:e} and {between:e} apart");
         }
     }
 }
 
-/// Each vertex is one tile's own, and a tile holds the rings that its own depend on, each neighbor where it says.
+/// Each vertex is owned by exactly one tile. A tile holds the rings that its own vertices depend on, and its lists say
+/// where each neighbor is.
 #[test]
 fn bend_tiles_hold_their_rings() {
     for (mesh, rings) in [(Mesh::grid(40, 37, 1.0, 1.0), 1), (mesh(33, 29), 3), (Mesh::grid(40, 37, 1.0, 1.0), 7)] {
@@ -208,7 +210,7 @@ fn bend_tiles_hold_their_rings() {
             let [own, held, list] = [0, 1, 2].map(|k| header[k] as usize);
             assert!(own <= held && held <= tiles.largest && tiles.largest <= 600);
             let pair = |k: usize| &tiles.table[list + 2 * k..][..2];
-            // How many rings of neighbors are there around each vertex that is held.
+            // For each vertex held, how many complete rings of neighbors around it are held.
             let mut depth = vec![0; held];
             (0..own).for_each(|k| kept[pair(k)[0] as usize] += 1);
             (0..own).for_each(|k| depth[k] = rings);
@@ -254,7 +256,8 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     }
 }
 
-/// Whatever the path, a step that leaves the finite numbers is undone on the GPU, and those after it until someone looks.
+/// On every path, a step with a result that is not finite is undone on the GPU, as are the steps after it until the
+/// failure is read.
 #[test]
 fn a_failed_step_is_undone_on_every_path() {
     let gpu = Gpu::shared(true).unwrap();
@@ -288,8 +291,8 @@ fn a_failed_step_is_undone_on_every_path() {
     }
 }
 
-/// A cut of the cloth, played by hand: each tile, alone and from its own vertices and halo only, gives its own vertices
-/// the bits that visiting the colors gives them.
+/// Simulates the tiles on the CPU: each tile, from its own vertices and halo only, computes for its own vertices the
+/// same bits as sweeping all colors of the whole cloth.
 #[test]
 fn tiles_hold_all_that_their_own_vertices_depend_on() {
     for (mesh, own) in [(Mesh::grid(40, 37, 1.0, 1.0), 64), (mesh(33, 29), 50), (mesh(5, 4), 7)] {
@@ -297,7 +300,7 @@ fn tiles_hold_all_that_their_own_vertices_depend_on() {
         let ends: Vec<[u32; 2]> = cloth.swept().iter().map(|link| link.ends).collect();
         let tiles =
             Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own, room: 400, bytes: usize::MAX }).unwrap();
-        // Any rule that depends on order: here each edge mixes what its ends know.
+        // Any rule whose result depends on the order will do: here each edge mixes the values at its ends.
         let mix = |a: u64, b: u64| (a.rotate_left(7) ^ b.wrapping_mul(0x9e37_79b9_7f4a_7c15), b.rotate_left(11) ^ a);
         let start = |v: u32| u64::from(v) + 1;
         let mut all: Vec<u64> = (0..cloth.rest.len() as u32).map(start).collect();
@@ -339,7 +342,7 @@ fn a_fan_that_no_tile_holds_is_refused() {
     let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
     assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 200, bytes: usize::MAX }).is_none());
     assert!(Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, TileSize { own: 64, room: 400, bytes: usize::MAX }).is_some());
-    // A hub with all others in its ring.
+    // A hub whose ring contains all other vertices.
     let spoke = |k: u32| [(0, k), (k, 0)].map(|(v, other)| (v, BendEntry { other, forward: 1.0, backward: 1.0 }));
     let spokes = Csr::new(301, (1..301).flat_map(spoke));
     for (room, fits) in [(200, false), (400, true)] {

@@ -1,10 +1,11 @@
-//! Tests of `src/hybrid/mod.rs`, from inside.
+//! Unit tests of `src/hybrid/mod.rs`.
 
 use glam::Vec3;
 
 use crate::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality};
 
-/// The same bits wherever the device reads and writes, whatever of the state is sent; and that is the CPU's motion.
+/// The result has the same bits wherever the device reads and writes and whichever part of the state is sent, and it
+/// agrees with the CPU.
 #[test]
 fn memory_in_place_or_copied_gives_the_same_motion() {
     let mesh = Mesh::grid(21, 17, 1.0, 0.8);

@@ -1,4 +1,4 @@
-//! Tests of `src/io/obj.rs`, from inside.
+//! Unit tests of `src/io/obj.rs`.
 
 use super::*;
 

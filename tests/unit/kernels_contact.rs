@@ -1,11 +1,12 @@
-//! Test: where contact leaves a vertex, beside the bodies as their definitions say them.
+//! Collisions of vertices, compared with the bodies' distance functions.
 
 use glam::{DQuat, DVec3, Quat, Vec3, Vec3A};
 
 use super::*;
 use crate::oracle::{ball_chain_distance, box_distance};
 
-/// Boxes that turn and grow, bodies between two balls that swell; no friction.
+/// Random frictionless bodies with their distance functions: rotating, growing boxes, and the hulls of two growing
+/// balls.
 fn bodies(random: &mut fastrand::Rng) -> (Body, impl Fn(DVec3, f64) -> f64 + use<>) {
     let mut vector = |size: f32| Vec3::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5) * 2.0 * size;
     let (a, b, half) = (vector(1.0), vector(1.0), vector(0.3).abs() + 0.1);
@@ -41,7 +42,7 @@ fn bodies(random: &mut fastrand::Rng) -> (Body, impl Fn(DVec3, f64) -> f64 + use
     (body, distance)
 }
 
-/// A vertex that would end inside is on the surface instead, where it is nearest; one that would not is let go.
+/// A vertex that would end inside a body ends at the nearest point of its surface; one that would not is not changed.
 #[test]
 fn what_would_end_inside_ends_on_the_surface() {
     let mut random = fastrand::Rng::with_seed(5);
@@ -73,7 +74,7 @@ fn what_would_end_inside_ends_on_the_surface() {
     assert!(met > 60, "{met} of them met a body");
 }
 
-/// What friction without a limit does to a vertex on a box: it moves as the box does there.
+/// With unlimited friction a vertex on a box moves as the box does at that point.
 #[test]
 fn a_vertex_that_sticks_goes_with_the_box() {
     let (first, center) = (Quat::from_rotation_x(0.4), Vec3::new(0.3, -0.2, 0.1));
@@ -93,7 +94,7 @@ fn a_vertex_that_sticks_goes_with_the_box() {
     for place in [Vec3::new(0.4, 0.1, 0.3), Vec3::new(-0.5, 0.02, 0.1), Vec3::new(0.2, -0.1, 0.0)] {
         let x = Vec3A::from(center + first * place);
         let goal = Vec3A::from(center + by + to * place);
-        // It would go a little into the box, wherever else it goes.
+        // The displacement would take it slightly into the box.
         let inward = Vec3A::from(to * (-0.001 * place.normalize()));
         let (at, moved) = contact_body(x, goal - x + inward, &body, &substep, &params);
         let off = (at + moved - goal).length();

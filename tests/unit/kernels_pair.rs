@@ -1,4 +1,4 @@
-//! The closest points of a pair, and its multipliers, against what they are by definition.
+//! The closest points of a pair and its multipliers, compared with their definitions.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ fn to_segment(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     p.distance(a + (b - a) * t)
 }
 
-/// The least distance over a parameter in 0..1: near the least of a hundred.
+/// The minimum of a function over 0..1, searched near the least of a hundred samples.
 fn least(of: impl Fn(f64) -> f64) -> f64 {
     let coarse = (0..=100).map(|k| f64::from(k) / 100.0).min_by(|&a, &b| of(a).total_cmp(&of(b))).unwrap();
     let (mut low, mut high) = ((coarse - 0.01).max(0.0), (coarse + 0.01).min(1.0));
@@ -30,7 +30,7 @@ fn least(of: impl Fn(f64) -> f64) -> f64 {
     of(0.5 * (low + high))
 }
 
-/// Corners about a unit apart; now and then two of them, or all, on one line or in one place.
+/// Four corners about a unit apart, sometimes with two of them, or all, on a line or in one place.
 fn corners(random: &mut fastrand::Rng) -> [DVec3; 4] {
     let mut point = || DVec3::new(random.f64(), random.f64(), random.f64());
     let mut x = [point(), point(), point(), point()];
@@ -63,7 +63,7 @@ fn closest_points_are_the_closest() {
     }
 }
 
-/// Two masses pressed together: one step of the exact rate ends the approach; pulled apart nothing holds them.
+/// Two masses approaching: one step with the exact rate stops the approach. If they move apart, nothing holds them.
 #[test]
 fn a_multiplier_ends_the_approach_and_never_pulls() {
     let (w, n) = (2.0_f32, Vector::new(0.0, 1.0, 0.0));
@@ -75,7 +75,7 @@ fn a_multiplier_ends_the_approach_and_never_pulls() {
     assert!((after(pressed, lambda).y + 0.1).abs() < 1e-6, "up to the gap and no farther");
     let (rub, press) = step_of_lambda(none, n, 0.1, zero - pressed, rate, 0.5);
     assert!(press == 0.0 && rub.dot(rub) == 0.0);
-    // Coulomb: what presses by 1 is rubbed by at most mu, against the slip.
+    // Coulomb: the friction multiplier is at most mu times the normal one, and opposes the slip.
     let slipping = Vector::new(5.0, -0.2, 0.0);
     let (rub, press) = step_of_lambda(none, n, 0.0, slipping, rate, 0.5);
     assert!((rub.x + 0.5 * press).abs() < 1e-6 && rub.y == 0.0, "{rub:?} of {press}");

@@ -1,8 +1,8 @@
-//! Test: classes and what is told by them, against plain sorting.
+//! Histogram classes and quantiles, compared with sorting.
 
 use super::*;
 
-/// Numbers that are as good as random, the same in every run.
+/// A fixed sequence of evenly distributed numbers.
 fn numbers(count: u32) -> impl Iterator<Item = f32> {
     (0..count).map(|k| (k as f32 * 0.618_034).fract())
 }

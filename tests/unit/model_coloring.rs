@@ -1,4 +1,4 @@
-//! Tests of `src/model/coloring.rs`, from inside.
+//! Unit tests of `src/model/coloring.rs`.
 
 use super::*;
 use crate::Mesh;
@@ -25,14 +25,14 @@ fn a_grid_takes_as_many_colors_as_its_degree() {
     }
 }
 
-/// Whichever way the diagonals run, the edges of one direction between two rows have one color.
+/// For either direction of the diagonals, all edges of one direction between two rows have the same color.
 #[test]
 fn rows_of_a_grid_have_one_color() {
     let (columns, rows) = (20, 13);
     let mut mesh = Mesh::grid(columns, rows, 1.0, 1.0);
     for mirrored in [false, true] {
         if mirrored {
-            // Each row the other way round.
+            // Mirrors each row.
             let name = |v: u32| v / columns * columns + (columns - 1 - v % columns);
             mesh.triangles.iter_mut().flatten().for_each(|v| *v = name(*v));
             let positions = mesh.positions.clone();
@@ -54,7 +54,8 @@ fn opposite_edges_of_a_grid_are_visited_one_after_the_other() {
     let mesh = Mesh::grid(9, 9, 1.0, 1.0);
     let edges = mesh.edges();
     let coloring = color(&edges, &mesh.positions);
-    // Steps of 1, 9 and 8 are the grid's three directions; each has two colors of its own, to the very border.
+    // Vertex offsets of 1, 9 and 8 are the grid's three directions; each has two colors of its own, including at the
+    // border.
     let mut pairs = [1, 9, 8].map(|step| {
         let along = edges.iter().zip(&coloring.of).filter(|([a, b], _)| b - a == step);
         let colors: std::collections::BTreeSet<u32> = along.map(|(_, &color)| color).collect();
@@ -65,7 +66,8 @@ fn opposite_edges_of_a_grid_are_visited_one_after_the_other() {
     assert_eq!(pairs, [[0, 1], [2, 3], [4, 5]]);
 }
 
-/// A power of two scales every position exactly, down to lengths whose squares no single number holds, and so no direction turns.
+/// Scaling by a power of two is exact, down to lengths whose squares underflow in single precision, so no direction may
+/// change.
 #[test]
 fn a_mesh_of_any_size_has_the_same_colors() {
     let mesh = Mesh::grid(20, 13, 1.0, 0.7);
@@ -88,7 +90,8 @@ fn a_fan_of_a_hundred_edges_needs_a_hundred_colors() {
     assert_eq!(check(&edges, &[Vec3::ZERO; 101]), 100);
 }
 
-/// Fans of one hub and of two, their hubs numbered first and last: as many colors as the degree or hardly more, and in a moment.
+/// Fans with one hub and with two, numbered first and last: the number of colors hardly exceeds the degree, and
+/// coloring takes only a moment.
 #[test]
 fn a_fan_of_very_many_edges_is_colored_at_once() {
     let rim = 200_000;

@@ -1,4 +1,4 @@
-//! Tests of `src/model/tethers.rs`, from inside.
+//! Unit tests of `src/model/tethers.rs`.
 
 use glam::Vec3;
 
@@ -10,7 +10,7 @@ fn tethers(mesh: &Mesh, pinned: &[u32], options: Options) -> Option<Tethers> {
     Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..options }).unwrap().tethers
 }
 
-/// Distances along the cloth by the mesh's vertices, infinite where there is no tether.
+/// Distances along the cloth, by the mesh's vertices; infinite where there is no tether.
 fn distances(mesh: &Mesh, pinned: &[u32], options: Options) -> Vec<f64> {
     let cloth = Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..options }).unwrap();
     let mut found = vec![f64::INFINITY; mesh.positions.len()];
@@ -20,7 +20,7 @@ fn distances(mesh: &Mesh, pinned: &[u32], options: Options) -> Vec<f64> {
     found
 }
 
-/// A grid with its vertices moved about in its plane and diagonals either way.
+/// A grid with random diagonals whose vertices are displaced within its plane.
 fn jittered(n: u32, size: f32) -> Mesh {
     let mut random = fastrand::Rng::with_seed(3);
     let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
@@ -30,13 +30,14 @@ fn jittered(n: u32, size: f32) -> Mesh {
         triangles.copy_from_slice(&[[a, b - 1, b], [a, b, a + 1]]);
     }
     let mut jitter = || size / n as f32 * (random.f32() - 0.5);
-    // Its outline stays straight, or straight lines would leave it.
+    // Its outline stays straight, because straight lines between vertices would otherwise leave it.
     let inside = mesh.positions.iter_mut().filter(|x| x.x.abs().max(x.z.abs()) < 0.499);
     inside.for_each(|x| *x += Vec3::new(jitter(), 0.0, jitter()));
     mesh
 }
 
-/// In a plane the way is the straight line: never less, or it would pull at cloth at rest, and hardly more.
+/// In a plane the shortest path is the straight line. The computed length must not be less, or tethers would pull on
+/// cloth at rest, and hardly more.
 #[test]
 fn ways_in_a_plane_are_straight() {
     for (mesh, pin, excess) in
@@ -56,7 +57,7 @@ fn ways_in_a_plane_are_straight() {
     }
 }
 
-/// A rolled sheet is measured as if it were unrolled, and about the corner of an L ways have a bend.
+/// Distances in a rolled sheet are those of the unrolled one, and paths bend around the corner of an L shape.
 #[test]
 fn ways_follow_the_cloth() {
     let flat = Mesh::grid(41, 21, 2.0, 1.0);
@@ -66,7 +67,7 @@ fn ways_follow_the_cloth() {
     let mut met = 0;
     for (v, x) in flat.positions.iter().enumerate().filter(|(v, _)| far[*v] < 0.45 && *v != 20) {
         let straight = f64::from(x.distance(flat.positions[20]));
-        // Chords are shorter than the arc, by (l/r)²/24.
+        // Chords are shorter than the arc by a share of (l/r)²/24.
         assert!((far[v] / straight - 1.0).abs() < 2e-3, "vertex {v}: {} m, unrolled {straight}", far[v]);
         met += usize::from(rolled.positions[v].distance(rolled.positions[20]) < 0.95 * far[v] as f32);
     }
@@ -83,7 +84,7 @@ fn ways_follow_the_cloth() {
     assert!(far > bent * (1.0 - 1e-6) && far < 1.01 * bent, "{far} m about the corner, {bent} by hand");
 }
 
-/// Cloth that is soft in shear is as long along its bias as its threads are.
+/// In cloth that is soft in shear, the distance along the bias is that along the threads.
 #[test]
 fn soft_edges_are_no_way() {
     let mesh = Mesh::grid(21, 21, 1.0, 1.0);
@@ -96,7 +97,7 @@ fn soft_edges_are_no_way() {
     }
 }
 
-/// Each vertex hangs on the nearest pin. A pin or two side by side are alone, a row is not.
+/// Each vertex is tethered to the nearest pin. One pin or two side by side are lone pins, a row is not.
 #[test]
 fn lone_pins_have_tethers() {
     let mesh = Mesh::grid(9, 9, 1.0, 1.0);
@@ -119,7 +120,7 @@ fn lone_pins_have_tethers() {
     assert!(tethers(&mesh, &[0], Options { tethers: options::Tethers::Off, ..Options::default() }).is_none());
 }
 
-/// What a thread gives way by is twice what its own law says, `W d/(K l)`, and never less than that of the stress of all the sheet.
+/// For a thread, `give` is twice the stretch `W d/(K l)` plus that from the stress of the whole sheet.
 #[test]
 fn the_fabric_is_let_give_way() {
     let mesh = Mesh {

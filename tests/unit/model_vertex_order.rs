@@ -1,4 +1,4 @@
-//! Tests of `src/model/vertex_order.rs`, from inside.
+//! Unit tests of `src/model/vertex_order.rs`.
 
 use super::*;
 use crate::Mesh;
@@ -18,12 +18,12 @@ fn breadth_first_brings_shuffled_neighbors_together() {
     assert_eq!(vertex_order(&mesh.edges(), 900), own, "a grid keeps its rows");
 }
 
-/// However long they are.
+/// A mesh made of rows keeps its order, however long the rows are.
 #[test]
 fn rows_keep_their_order() {
     let mesh = Mesh::grid(90, 4, 1.0, 1.0);
     assert_eq!(vertex_order(&mesh.edges(), 360), (0..360).collect::<Vec<_>>());
-    // Every other diagonal the other way.
+    // With every other diagonal reversed.
     let squares = (0..3).flat_map(|row| (0..89).map(move |column| (row * 90 + column, (row + column) % 2 == 0)));
     let crossed = squares.flat_map(|(a, other)| {
         let [b, c, d] = [a + 1, a + 90, a + 91];
@@ -31,7 +31,7 @@ fn rows_keep_their_order() {
     });
     let crossed = Mesh { triangles: crossed.collect(), ..mesh.clone() };
     assert_eq!(vertex_order(&crossed.edges(), 360), (0..360).collect::<Vec<_>>());
-    // Two of them.
+    // Two grids in one mesh.
     let mut two = mesh.clone();
     two.triangles.extend(two.triangles.clone().iter().map(|corners| corners.map(|vertex| vertex + 361)));
     assert_eq!(vertex_order(&two.edges(), 721), (0..721).collect::<Vec<_>>());

@@ -1,4 +1,4 @@
-//! Tests of `src/multigrid/hierarchy.rs`, from inside.
+//! Unit tests of `src/multigrid/hierarchy.rs`.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::*;
 use crate::{Mesh, Options};
 
-/// What holds for the levels of any mesh. Gives them back.
+/// Asserts what must hold for the levels of any mesh, and returns them.
 fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
     let cloth = Cloth::new(mesh, &options).unwrap();
     let levels = Hierarchy::new(&cloth).levels;
@@ -37,7 +37,7 @@ fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
         of_vertex.iter_mut().for_each(|item| *item = level.label[*item as usize]);
         (masses, pinned) = (sums, level.inverse_mass.iter().map(|&w| w == 0.0).collect());
 
-        // The free vertices of an aggregate are connected: as many joins as it takes.
+        // The free vertices of an aggregate are connected: labels are joined until nothing changes.
         let mut joined: Vec<u32> = (0..of_vertex.len() as u32).collect();
         for _ in 0..of_vertex.len() {
             let mut changed = false;
@@ -73,7 +73,7 @@ fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
     levels
 }
 
-/// Two meshes as one.
+/// Combines two meshes, the second one shifted.
 fn both(mut a: Mesh, b: &Mesh, by: Vec3) -> Mesh {
     let first = a.positions.len() as u32;
     a.positions.extend(b.positions.iter().map(|x| *x + by));
@@ -90,7 +90,7 @@ fn a_grids_aggregates_are_blocks() {
         let corner = (vertex / 64) / 4 * 4 * 64 + (vertex % 64) / 4 * 4;
         assert_eq!(levels[0].label[vertex], levels[0].label[corner]);
     }
-    // Blocks of 4 x 4 are 4 edges apart, along rows and columns; the distance is that of their centers.
+    // The centers of 4 x 4 blocks are 4 edges apart along rows and columns.
     let least = levels[0].links.iter().map(|link| link.rest).fold(f32::INFINITY, f32::min);
     assert!((least * 63.0 - 4.0).abs() < 1e-4);
     for (columns, rows) in [(129, 129), (100, 37), (400, 2), (7, 7), (2, 2)] {
@@ -101,7 +101,7 @@ fn a_grids_aggregates_are_blocks() {
 #[test]
 fn pins_are_apart() {
     let mesh = Mesh::grid(32, 32, 1.0, 1.0);
-    // A line of pins parts what is on its two sides.
+    // A line of pins separates the vertices on its two sides.
     check(&mesh, Options { pinned: (0..32).map(|row| 32 * row + 13).collect(), ..Options::default() });
     check(&mesh, Options { pinned: vec![32 * 14 + 13], ..Options::default() });
     let levels = check(&mesh, Options { pinned: (0..32 * 32).collect(), ..Options::default() });
@@ -113,21 +113,21 @@ fn pins_are_apart() {
 #[test]
 fn pieces_are_apart() {
     let grid = Mesh::grid(16, 16, 1.0, 1.0);
-    // Two sheets closer to each other than their vertices are.
+    // Two sheets that are closer to each other than neighboring vertices are.
     let levels = check(&both(grid.clone(), &grid, Vec3::Y * 1e-3), Options::default());
     let of = |vertex: usize| levels[0].label[vertex];
     assert!((0..256).all(|vertex| of(vertex) != of(256 + vertex)));
     let lone = Mesh { positions: vec![Vec3::ZERO; 50], triangles: Vec::new() };
     check(&both(grid.clone(), &lone, Vec3::ONE), Options::default());
     assert!(check(&lone, Options::default()).is_empty());
-    // Three sheets along one edge.
+    // Three sheets that share an edge.
     let upright = Mesh { positions: grid.positions.iter().map(|x| Vec3::new(x.x, x.z + 0.5, 0.0)).collect(), ..grid.clone() };
     let mut fin = both(grid, &upright, Vec3::ZERO);
     fin.triangles.push([7 * 16, 7 * 16 + 1, 256]);
     check(&fin, Options::default());
 }
 
-/// A strip cut along its middle but for its end: no coarse edge spans the cut, except near where it ends.
+/// A strip cut along its middle except at its end: no coarse edge spans the cut, except near the end.
 #[test]
 fn a_slit_is_not_bridged() {
     let mut mesh = Mesh::grid(64, 32, 2.0, 1.0);
@@ -150,7 +150,7 @@ fn a_slit_is_not_bridged() {
     }
 }
 
-/// On a tube, centers are inside of it, and the cloth between two of them is longer than their distance.
+/// On a tube, the aggregates' centers lie inside it, and the cloth between two of them is longer than their distance.
 #[test]
 fn a_tube_is_not_held_round() {
     let (around, along, radius) = (64_u32, 32_u32, 1.0 / std::f32::consts::TAU);
@@ -176,7 +176,7 @@ fn a_tube_is_not_held_round() {
     };
     for link in &levels[0].links {
         let [a, b] = link.ends.map(center);
-        // Flattened: the arc between them, at the tube's own radius, and the way along it.
+        // The distance on the flattened tube, from the arc at the tube's radius and the distance along it.
         let angle = (a.with_y(0.0)).angle_between(b.with_y(0.0));
         let flat = (angle * f64::from(radius)).hypot(a.y - b.y);
         assert!(f64::from(link.rest) > 0.98 * flat, "{link:?}: flat, they are {flat} apart");

@@ -1,4 +1,4 @@
-//! Tests of `src/options.rs`, from inside.
+//! Unit tests of `src/options.rs`.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! Tests of `src/step/bending.rs`, from inside.
+//! Unit tests of `src/step/bending.rs`.
 
 use super::*;
 use crate::model::cloth::Cloth;
@@ -10,7 +10,8 @@ fn sheet() -> (Cloth, Vec<Vec4>) {
     (cloth, rest)
 }
 
-/// One pass is the moments as they are; what it carries is what leapfrog does, and two carry three times as much.
+/// A single pass leaves the moments unchanged and has the stability limit of leapfrog; two passes have more than three
+/// times that limit.
 #[test]
 fn the_first_pass_of_one_is_the_moment_itself() {
     assert_eq!(filter(1, 1e-3)[0].gain, 1.0);
@@ -20,7 +21,8 @@ fn the_first_pass_of_one_is_the_moment_itself() {
     }
 }
 
-/// As many passes as 95 vertices in a hundred need and no more; whatever the rigidity, nothing is left above what they carry.
+/// The number of passes is the least that 95 % of the vertices need, and at any rigidity the rows stay within its
+/// limit.
 #[test]
 fn the_fewest_passes_carry_the_rows() {
     let (cloth, rest) = sheet();
@@ -43,10 +45,10 @@ fn the_fewest_passes_carry_the_rows() {
             } else {
                 assert!(worst(&full) > limit(count - 1, tau > 0.0), "B = {bending}: {count} passes are too many");
             }
-            // Softened without a word is a twentieth at most.
+            // Softening is reported only if it takes more than a twentieth.
             let share = stiffness.iter().sum::<f64>() / full.iter().sum::<f64>();
             assert_eq!(limited > 0, share < 0.9, "B = {bending}: {limited} limited, {share} left");
-            // A mode loses half of its velocity at most.
+            // Damping takes at most half of a mode's velocity.
             let damped: Vec<f64> = rows.iter().map(|row| f64::from(row.stiffness) * f64::from(row.tau)).collect();
             let taken = worst(&damped) / h;
             assert!(taken <= if count == 1 { 1.0 } else { 0.5 } * (1.0 + 1e-6), "B = {bending}: {taken}");
@@ -56,7 +58,7 @@ fn the_fewest_passes_carry_the_rows() {
     assert!(counts.contains(&1) && counts.contains(&2) && counts.contains(&16), "{counts:?}");
 }
 
-/// Relaxation and springs stay as they are.
+/// The filter is not used with relaxation and springs.
 #[test]
 fn small_steps_alone_are_filtered() {
     use crate::Method;

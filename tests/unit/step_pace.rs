@@ -1,4 +1,4 @@
-//! Test: the substeps that fit into a time, found from how long others took.
+//! The number of substeps that fit into a time, learned from the time of earlier ones.
 
 use super::Pace;
 
@@ -6,7 +6,7 @@ use super::Pace;
 fn as_many_fit_as_the_time_allows() {
     let mut pace = Pace::default();
     assert_eq!(pace.fitting(2e-3, 5.0), None, "nothing is known yet");
-    // 50 us each, and one step that something else held up.
+    // 50 us each, then one step that was delayed by something else.
     (0..20).for_each(|_| pace.note(5e-4, 10));
     assert_eq!(pace.fitting(2e-3, 5.0), Some(36.0), "nine tenths of 2 ms");
     assert_eq!(pace.fitting(2e-3, 34.0), Some(34.0), "about as many fit");

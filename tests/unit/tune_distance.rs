@@ -1,4 +1,4 @@
-//! Tests of `src/tune/distance.rs`, from inside.
+//! Unit tests of `src/tune/distance.rs`.
 
 use super::*;
 
@@ -21,6 +21,6 @@ fn the_spread_does_not_ask_which_vertex_is_where() {
     let turned: Vec<Vec3> = points.iter().rev().copied().collect();
     assert!(rms(&points, &turned) > 10.0);
     assert_eq!(spread(&look(&points, 1.0), &look(&turned, 1.0)), 0.0);
-    // Faster by 2 m/s counts as a way of .2 m.
+    // A difference of 2 m/s in speed counts like a distance of .2 m.
     assert!((spread(&look(&points, 1.0), &look(&turned, 3.0)) - 0.2).abs() < 1e-9);
 }
