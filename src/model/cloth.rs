@@ -13,10 +13,11 @@ use crate::error::BuildError;
 use crate::kernels::spring::Spring;
 use crate::kernels::statistics::StrainGauge;
 use crate::kernels::wind::Panel;
-use crate::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::bending::Bending;
+use crate::model::checks::{check_mesh, check_options};
 use crate::model::coloring;
 use crate::model::csr::Csr;
+use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, sides};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::Tethers;
@@ -117,10 +118,7 @@ impl Cloth {
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
             sides(named).for_each(|side| side_area[index_of.of(side)] += triangle_area);
         }
-        let (mass, density) = masses(options, &order, &area)?;
-        let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
-        let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
-        pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
+        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area)?;
 
         // Vertices without edges do not count for the size of the cloth.
         let held: Vec<Vec3> = mesh_edges.iter().flatten().map(|&vertex| rest[rank[vertex as usize] as usize]).collect();
@@ -156,7 +154,7 @@ impl Cloth {
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
-        let mut cloth = Cloth {
+        let cloth = Cloth {
             order,
             origin,
             rest,
@@ -178,10 +176,7 @@ impl Cloth {
             gauges: OnceLock::new(),
             tethers: None,
         };
-        if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
-            cloth.tethers = Tethers::new(&cloth);
-        }
-        Ok(cloth)
+        Ok(cloth.tethered(options))
     }
 
     /// The cloth as it would be built with other options: fabric, masses and pins. What depends on the mesh alone is
@@ -189,11 +184,7 @@ impl Cloth {
     pub(crate) fn changed(&self, options: &Options) -> Result<(Cloth, Change), BuildError> {
         check_options(self.rest.len(), self.links.len(), options)?;
         let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
-        let (mass, density) = masses(options, &self.order, &self.areas(&positions))?;
-        let rank = vertex_order::inverse(&self.order);
-        let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
-        let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
-        pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
+        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &self.order, &self.areas(&positions))?;
 
         let stretch = f64::from(options.fabric.stretch);
         let mut links = self.links.clone();
@@ -215,7 +206,7 @@ impl Cloth {
             _ => self.colors.clone(),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
-        let mut cloth = Cloth {
+        let cloth = Cloth {
             order: self.order.clone(),
             rest,
             mass,
@@ -232,10 +223,15 @@ impl Cloth {
             tethers: None,
             ..*self
         };
+        Ok((cloth.tethered(options), change))
+    }
+
+    /// With the tethers that the options ask for.
+    fn tethered(mut self, options: &Options) -> Cloth {
         if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
-            cloth.tethers = Tethers::new(&cloth);
+            self.tethers = Tethers::new(&self);
         }
-        Ok((cloth, change))
+        self
     }
 
     /// Area (m²) of each vertex: a third of the area of each of its triangles.
@@ -337,96 +333,6 @@ fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec
     let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
     links[..free].copy_from_slice(&sorted);
     colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect()
-}
-
-fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
-    let vertices = mesh.positions.len();
-    if vertices == 0 {
-        return Err(BuildError::NoVertices);
-    }
-    if vertices > MAX_VERTICES {
-        return Err(BuildError::TooManyVertices { vertices });
-    }
-    let inside = |position: &Vec3| position.is_finite() && position.abs().max_element() <= MAX_POSITION;
-    if let Some(vertex) = mesh.positions.iter().position(|position| !inside(position)) {
-        return Err(BuildError::Position { vertex, position: mesh.positions[vertex] });
-    }
-    for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        if let Some(&index) = corners.iter().find(|&&index| index as usize >= vertices) {
-            return Err(BuildError::Index { triangle, index, vertices });
-        }
-    }
-    Ok(())
-}
-
-fn check_options(vertices: usize, edges: usize, options: &Options) -> Result<(), BuildError> {
-    let value = |name: &str, value: f32, holds: bool, remedy: &'static str| match holds {
-        true => Ok(()),
-        false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
-    };
-    let positive = |x: f32| x > 0.0 && x.is_finite();
-    let not_negative = |x: f32| x >= 0.0 && x.is_finite();
-    let fabric = options.fabric;
-    value("fabric.density", fabric.density, positive(fabric.density), "must be finite and above 0 kg/m2")?;
-    value("fabric.stretch", fabric.stretch, fabric.stretch > 0.0, "must be above 0 N/m, or infinite for inextensible")?;
-    value("fabric.bending", fabric.bending, not_negative(fabric.bending), "must be finite and 0 N m or above")?;
-    value("fabric.damping", fabric.damping, not_negative(fabric.damping), "must be finite and 0 s or above")?;
-    options.check_numbers()?;
-
-    let mut is_pinned = vec![false; vertices];
-    for (slot, &index) in options.pinned.iter().enumerate() {
-        let Some(pinned) = is_pinned.get_mut(index as usize) else { return Err(BuildError::Pin { slot, index, vertices }) };
-        if std::mem::replace(pinned, true) {
-            return Err(BuildError::PinTwice { slot, index });
-        }
-    }
-    let length = |name, list: &[f32], expected, things| match list.len() == expected {
-        true => Ok(()),
-        false => Err(BuildError::Length { name, given: list.len(), expected, things }),
-    };
-    let each = |name: &str, list: &[f32], holds: fn(f32) -> bool, remedy| match list.iter().position(|&x| !holds(x)) {
-        None => Ok(()),
-        Some(index) => value(&format!("{name}[{index}]"), list[index], false, remedy),
-    };
-    if let Some(mass) = &options.mass {
-        length("mass", mass, vertices, "vertices")?;
-        each("mass", mass, is_mass, "must be finite and above 0 kg; use `pinned` for a fixed vertex")?;
-    }
-    if let Some(scale) = &options.edge_scale {
-        length("edge_scale", scale, edges, "edges")?;
-        each("edge_scale", scale, |x| x >= 0.0 && x.is_finite(), "must be finite and 0 or above")?;
-    }
-    Ok(())
-}
-
-/// Whether a mass (kg) and its inverse are normal floating-point numbers.
-fn is_mass(mass: f32) -> bool {
-    mass > 0.0 && mass.is_normal() && (1.0 / mass).is_normal()
-}
-
-/// Mass of each vertex (kg) and the mean areal density (kg/m²).
-///
-/// A vertex without triangles, or with degenerate ones only, has no area. It gets the mean mass of the others; if there
-/// are none, an equal share of the mass of one square meter. The mass of such a vertex has no influence on how it moves
-/// unless it is connected to others.
-fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f64), BuildError> {
-    let density = f64::from(options.fabric.density);
-    let total: f64 = area.iter().sum();
-    if let Some(mass) = &options.mass {
-        let mass: Vec<f32> = order.iter().map(|&vertex| mass[vertex as usize]).collect();
-        let weighed = mass.iter().map(|&mass| f64::from(mass)).sum::<f64>();
-        return Ok((mass, if total > 0.0 { weighed / total } else { density }));
-    }
-    let count = area.iter().filter(|&&area| area > 0.0).count();
-    let mean = if count == 0 { 1.0 / area.len() as f64 } else { total / count as f64 };
-    // Lower bound for the mass of slivers that are too thin for their mass to be inverted.
-    let least = 1e-30;
-    let mass: Vec<f32> = area.iter().map(|&area| (density * if area > 0.0 { area } else { mean }).max(least) as f32).collect();
-    if mass.iter().all(|&mass| is_mass(mass)) {
-        return Ok((mass, density));
-    }
-    let (name, value) = ("fabric.density".to_owned(), options.fabric.density.to_string());
-    Err(BuildError::Value { name, value, remedy: "makes vertices of this mesh too heavy for single precision; lower it" })
 }
 
 /// The origin of the local coordinates. It is 0 unless the mesh is far from 0, and such that subtracting it is exact.

@@ -2,10 +2,12 @@
 //! tethers.
 
 pub(crate) mod bending;
+mod checks;
 pub(crate) mod cloth;
 pub(crate) mod coloring;
 pub(crate) mod csr;
 pub(crate) mod disjoint_sets;
+mod masses;
 pub(crate) mod mesh;
 pub(crate) mod strain_gauges;
 pub(crate) mod tethers;
