@@ -1,4 +1,4 @@
-//! Air: drag by the clock, forces on a panel, and winds that must neither blow a cloth up nor be missed.
+//! Air: drag over time, forces on a panel, and winds that must neither destabilize a cloth nor be ignored.
 
 mod common;
 
@@ -12,7 +12,7 @@ fn fabric(density: f32) -> Fabric {
     Fabric { density, stretch: 5000.0, bending: 0.0, damping: 0.0 }
 }
 
-/// No gravity, air at sea level moving at `wind`.
+/// No gravity; air at sea level moving at `wind`.
 fn breeze(wind: Vec3) -> Attributes {
     Attributes { gravity: Vec3::ZERO, wind, air_density: AIR, ..Attributes::default() }
 }
@@ -22,7 +22,7 @@ fn mean(values: &[Vec3]) -> DVec3 {
     values.iter().map(|value| value.as_dvec3()).sum::<DVec3>() / values.len() as f64
 }
 
-/// With linear drag c a falling vertex has `v = (g/c)(1 - e^{-ct})`, and is carried along by the wind likewise.
+/// With linear drag c, a falling vertex has `v = (g/c)(1 - e^{-ct})`, and wind carries it along by the same law.
 fn linear_drag_is_exponential(backend: Backend) {
     let (drag, substeps) = (2.0_f64, 20);
     let options = Options { backend, quality: Quality::Substeps(substeps), ..Options::default() };
@@ -30,7 +30,7 @@ fn linear_drag_is_exponential(backend: Backend) {
     let wind = Vec3::new(3.0, 0.0, -1.0);
     let attributes = Attributes { damping: drag as f32, wind, ..Attributes::default() };
     play(&mut cloth, 60, &attributes);
-    // Velocities are those of half a substep ago.
+    // Velocities are those of half a substep before.
     let share = 1.0 - (-drag * (1.0 - 0.5 / (60.0 * f64::from(substeps)))).exp();
     let expected = (wind.as_dvec3() - DVec3::Y * 9.81 / drag) * share;
     for velocity in cloth.velocities().unwrap() {
@@ -69,13 +69,13 @@ fn a_falling_panel_reaches_terminal_velocity(backend: Backend) {
     check(&mut cloth, 2.0);
 }
 
-/// The force on one panel from rest: drag `rho C_d A w² cos/2` downstream, lift `rho C_l A w² cos² sin/2` across it, toward
-/// the side that the panel's back faces, the angle that of stream and normal.
+/// The force on one panel at rest: drag `rho C_d A w² cos/2` downstream, and lift `rho C_l A w² cos² sin/2` across the
+/// flow, toward the side that the panel's back faces. The angle is between the flow and the normal.
 fn a_tilted_panel_is_dragged_and_lifted(backend: Backend) {
     let (drag, lift, speed) = (1.28, 0.7, 4.0_f64);
     for degrees in [0.0_f64, 20.0, 45.0, 70.0, 110.0, 160.0] {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        // The stream runs along x; the panel's normal lies in the xy-plane, `degrees` from it.
+        // The flow is along x; the panel's normal lies in the xy-plane at an angle of `degrees` to it.
         let normal = DVec3::new(cos, sin, 0.0);
         let (side, up) = (DVec3::new(-sin, cos, 0.0), DVec3::Z);
         let positions = [side * -0.3, side * 0.3, up * 0.5].map(|x| (x + DVec3::new(1.0, 2.0, 3.0)).as_vec3()).to_vec();
@@ -84,7 +84,7 @@ fn a_tilted_panel_is_dragged_and_lifted(backend: Backend) {
         let options = Options { backend, fabric: fabric(0.2), quality: Quality::Substeps(1), ..Options::default() };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
         let attributes = Attributes { drag, lift, ..breeze(Vec3::X * speed as f32) };
-        // So short that neither the limiter nor the velocity gained is felt; the first kick lasts half a substep.
+        // So short that neither the limiter nor the gained velocity matters. The first kick lasts half a substep.
         let dt = 1e-5;
         cloth.step(dt, &attributes).unwrap();
         let force = mean(cloth.velocities().unwrap()) * (2.0 * 0.2 * area / f64::from(dt));
@@ -97,7 +97,7 @@ fn a_tilted_panel_is_dragged_and_lifted(backend: Backend) {
     }
 }
 
-/// Air in the plane of a flat sheet finds nothing to push on: bit for bit the state in vacuum.
+/// Air moving within the plane of a flat sheet exerts no force: the state is bit for bit that in vacuum.
 fn an_edge_on_sheet_does_not_catch_the_wind(backend: Backend) {
     let [windy, calm] = [breeze(Vec3::new(20.0, 0.0, 11.0)), Attributes { air_density: 0.0, ..breeze(Vec3::ZERO) }].map(|air| {
         let options = Options { backend, quality: Quality::Substeps(10), ..Options::default() };
@@ -108,18 +108,18 @@ fn an_edge_on_sheet_does_not_catch_the_wind(backend: Backend) {
     assert_eq!(windy, calm);
 }
 
-/// A bent sheet, so that every panel stands differently to the stream.
+/// A bent sheet, so that every panel has a different angle to the flow.
 fn bent(mesh: &Mesh) -> Vec<Vec3> {
     mesh.positions.iter().map(|x| Vec3::new(x.x.sin(), 1.0 - x.x.cos() + 0.2 * x.z * x.z, x.z)).collect()
 }
 
-/// What moves with the wind feels none; and only the velocity relative to the air counts.
+/// A cloth that moves with the wind feels none: only the velocity relative to the air counts.
 fn only_the_relative_velocity_counts(backend: Backend) {
     let mesh = Mesh::grid(5, 5, 1.0, 1.0);
     let start = bent(&mesh);
     let wind = Vec3::new(4.0, -2.0, 8.0);
     let run = |wind: Vec3, velocity: Vec3| {
-        // Without stretch there is nothing but air.
+        // Without stretch, air is the only force.
         let edge_scale = Some(vec![0.0; mesh.edges().len()]);
         let options = Options { backend, edge_scale, quality: Quality::Substeps(10), ..Options::default() };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
@@ -140,7 +140,7 @@ fn only_the_relative_velocity_counts(backend: Backend) {
     assert!(mean(&in_wind).length() > 1.0, "the wind did something");
 }
 
-/// A gale on the lightest cloth: each substep brings a panel nearer to the air's velocity and never past it.
+/// A gale on the lightest cloth: each substep brings a panel closer to the air's velocity and never beyond it.
 #[test]
 fn a_gale_never_overtakes_itself() {
     for (speed, substeps) in [(50.0, 1), (100.0, 1), (100.0, 20)] {
@@ -159,7 +159,8 @@ fn a_gale_never_overtakes_itself() {
     }
 }
 
-/// A bent sheet let go in a gale: drag only takes energy in the air's frame, so as a whole it is never faster than the air.
+/// A bent sheet released in a gale. Drag only removes energy in the air's frame, so the sheet as a whole is never
+/// faster than the air.
 #[test]
 fn a_free_sheet_in_a_gale_gains_no_energy_on_the_air() {
     let mesh = Mesh::grid(17, 17, 1.0, 1.0);
@@ -175,7 +176,7 @@ fn a_free_sheet_in_a_gale_gains_no_energy_on_the_air() {
             let velocities = cloth.velocities().unwrap();
             fastest = velocities.iter().map(|v| v.length()).fold(fastest, f32::max);
             let relative = rms(velocities, wind);
-            // Springs give back what they were stretched by: a per cent of the wind's speed.
+            // The edges return the energy that they were stretched with, which allows one percent of the wind's speed.
             assert!(relative < last + 0.01 * f64::from(speed), "{relative} m/s on the air, after {last} m/s");
             assert!(mean(velocities).length() <= f64::from(speed) * 1.0001, "{} m/s in {speed} m/s", mean(velocities));
             last = last.min(relative);
@@ -185,7 +186,7 @@ fn a_free_sheet_in_a_gale_gains_no_energy_on_the_air() {
     }
 }
 
-/// A sheet held at a pole in a gale flaps for as long as it blows, and never faster than the air.
+/// A sheet held at a pole in a gale flaps as long as the wind blows, and is never faster than the air.
 #[test]
 fn a_held_sheet_in_a_gale_is_slower_than_the_air() {
     let n = 17;
@@ -219,12 +220,12 @@ fn rms(velocities: &[Vec3], frame: Vec3) -> f64 {
     (sum / velocities.len() as f64).sqrt()
 }
 
-/// A flag on a pole streams downwind, and in a strong wind it stays nearly level.
+/// A flag on a pole streams downwind, and in a strong wind stays nearly level.
 #[test]
 fn a_flag_streams_downwind() {
     let n = 17;
     let mut mesh = Mesh::grid(n, n, 1.0, 0.7);
-    // Upright, the pole along y at its left edge.
+    // Upright, with the pole along y at its left edge.
     mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x + 0.5, -x.z, 0.0));
     let run = |wind: Vec3| {
         let options = Options {
@@ -235,10 +236,10 @@ fn a_flag_streams_downwind() {
             ..Options::default()
         };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
-        // Not quite flat: a plane cloth in its own plane is a wall, and stands.
+        // Not quite flat: an exactly flat cloth in its own plane would have no way to leave it.
         let wavy: Vec<Vec3> = mesh.positions.iter().map(|x| *x + Vec3::Z * 0.02 * (9.0 * x.x * x.y).sin()).collect();
         cloth.set_state(&wavy, &vec![Vec3::ZERO; wavy.len()]).unwrap();
-        // The damping lets the calm flag hang still.
+        // Damping lets the flag hang still in calm air.
         let attributes = Attributes { wind, air_density: AIR, damping: 0.5, ..Attributes::default() };
         play(&mut cloth, 180, &attributes);
         let mut center = DVec3::ZERO;
@@ -250,10 +251,10 @@ fn a_flag_streams_downwind() {
     };
     let (calm, strong) = (run(Vec3::ZERO), run(Vec3::Z * 20.0));
     println!("center without wind {calm:.3}, at 20 m/s {strong:.3}");
-    // Flat and level it would be at 0.5 m downstream.
+    // If it were flat and level, its center would be 0.5 m downstream.
     assert!(strong.z > 0.4, "not downstream: {strong}");
     assert!(strong.y.abs() < 0.1, "not level: {strong}");
-    // Beside the pole, on whatever side of it: nothing about a pole says which.
+    // It may be on either side of the pole; nothing distinguishes them.
     assert!(calm.y < -0.1 && calm.x.hypot(calm.z) < 0.2, "hangs: {calm}");
 }
 
@@ -265,7 +266,7 @@ on_every_backend!(
     only_the_relative_velocity_counts,
 );
 
-/// Nor when the step gets shorter in the gale: the first kick then lasts longer than its substep.
+/// The same if the step gets shorter in the gale: the first kick then lasts longer than its substep.
 #[test]
 fn a_shorter_step_reverses_nothing_either() {
     let mesh = Mesh::grid(2, 2, 1.0, 1.0);

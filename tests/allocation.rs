@@ -1,4 +1,5 @@
-//! A step allocates nothing once the scene has been met; what wgpu and a driver do inside their calls is their own.
+//! A step allocates nothing once the scene has been run before. What wgpu and drivers allocate in their calls is not
+//! counted.
 
 #[macro_use]
 mod common;
@@ -16,11 +17,12 @@ use common::FRAME;
 struct Counting;
 
 static COUNT: AtomicUsize = AtomicUsize::new(0);
-/// Whether it is noted who allocates, and who did: the innermost function that is not the standard library's or a container's.
+/// Whether to record the callers of the allocator, and the callers recorded: the innermost function that is not from
+/// the standard library or a container.
 static ASKED: AtomicBool = AtomicBool::new(false);
 static OWNERS: Mutex<Vec<String>> = Mutex::new(Vec::new());
 thread_local! {
-    /// Noting allocates too.
+    /// Set while recording, because that allocates too.
     static NOTING: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -40,22 +42,22 @@ fn note_owner() {
 static ALLOCATOR: Counting = Counting;
 
 #[expect(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything to the system's")]
-// SAFETY: every call is handed to the system's allocator as it came, and so is its answer.
+// SAFETY: every call is passed on unchanged to the system's allocator, and so is its result.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::SeqCst);
         note_owner();
-        // SAFETY: the layout that this was called with, for which `GlobalAlloc::alloc` asks what `System.alloc` does.
+        // SAFETY: `layout` satisfies the requirements of `GlobalAlloc::alloc`, which are those of `System.alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: every pointer given out above is the system's, for the layout that comes back with it.
+        // SAFETY: `pointer` was allocated above by the system with the same layout.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
 
-/// Everything a scene can have, on the move.
+/// A scene with every feature, in motion.
 fn scene(method: Method, backend: Backend) -> (Deformer, impl FnMut(&mut Deformer)) {
     let n = 60;
     let fabric = Fabric { bending: 1e-5, damping: 0.03, ..Fabric::default() };
@@ -82,7 +84,7 @@ fn scene(method: Method, backend: Backend) -> (Deformer, impl FnMut(&mut Deforme
     (Deformer::new(&mesh, options).unwrap(), advance)
 }
 
-/// Allocations in each of some steps after the first.
+/// Number of allocations in each of some steps after the first.
 fn counted(method: Method, backend: Backend) -> Vec<usize> {
     let (mut deformer, mut advance) = scene(method, backend);
     advance(&mut deformer);
@@ -95,7 +97,8 @@ fn counted(method: Method, backend: Backend) -> Vec<usize> {
     (0..20).map(step).collect()
 }
 
-/// Allocations in each of some steps of sheets that lie on one another: contact's lists have stopped growing.
+/// Number of allocations in each of some steps of sheets lying on one another, once the lists of contact have stopped
+/// growing.
 fn counted_at_rest() -> Vec<usize> {
     let mut mesh = Mesh::grid(24, 24, 0.5, 0.5);
     let other = mesh.clone();
@@ -117,7 +120,7 @@ fn counted_at_rest() -> Vec<usize> {
     counts.into_iter().map(|(count, _)| count).collect()
 }
 
-/// Who allocates in the fourth step.
+/// The functions that allocate in the fourth step.
 #[cfg(feature = "gpu")]
 fn owners(backend: Backend) -> Vec<String> {
     let (mut deformer, mut advance) = scene(Method::SmallSteps, backend);
@@ -129,14 +132,14 @@ fn owners(backend: Backend) -> Vec<String> {
     std::mem::take(&mut OWNERS.lock().unwrap())
 }
 
-/// One test, so that no other allocates meanwhile.
+/// A single test, so that no other one allocates meanwhile.
 #[test]
 fn a_step_allocates_nothing() {
     if cfg!(debug_assertions) {
         eprintln!("not counted: builds with debug assertions watch every access to a shared array, and that takes memory");
         return;
     }
-    // In a pool of its own: to enter one from outside, rayon allocates a queue's block now and then.
+    // In a pool of its own: entering a pool from outside makes rayon allocate a block of its queue now and then.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     for method in [Method::SmallSteps, Method::Relaxation { iterations: 3 }, Method::Springs] {
         let counts = pool.install(|| counted(method, Backend::Cpu));
@@ -146,7 +149,7 @@ fn a_step_allocates_nothing() {
     assert!(counts.iter().all(|&count| count == 0), "contact: {counts:?}");
     #[cfg(feature = "gpu")]
     for backend in [Backend::Hybrid, Backend::Gpu] {
-        // wgpu and the driver allocate for every encoder and submit; that does not grow with time.
+        // wgpu and the driver allocate for every encoder and submission; the number must not grow with time.
         let counts = pool.install(|| counted(Method::SmallSteps, backend));
         let (early, late) = (counts[..10].iter().max(), counts[10..].iter().max());
         println!("{backend:?}: {counts:?} allocations a step");

@@ -1,4 +1,4 @@
-//! The three backends agree: stage by stage, on real motion, and with themselves.
+//! The three backends agree: stage by stage, on real motion, and in repeated runs.
 
 #[macro_use]
 mod common;
@@ -9,7 +9,7 @@ use cloth_deformer::{
 };
 use common::{FRAME, play};
 
-/// A scene with one thing in it.
+/// A scene with one feature.
 #[derive(Clone)]
 struct Scene {
     name: &'static str,
@@ -17,13 +17,13 @@ struct Scene {
     options: Options,
     attributes: Attributes,
     velocities: Vec<Vec3>,
-    /// The same scene without what it is named for.
+    /// The same scene without the feature that it is named for.
     without: Option<Box<Scene>>,
-    /// Frames after which the backends must still agree closely.
+    /// Number of frames after which the backends must still agree closely.
     frames: u32,
 }
 
-/// A crumpled, pinned sheet near the origin, everything of order one, moving every way.
+/// A crumpled, pinned sheet near the origin, with all quantities of order one, moving in all directions.
 fn scene(name: &'static str) -> Scene {
     let mut mesh = Mesh::grid(13, 11, 1.0, 0.9);
     let wave = |k: usize, f: f32| (k as f32 * f).sin();
@@ -82,7 +82,7 @@ fn scenes() -> Vec<Scene> {
             (attributes.damping, attributes.wind) = (2.0, Vec3::new(1.0, 2.0, 3.0));
         }
         if name.contains("bending") || name == "damped passes" || name == "everything" {
-            // At 20 substeps one pass, two passes, and seven.
+            // At 20 substeps these take one, two and seven passes.
             scene.options.fabric.bending = match name {
                 "bending passes" => 1.0,
                 "damped passes" => 5.0,
@@ -131,7 +131,7 @@ fn scenes() -> Vec<Scene> {
     .collect()
 }
 
-/// Colliders on the move: center, radius, axis and plane all change from frame to frame.
+/// Moving colliders: center, radius, axis and plane all change from frame to frame.
 fn moved(attributes: &Attributes, frame: u32) -> Attributes {
     let t = frame as f32;
     let by = Vec3::new(0.01, 0.004, -0.006) * t;
@@ -172,7 +172,8 @@ fn run(scene: &Scene, backend: Backend) -> (Vec<Vec3>, Vec<Vec3>) {
     (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec())
 }
 
-/// Each stage's shader does what its CPU twin does: they visit edges in the same order, so only rounding parts them.
+/// Each shader stage computes what its CPU counterpart does. Both visit the edges in the same order, so the results
+/// differ only by rounding.
 #[cfg(feature = "gpu")]
 #[test]
 fn every_stage_agrees_with_its_twin() {
@@ -184,7 +185,7 @@ fn every_stage_agrees_with_its_twin() {
             let (x_gpu, v_gpu) = run(&scene, backend);
             let (apart, apart_v) = (common::rms(&x, &x_gpu), common::rms(&v, &v_gpu));
             println!("{} on {backend:?}: {apart:e} m and {apart_v:e} m/s apart, moved {moved} m", scene.name);
-            // Sixty substeps of rounding: nothing to 1e-5 where multiply-adds are not fused, 4e-5 where they are (H200).
+            // Rounding over sixty substeps: at most 1e-5 where multiply-adds are not fused, 4e-5 where they are (H200).
             assert!(apart <= 1e-4 * moved, "{} on {backend:?}: {apart} m apart", scene.name);
             assert!(
                 apart_v <= 1e-3 * common::rms(&v, &vec![Vec3::ZERO; v.len()]),
@@ -195,7 +196,7 @@ fn every_stage_agrees_with_its_twin() {
     }
 }
 
-/// What each scene is named for changes its motion, so that a term lost on both sides would show.
+/// The feature that a scene is named for changes its motion, so that a term missing on both sides would be detected.
 #[test]
 fn every_stage_matters() {
     for scene in scenes().iter().filter(|scene| scene.name != "project") {
@@ -209,7 +210,7 @@ fn replay(backend: Backend) {
     for scene in scenes() {
         let first = run(&scene, backend);
         let mut deformer = Deformer::new(&scene.mesh, Options { backend, ..scene.options.clone() }).unwrap();
-        // Something else first, then back.
+        // Run another scene first, then come back to this one.
         advance(&mut deformer, &scene);
         deformer.reset();
         assert_eq!(deformer.positions().unwrap(), scene.mesh.positions, "reset is the mesh, bit for bit");
@@ -239,7 +240,8 @@ on_every_backend!(
     positions_arrive_later
 );
 
-/// Cloths of several sizes, one of them windy, one led; and one whose step is refused, which holds up none of the others.
+/// Cloths of several sizes, one in wind, one with moving pins, and one whose step is refused, which must not affect the
+/// others.
 fn a_crowd_moves_as_each_alone(backend: Backend) {
     let sheet = |n: u32, k: f32| {
         let (mesh, mut options) = common::hang(n, 10 + n % 4, backend);
@@ -273,7 +275,7 @@ fn a_crowd_moves_as_each_alone(backend: Backend) {
     }
 }
 
-/// Large enough to be split over threads: the same bits on one as on two.
+/// Large enough to be divided among threads: the same bits on one thread as on two.
 #[test]
 fn threads_do_not_change_a_bit() {
     let run = |threads: usize| {
@@ -292,9 +294,9 @@ fn threads_do_not_change_a_bit() {
     assert!(one == run(2) && one == run(3));
 }
 
-/// With pins that are led, a collider that moves and a step of another length: all of it must be as it was.
+/// With moving pins, a moving collider and a step of another length: all state must be restored.
 fn a_failed_step_leaves_the_state(backend: Backend) {
-    // In air the hybrid exchanges, in a vacuum it need not.
+    // In air the hybrid engine exchanges data with the GPU, in a vacuum it need not.
     [0.0, 1.2].into_iter().for_each(|air_density| fails(backend, air_density));
 }
 
@@ -310,12 +312,12 @@ fn fails(backend: Backend, air_density: f32) {
     let before = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
     let gravity = Vec3::splat(3e38);
     let endless = Attributes { gravity, pin_targets: led(Vec3::ONE), colliders: ball(0.5), air_density, ..Attributes::default() };
-    // The GPU finds out when it is next read.
+    // On the GPU, the failure shows when the state is next read.
     let failed = deformer.step(0.5 * FRAME, &endless).map(|_| ()).and_then(|()| deformer.positions().map(|_| ()));
     let message = failed.unwrap_err().to_string();
     assert!(message.contains("unstable: vertex") && message.contains("use"), "{message}");
     assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
-    // And so is what the next step starts from: the pins, and the length of the last substep.
+    // What the next step starts from is restored too: the pins, and the length of the last substep.
     let still = Attributes { colliders: Vec::new(), ..good };
     for deformer in [&mut deformer, &mut spared] {
         play(deformer, 3, &still);
@@ -323,7 +325,7 @@ fn fails(backend: Backend, air_density: f32) {
     assert_eq!(deformer.positions().unwrap(), spared.positions().unwrap());
 }
 
-/// What was asked for, however long it takes.
+/// Waits for requested positions, however long it takes.
 fn taken(deformer: &mut Deformer) -> Result<Vec<Vec3>, StepError> {
     loop {
         if let Some(positions) = deformer.requested_positions()? {
@@ -333,7 +335,8 @@ fn taken(deformer: &mut Deformer) -> Result<Vec<Vec3>, StepError> {
     }
 }
 
-/// Positions asked for are those of that moment, whatever is queued behind; they are there once, and a failure is told.
+/// Requested positions are those at the time of the request, whatever is queued after it. They are delivered once, and
+/// a failure is reported.
 fn positions_arrive_later(backend: Backend) {
     let (mesh, options) = common::hang(9, 20, backend);
     let attributes = Attributes::default();
@@ -347,7 +350,7 @@ fn positions_arrive_later(backend: Backend) {
     assert!(deformer.requested_positions().unwrap().is_none(), "they were taken");
     let now = deformer.positions().unwrap().to_vec();
     assert_ne!(now, then);
-    // The second request takes the first's place.
+    // The second request replaces the first.
     deformer.request_positions().unwrap();
     play(&mut deformer, 1, &attributes);
     deformer.request_positions().unwrap();
@@ -363,7 +366,7 @@ fn positions_arrive_later(backend: Backend) {
     assert_eq!(deformer.positions().unwrap(), later, "the state is as it was");
 }
 
-/// A stretched, moving pair of triangles, by hand.
+/// A stretched, moving pair of triangles, compared with a calculation by hand.
 fn measure_is_right(backend: Backend) {
     let mesh = Mesh::grid(2, 2, 1.0, 1.0);
     let fabric = Fabric { density: 0.5, stretch: 100.0, bending: 0.0, damping: 0.0 };

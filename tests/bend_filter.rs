@@ -1,4 +1,5 @@
-//! Bending in several passes: what they carry at few substeps, and that they bring neither noise nor energy.
+//! Bending in several passes: the rigidity that stays stable at few substeps, and that neither noise nor energy is
+//! added.
 
 mod common;
 
@@ -9,7 +10,8 @@ use common::{FRAME, meshes, reference};
 
 const DENSITY: f64 = 0.2;
 
-/// What so many passes carry, and what they make of a mode of `z = h² lambda`, by Chebyshev's polynomials themselves.
+/// The stability limit of the given number of passes, and what they make of a mode with `z = h² lambda`, from Chebyshev
+/// polynomials.
 fn chebyshev(passes: i32) -> (f64, impl Fn(f64) -> f64) {
     let s = f64::from(passes);
     let theta = 3.0_f64.acosh() / s;
@@ -22,7 +24,7 @@ fn chebyshev(passes: i32) -> (f64, impl Fn(f64) -> f64) {
     ((w0 + 1.0) / w1, kick)
 }
 
-/// A cloth whose edges are all scaled to nothing, so that bending is the only force, and its masses (kg).
+/// A cloth whose edges are all scaled to 0, so that bending is the only force; and its masses (kg).
 fn of_rows_alone(backend: Backend, mesh: &Mesh, bending: f64) -> (Deformer, Vec<f64>) {
     let masses = masses(mesh, DENSITY as f32);
     let options = Options {
@@ -36,7 +38,8 @@ fn of_rows_alone(backend: Backend, mesh: &Mesh, bending: f64) -> (Deformer, Vec<
     (Deformer::new(mesh, options).unwrap(), masses.into_iter().map(f64::from).collect())
 }
 
-/// What bending takes heights (m) above the flat mesh down by in a substep of 1/60 s from rest, whose kick lasts half of it, twice.
+/// By how much bending lowers given heights (m) above the flat mesh in a substep of 1/60 s from rest, times two because
+/// the first kick lasts half a substep.
 fn kicked(cloth: &mut Deformer, mesh: &Mesh, heights: &[f64]) -> Vec<f64> {
     let raised: Vec<Vec3> = mesh.positions.iter().zip(heights).map(|(x, &y)| Vec3::new(x.x, y as f32, x.z)).collect();
     cloth.set_state(&raised, &vec![Vec3::ZERO; raised.len()]).unwrap();
@@ -44,7 +47,8 @@ fn kicked(cloth: &mut Deformer, mesh: &Mesh, heights: &[f64]) -> Vec<f64> {
     cloth.velocities().unwrap().iter().map(|v| -2.0 * f64::from(v.y * FRAME)).collect()
 }
 
-/// In the middle of a grid a wave is kicked by `P(z)`, however many passes that takes: as far as they reach there are no borders.
+/// In the middle of a grid, a wave is kicked by `P(z)` for any number of passes, because they do not reach to the
+/// borders.
 fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
     let n = 65;
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
@@ -52,7 +56,7 @@ fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
     let all: &[i32] = if backend == Backend::Cpu { &[2, 3, 4, 5, 6, 8, 11, 13, 16] } else { &[2, 5, 16] };
     for &passes in all {
         let (most, kick) = chebyshev(passes);
-        // At nine parts in ten of what they carry fewer would not do.
+        // At 0.95 of the limit of this many passes, fewer would not suffice.
         let stiffest = 0.95 * most;
         let bending = stiffest * DENSITY * cell.powi(4) / (64.0 * f64::from(FRAME).powi(2));
         let (mut cloth, _) = of_rows_alone(backend, &mesh, bending);
@@ -70,7 +74,8 @@ fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
     }
 }
 
-/// On any mesh, borders and all, no shape is kicked by more than twice itself, which leapfrog bears with room for the edges.
+/// On any mesh including its borders, no shape is kicked by more than twice itself, which leapfrog tolerates with room
+/// for the edges.
 #[test]
 fn no_shape_is_kicked_too_far() {
     let n = 17;
@@ -95,7 +100,7 @@ fn no_shape_is_kicked_too_far() {
     }
 }
 
-/// A sheet of cotton whose cells of 5 mm take two passes at 20 substeps, hung by two corners.
+/// A sheet of cotton with cells of 5 mm, which takes two passes at 20 substeps, hung by two corners.
 fn cotton(n: u32, stretch: f32, damping: f32) -> (Mesh, Options, Deformer) {
     let side = 0.0052 * (n - 1) as f32;
     let mesh = Mesh::grid(n, n, side, side);
@@ -106,7 +111,8 @@ fn cotton(n: u32, stretch: f32, damping: f32) -> (Mesh, Options, Deformer) {
     (mesh, options, cloth)
 }
 
-/// Root mean square of the curvature (1/m) at the inner vertices of a grid of so many columns: its five-point Laplacian.
+/// Root mean square of the curvature (1/m) at the inner vertices of a grid with `columns` columns, from the five-point
+/// Laplacian.
 fn curvature(columns: usize, cell: f64, x: &[Vec3]) -> f64 {
     let inner = |&v: &usize| v >= columns && v < x.len() - columns && v % columns > 0 && v % columns < columns - 1;
     let square = |v: usize| {
@@ -118,7 +124,8 @@ fn curvature(columns: usize, cell: f64, x: &[Vec3]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// A sheet that hangs from two corners is smooth, and comes to rest. The sweep must find no short wave that it can feed.
+/// A sheet that hangs from two corners is smooth and comes to rest. The sweep must not find a short wave that it can
+/// amplify.
 #[test]
 fn cotton_hung_by_two_corners_is_smooth_and_still() {
     for damping in [0.06, 0.0] {
@@ -136,8 +143,8 @@ fn cotton_hung_by_two_corners_is_smooth_and_still() {
     }
 }
 
-/// Swinging for a minute in a vacuum, it never has more energy than when it was let go. At 2 N/m its stretch is resolved, or its energy
-/// would be unknown.
+/// A sheet swinging for a minute in a vacuum never has more energy than at its release. At 2 N/m its stretch is
+/// resolved; otherwise its elastic energy would be unknown.
 #[test]
 fn a_minute_gives_no_energy() {
     for damping in [0.06, 0.0] {

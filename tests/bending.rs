@@ -1,4 +1,4 @@
-//! Bending at rest: the energy of cylinders, its gradient, and beams that have closed forms.
+//! Bending at rest: the energy of cylinders, its gradient, and beams with closed forms.
 
 mod common;
 
@@ -8,7 +8,7 @@ use common::{FRAME, meshes};
 
 const DENSITY: f64 = 0.2;
 
-/// A fabric that only bends: inextensible, so that its potential energy without gravity is that of bending alone.
+/// A fabric that only bends: it is inextensible, so its potential energy without gravity is that of bending.
 fn bending_only(bending: f64) -> Fabric {
     Fabric { density: DENSITY as f32, stretch: f32::INFINITY, bending: bending as f32, damping: 0.0 }
 }
@@ -33,7 +33,7 @@ fn area(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(up).inspect(|&area| assert!(area > 0.0, "every triangle's front is up")).sum()
 }
 
-/// The energy per area of a cylinder is `B kappa²/2`, whichever way it is curved on whichever mesh.
+/// The energy per area of a cylinder is `B kappa²/2`, for any direction of the curvature on any mesh.
 #[test]
 fn a_cylinders_energy_depends_on_neither_mesh_nor_direction() {
     let n = 65;
@@ -59,7 +59,7 @@ fn a_cylinders_energy_depends_on_neither_mesh_nor_direction() {
     }
 }
 
-/// The force is the energy's gradient. With every edge's stretch scaled to nothing, bending is the only force.
+/// The force is the gradient of the energy. The stretch of all edges is scaled to 0, so bending is the only force.
 fn the_force_is_the_energys_gradient(backend: Backend) {
     let mesh = meshes::delaunay(6, 3);
     let vertices = mesh.positions.len();
@@ -80,13 +80,13 @@ fn the_force_is_the_energys_gradient(backend: Backend) {
     cloth.set_state(&bent, &still).unwrap();
     let report = cloth.step(h, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
     assert_eq!(report.warnings, [], "the whole rigidity acts");
-    // From rest the first kick lasts half a substep.
+    // From rest, the first kick lasts half a substep.
     let forces: Vec<DVec3> =
         cloth.velocities().unwrap().iter().zip(masses).map(|(v, m)| v.as_dvec3() * f64::from(2.0 * m / h)).collect();
     let largest = forces.iter().map(|f| f.length()).fold(0.0, f64::max);
     for vertex in 0..vertices {
         for axis in 0..3 {
-            // The energy is quadratic: a central difference is exact at any size.
+            // The energy is quadratic, so a central difference is exact for any step.
             let mut moved = |by: f32| {
                 let mut x = bent.clone();
                 x[vertex][axis] += by;
@@ -100,26 +100,26 @@ fn the_force_is_the_energys_gradient(backend: Backend) {
     }
 }
 
-/// A strip along x whose first two columns are clamped, and the closed forms' idea of it.
+/// A strip along x whose first two columns are clamped, with the parameters of the closed forms.
 struct Strip {
     columns: u32,
     rows: u32,
     mesh: Mesh,
     weights: Vec<f32>,
     options: Options,
-    /// Length (m) beyond the clamp. Two clamped columns clamp the beam half a cell before the second of them.
+    /// Length (m) beyond the clamp. Two clamped columns clamp the beam half a cell before the second one.
     length: f64,
     bending: f64,
 }
 
 impl Strip {
-    /// Square cells, 1 m long, B (N m) such that `rho g L³/B = heaviness` at g = 9.81.
+    /// Square cells, 1 m long, with B (N m) such that `rho g L³/B = heaviness` at g = 9.81 m/s².
     fn new(columns: u32, rows: u32, heaviness: f64, substeps: u32) -> Strip {
         let cell = 1.0 / (columns - 1) as f32;
         let mesh = Mesh::grid(columns, rows, 1.0, cell * (rows - 1) as f32);
         let length = 1.0 - 0.5 * f64::from(cell);
         let bending = DENSITY * 9.81 * length.powi(3) / heaviness;
-        // Half a cell at a border: the load of a beam, not of its triangulation.
+        // Vertices at a border weigh half a cell: the load of a beam, independent of the triangulation.
         let half = |k: u32, count: u32| if k == 0 || k == count - 1 { 0.5 } else { 1.0 };
         let weights: Vec<f32> = (0..rows * columns).map(|v| half(v % columns, columns) * half(v / columns, rows)).collect();
         let options = Options {
@@ -133,12 +133,13 @@ impl Strip {
         Strip { columns, rows, mesh, weights, options, length, bending }
     }
 
-    /// Angular frequency (1/s) of about the slowest motion under `gravity` (m/s²): a beam's, and a hanging chain's.
+    /// Estimate of the angular frequency (1/s) of the slowest motion under `gravity` (m/s²), from that of a beam and of
+    /// a hanging chain.
     fn slowest(&self, gravity: f64) -> f64 {
         (12.36 * self.bending / (DENSITY * self.length.powi(4)) + 1.45 * gravity / self.length).sqrt()
     }
 
-    /// Lets the strip fall and settle, critically damped, for `periods / omega`: sag and reach (m) of the tip.
+    /// Lets the strip fall and settle, critically damped, for `periods / omega`. Returns sag and reach (m) of the tip.
     fn settle(&self, gravity: f64, periods: f64) -> (f64, f64) {
         let omega = self.slowest(gravity);
         let attributes =
@@ -151,10 +152,11 @@ impl Strip {
         self.tip(cloth.positions().unwrap())
     }
 
-    /// The same, constrained to a cylinder: after each substep every column is moved and slowed as one.
+    /// The same, constrained to a cylinder: after each substep, all vertices of a column are moved and slowed as one.
     ///
-    /// Without it a narrow strip bends the other way across (anticlastic) and gives way: the energy is that of the mean
-    /// curvature, and what keeps fabric from it is that it does not stretch, over widths `b` with `b² kappa >> sqrt(B/K)`.
+    /// Without this a narrow strip bends the opposite way across its width (anticlastic) and gives way: the energy
+    /// depends on the mean curvature, and what keeps fabric from it is that it does not stretch, over widths `b` with
+    /// `b² kappa >> sqrt(B/K)`.
     fn settle_as_cylinder(&self, gravity: f64, periods: f64) -> (f64, f64) {
         let omega = self.slowest(gravity);
         let Quality::Substeps(substeps) = self.options.quality else { unreachable!() };
@@ -172,7 +174,7 @@ impl Strip {
         self.tip(cloth.positions().unwrap())
     }
 
-    /// Each value replaced by its column's mean, weighted by mass: what a rigid link across would do.
+    /// Replaces each value by the mass-weighted mean of its column, as a rigid link across would do.
     fn average(&self, values: &[Vec3]) -> Vec<Vec3> {
         let (columns, rows) = (self.columns as usize, self.rows as usize);
         let mean = |column: usize| {
@@ -184,7 +186,7 @@ impl Strip {
         (0..rows * columns).map(|v| means[v % columns]).collect()
     }
 
-    /// Sag and reach (m) of the tip from the clamp, mean over the rows.
+    /// Sag and reach (m) of the tip relative to the clamp, averaged over the rows.
     fn tip(&self, positions: &[Vec3]) -> (f64, f64) {
         let tips = positions.iter().skip(self.columns as usize - 1).step_by(self.columns as usize);
         let tip = tips.map(|x| x.as_dvec3()).sum::<DVec3>() / f64::from(self.rows);
@@ -192,16 +194,17 @@ impl Strip {
     }
 }
 
-/// The tip of a cantilever sags by `rho g L⁴/8B`; L is half a cell more than what is free, the clamp's correction.
+/// The tip of a cantilever sags by `rho g L⁴/8B`, where L includes half a cell more than the free length as the clamp's
+/// correction.
 #[test]
 fn a_stiff_cantilever_sags_as_beam_theory_says() {
-    // At 5 substeps a single pass would leave it a hundredth of its rigidity.
+    // At 5 substeps, a single pass would leave only a hundredth of the rigidity.
     for (columns, rows, substeps, constrained) in
         [(17, 5, 40, true), (33, 2, 60, false), (17, 5, 20, true), (17, 5, 10, true), (17, 5, 5, true)]
     {
         let heaviness = 200.0;
         let strip = Strip::new(columns, rows, heaviness, substeps);
-        // A hundredth of its length: beam theory's own error is then 1e-4.
+        // A hundredth of its length, so that the error of beam theory itself is 1e-4.
         let gravity = 0.08 * strip.bending / (DENSITY * strip.length.powi(3));
         let free = strip.length - 0.5 / f64::from(columns - 1);
         let exact = DENSITY * gravity * free.powi(4) / (8.0 * strip.bending) * (strip.length / free).powi(4);
@@ -211,7 +214,7 @@ fn a_stiff_cantilever_sags_as_beam_theory_says() {
     }
 }
 
-/// Constrained to a cylinder: sag over reach of the heavy elastica, B over four decades.
+/// Constrained to a cylinder: sag over reach of the heavy elastica, for B over four decades.
 #[test]
 fn a_heavy_elastica_as_a_cylinder() {
     let table = [
@@ -230,7 +233,7 @@ fn a_heavy_elastica_as_a_cylinder() {
     }
 }
 
-/// Free strips: wide enough, and curved enough, that their own inextensibility keeps them cylinders.
+/// Free strips, wide enough and curved enough that their inextensibility keeps them cylindrical.
 #[test]
 fn a_heavy_elastica_as_a_free_strip() {
     for (heaviness, expected, columns, substeps) in
@@ -243,7 +246,8 @@ fn a_heavy_elastica_as_a_free_strip() {
     }
 }
 
-/// Levels asked for leave what bends alone: both ends of the four decades, where each of these strips has levels.
+/// Levels that are asked for do not change cloth that only bends, at both ends of the four decades; each of these
+/// strips has levels.
 #[test]
 fn an_elastica_with_levels() {
     for (heaviness, expected, columns, substeps) in [(100.0, 5.888_105, 33, 120), (1000.0, 21.3354, 49, 100)] {
@@ -269,7 +273,7 @@ fn an_elastica_with_levels() {
     assert!((levels / plain - 1.0).abs() < 1e-3, "cantilever: sag {levels} m with levels, {plain} m without");
 }
 
-/// A cantilever let go in its first mode vibrates at `1.8751² sqrt(B/(rho L⁴))`.
+/// A cantilever released in its first mode vibrates at `1.8751² sqrt(B/(rho L⁴))`.
 #[test]
 fn a_cantilever_vibrates_in_its_first_mode() {
     let strip = Strip::new(33, 2, 200.0, 60);
@@ -300,7 +304,7 @@ fn a_cantilever_vibrates_in_its_first_mode() {
     assert!((frequency / exact - 1.0).abs() < 0.02, "f1 = {frequency} Hz, expected {exact} Hz");
 }
 
-/// Without rigidity there is no bending term: whatever its damping, the motion is bit for bit that of the edges alone.
+/// Without rigidity there is no bending term: for any damping the motion is bit for bit that of the edges alone.
 fn without_rigidity_nothing_is_added(backend: Backend) {
     let mut states = [0.0, 0.03].map(|damping| {
         let (mesh, mut options) = common::hang(9, 20, backend);

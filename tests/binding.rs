@@ -1,4 +1,5 @@
-//! A render mesh follows the coarser cloth that it is bound to: exactly where that is flat, within a millimeter where it is bent.
+//! A render mesh follows the coarser cloth that it is bound to: exactly where the cloth is flat, within a millimeter
+//! where it is bent.
 
 mod common;
 
@@ -6,7 +7,7 @@ use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, BindError, Binding, Collider, Deformer, Fabric, Mesh, Options};
 use common::{meshes, play};
 
-/// 812 vertices are simulated, 5041 drawn: a sheet with a thickness that waves, and a hem of 2 cm beyond the border.
+/// 812 vertices are simulated and 5041 drawn: a sheet with a wavy thickness, and a hem of 2 cm beyond the border.
 fn meshes_of_a_sheet() -> (Mesh, Mesh) {
     let (cloth, mut drawn) = (Mesh::grid(28, 29, 1.0, 1.0), Mesh::grid(71, 71, 1.04, 1.04));
     for (index, x) in drawn.positions.iter_mut().enumerate() {
@@ -35,7 +36,8 @@ fn rigid_motions_are_reproduced_to_rounding() {
     let moved = |x: &Vec3| turn * *x + Vec3::new(0.4, 1.5, -0.8);
     let of = |mesh: &Mesh| mesh.positions.iter().map(moved).collect::<Vec<Vec3>>();
     assert!(worst(&applied(&binding, &of(&cloth), &drawn), &of(&drawn)) < 2e-6);
-    // In its plane a flat sheet may be stretched and sheared as well: the corners' weights are those of the plane.
+    // A flat sheet may also be stretched and sheared in its plane, because the weights of the corners are those in the
+    // plane.
     let flat = Mesh { positions: drawn.positions.iter().map(|x| x.with_y(0.0)).collect(), ..drawn.clone() };
     let binding = Binding::new(&flat, &cloth).unwrap();
     let sheared = |x: &Vec3| Vec3::new(1.3 * x.x + 0.2 * x.z, 0.7, 0.8 * x.z - 0.1 * x.x);
@@ -43,7 +45,7 @@ fn rigid_motions_are_reproduced_to_rounding() {
     assert!(worst(&applied(&binding, &of(&cloth), &flat), &of(&flat)) < 1e-6);
 }
 
-/// A curved cloth of random triangles at rest: a third of a cylinder with a drawn layer around it.
+/// A cloth of random triangles that is curved at rest: a third of a cylinder, with a drawn layer around it.
 #[test]
 fn a_curved_rest_shape_is_met_and_turned() {
     let roll = |x: &Vec3, radius: f32| Vec3::new(radius * (2.0 * x.x).sin(), radius * (2.0 * x.x).cos(), x.z);
@@ -56,7 +58,7 @@ fn a_curved_rest_shape_is_met_and_turned() {
     let turn = Quat::from_rotation_z(1.0);
     let of = |mesh: &Mesh| mesh.positions.iter().map(|x| turn * *x).collect::<Vec<Vec3>>();
     assert!(worst(&applied(&binding, &of(&cloth), &drawn), &of(&drawn)) < 3e-6);
-    // Blown up, the layer keeps its distance from the cloth.
+    // If the cloth is inflated, the layer keeps its distance from it.
     let blown: Vec<Vec3> = cloth.positions.iter().map(|x| Vec3::new(2.0 * x.x, 2.0 * x.y, x.z)).collect();
     for x in applied(&binding, &blown, &drawn) {
         let away = x.with_z(0.0).length() - 1.0;
@@ -64,7 +66,7 @@ fn a_curved_rest_shape_is_met_and_turned() {
     }
 }
 
-/// Rolled onto a cylinder of 0.2 m the sheet's own vertices are within a millimeter of where the same map takes them.
+/// Rolled onto a cylinder of 0.2 m, the drawn vertices are within a millimeter of where the same map takes them.
 #[test]
 fn a_bent_sheet_is_within_a_millimeter() {
     let (cloth, drawn) = meshes_of_a_sheet();
@@ -80,7 +82,7 @@ fn a_bent_sheet_is_within_a_millimeter() {
     let pairs = || drawn.positions.iter().zip(&embedded).filter(|(x, _)| inner(x));
     let far = pairs().map(|(x, embedded)| embedded.distance(roll(x))).fold(0.0, f32::max);
     println!("{far} m");
-    // l²/8R of edges of 37 mm is .86 mm.
+    // l²/8R is .86 mm for edges of 37 mm.
     assert!(far < 1e-3, "{far}");
     // Without the heights it would be 4 mm.
     let flat = Mesh { positions: drawn.positions.iter().map(|x| x.with_y(0.0)).collect(), ..drawn.clone() };
@@ -89,7 +91,7 @@ fn a_bent_sheet_is_within_a_millimeter() {
     assert!(far > 3e-3, "{far}");
 }
 
-/// Over a ball: what is drawn is as far outside of it as the cloth is.
+/// Over a ball, the drawn mesh keeps its distance outside as the cloth does.
 #[test]
 fn a_draped_cloth_is_drawn_where_it_is() {
     let (cloth, drawn) = (Mesh::grid(28, 29, 1.0, 1.0), Mesh::grid(71, 71, 1.0, 1.0));
@@ -129,7 +131,7 @@ fn what_cannot_be_bound_is_refused() {
     assert!(refusal.to_string().contains("3 positions were given for the 812 vertices of the cloth"), "{refusal}");
     assert_eq!(positions, [Vec3::ONE; 3]);
     assert!(Binding::new(&Mesh::default(), &cloth).unwrap().apply(&cloth.positions, &mut []).is_ok());
-    // Cloth that collapses has no normals: what is drawn collapses with it, and stays finite.
+    // Collapsed cloth has no normals: the drawn mesh collapses with it and stays finite.
     let collapsed = applied(&binding, &vec![Vec3::ONE; 812], &drawn);
     assert!(collapsed.iter().all(|x| x.distance(Vec3::ONE) < 1e-4));
 }

@@ -1,4 +1,5 @@
-//! Point caches of other forms, and in: every number where other programs look for it; and files that are none are refused.
+//! Point caches in other formats, and reading them: every number is where other programs expect it, and invalid files
+//! are refused.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +7,7 @@ use std::path::Path;
 use cloth_deformer::glam::{Vec2, Vec3};
 use cloth_deformer::{CacheForm, Pc2Error, Pc2ReadError, PointCache, PointCacheReader};
 
-/// Two samples of four vertices, no number twice.
+/// Two samples of four vertices, in which all numbers differ.
 fn samples() -> [Vec<Vec3>; 2] {
     let position = |sample: usize, vertex: usize| Vec3::new(0.5, -1.25, 3e-7) * (4 * sample + vertex + 1) as f32;
     [0, 1].map(|sample| (0..4).map(|vertex| position(sample, vertex)).collect())
@@ -123,7 +124,7 @@ fn files_that_are_no_pc2_are_refused() {
     refused(&altered(20, f32::NAN.to_le_bytes()), "NaN");
     assert!(PointCacheReader::open(folder.path()).is_err());
     assert!(PointCacheReader::open(folder.path().join("missing")).unwrap_err().to_string().contains("missing"));
-    // A position is looked at when it is read.
+    // Positions are only checked when they are read.
     fs::write(&path, altered(32 + 12, f32::INFINITY.to_le_bytes())).unwrap();
     let (mut cache, mut read) = (PointCacheReader::open(&path).unwrap(), Vec::new());
     let refusal = cache.read(0, &mut read).unwrap_err().to_string();

@@ -1,4 +1,5 @@
-//! Fabric, masses and pins change while the cloth moves: it is then the cloth that would have been made so, where it was, and moving as it did.
+//! Fabric, masses and pins change while the cloth moves. It then is the cloth that would have been built so, in the
+//! same place and with the same motion.
 
 #[macro_use]
 mod common;
@@ -15,10 +16,10 @@ on_every_backend!(
     refusals_change_nothing
 );
 
-/// What is done to a cloth.
+/// A change made to a cloth.
 type Change = Box<dyn Fn(&mut Deformer)>;
 
-/// Wind, a ball, and the first pins led.
+/// Wind, a ball, and the first pins moved.
 fn scene(pins: usize) -> Attributes {
     let pin_targets = (pins > 0).then(|| (0..pins).map(|pin| Vec3::new(pin as f32 * 0.05 - 0.5, 0.02, -0.5)).collect());
     let ball = Collider::sphere(Vec3::new(0.0, -0.3, 0.1), 0.2);
@@ -37,7 +38,7 @@ fn options(backend: Backend) -> Options {
     }
 }
 
-/// Each change in the middle of a motion gives the cloth that is made so: both are put in one place, and go the same way.
+/// After each change in the middle of a motion, the cloth moves like one that was built so and put in the same state.
 fn a_changed_cloth_is_one_made_so(backend: Backend) {
     let mesh = Mesh::grid(21, 21, 1.0, 1.0);
     let before = options(backend);
@@ -68,7 +69,7 @@ fn a_changed_cloth_is_one_made_so(backend: Backend) {
             "none",
             Options { pinned: vec![], ..before.clone() },
             Box::new(|cloth| {
-                // There and back again, by way of edges between pins.
+                // There and back, by way of edges between two pins.
                 cloth.set_pinned((0..63).collect()).unwrap();
                 cloth.set_pinned(vec![]).unwrap();
             }),
@@ -88,12 +89,12 @@ fn a_changed_cloth_is_one_made_so(backend: Backend) {
         let (apart, moved) = (rms(&changed, &made), rms(&made, &x));
         println!("{name}: {apart} of {moved}");
         assert!(moved > 0.01, "{name}: nothing moved");
-        // One and the same on a CPU; a GPU adds some sums in another order each time.
+        // Identical on a CPU; a GPU may add sums in a different order each time.
         assert!(if backend == Backend::Gpu { apart < 1e-5 * moved } else { apart == 0.0 }, "{name}: {apart} of {moved}");
     }
 }
 
-/// And what it does not set it carries over: the motion goes on.
+/// What a change does not set stays as it is: the motion continues.
 fn a_change_to_the_same_changes_nothing(backend: Backend) {
     let mesh = Mesh::grid(13, 13, 1.0, 1.0);
     let options = Options { levels: Levels::Auto, pinned: vec![0, 12], ..options(backend) };
@@ -113,7 +114,8 @@ fn a_change_to_the_same_changes_nothing(backend: Backend) {
     assert_eq!(changed.positions().unwrap(), plain.positions().unwrap());
 }
 
-/// Loose points fall by the closed form from the substep on in which they are let go, at the velocity that they were led by.
+/// Loose points fall by the closed form from the substep in which they are released, starting at the velocity at which
+/// they were led.
 fn pins_that_are_let_go_fall_and_pinned_vertices_stay(backend: Backend) {
     let mesh = Mesh { positions: (0..4).map(|k| Vec3::X * k as f32).collect(), triangles: vec![] };
     let options = Options { backend, quality: Quality::Substeps(8), pinned: vec![0, 1], ..Options::default() };
@@ -130,15 +132,16 @@ fn pins_that_are_let_go_fall_and_pinned_vertices_stay(backend: Backend) {
     play(&mut cloth, 12, &Attributes::default());
     let end = cloth.positions().unwrap().to_vec();
     assert_eq!([end[0], end[3]], [start[0], start[3]], "pins stay where they are");
-    // The kick of the first substep is from its middle to the middle of the last, when it was led: half a substep's less than free fall.
+    // The first kick spans from the middle of the last substep, in which the point was led, to the middle of this one:
+    // half a substep less than free fall.
     let (t, h) = (12.0 * FRAME, FRAME / 8.0);
     let fallen = |t: f32| 0.5 * -9.81 * t * (t + h);
     let expected = start[1] + speed * t + Vec3::Y * fallen(t);
     assert!(end[1].distance(expected) < 1e-4, "{} is not {expected}", end[1]);
-    // What fell all the while falls on.
+    // Points that were falling all the time go on falling.
     let whole = 15.0 * FRAME;
     assert!((end[2].y + 0.5 * 9.81 * whole * whole).abs() < 2e-3, "{}", end[2]);
-    // Pins are led in the order of the new list.
+    // Targets are in the order of the new list of pins.
     let pin_targets = Some(vec![Vec3::ONE, Vec3::ZERO]);
     cloth.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
     let end = cloth.positions().unwrap();
@@ -189,7 +192,7 @@ fn refusals_change_nothing(backend: Backend) {
     assert_eq!(cloth.positions().unwrap(), plain.positions().unwrap());
 }
 
-/// What depends on the fabric in other ways: springs, and a promise about strain.
+/// Other dependences on the fabric: springs, and a promise about strain.
 #[test]
 fn springs_and_promises_know_the_new_fabric() {
     let mesh = Mesh::grid(9, 9, 1.0, 1.0);
@@ -206,7 +209,7 @@ fn springs_and_promises_know_the_new_fabric() {
     let infinite = Fabric { stretch: f32::INFINITY, ..soft };
     assert!(springs.set_fabric(infinite).unwrap_err().to_string().contains("SmallSteps"));
 
-    // A woven sheet stretches less under its own weight than a knitted one that it is made of.
+    // A knitted sheet stretches more under its own weight than a woven one, and less after it was changed to woven.
     let knitted =
         Options { method: Method::SmallSteps, quality: Quality::Substeps(60), fabric: soft, pinned: (0..9).collect(), ..options };
     let mut cloth = Deformer::new(&mesh, knitted).unwrap();

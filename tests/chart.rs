@@ -1,10 +1,11 @@
-//! The `chart` example: a tiny chart, and what it says when it cannot draw one.
+//! The `chart` example: a tiny chart, and its errors.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::{env, fs};
 
-/// `cargo test` builds the examples, but gives their path to no one: they are in `examples`, beside `deps`, where tests are.
+/// Path of the program. `cargo test` builds the examples but does not tell their path: they are in `examples`, beside
+/// `deps`, where test programs are.
 fn chart(arguments: &[&str]) -> Output {
     let test = env::current_exe().unwrap();
     let path: PathBuf = test.parent().unwrap().with_file_name("examples").join(format!("chart{}", env::consts::EXE_SUFFIX));

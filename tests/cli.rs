@@ -1,4 +1,4 @@
-//! The main binary from outside: exit codes, one-line errors, and the files it leaves.
+//! The main binary from outside: exit codes, one-line errors, and the files it writes.
 
 #[allow(unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
@@ -11,7 +11,7 @@ use program::{drape, fails, run, stderr, succeeds};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Names of all files in a directory, hidden ones too.
+/// Names of all files in a directory, including hidden ones.
 fn names(directory: impl AsRef<Path>) -> BTreeSet<String> {
     fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
@@ -28,14 +28,14 @@ fn bits(positions: &[Vec3]) -> Vec<[u32; 3]> {
     positions.iter().map(|position| position.to_array().map(f32::to_bits)).collect()
 }
 
-/// A mesh whose coordinates no short decimal gives, in a directory.
+/// Writes a mesh whose coordinates have no short decimal form to a directory.
 fn crooked(directory: &TempDir) -> Mesh {
     let mut mesh = Mesh::grid(7, 5, 0.8, 0.6);
     for (vertex, position) in mesh.positions.iter_mut().enumerate() {
         let x = vertex as f32;
         *position = *position * std::f32::consts::FRAC_1_PI + 0.013 * Vec3::new(x.sin(), x.cos(), (2.0 * x).sin());
     }
-    // Neither the order of vertices nor that of faces is to be touched.
+    // Neither the order of vertices nor that of faces may change.
     mesh.triangles.reverse();
     mesh.save_obj(directory.path().join("crooked.obj")).unwrap();
     mesh
@@ -141,7 +141,7 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
     assert_eq!(names(&directory), set(["crooked.obj", "frames", "r.json"]));
     let text = fs::read_to_string(directory.path().join("r.json")).unwrap();
 
-    // Order is a property of the text: a parser may sort.
+    // Checked in the text, because a parser may sort.
     let keys = ["adapter", "backend", "method", "vertices", "edges", "colours", "frames"];
     let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "stretch_share", "energy", "penetration", "contacts"];
     let places = |keys: &[&str], text: &str| -> Vec<usize> {
@@ -165,7 +165,7 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
         assert_eq!(row.as_object().unwrap().len(), row_keys.len());
         assert_eq!(row["frame"], index + 1);
         assert_eq!(row["substeps"], if index == 0 { 0 } else { 3 });
-        // What is not finite would have become null.
+        // A value that is not finite would have become null.
         for key in row_keys {
             assert!(row[key].as_f64().is_some_and(f64::is_finite), "{key} of {row}");
         }
@@ -181,11 +181,11 @@ fn the_preview_is_a_picture_of_twelve_cells() {
     succeeds(&run(&directory, &["crooked.obj", "--frames", "30", "--preview", "p.png"]));
     assert_eq!(names(&directory), set(["crooked.obj", "frames", "p.png"]));
     let (width, height, pixels) = read_png(&directory.path().join("p.png"));
-    // 4 x 3 cells of 320 x 240 with lines of 2 pixels between.
+    // 4 x 3 cells of 320 x 240 pixels with lines of 2 pixels between them.
     assert_eq!((width, height), (4 * 322 - 2, 3 * 242 - 2));
     let colors: BTreeSet<&[u8]> = pixels.chunks_exact(3).collect();
     assert!(colors.len() > 1000, "{} colors", colors.len());
-    // The cloth is red above: it is in the first cell and in the last.
+    // The upper side of the cloth is red; it is visible in the first cell and in the last.
     let is_red = |pixel: &&[u8]| i32::from(pixel[0]) > i32::from(pixel[1]) + 60;
     let red = |column: usize, row: usize| {
         let cell = (0..240).flat_map(|y| {
@@ -208,7 +208,7 @@ fn a_preview_of_few_frames_has_few_cells() {
     }
 }
 
-/// Vertices of the towel that are where they were after falling for ten frames.
+/// The vertices of the towel that are where falling for ten frames leaves them.
 fn held(arguments: &[&str]) -> Vec<usize> {
     let directory = TempDir::new().unwrap();
     let mut all = vec!["--frames", "10", "--no-sphere", "--no-floor", "--substeps", "4"];
@@ -306,7 +306,7 @@ fn what_cannot_be_is_refused_in_one_line() {
         let output = run(&directory, arguments);
         println!("{arguments:?} -> {:?}: {}", output.status.code(), stderr(&output).trim_end());
         fails(&output, 2, words);
-        // Nothing is written, but the rest state where only a step can tell how many substeps it needs.
+        // Nothing is written except the rest state, where only a step can tell how many substeps it needs.
         let left = fs::read_dir(directory.path().join("frames")).map_or(0, Iterator::count);
         assert_eq!(left, usize::from(stderr(&output).contains("frame 2:")), "{arguments:?}");
         assert!(names(&directory).is_subset(&set(["frames"])), "{arguments:?}");
@@ -343,7 +343,7 @@ fn a_directory_that_cannot_be_made_is_refused() {
     assert_eq!(fs::read_to_string(directory.path().join("file")).unwrap(), "not a directory");
 }
 
-/// The point cache holds what the frames hold, to the last bit.
+/// The point cache holds the same values as the frames, to the last bit.
 #[test]
 fn a_point_cache_has_every_frame() {
     let directory = TempDir::new().unwrap();
@@ -369,18 +369,18 @@ fn springs_past_their_limit_are_unstable() {
     let output = run(&directory, &arguments);
     fails(&output, 3, &["frame", "unstable"]);
     let text = stderr(&output);
-    // Denim's bending is past its limit too.
+    // Denim's bending is beyond its limit too.
     for warning in ["warning: springs are unstable at 1 substeps", "warning: bending is softened"] {
         assert_eq!(text.lines().filter(|line| line.starts_with(warning)).count(), 1, "once, not every frame: {text}");
     }
-    // What there is, is whole: the frames up to the failure. What would not have been, is not there.
+    // Whatever files exist are complete: the frames before the failure. An incomplete file does not exist.
     assert_eq!(names(&directory), set(["frames"]));
     let count = names(directory.path().join("frames")).len();
     assert!((1..500).contains(&count));
     assert_whole(&directory.path().join("frames"));
 }
 
-/// Where drivers can be hidden, or the build has no GPU backend.
+/// On systems where drivers can be hidden, or in a build without a GPU backend.
 #[cfg(any(target_os = "linux", not(feature = "gpu")))]
 #[test]
 fn a_gpu_that_is_not_there_is_an_error() {
@@ -393,7 +393,8 @@ fn a_gpu_that_is_not_there_is_an_error() {
     }
 }
 
-/// Every file is a frame of the towel, from its first vertex to its last face, and none is missing in between.
+/// Every file is a complete frame of the towel, from its first vertex to its last face, and no frame between is
+/// missing.
 #[track_caller]
 fn assert_whole(directory: &Path) {
     let names = names(directory);
@@ -431,7 +432,7 @@ fn signals_leave_whole_files_only() {
     }
 }
 
-/// What is given as a file may be a link to one, or no file at all.
+/// A path given for a file may be a link to one, or not be a regular file.
 #[cfg(unix)]
 #[test]
 fn links_are_followed_and_devices_are_not_replaced() {
@@ -464,7 +465,7 @@ fn links_are_followed_and_devices_are_not_replaced() {
 
     assert!(Command::new("mkfifo").arg(path("pipe")).status().unwrap().success());
     if cfg!(target_os = "linux") {
-        // For writing too, which waits for no writer.
+        // Opened for writing too, so that opening it does not wait for a writer.
         let mut reader = fs::OpenOptions::new().read(true).write(true).open(path("pipe")).unwrap();
         succeeds(&play("pipe", "p.png"));
         assert!(kind("pipe").is_fifo());
@@ -473,7 +474,7 @@ fn links_are_followed_and_devices_are_not_replaced() {
         assert_eq!(serde_json::from_slice::<Value>(&text[..length]).unwrap()["backend"], "cpu");
     }
 
-    // A node of its own, like `/dev/null`, where that may be made and opened.
+    // A device node of the test's own, like `/dev/null`, if it is permitted to make and open one.
     let made = Command::new("mknod").arg(path("null")).args(["c", "1", "3"]).output().is_ok_and(|made| made.status.success());
     if cfg!(target_os = "linux") && made && fs::write(path("null"), "").is_ok() {
         succeeds(&play("null", "p.png"));
@@ -482,7 +483,7 @@ fn links_are_followed_and_devices_are_not_replaced() {
     }
 }
 
-/// Whichever was written last would be all that is left.
+/// Otherwise the last one written would overwrite the others.
 #[test]
 fn two_outputs_never_share_a_file() {
     const TABLE: &[(&[&str], &[&str])] = &[
@@ -509,7 +510,7 @@ fn two_outputs_never_share_a_file() {
         assert_eq!(names(&directory), before, "{arguments:?}");
         assert_eq!(names(directory.path().join("frames")), set(["frame_0001.obj"]), "{arguments:?}");
     }
-    // Beyond the last frame a name is free.
+    // A name beyond the last frame is free.
     succeeds(&run(&directory, &["--frames", "2", "--report", "frames/frame_0003.obj"]));
 }
 
@@ -536,7 +537,7 @@ fn two_outputs_never_share_a_file_by_links() {
     }
 }
 
-/// What has no end, and what is no mesh, is refused before it is read.
+/// Endless input and files that are not meshes are refused before they are read.
 #[cfg(unix)]
 #[test]
 fn a_device_is_no_mesh() {

@@ -1,4 +1,4 @@
-//! Contact and friction: inclines, spheres, capsules, things that move.
+//! Collisions and friction: inclines, spheres, capsules, moving bodies.
 
 #[macro_use]
 mod common;
@@ -26,7 +26,7 @@ on_every_backend!(
     a_set_state_forgets_where_colliders_were,
 );
 
-/// A sheet lying on a plane tilted by `degrees` about z, friction .3.
+/// A sheet lying on a plane inclined by `degrees` about z, with friction .3.
 fn incline(backend: Backend, degrees: f32, substeps: u32) -> (Deformer, Attributes, Vec3) {
     let turn = Quat::from_rotation_z(-degrees.to_radians());
     let mut mesh = Mesh::grid(4, 4, 0.3, 0.3);
@@ -47,7 +47,7 @@ fn sticks_below_the_angle_of_friction(backend: Backend) {
     }
 }
 
-/// Beyond it the acceleration is `g (sin - mu cos)` down the slope.
+/// Above that angle the acceleration is `g (sin - mu cos)` down the slope.
 fn slides_above_it(backend: Backend) {
     for (degrees, substeps) in [(20.0, 20), (20.0, 320), (16.9, 20), (16.9, 80), (16.9, 160), (16.9, 320)] {
         let (mut deformer, attributes, down) = incline(backend, degrees, substeps);
@@ -136,7 +136,7 @@ fn no_vertex_inside_a_box(backend: Backend) {
     }
 }
 
-/// It turns by up to four radians a second, moves and grows.
+/// The box rotates by up to four radians per second, moves and grows.
 fn no_vertex_inside_a_moving_box(backend: Backend) {
     let (mut deformer, mut attributes) = sphere_drop(backend, 17, 20);
     for frame in 0..60 {
@@ -147,18 +147,19 @@ fn no_vertex_inside_a_moving_box(backend: Backend) {
         attributes.colliders[0] = Collider::rounded_box(center, half, turn, 0.02);
         deformer.step(FRAME, &attributes).unwrap();
         let depth = deformer.measure().unwrap().penetration;
-        // Cloth that the floor holds from below may be pinched.
+        // Cloth may be pinched between the box and the floor.
         assert!(depth <= 1e-5, "frame {frame}: {depth} m deep");
     }
     assert!(deformer.positions().unwrap().iter().any(|x| x.y > 0.1), "some of it lies on top");
 }
 
-/// On the side of a box that is turned, cloth slides as on a plane.
+/// On a side of a rotated box, cloth slides as on a plane.
 fn a_box_is_as_steep_as_a_plane(backend: Backend) {
     let (mut deformer, attributes, down) = incline(backend, 20.0, 20);
     let (mut other, mut boxed, _) = incline(backend, 20.0, 20);
     let turn = Quat::from_rotation_z(-20_f32.to_radians());
-    // The way from the plane is half its thickness, turned so that another side is the upper one.
+    // The box's center is below the plane by half its thickness, and the box is rotated so that another of its sides is
+    // up.
     let block =
         Collider::rounded_box(turn * Vec3::NEG_Y, Vec3::new(9.0, 8.0, 1.0), turn * Quat::from_rotation_x(1.570_796_4), 0.0);
     boxed.colliders = vec![block.with_friction(0.3)];
@@ -169,8 +170,8 @@ fn a_box_is_as_steep_as_a_plane(backend: Backend) {
     assert!(slid > 0.1 && apart <= 1e-3 * f64::from(slid), "{apart} m apart after {slid} m");
 }
 
-/// A table that turns ever faster about an upright axis beside its middle, and tilts, takes what lies on it along: friction is against
-/// the table's own motion at each place.
+/// A table that rotates ever faster about an upright axis beside its center, and tilts, carries the cloth lying on it:
+/// friction acts against the table's own motion at each place.
 fn a_turning_table_carries_the_cloth(backend: Backend) {
     let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
     let mesh = Mesh::grid(4, 4, 0.3, 0.3);
@@ -189,12 +190,14 @@ fn a_turning_table_carries_the_cloth(backend: Backend) {
     for (x, rest) in deformer.positions().unwrap().iter().zip(&mesh.positions) {
         let goal = axis + turned(59) * (*rest - axis);
         let off = x.distance(goal);
-        // It slips a little at each jerk of the table's velocity, 2 mm in all; the table went half a circle's quarter.
+        // The cloth slips slightly at each jump of the table's velocity, 2 mm in all; the table has turned by 41
+        // degrees.
         assert!(off <= 4e-3, "{rest} is {off} m from its place on the table, which moved it by {}", goal.distance(*rest));
     }
 }
 
-/// A pause of a game, or a frame that is asked for twice: nothing is done, and what moves goes on as if nothing had been asked.
+/// A pause in a game, or a frame requested twice: nothing happens, and the motion continues as if no step had been
+/// requested.
 fn a_step_of_no_time_does_nothing(backend: Backend) {
     let run = |pauses: bool| {
         let (mut deformer, mut attributes) = sphere_drop(backend, 9, 20);
@@ -216,19 +219,19 @@ fn a_step_of_no_time_does_nothing(backend: Backend) {
     assert!(run(true) == run(false));
 }
 
-/// At five times the speed `v h = R` no vertex's path crosses the collider.
+/// At five times the speed `v h = R`, no vertex's path passes through the collider.
 fn nothing_tunnels(backend: Backend) {
     let (h, radius) = (FRAME / 20.0, 0.05);
     let ends = [Vec3::new(-0.03, 0.0, 0.0), Vec3::new(0.03, 0.0, 0.0)];
     let turn = Quat::from_euler(EulerRot::YXZ, 0.5, 0.3, 0.2);
-    // Each with the least radius of its surface.
+    // Each with the least radius of curvature of its surface.
     let shapes = [
         (Collider::sphere(Vec3::ZERO, radius), radius),
         (Collider::capsule(ends[0], ends[1], radius), radius),
         (Collider::tapered_capsule(ends[0], radius, ends[1], 1.5 * radius), radius),
         (Collider::rounded_box(Vec3::ZERO, Vec3::new(0.06, radius, 0.06), turn, 0.02), 0.02),
     ];
-    // Loose points, each on its own way down to a different spot of the collider.
+    // Loose points, each on its own way down to a different place of the collider.
     let spot = |k: u32| Vec3::new(0.015 * ((k % 5) as f32 - 2.0), 0.4 + 0.011 * k as f32, 0.015 * ((k / 5) as f32 - 2.0));
     let mesh = Mesh { positions: (0..25).map(spot).collect(), triangles: Vec::new() };
     for (shape, roundness) in shapes {
@@ -245,7 +248,8 @@ fn nothing_tunnels(backend: Backend) {
                 for (from, to) in last.iter().zip(now) {
                     let nearest =
                         (0..=200).map(|k| shape.distance(from.lerp(*to, k as f32 / 200.0))).fold(f32::INFINITY, f32::min);
-                    // A short way along the surface is a chord of it; a long one is swept, and ends on a tangent plane.
+                    // A short path along the surface is a chord of it. A long one is tested continuously and ends on a
+                    // tangent plane.
                     let way = from.distance(*to);
                     let chord = if way < 0.26 * radius { way * way / (8.0 * roundness) } else { 0.0 };
                     assert!(
@@ -273,7 +277,7 @@ fn a_start_inside_is_freed_without_a_kick(backend: Backend) {
         most = most.max(deformer.measure().unwrap().kinetic_energy);
     }
     assert!(deformer.measure().unwrap().penetration <= 1e-6, "freed after 0.7 s");
-    // Thrown out at once it would leave at 0.1 m a substep, 120 m/s: 58 J.
+    // Pushed out at once, it would leave at 0.1 m per substep, which is 120 m/s: 58 J.
     assert!(most <= 0.5 * 0.2 * 0.04 * 4.0, "kinetic energy {most} J: no more than at 2 m/s");
 }
 
@@ -291,7 +295,8 @@ fn a_moving_floor_carries_the_cloth(backend: Backend) {
     let t = 59.0 * FRAME;
     for (x, rest) in deformer.positions().unwrap().iter().zip(&mesh.positions) {
         let moved = *x - *rest;
-        // Each frame the floor is faster by 1/60 m/s at once; friction catches up in dv/(mu g), dv²/(2 mu g) behind.
+        // In each frame the floor's velocity rises by 1/60 m/s at once. Friction catches up within dv/(mu g), after a
+        // delay of dv²/(2 mu g) in position.
         let behind = 60.0 * FRAME * FRAME / (2.0 * 0.3 * 9.81);
         assert!((moved.x - 0.5 * t * t).abs() <= behind && moved.z.abs() <= 1e-5, "carried by {moved}");
         assert!((moved.y - 0.2 * t).abs() <= 1e-6, "lifted by {moved}");
@@ -313,7 +318,7 @@ fn a_growing_sphere_pushes(backend: Backend) {
     assert!(deformer.positions().unwrap()[40].y >= 0.245, "lifted by the growth");
 }
 
-/// Where a scene is cut, a collider that was elsewhere before did not fly here.
+/// After a cut of the scene, a collider that was elsewhere before has not flown here.
 fn a_set_state_forgets_where_colliders_were(backend: Backend) {
     let mesh = Mesh::grid(5, 5, 0.3, 0.3);
     let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
@@ -323,12 +328,13 @@ fn a_set_state_forgets_where_colliders_were(backend: Backend) {
     deformer.step(FRAME, &at(1.0)).unwrap();
     deformer.set_state(&mesh.positions, &[Vec3::ZERO; 25]).unwrap();
     deformer.step(FRAME, &at(-0.5)).unwrap();
-    // Nothing but rounding in the edges moves it.
+    // Only rounding in the edges moves it.
     let moved = common::rms(deformer.positions().unwrap(), &mesh.positions);
     assert!(moved <= 1e-7, "flung by {moved} m");
 }
 
-/// A towel stays on a sphere, however many substeps: peers' friction depends on them and lets it slide off.
+/// A towel stays on a sphere for any number of substeps. In other engines friction depends on that number and lets it
+/// slide off.
 #[test]
 fn a_towel_stays_on_a_sphere() {
     for substeps in [20, 80, 320] {

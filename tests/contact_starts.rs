@@ -1,5 +1,5 @@
-//! Scenes of contact from several starts, each another by a tenth of a millimeter, every frame counted: `CLOTH_RUNS=10 cargo test --release
-//! --test contact_starts -- --ignored --nocapture` takes half an hour.
+//! Scenes of contact from several starts that differ by a tenth of a millimeter, with crossings counted in every frame.
+//! `CLOTH_RUNS=10 cargo test --release --test contact_starts -- --ignored --nocapture` takes half an hour.
 
 mod common;
 
@@ -18,7 +18,7 @@ struct Start {
     options: Options,
     frames: u32,
     attributes: Box<dyn Fn(u32) -> Attributes>,
-    /// Where the cloth begins (m), if that is not its rest shape.
+    /// Initial positions (m), if they are not those of the rest shape.
     bent: bool,
 }
 
@@ -32,7 +32,7 @@ impl Start {
         Start { mesh, options, frames, attributes, bent: false }
     }
 
-    /// The most crossings of any frame, with itself and with bodies.
+    /// The largest number of crossings in any frame, with itself and with bodies.
     fn play(&self) -> usize {
         let mut cloth = Deformer::new(&self.mesh, self.options.clone()).unwrap();
         if self.bent {
@@ -65,7 +65,7 @@ fn floor() -> Collider {
     Collider::plane(Vec3::ZERO, Vec3::Y)
 }
 
-/// Plays a scene from as many starts as are asked for; none may have a crossing.
+/// Plays a scene from as many starts as are requested; none may have a crossing.
 fn from_all_starts(name: &str, start: impl Fn(u64) -> Start) {
     let runs = std::env::var("CLOTH_RUNS").map_or(1, |runs| runs.parse().expect("a number"));
     let crossed: Vec<usize> = (1..=runs)
@@ -136,7 +136,7 @@ fn towels() {
     });
 }
 
-/// A capsule of triangles through a sheet that hangs by its top row.
+/// A capsule made of triangles passes through a sheet that hangs by its top row.
 #[test]
 #[ignore = "takes minutes"]
 fn limbs() {
@@ -159,7 +159,7 @@ fn limbs() {
     }
 }
 
-/// A sheet by two opposite edges that turn against each other.
+/// A sheet held at two opposite edges that rotate against each other.
 #[test]
 #[ignore = "takes minutes"]
 fn twists() {

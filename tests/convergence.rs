@@ -1,4 +1,5 @@
-//! Accuracy: the order of convergence, the resolution's own figures, the gates, and meshes of every orientation.
+//! Accuracy: the order of convergence, the effect of resolution, accuracy gates, and meshes with different edge
+//! directions.
 
 mod common;
 
@@ -25,7 +26,8 @@ fn reference(mesh: &Mesh, options: &Options, steps: u32, frames: u32) -> Vec<Vec
     reference.run(f64::from(frames) / 60.0, steps).positions()
 }
 
-/// Order of convergence, where the stiffness is resolved (S* = 18) and the error above single precision's floor (1e-5).
+/// Order of convergence, where the stiffness is resolved (S* = 18) and the error is above the floor of single precision
+/// (1e-5).
 #[test]
 fn second_order() {
     let (mesh, options) = hang(8, 20, Backend::Cpu);
@@ -43,8 +45,8 @@ fn second_order() {
     }
 }
 
-/// The middle of the free edge of an inextensible sheet falls freely until the pull of the pins arrives; how far it has
-/// come in by then depends on the resolution, by 2.5e-4 m from N = 32 to 64 at 0.25 s and by 5e-2 m at 0.5 s.
+/// The middle of the free edge of an inextensible sheet falls freely until the pull of the pins arrives. How far it has
+/// moved inward by then depends on the resolution: by 2.5e-4 m from N = 32 to 64 at 0.25 s, and by 5e-2 m at 0.5 s.
 #[test]
 fn resolution_figures() {
     for (n, substeps, early, late) in [(32_u32, 160, 0.87765, -0.1945), (64, 320, 0.87740, -0.2480)] {
@@ -81,13 +83,14 @@ fn gate_at_64() {
     gate(64, 160, Backend::Cpu, 10_000, 1.5e-4);
 }
 
-/// The reference runs near its own limit (11,500 steps), where it is off by about 7e-5 itself.
+/// The reference runs near its own stability limit (11,500 steps), where its own error is about 7e-5.
 #[test]
 fn gate_at_128() {
     gate(128, 320, Backend::Cpu, 13_000, 2.4e-4);
 }
 
-/// Single precision: finer substeps do not make it worse. Velocities from differences of positions would.
+/// In single precision, finer substeps do not increase the error. They would if velocities were differences of
+/// positions.
 #[test]
 fn finer_is_not_worse() {
     let (mesh, options) = hang(32, 80, Backend::Cpu);
@@ -106,7 +109,7 @@ fn finer_is_not_worse() {
 fn orientation_of_the_mesh() {
     let n = 32;
     let (grid, options) = hang(n, 80, Backend::Cpu);
-    // Every mesh by its own triangles' masses.
+    // The masses of each mesh follow from its own triangles.
     let options = Options { mass: None, ..options };
     let free_edge = |mesh: &Mesh| {
         let x = fall(mesh, &options, 80, 15);
@@ -131,7 +134,8 @@ fn delaunay_covers_the_square_front_up() {
     assert_eq!(mesh.triangles.len(), 2 * 31 * 31, "Euler: 2 n - 2 - border");
 }
 
-/// An unstructured sheet hung by an edge, against its own converged run: a real one of 1939 vertices, or one made here.
+/// An unstructured sheet hung by an edge, compared with its own converged run: a real mesh of 1939 vertices, or one
+/// generated here.
 #[test]
 fn unstructured_sheet() {
     let made = || meshes::delaunay(44, 1);

@@ -1,4 +1,5 @@
-//! A crowd on the CPU: each cloth goes as it would alone, bit for bit, on any number of threads, whoever is beside it.
+//! A crowd on the CPU: each cloth moves as it would alone, bit for bit, on any number of threads and beside any other
+//! cloths.
 
 mod common;
 
@@ -6,7 +7,7 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepError, StepReport};
 use common::FRAME;
 
-/// Forty small cloths, no two alike, with a large one among them, and what acts on each.
+/// Forty small cloths, all different, and a large one among them, with their attributes.
 fn crowd() -> Vec<(Deformer, Attributes)> {
     let cloth = |index: u32| {
         let side = if index == 7 { 70 } else { 5 + index % 6 };
@@ -26,13 +27,13 @@ fn crowd() -> Vec<(Deformer, Attributes)> {
     (0..41).map(cloth).collect()
 }
 
-/// The reports of some frames, and where the cloths then are.
+/// The reports of some frames, and the final positions of the cloths.
 fn played(alone: bool, threads: usize) -> (Vec<Result<StepReport, StepError>>, Vec<[u32; 3]>) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         let (mut crowd, mut reports) = (crowd(), Vec::new());
         for frame in 0..5 {
-            // One that is refused does not hold up the others, and its error is in its place.
+            // A cloth that is refused does not affect the others, and its error is at its place in the results.
             crowd[11].1.damping = if frame == 2 { -1.0 } else { 0.0 };
             if alone {
                 reports.extend(crowd.iter_mut().map(|(cloth, attributes)| cloth.step(FRAME, attributes)));

@@ -1,4 +1,4 @@
-//! Bending in motion: what it keeps (momentum), how far it can be taken (the limiter), and how its damping settles cloth.
+//! Bending in motion: momentum is conserved, the limiter keeps it stable, and its damping settles cloth.
 
 mod common;
 
@@ -17,7 +17,8 @@ const VACUUM: Attributes = Attributes {
     pin_targets: None,
 };
 
-/// Linear momentum, angular momentum about the origin, and the sums of their sizes that rounding is measured by.
+/// Linear momentum, angular momentum about the origin, and the sums of their magnitudes, which rounding errors are
+/// relative to.
 fn momenta(cloth: &mut Deformer, masses: &[f32]) -> (DVec3, DVec3, f64, f64) {
     let positions = cloth.positions().unwrap().to_vec();
     let mut sums = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
@@ -28,7 +29,7 @@ fn momenta(cloth: &mut Deformer, masses: &[f32]) -> (DVec3, DVec3, f64, f64) {
     sums
 }
 
-/// A free sheet, bent to a cylinder of some curvature (1/m), turning and flying off; with edges or with bending alone.
+/// A free sheet bent to a cylinder of some curvature (1/m), rotating and moving away; with edges or with bending alone.
 fn bent_to(curvature: f32, backend: Backend, [bending, damping]: [f32; 2], edges: bool) -> (Deformer, Vec<f32>) {
     let n = 17;
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
@@ -49,10 +50,11 @@ fn tumbling(backend: Backend, bending: f32, damping: f32) -> (Deformer, Vec<f32>
     bent_to(1.0, backend, [bending, damping], true)
 }
 
-/// Bending is an inner force, damped or not, limited or not, in one pass or sixteen: it moves the cloth's momenta by rounding alone.
+/// Bending is an internal force, damped or not, limited or not, in one pass or sixteen: it changes the cloth's momenta
+/// only by rounding.
 ///
-/// What 30 N m let go of at once sends the sheet off at 10 m/s. Then edges that turn by a radian in a substep are corrected along
-/// themselves, which gives some angular momentum; so it is bent less there.
+/// The energy of 30 N m, released at once, moves the sheet at 10 m/s. Edges that turn by a radian in a substep are then
+/// corrected along their current direction, which changes angular momentum; so the sheet is bent less there.
 fn bending_keeps_the_momenta(backend: Backend) {
     for (bending, curvature, edges) in
         [(1e-3, 1.0, true), (0.7, 1.0, true), (0.7, 1.0, false), (30.0, 0.2, false), (30.0, 0.05, true), (3e3, 0.05, true)]
@@ -71,8 +73,8 @@ fn bending_keeps_the_momenta(backend: Backend) {
     }
 }
 
-/// A rigidity that sixteen passes cannot carry is lowered, said so, and stable: the sheet gains no more energy than its
-/// curvature holds at the rigidity that can be carried, `z rho h_x^4/(64 h²)` on a grid, z = 411.
+/// A rigidity too large for sixteen passes is lowered, reported and stable: the sheet gains no more energy than its
+/// curvature stores at the largest stable rigidity, `z rho h_x^4/(64 h²)` on a grid, with z = 411.
 #[test]
 fn too_stiff_a_fabric_is_softened_and_reported() {
     for damping in [0.0, 0.03] {
@@ -88,14 +90,14 @@ fn too_stiff_a_fabric_is_softened_and_reported() {
         println!("tau = {damping}: kinetic energy up to {highest:.4} J, at most {most:.4} J");
         assert!(highest <= most, "tau = {damping}: kinetic energy {highest} J, at most {most} J");
     }
-    // Where the substep can carry it, nothing is said.
+    // Where the substep is short enough, nothing is reported.
     for bending in [1e-3, 0.7, 20.0] {
         let (mut cloth, _) = tumbling(Backend::Cpu, bending, 0.03);
         assert_eq!(cloth.step(FRAME, &VACUUM).unwrap().warnings, []);
     }
 }
 
-/// Damping in the bending row does not slow a fall: bent cloth, falling, keeps pace with a stone.
+/// Damping in the bending rows does not slow a fall: bent cloth falls as fast as a stone.
 #[test]
 fn damping_does_not_slow_a_fall() {
     let n = 17;
@@ -114,17 +116,18 @@ fn damping_does_not_slow_a_fall() {
     play(&mut cloth, 60, &Attributes::default());
     let total: f64 = masses.iter().map(|&m| f64::from(m)).sum();
     let fall = momenta(&mut cloth, &masses).0 / total;
-    // Velocities are those of half a substep ago.
+    // Velocities are those of half a substep before.
     let expected = -9.81 * (1.0 - 0.5 / 2400.0);
     println!("velocity after 1 s: {fall}, expected {expected} down");
     assert!((fall.y / expected - 1.0).abs() < 1e-5 && fall.x.hypot(fall.z) < 1e-5, "{fall}");
 }
 
-/// A towel dropped on a ball and the floor lies still three seconds later, in air that takes half of a speed in 1.4 s.
+/// A towel dropped on a ball and the floor lies still three seconds later, in air that halves a speed in 1.4 s.
 ///
-/// The bending rows still every fold; what swings as a whole, a corner that hangs free, they leave to the air, as they must
-/// to keep the momenta. In a vacuum the corners alone still move at 2 to 16 mm/s (RMS) by then. Which corners hang free is
-/// chance (one of thirty runs ended above the bound, with either of two orders of the edges), so the median of five starts counts.
+/// The bending rows damp every fold. What swings as a whole, such as a corner that hangs free, they leave to the air,
+/// as they must to conserve momentum. In a vacuum the corners alone still move at 2 to 16 mm/s (RMS) by then. Which
+/// corners hang free is chance (one of thirty runs ended above the bound, with either of two orders of the edges), so
+/// the median of five starts counts.
 #[test]
 fn a_towel_settles() {
     let n = 33;
@@ -140,7 +143,7 @@ fn a_towel_settles() {
                 let options =
                     Options { backend: Backend::Cpu, fabric, quality: Quality::Substeps(substeps), ..Options::default() };
                 let mut cloth = Deformer::new(&mesh, options).unwrap();
-                // It meets the ball 0.1 m further down, after sqrt(2 . 0.1/9.81) = 0.143 s: 3 s after that, frame 188.
+                // It meets the ball 0.1 m further down, after sqrt(2 * 0.1/9.81) = 0.143 s; 3 s later is frame 188.
                 play(&mut cloth, 188, &attributes);
                 let mut fastest = 0.0_f64;
                 for _ in 0..12 {
@@ -162,9 +165,9 @@ fn rms_speed(cloth: &mut Deformer) -> f64 {
     (velocities.iter().map(|v| v.as_dvec3().length_squared()).sum::<f64>() / velocities.len() as f64).sqrt()
 }
 
-/// A string under 10 N/m, vibrating in its first mode for 3 s: the share of its amplitude that it loses.
+/// The share of its amplitude that a string under 10 N/m loses in 3 s of vibration in its first mode.
 ///
-/// Two parallel strings, in fact: with nothing across, each row of a two-row strip is one.
+/// There are two parallel strings: without edges across, each row of a strip of two rows is a string.
 fn loss_of_a_string(bending: f32, damping: f32) -> f64 {
     let n = 65;
     let cell = 1.0 / (n - 1) as f32;
@@ -176,7 +179,7 @@ fn loss_of_a_string(bending: f32, damping: f32) -> f64 {
         edge_scale: Some(mesh.edges().iter().map(across).collect()),
         mass: Some((0..2 * n).map(|v| 0.1 * cell * cell * if v % n == 0 || v % n == n - 1 { 0.5 } else { 1.0 }).collect()),
         pinned: vec![0, n - 1, n, 2 * n - 1],
-        // Twice what resolves the stiffness.
+        // Twice the substeps that resolve the stiffness.
         quality: Quality::Substeps(332),
         ..Options::default()
     };
@@ -186,7 +189,7 @@ fn loss_of_a_string(bending: f32, damping: f32) -> f64 {
     cloth.set_state(&mesh.positions.iter().map(stretched).collect::<Vec<_>>(), &vec![Vec3::ZERO; mesh.positions.len()]).unwrap();
     let omega = std::f64::consts::PI * (10.0_f64 / 0.2).sqrt();
     let mut amplitude = |frames: u32| {
-        // Over a few periods, so that nothing is left of other modes' beat.
+        // Averaged over a few periods, so that the beat of other modes cancels.
         let mut sum = 0.0;
         for _ in 0..frames {
             cloth.step(FRAME, &VACUUM).unwrap();
@@ -195,19 +198,19 @@ fn loss_of_a_string(bending: f32, damping: f32) -> f64 {
                 pairs.map(|(value, rest)| f64::from(value.y) * mode(rest)).sum::<f64>() / f64::from(n - 1)
             };
             let rate = part(cloth.velocities().unwrap());
-            // Positions brought back to the time of the velocities.
+            // Positions half a substep back, at the time of the velocities.
             let place = part(cloth.positions().unwrap()) - rate * 0.5 * f64::from(FRAME) / 332.0;
             sum += place.hypot(rate / omega);
         }
         sum / f64::from(frames)
     };
     let first = amplitude(51);
-    // 51 frames are three periods; both means lie half of that after their beginning, 3 s apart.
+    // 51 frames are three periods. Both means are centered half of that after their start, 3 s apart.
     amplitude(129);
     1.0 - amplitude(51) / first
 }
 
-/// A string keeps its amplitude, bending's damping or not.
+/// A string keeps its amplitude with bending damping and without.
 #[test]
 fn a_string_keeps_sounding() {
     for (bending, damping) in [(0.0, 0.0), (1.4e-5, 0.03), (1e-4, 0.03)] {

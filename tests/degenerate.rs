@@ -1,4 +1,4 @@
-//! Meshes that are barely meshes: every step stays finite on every backend. Input that is no number: an error before a step.
+//! Degenerate meshes: every step stays finite on every backend. Invalid numbers are an error before any step.
 
 mod common;
 
@@ -30,7 +30,7 @@ fn table() -> Vec<(&'static str, Mesh, Vec<u32>)> {
         positions: std::iter::once(Vec3::ZERO).chain((0..60).map(rim)).collect(),
         triangles: (1..60).map(|k| [0, k + 1, k]).collect(),
     };
-    // Squares of such lengths are the least numbers that single precision has, or none.
+    // Squares of such lengths are the smallest numbers of single precision, or underflow.
     let tiny = |size: f32| Mesh { positions: fan.positions.iter().map(|&x| x * size).collect(), ..fan.clone() };
     let collinear = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let coincident = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
@@ -63,7 +63,7 @@ fn table() -> Vec<(&'static str, Mesh, Vec<u32>)> {
     ]
 }
 
-/// The same, large enough for levels.
+/// The same kinds of meshes, large enough for levels.
 fn table_with_levels() -> Vec<(&'static str, Mesh, Vec<u32>)> {
     let n = 24;
     let grid = Mesh::grid(n, n, 1.0, 1.0);
@@ -124,7 +124,7 @@ fn degenerate_meshes_with_levels_stay_finite(backend: Backend) {
     }
 }
 
-/// Everything at once acts on them: bending, air, drag, a collider that they start inside of.
+/// All features at once act on them: bending, air, drag, and a collider that they start inside of.
 fn degenerate_meshes_stay_finite(backend: Backend) {
     let fabrics = [Fabric { stretch: f32::INFINITY, ..Fabric::default() }, Fabric::TOWEL];
     let ball = Collider::sphere(Vec3::new(0.4, -0.2, 0.4), 0.3);

@@ -1,4 +1,4 @@
-//! A caller's device, and the buffers that a renderer draws from.
+//! A device provided by the caller, and the buffers that a renderer draws from.
 #![cfg(feature = "gpu")]
 
 mod common;
@@ -7,7 +7,7 @@ use cloth_deformer::glam::{DVec3, Vec3, Vec4};
 use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Gpu, Mesh, Options, Quality, wgpu};
 use common::{FRAME, play, rms};
 
-/// A device at wgpu's default limits, as a renderer has it.
+/// A device with wgpu's default limits, as a renderer has it.
 fn modest() -> Gpu {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
@@ -17,7 +17,7 @@ fn modest() -> Gpu {
     Gpu::new(device, queue, "the caller's".to_owned())
 }
 
-/// What is in a buffer.
+/// Reads the contents of a buffer.
 fn read<T: bytemuck::Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<T> {
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let staging = gpu.device().create_buffer(&wgpu::BufferDescriptor {
@@ -34,8 +34,8 @@ fn read<T: bytemuck::Pod>(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<T> {
     bytemuck::pod_collect_to_vec(&staging.get_mapped_range(..).unwrap())
 }
 
-/// A crumpled sheet a little off the origin, with what meshes may have besides: a vertex of no triangle, a thread, a
-/// triangle too small to see.
+/// A crumpled sheet near the origin, with special cases of meshes: a vertex without triangles, a thread, and a triangle
+/// too small to see.
 fn sheet() -> Mesh {
     let mut mesh = Mesh::grid(13, 11, 1.0, 0.9);
     let wave = |k: usize, f: f32| (k as f32 * f).sin();
@@ -48,7 +48,7 @@ fn sheet() -> Mesh {
     mesh
 }
 
-/// Normals as the definition has them, in double precision, in the mesh's order.
+/// Vertex normals from their definition, in double precision, in the mesh's order.
 fn normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     for triangle in triangles {
@@ -61,7 +61,7 @@ fn normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
 #[test]
 fn a_surface_is_the_cloth() {
     let gpu = modest();
-    // Far out, the buffer holds positions less an origin.
+    // Far from 0, the buffer holds positions relative to an origin.
     for offset in [Vec3::ZERO, Vec3::splat(5e3)] {
         let mut mesh = sheet();
         mesh.positions.iter_mut().for_each(|x| *x += offset);
@@ -117,13 +117,14 @@ fn only_a_cloth_on_the_gpu_has_a_surface() {
         let mut cloth = Deformer::new(&Mesh::grid(3, 3, 1.0, 1.0), Options { backend, ..Options::default() }).unwrap();
         assert!(cloth.surface().unwrap().is_none());
     }
-    // A vertex alone has a surface without triangles.
+    // A single vertex has a surface without triangles.
     let mesh = Mesh { positions: vec![Vec3::ONE], triangles: Vec::new() };
     let mut cloth = Deformer::new(&mesh, Options { backend: Backend::Gpu, ..Options::default() }).unwrap();
     assert_eq!(cloth.surface().unwrap().unwrap().index_count, 0);
 }
 
-/// Everything at once, on both backends that need a device, agrees with the CPU as it does on a device with higher limits.
+/// A scene with all features, on both backends that need a device, agrees with the CPU as closely as on a device with
+/// higher limits.
 #[test]
 fn default_limits_are_enough() {
     let gpu = modest();

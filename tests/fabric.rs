@@ -1,4 +1,4 @@
-//! Fabrics: the presets lie where fabrics were measured, and `edge_scale` makes shear as soft as theirs.
+//! Fabrics: the presets are within the range of measured fabrics, and `edge_scale` makes shear as soft as theirs.
 
 mod common;
 
@@ -6,7 +6,8 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
 use common::play;
 
-/// 5 % and 95 % of the garment fabrics measured (the docs of `Fabric`); stretch from the softest knit to the stiffest woven.
+/// The 5 % and 95 % quantiles of measured garment fabrics (see the docs of `Fabric`); stretch from the softest knit to
+/// the stiffest woven.
 #[test]
 fn presets_are_fabrics() {
     for (name, fabric) in Fabric::PRESETS.iter().copied() {
@@ -18,7 +19,7 @@ fn presets_are_fabrics() {
     }
 }
 
-/// The diagonals of a grid, scaled.
+/// Scale factors for the edges of a grid: `scale` for the diagonals, 1 for the others.
 fn soft_diagonals(mesh: &Mesh, scale: f32) -> Vec<f32> {
     let slanted = |[a, b]: &[u32; 2]| {
         let d = mesh.positions[*a as usize] - mesh.positions[*b as usize];
@@ -27,7 +28,8 @@ fn soft_diagonals(mesh: &Mesh, scale: f32) -> Vec<f32> {
     mesh.edges().iter().map(|edge| if slanted(edge) { scale } else { 1.0 }).collect()
 }
 
-/// A grid's shear stiffness is a quarter of its diagonals': `K scale/4`, 25 N/m for 5 kN/m scaled by 0.02.
+/// The shear stiffness of a grid is a quarter of its diagonals': `K scale/4`, which is 25 N/m for 5 kN/m scaled by
+/// 0.02.
 #[test]
 fn the_diagonals_set_the_shear_stiffness() {
     let mesh = Mesh::grid(17, 17, 1.0, 1.0);
@@ -44,12 +46,13 @@ fn the_diagonals_set_the_shear_stiffness() {
     }
 }
 
-/// Hung by a corner, so that its weight pulls it along the bias, a sheet with soft diagonals gives way; a stiff one hardly.
+/// Hung by a corner, so that its weight pulls along the bias, a sheet with soft diagonals stretches; a stiff one hardly
+/// does.
 #[test]
 fn soft_diagonals_give_way_along_the_bias() {
     let n = 17;
     let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
-    // On its corner, in a vertical plane.
+    // Standing on its corner in a vertical plane.
     let turn = |x: Vec3| Vec3::new(x.x - x.z, -x.x - x.z, 0.0) * std::f32::consts::FRAC_1_SQRT_2;
     let scales = [1.0, 0.02].map(|scale| Some(soft_diagonals(&mesh, scale)));
     mesh.positions.iter_mut().for_each(|x| *x = turn(*x));

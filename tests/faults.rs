@@ -1,4 +1,4 @@
-//! Faults that were met in use, each as it was met: what went wrong without a word must not come back.
+//! Regression tests, named after the defects that occurred in use.
 
 mod common;
 
@@ -17,7 +17,8 @@ on_every_backend!(steps_of_changing_length_give_no_energy);
 const RHO: f32 = 0.2;
 const G: f64 = 9.81;
 
-/// Energy (J/kg) in gravity alone, one substep `h` (s) taken into account as velocities are.
+/// Energy (J/kg) in gravity alone. Velocities belong to half a substep `h` (s) before the positions; the heights are
+/// corrected for that.
 fn specific_energy(deformer: &mut Deformer, masses: &[f32], h: f64) -> f64 {
     let v = deformer.velocities().unwrap().to_vec();
     energy(&[], masses, G, h, deformer.positions().unwrap(), &v) / masses.iter().map(|&m| f64::from(m)).sum::<f64>()
@@ -29,7 +30,7 @@ fn speed(deformer: &mut Deformer) -> f64 {
     rms(&v, &vec![Vec3::ZERO; v.len()])
 }
 
-/// Too few substeps for its stiffness: what a shorter step would stiffen has been stretched by a longer one.
+/// With too few substeps for the stiffness, a shorter step would stiffen what a longer one has stretched.
 fn steps_of_changing_length_give_no_energy(backend: Backend) {
     let n = 20;
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
@@ -37,7 +38,7 @@ fn steps_of_changing_length_give_no_energy(backend: Backend) {
     let mut random = fastrand::Rng::with_seed(1);
     let any: Vec<f32> = (0..180).map(|_| (1.0 / 240.0) * 24.0_f32.powf(random.f32())).collect();
     let sequences = [vec![1.0 / 30.0, 1.0 / 144.0], vec![FRAME, 1.0 / 240.0], vec![FRAME, FRAME, FRAME, FRAME, FRAME, 0.1], any];
-    // Relaxation claims no limit either.
+    // Relaxation must not gain energy either.
     for (method, substeps) in [(Method::SmallSteps, 8), (Method::SmallSteps, 1), (Method::Relaxation { iterations: 3 }, 4)] {
         for (sequence, lengths) in sequences.iter().enumerate() {
             let quality = Quality::Substeps(substeps);
@@ -60,7 +61,7 @@ fn steps_of_changing_length_give_no_energy(backend: Backend) {
     }
 }
 
-/// What is asked of a step is a length of substep: at 1/60 s so many, and of others as many as are no longer.
+/// The quality sets the length of a substep: so many in 1/60 s, and in steps of other lengths as many as are no longer.
 #[test]
 fn substeps_are_counted_by_a_sixtieth_of_a_second() {
     let mut deformer =
@@ -72,11 +73,12 @@ fn substeps_are_counted_by_a_sixtieth_of_a_second() {
     }
 }
 
-/// Nothing turns it: no force has a torque about the vertical through its pin.
+/// Nothing makes it rotate: no force has a torque about the vertical through its pin.
 #[test]
 fn a_handkerchief_on_one_pin_does_not_begin_to_spin() {
     does_not_spin(Quality::default(), Levels::Auto);
-    // At so few its worst edge is stretched by more than is corrected without a torque, but for tethers.
+    // With so few substeps, its worst edge is stretched by more than can be corrected without a torque; tethers prevent
+    // that.
     does_not_spin(Quality::Substeps(20), Levels::Auto);
     does_not_spin(Quality::Substeps(40), Levels::Off);
 }
@@ -98,7 +100,7 @@ fn does_not_spin(quality: Quality, levels: Levels) {
     assert!(omega.abs() < 0.05, "{quality:?}, {levels:?}: it turns at {omega} rad/s");
 }
 
-/// With levels, and nothing that resists bending.
+/// With levels, and without bending stiffness.
 #[test]
 fn a_hung_sheet_comes_to_rest() {
     for (n, quality) in [(48, Quality::default()), (48, Quality::Substeps(20)), (64, Quality::Substeps(100))] {
@@ -117,7 +119,7 @@ fn a_hung_sheet_comes_to_rest() {
     }
 }
 
-/// More substeps than a stiff cloth shows the difference of.
+/// More substeps than make a difference for so stiff a cloth.
 #[test]
 fn very_stiff_cloth_gains_no_energy_from_many_substeps() {
     for (stretch, substeps) in [(1e9, 1000), (1e6, 320), (f32::INFINITY, 400)] {
@@ -135,7 +137,8 @@ fn very_stiff_cloth_gains_no_energy_from_many_substeps() {
     }
 }
 
-/// From levels to none, where the stiffness becomes resolved (S* = 166): HANG before it cracks like a whip.
+/// The transition from levels to none, where the stiffness becomes resolved (S* = 166): HANG before it cracks like a
+/// whip.
 #[test]
 fn more_substeps_are_never_less_accurate() {
     let n = 64;
@@ -157,7 +160,7 @@ fn more_substeps_are_never_less_accurate() {
     }
 }
 
-/// A sheet lies on a table of a sphere and a floor; a sphere far away comes and goes.
+/// A sheet lies on a sphere and a floor; a sphere far away appears and disappears.
 #[test]
 fn a_collider_left_out_does_not_throw_the_cloth() {
     let mesh = {
@@ -194,7 +197,7 @@ fn a_collider_left_out_does_not_throw_the_cloth() {
     }
 }
 
-/// The same collider by its number goes on with its velocity wherever it is in the list; what nobody moved has none.
+/// A collider with an id keeps its velocity wherever it is in the list; one that did not move has none.
 #[test]
 fn a_collider_is_known_by_its_id() {
     let mut mesh = Mesh::grid(9, 9, 0.2, 0.2);
@@ -225,7 +228,7 @@ fn a_collider_is_known_by_its_id() {
     assert!(matches!(&error, StepError::Attribute { .. }) && error.to_string().contains("colliders[2].id = 3"), "{error}");
 }
 
-/// Edges a thousand times shorter than their triangles: named, and no reason to take a thousand times the substeps.
+/// Edges a thousand times shorter than their triangles are reported, and do not take a thousand times the substeps.
 #[test]
 fn slivers_are_named_and_do_not_run_away_with_the_substeps() {
     let step = |mesh: &Mesh| {
@@ -239,7 +242,7 @@ fn slivers_are_named_and_do_not_run_away_with_the_substeps() {
     assert!(strip.substeps <= 1024, "{} substeps", strip.substeps);
     assert!(matches!(strip.warnings[..], [Warning::Slivers { edges: 900.., .. }]), "{:?}", strip.warnings);
 
-    // One column of cells is narrow.
+    // A mesh with one narrow column of cells.
     let mut mesh = Mesh::grid(32, 32, 1.0, 1.0);
     for x in mesh.positions.iter_mut().filter(|x| x.x > 0.0) {
         x.x -= 0.999 / 31.0;
@@ -256,10 +259,11 @@ fn slivers_are_named_and_do_not_run_away_with_the_substeps() {
     assert!(mesh.positions[a as usize].distance(mesh.positions[b as usize]) < 1e-4, "{a}-{b} is one of them");
 }
 
-/// Every fabric, bending and its damping included, swung and blown about: the limit holds for cloth that moves.
+/// The stability limit of springs holds for cloth in motion: all fabrics with their bending and damping, swung and in
+/// wind.
 #[test]
 fn springs_at_their_own_limit_last() {
-    // Felt bends so hard that its bending decides.
+    // Felt is so stiff in bending that its bending determines the limit.
     let felt = ("felt", Fabric { bending: 0.1, damping: 0.06, ..Fabric::default() });
     for &(name, fabric) in Fabric::PRESETS.iter().chain([&felt]) {
         for n in [12, 20] {
@@ -283,7 +287,7 @@ fn springs_at_their_own_limit_last() {
             let measure = deformer.measure().unwrap();
             assert!(measure.kinetic_energy + measure.potential_energy <= 1e-3, "{name}, {n} x {n}: {measure:?}");
 
-            // With half of what they need it is said before the first step, and by the error when it comes to that.
+            // With half of the substeps needed, there is a warning before the first step, and in the error if it fails.
             let few = Quality::Substeps(forecast.substeps / 2);
             let mut deformer = Deformer::new(&mesh, Options { quality: few, ..options }).unwrap();
             let forecast = deformer.forecast(FRAME, &Attributes::default()).unwrap();
@@ -297,7 +301,7 @@ fn springs_at_their_own_limit_last() {
     }
 }
 
-/// What is said before the first step is what then happens.
+/// A forecast agrees with the report of the step.
 #[test]
 fn a_forecast_comes_true() {
     let (mesh, options) = hang(64, 20, Backend::Cpu);
@@ -316,8 +320,9 @@ fn a_forecast_comes_true() {
     }
 }
 
-/// Pins that are led at 10 m/s within the plane of a sheet fold it over in that plane, where nothing can push it out again: in exact
-/// arithmetic too. A tenth of a micrometer out of it is enough, so the tangle is the scene's and not the solver's.
+/// Pins moved at 10 m/s within the plane of a sheet fold it over in that plane, where nothing can push it out again,
+/// even in exact arithmetic. A deviation of a tenth of a micrometer frees it, so the tangle is a property of the scene,
+/// not of the solver.
 #[test]
 fn a_tangle_that_stays_is_one_of_an_exactly_plane_scene() {
     let n = 32;
@@ -347,7 +352,7 @@ fn a_tangle_that_stays_is_one_of_an_exactly_plane_scene() {
     assert!(plane > 20 && freed == 0, "{plane} edges off by more than a tenth in the plane, {freed} out of it");
 }
 
-/// Bending takes its part of what a substep can bear, up to what its own limiter leaves it: half.
+/// Bending takes its share of the stability limit, at most the half that its own limiter leaves it.
 #[test]
 fn the_limit_of_springs_knows_of_bending() {
     let limit = |bending: f32, damping: f32| {

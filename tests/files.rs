@@ -1,4 +1,5 @@
-//! OBJ files on disk: errors name the file, reading has an end, a save is whole or not at all, and nothing is left beside it.
+//! OBJ files on disk: errors name the file, reading is bounded, a file is saved completely or not at all, and no
+//! temporary file remains.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ fn other_encodings_are_harmless_in_names_only() {
     assert!(matches!(Mesh::load_obj(&path), Err(ObjError::Vertex { line: 1, vertex: 1, .. })));
 }
 
-/// As large as a disk, and no disk: not read at all.
+/// A file beyond the size limit is refused without being read.
 #[cfg(unix)]
 #[test]
 fn a_file_beyond_the_limit_is_refused() {
@@ -45,7 +46,7 @@ fn a_file_beyond_the_limit_is_refused() {
     assert_eq!(message, format!("{}: {expected}", path.display()));
 }
 
-/// One that never ends, among others.
+/// Among others a file that never ends.
 #[cfg(unix)]
 #[test]
 fn a_device_is_not_read() {
@@ -111,7 +112,7 @@ fn a_failed_save_leaves_everything_as_it_was() {
         assert_eq!(mesh.write_obj().unwrap_err().to_string(), problem);
     }
 
-    // A folder in the way, no folder, a file for a folder, no name.
+    // A directory in place of the file, a missing directory, a file in place of a directory, an empty name.
     let taken = folder.path().join("taken");
     fs::create_dir(&taken).unwrap();
     fs::write(taken.join("inside"), "").unwrap();
@@ -131,7 +132,7 @@ fn a_save_replaces_the_file_at_once() {
     fs::write(&path, "v 0 0 0\n").unwrap();
     let reader = fs::File::open(&path).unwrap();
     Mesh::grid(2, 2, 1.0, 1.0).save_obj(&path).unwrap();
-    // Whoever was reading the old file still reads all of it: it was not written over.
+    // A reader that has opened the old file can still read all of it: the file was replaced, not overwritten.
     assert_eq!(std::io::read_to_string(reader).unwrap(), "v 0 0 0\n");
 }
 

@@ -1,4 +1,5 @@
-//! The `flag` example's picture, drawn from the deformer's buffers, against positions projected and filled here.
+//! The `flag` example's picture, drawn from the deformer's buffers, compared with positions projected and rasterized
+//! here.
 #![cfg(feature = "gpu")]
 
 use cloth_deformer::glam::{Vec2, Vec3, Vec4};
@@ -21,7 +22,7 @@ fn device() -> Gpu {
     Gpu::new(device, queue, "the test's".to_owned())
 }
 
-/// What is at a pixel.
+/// What is visible at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Cloth {
     None,
@@ -30,8 +31,8 @@ enum Cloth {
     Cream,
 }
 
-/// The nearest piece of the flag at each pixel's middle, by projecting and filling its triangles, and the cosine between
-/// the sun and the normal on the side that is seen.
+/// The nearest part of the flag at the center of each pixel, from projecting and rasterizing its triangles, and the
+/// cosine between the sun and the normal of the visible side.
 fn expected(positions: &[Vec3]) -> Vec<(Cloth, f32)> {
     let [width, height] = SIZE.map(|side| side as usize);
     let mesh = scene::mesh();
@@ -67,7 +68,7 @@ fn expected(positions: &[Vec3]) -> Vec<(Cloth, f32)> {
                     let kind = if uv.distance(Vec2::new(0.75, 0.5)) < 0.27 { Cloth::Cream } else { field };
                     let normal = (0..3).map(|k| normals[triangle[k] as usize].normalize() * weight[k]).sum::<Vec3>().normalize();
                     let facing = normal.dot(render::SUN.normalize());
-                    // The y of pixels points down: what is counter-clockwise in the world turns the other way here.
+                    // The y of pixels points down, so what is counter-clockwise in the world is clockwise here.
                     nearest[row * width + column] = (nearness, kind, if area < 0.0 { facing } else { -facing });
                 }
             }
@@ -76,7 +77,7 @@ fn expected(positions: &[Vec3]) -> Vec<(Cloth, f32)> {
     nearest.into_iter().map(|(_, kind, facing)| (kind, facing)).collect()
 }
 
-/// What the picture shows at a pixel, by its hue; `empty` is the picture without a flag.
+/// Classifies a pixel of the picture by its hue; `empty` is the picture without a flag.
 fn found(picture: &[u8], empty: &[u8]) -> Vec<Cloth> {
     let kind = |(pixel, sky): (&[u8], &[u8])| {
         let [r, g, _, alpha] = [0, 1, 2, 3].map(|k| f32::from(pixel[k]));
@@ -91,8 +92,8 @@ fn found(picture: &[u8], empty: &[u8]) -> Vec<Cloth> {
     picture.chunks_exact(4).zip(empty.chunks_exact(4)).map(kind).collect()
 }
 
-/// Asserts that picture and projection agree wherever no border is near, and that there is enough to see.
-/// Returns how well the brightness of what the sun lights follows its cosine (Pearson's correlation).
+/// Asserts that picture and projection agree away from borders, and that enough is visible. Returns how well the
+/// brightness of sunlit parts follows the cosine (Pearson's correlation).
 fn agree(positions: &[Vec3], flag: &mut Deformer, painter: &render::Painter) -> f32 {
     let [width, height] = SIZE.map(|side| side as usize);
     let (picture, empty) = (painter.paint(Some(flag)).unwrap(), painter.paint(None).unwrap());
@@ -108,7 +109,7 @@ fn agree(positions: &[Vec3], flag: &mut Deformer, painter: &render::Painter) -> 
                 compared[kind as usize] += 1;
                 apart += usize::from(found[row * width + column] != kind);
                 if kind == Cloth::Red && facing > 0.0 {
-                    // Linear light, about.
+                    // Approximately linear light.
                     lit.push([facing, (f32::from(picture[4 * (row * width + column)]) / 255.0).powf(2.2)]);
                 }
             }
@@ -121,7 +122,7 @@ fn agree(positions: &[Vec3], flag: &mut Deformer, painter: &render::Painter) -> 
     correlation
 }
 
-/// Pearson's.
+/// Pearson's correlation coefficient.
 fn correlation(pairs: &[[f32; 2]]) -> f32 {
     let mean = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f32>() / pairs.len() as f32);
     let product = |i: usize, j: usize| pairs.iter().map(|pair| (pair[i] - mean[i]) * (pair[j] - mean[j])).sum::<f32>();
@@ -144,7 +145,7 @@ fn a_flag_in_the_wind_is_drawn_where_the_cpu_has_it() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Folded over itself in front and, farther out, behind: what is nearer hides what is farther.
+/// Folded over itself in front and, farther away, behind: nearer parts hide farther ones.
 #[test]
 fn a_fold_hides_what_is_behind_it() -> Result<(), Failure> {
     let gpu = device();

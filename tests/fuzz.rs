@@ -1,9 +1,10 @@
-//! Bytes by chance at the public doors, `CLOTH_CASES` of each kind or some thousands; `fuzz/` has the same doors for libFuzzer.
+//! Random bytes for the fuzz targets, `CLOTH_CASES` of each kind or some thousands. `fuzz/` has the same targets for
+//! libFuzzer.
 
 #[path = "common/fuzz.rs"]
 mod fuzz;
 
-/// Runs a door on bytes of a seed each, so that a failure names its own.
+/// Runs a target on random bytes, with a seed for each case so that a failure can name it.
 fn by_chance(door: fn(&[u8])) {
     let cases = std::env::var("CLOTH_CASES").map_or(20_000, |cases| cases.parse().expect("a number"));
     for seed in 0..cases {

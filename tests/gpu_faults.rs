@@ -1,4 +1,5 @@
-//! What a GPU may do to a program that steps cloth on it: refuse, run full, go away. All of it is said by name, and the program goes on.
+//! Failures of a GPU: it may refuse a request, run out of memory, or be lost. All are reported as errors, and the
+//! program continues.
 #![cfg(feature = "gpu")]
 
 mod common;
@@ -7,7 +8,7 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, BuildError, Collider, Deformer, Gpu, Levels, Mesh, Options, Quality, StepError, wgpu};
 use common::{FRAME, rms};
 
-/// A device of one's own with these limits, on whatever adapter there is.
+/// A separate device with these limits, on any adapter.
 fn device(name: &str, change: impl FnOnce(&mut wgpu::Limits)) -> Gpu {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -26,7 +27,7 @@ fn air() -> Attributes {
     Attributes { air_density: 1.2, wind: Vec3::X, ..Attributes::default() }
 }
 
-/// A step, or one of the next, fails.
+/// Asserts that a step, or one of the next, fails.
 fn failing(deformer: &mut Deformer) -> StepError {
     (0..24).find_map(|_| deformer.step(FRAME, &air()).err()).expect("it is said within sixteen steps")
 }
@@ -57,9 +58,9 @@ fn a_lost_device_is_named_and_others_go_on() {
     named(late.unwrap_err());
     named(failing(&mut mixed));
     assert_eq!(mixed.positions().unwrap(), before, "its state is in memory, and as it was");
-    // Without forces the hybrid asks nothing of its device.
+    // Without forces the hybrid engine does not use its device.
     idle.step(FRAME, &Attributes::default()).unwrap();
-    // Nothing of what a lost device is asked for panics.
+    // No call panics after the device is lost.
     let _ = (read.surface(), read.measure(), read.velocities());
     read.reset();
 
@@ -75,7 +76,7 @@ fn a_lost_device_is_named_and_others_go_on() {
         let error = Deformer::new(&mesh, on(&lost, backend)).unwrap_err();
         assert!(matches!(&error, BuildError::GpuLost { gpu, .. } if gpu == "the first"), "{error}");
     }
-    // Large enough for a GPU to pay.
+    // Large enough for `Auto` to choose a GPU.
     let auto = Deformer::new(&Mesh::grid(130, 130, 1.0, 1.0), on(&lost, Backend::Auto)).unwrap();
     assert_eq!(auto.backend(), Backend::Cpu);
 }
@@ -88,7 +89,7 @@ fn a_buffer_beyond_a_limit_is_refused_by_name() {
         let error = Deformer::new(&mesh, on(&small, backend)).unwrap_err();
         println!("{error}");
         let BuildError::GpuLimit { needed, limit, allowed, .. } = error else { panic!("{error}") };
-        // A triangle takes 16 bytes, an edge 24 as a spring seen from both ends.
+        // A triangle takes 16 bytes, an edge 24 as a spring stored at both ends.
         assert_eq!((needed, limit, allowed), (24 * 119_201, "max_storage_buffer_binding_size", 1 << 20));
         let said = error.to_string();
         assert!(["2860824", "1048576", limit, "split the mesh", "CPU"].iter().all(|part| said.contains(part)), "{said}");
@@ -96,7 +97,7 @@ fn a_buffer_beyond_a_limit_is_refused_by_name() {
     let mut auto = Deformer::new(&mesh, on(&small, Backend::Auto)).unwrap();
     assert_eq!(auto.backend(), Backend::Cpu);
     auto.step(FRAME, &Attributes::default()).unwrap();
-    // The same device does what it has room for.
+    // The same device still serves requests that fit.
     let fits = Mesh::grid(20, 20, 1.0, 1.0);
     Deformer::new(&fits, on(&small, Backend::Gpu)).unwrap().step(FRAME, &Attributes::default()).unwrap();
 
@@ -106,7 +107,7 @@ fn a_buffer_beyond_a_limit_is_refused_by_name() {
     assert_eq!(limit, "max_storage_buffers_per_shader_stage");
 }
 
-/// What only some steps need is refused by those: ten thousand colliders, 64 bytes each.
+/// What only some steps need is refused by those steps: ten thousand colliders at 64 bytes each.
 #[test]
 fn what_a_step_is_the_first_to_need_may_be_too_much() {
     let small = device("a small one", |limits| limits.max_storage_buffer_binding_size = 1 << 18);
@@ -125,15 +126,15 @@ fn what_a_step_is_the_first_to_need_may_be_too_much() {
         assert!(needed >= 640_000 && allowed == 1 << 18 && limit == "max_storage_buffer_binding_size", "{error}");
         assert_eq!(deformer.positions().unwrap(), before, "the state is as it was");
     }
-    // Nor does it stand in the way of one that asks for less, alone or beside it.
+    // The refusal does not affect a step that asks for less, alone or beside it.
     let crowd = [(&mut deformer, &crowded), (&mut bare, &Attributes::default())];
     let together = Deformer::step_all(crowd, FRAME);
     assert!(matches!(together[0], Err(StepError::GpuLimit { .. })) && together[1].is_ok(), "{together:?}");
     assert_eq!(bare.positions().unwrap(), before);
 }
 
-/// A hundred edges at one vertex are a hundred colors, for which every tile's table had room: 554 MB in a sheet of 256 x 256, refused
-/// by most devices. A dispatch a color needs no tables.
+/// A hundred edges at one vertex need a hundred colors. Every tile's table would have room for them, 554 MB for a sheet
+/// of 256 x 256, which most devices refuse. A dispatch per color needs no tables.
 #[test]
 fn a_vertex_of_a_hundred_edges_is_swept_color_by_color() {
     let n = 70_u32;
@@ -145,7 +146,7 @@ fn a_vertex_of_a_hundred_edges_is_swept_color_by_color() {
         mesh.positions.push(Vec3::new(0.2 * angle.cos(), 0.1, 0.8 + 0.2 * angle.sin()));
         mesh.triangles.extend((k > 0).then_some([hub, first + k - 1, first + k]));
     }
-    // And one corner of it hangs on the sheet.
+    // The fan is attached to the sheet at one corner.
     mesh.triangles.push([n * n - 1, n * n - 2, first]);
     let small = device("of few bytes", |limits| limits.max_storage_buffer_binding_size = 2 << 20);
     let options = Options { levels: Levels::Off, ..on(&small, Backend::Gpu) };

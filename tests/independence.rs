@@ -1,4 +1,4 @@
-//! A drape is the cloth's, not the mesh's: one towel on a ball, cut from grids and from unstructured meshes.
+//! A drape depends on the cloth, not on the mesh: one towel on a ball, meshed by grids and by unstructured meshes.
 
 mod common;
 
@@ -12,27 +12,28 @@ use common::{meshes, play};
 /// Areal density [kg/m²], bending rigidity [N m].
 const DENSITY: f32 = 0.2;
 const BENDING: f32 = 1e-4;
-/// Cells of the raster a silhouette is counted on [m].
+/// Size of the raster cells for counting a silhouette [m].
 const CELL: f32 = 0.02;
 
-/// How far two drapes of one cloth may be apart: area [m²], RMS height [m], energy [J/kg].
+/// Bounds on the difference of two drapes of one cloth: area [m²], RMS height [m], energy [J/kg].
 const BOUNDS: [f64; 3] = [0.05, 0.008, 0.1];
 
-/// What of a drape does not depend on where its folds happen to be.
+/// Properties of a drape that do not depend on where its folds are.
 struct Drape {
     /// Area seen from above [m²].
     area: f64,
-    /// Heights [m] that 0.5 %, 1.5 % ... 99.5 % of the mass lie below.
+    /// Heights [m] below which 0.5 %, 1.5 % ... 99.5 % of the mass lie.
     heights: Vec<f64>,
-    /// Potential energy [J/kg], 0 as it is let go.
+    /// Potential energy [J/kg], 0 at the release.
     energy: f64,
 }
 
 impl Drape {
-    /// Two seconds after a flat square of 1 m, 0.7 m up, is let go over a ball of 0.3 m on the floor.
+    /// Two seconds after a flat square of 1 m, 0.7 m up, is released over a ball of 0.3 m on the floor.
     ///
-    /// K = 500 N/m, a knit's, so that 40 substeps resolve the stiffness of the grid of 33 x 33 (S* = 27). Where they do not,
-    /// the potential energy counts the stretch that one sweep leaves as if all of K held it, and depends on the spacing.
+    /// K = 500 N/m, that of a knit, so that 40 substeps resolve the stiffness of a grid of 33 x 33 (S* = 27). Otherwise
+    /// the potential energy would count the stretch that one sweep leaves as if it were held by the full K, and depend
+    /// on the spacing.
     fn new(mesh: &Mesh, bending: f32, levels: Levels) -> Drape {
         let mut mesh = mesh.clone();
         mesh.positions.iter_mut().for_each(|x| x.y = 0.7);
@@ -53,7 +54,7 @@ impl Drape {
         Drape { area: area_from_above(x, &mesh.triangles), heights: heights(x, &masses, total), energy }
     }
 
-    /// Differences in the order of `BOUNDS`.
+    /// Differences, in the order of `BOUNDS`.
     fn apart(&self, other: &Drape) -> [f64; 3] {
         let squares: f64 = self.heights.iter().zip(&other.heights).map(|(a, b)| (a - b).powi(2)).sum();
         let rms = (squares / self.heights.len() as f64).sqrt();
@@ -61,7 +62,7 @@ impl Drape {
     }
 }
 
-/// Area [m²] of the raster's cells whose middle some triangle covers, seen along y.
+/// Area [m²] of the raster cells whose center is covered by a triangle, seen along y.
 fn area_from_above(x: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
     let mut covered = HashSet::new();
     for t in triangles {
@@ -79,7 +80,7 @@ fn area_from_above(x: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
     covered.len() as f64 * f64::from(CELL * CELL)
 }
 
-/// A hundred quantiles of height [m] by mass: vertices that stand closer count for less each.
+/// A hundred quantiles of height [m] by mass, so that denser vertices count less.
 fn heights(x: &[Vec3], masses: &[f32], total: f64) -> Vec<f64> {
     let mut sorted: Vec<(f32, f64)> = x.iter().zip(masses).map(|(x, &m)| (x.y, f64::from(m) / total)).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -94,17 +95,18 @@ fn heights(x: &[Vec3], masses: &[f32], total: f64) -> Vec<f64> {
     (0..100).map(&mut quantile).collect()
 }
 
-/// The same cloth drapes the same whatever mesh it is cut from, as far as one mesh agrees with itself.
+/// The same cloth drapes alike whatever mesh it is cut from, as far as one mesh agrees with itself.
 ///
-/// Folds are chaotic: a start moved by 1e-6 m at random puts them elsewhere. That alone changes the area (0.36 to 0.39 m²) by
-/// up to 0.017 m² and the energy (-2.9 J/kg) by up to 0.016 J/kg at 33 x 33, by 0.020 m² and 0.029 J/kg at 25 x 25, and the
-/// heights (RMS, on the grid) by up to 1.7 and 2.4 mm: three or four starts each on the grid, alternating diagonals and four
-/// Delaunay meshes. No bound may be tighter. Against the grid the other meshes differ by up to 0.029 m², 5.4 mm and
-/// 0.067 J/kg at 33 x 33; in energy this is one-sided: unstructured meshes come to lie 3 mm higher.
+/// Folds are chaotic: a start moved by 1e-6 m at random puts them elsewhere. That alone changes the area (0.36 to 0.39
+/// m²) by up to 0.017 m² and the energy (-2.9 J/kg) by up to 0.016 J/kg at 33 x 33, by 0.020 m² and 0.029 J/kg at 25 x
+/// 25, and the heights (RMS, on the grid) by up to 1.7 and 2.4 mm (three or four starts each on the grid, alternating
+/// diagonals and four Delaunay meshes). No bound may be tighter. From the grid the other meshes differ by up to 0.029
+/// m², 5.4 mm and 0.067 J/kg at 33 x 33; in energy this is one-sided, because unstructured meshes come to lie 3 mm
+/// higher.
 ///
-/// So the bounds are about three times the coarser floor; in energy that is 3 per cent of what the drop gives up. Three times
-/// the bending rigidity is already outside all three (0.053 m², 9 mm, 0.14 J/kg). Half or twice the membrane stiffness is
-/// inside: it hardly shows in a drape.
+/// So the bounds are about three times the coarser floor, which in energy is 3 % of what the drop releases. Three times
+/// the bending rigidity already exceeds all three (0.053 m², 9 mm, 0.14 J/kg). Half or twice the membrane stiffness
+/// does not: it hardly shows in a drape.
 #[test]
 fn a_drape_depends_on_no_mesh_and_on_no_levels() {
     let n = 33;
@@ -117,13 +119,13 @@ fn a_drape_depends_on_no_mesh_and_on_no_levels() {
         println!("{name}: apart by {apart:.4?} (m², m, J/kg)");
         assert!(apart.iter().zip(BOUNDS).all(|(apart, bound)| *apart <= bound), "{name}: {apart:?}, at most {BOUNDS:?}");
     }
-    // Where the stiffness is resolved, as here, levels have nothing to add and must take nothing away.
+    // Where the stiffness is resolved, as here, levels must not change anything.
     let apart = Drape::new(&Mesh::grid(n, n, 1.0, 1.0), BENDING, Levels::Count(9)).apart(&grid);
     println!("levels: apart by {apart:.4?} (m², m, J/kg)");
     assert!(apart.iter().zip(BOUNDS).all(|(apart, bound)| *apart <= bound), "levels: {apart:?}, at most {BOUNDS:?}");
 }
 
-/// And the bounds are narrow enough to tell another cloth: ten times as rigid, it is outside each of them.
+/// The bounds are tight enough to tell another cloth: one ten times as rigid exceeds each of them.
 #[test]
 fn a_stiffer_cloth_drapes_otherwise() {
     let n = 33;

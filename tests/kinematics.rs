@@ -1,4 +1,4 @@
-//! Motion without elasticity: free fall, the pendulum, pins that are led.
+//! Motion without elasticity: free fall, the pendulum, moving pins.
 
 #[macro_use]
 mod common;
@@ -13,7 +13,7 @@ fn options(backend: Backend, substeps: u32) -> Options {
     Options { backend, quality: Quality::Substeps(substeps), ..Options::default() }
 }
 
-/// Free fall is `y = -g t²/2`; the half kick makes it exact, a full one is off by `h/t` = 8e-4.
+/// Free fall is `y = -g t²/2`. The first half kick makes it exact; a full one would be off by `h/t` = 8e-4.
 fn free_fall(backend: Backend) {
     for method in [Method::SmallSteps, Method::Relaxation { iterations: 4 }] {
         let mut deformer = Deformer::new(&Mesh::grid(5, 5, 1.0, 1.0), Options { method, ..options(backend, 20) }).unwrap();
@@ -25,12 +25,12 @@ fn free_fall(backend: Backend) {
     }
 }
 
-/// A pendulum's period is `T0 (2/pi) K(sin²(theta/2))`, released at 90 degrees, S = 20, 12 s.
+/// The period of a pendulum is `T0 (2/pi) K(sin²(theta/2))`, released at 90 degrees, S = 20, for 12 s.
 fn pendulum(backend: Backend) {
-    // A thread of two vertices, inextensible, 1 m long.
+    // An inextensible thread of two vertices, 1 m long.
     let mesh = Mesh { positions: vec![Vec3::ZERO, Vec3::X], triangles: vec![[0, 1, 1]] };
     let fabric = Fabric { stretch: f32::INFINITY, ..Fabric::default() };
-    // Steps of a single substep of 1/1200 s (S = 20), so that the motion can be seen between frames.
+    // Steps of a single substep of 1/1200 s (S = 20), so that the motion between frames can be observed.
     let mut deformer = Deformer::new(&mesh, Options { fabric, pinned: vec![0], ..options(backend, 20) }).unwrap();
     let dt = f64::from(FRAME / 20.0);
     let frames = 12 * 1200;
@@ -79,7 +79,7 @@ fn pins_reach_their_targets(backend: Backend) {
     assert_eq!(deformer.velocities().unwrap()[2], Vec3::ZERO);
 }
 
-/// The kick between two steps spans half of each, so that a change of dt does not kick the fall off its parabola.
+/// The kick between two steps spans half of each, so that a change of dt does not deflect the fall from its parabola.
 fn a_change_of_frame_rate_keeps_the_fall(backend: Backend) {
     let mut deformer = Deformer::new(&Mesh::grid(2, 2, 1.0, 1.0), options(backend, 4)).unwrap();
     let mut time = 0.0;
@@ -93,7 +93,7 @@ fn a_change_of_frame_rate_keeps_the_fall(backend: Backend) {
     assert!((y / expected - 1.0).abs() <= 1e-4, "y = {y}, expected {expected}");
 }
 
-/// A state that is set begins at whole time: thrown upwards, it comes back to where it was.
+/// A state that is set has positions and velocities at the same time: thrown upward, it returns to where it was.
 fn a_kick_spans_both_halves(backend: Backend) {
     let mesh = Mesh::grid(3, 3, 1.0, 1.0);
     let mut deformer = Deformer::new(&mesh, options(backend, 10)).unwrap();

@@ -1,4 +1,4 @@
-//! Coarse levels: strain that does not grow with the number of vertices, and what they must not change.
+//! Coarse levels: strain does not grow with the number of vertices, and what levels must not change.
 
 mod common;
 
@@ -14,7 +14,7 @@ use common::{FRAME, grid_masses, hang, meshes, play};
 const RHO: f32 = 0.2;
 const G: f64 = 9.81;
 
-/// HANG for half a second: mean strain, and positions.
+/// HANG for half a second: mean strain and positions.
 fn fallen(n: u32, substeps: u32, levels: Levels) -> (f32, Vec<Vec3>) {
     let (mesh, options) = hang(n, substeps, Backend::Cpu);
     let mut deformer = Deformer::new(&mesh, Options { levels, ..options }).unwrap();
@@ -22,13 +22,13 @@ fn fallen(n: u32, substeps: u32, levels: Levels) -> (f32, Vec<Vec3>) {
     (deformer.measure().unwrap().mean_strain, deformer.positions().unwrap().to_vec())
 }
 
-/// RMS distance (m) of every other vertex of a sheet of 129 from those of one of 65.
+/// RMS distance (m) between every other vertex of a sheet of 129 x 129 and those of a sheet of 65 x 65.
 fn error_at_129(x: &[Vec3], exact: &[DVec3]) -> f64 {
     let squares = (0..65 * 65).map(|v| x[v / 65 * 2 * 129 + v % 65 * 2].as_dvec3().distance_squared(exact[v]));
     (squares.sum::<f64>() / (65.0 * 65.0)).sqrt()
 }
 
-/// At 20 substeps, where the stiffness takes 170, 340, 670 and 1350.
+/// At 20 substeps, where resolving the stiffness would take 170, 340, 670 and 1350.
 #[test]
 fn strain_does_not_grow_with_resolution() {
     for (n, bound) in [(65, 4e-3), (257, 7e-3), (513, 1e-2)] {
@@ -36,7 +36,7 @@ fn strain_does_not_grow_with_resolution() {
         println!("N = {n}: mean strain {strain:.2e}");
         assert!(strain <= bound, "N = {n}: mean strain {strain}");
     }
-    // The converged motion of 65 a side; that of 129 is nearer to it than a tenth of the bound.
+    // The converged motion of 65 x 65; that of 129 x 129 differs from it by less than a tenth of the bound.
     let mesh = Mesh::grid(65, 65, 1.0, 1.0);
     let exact = Reference::new(&mesh, &grid_masses(65, RHO), &common::top(65), 5000.0).run(0.5, 7500).x;
     let (strain, x) = fallen(129, 20, Levels::Auto);
@@ -47,7 +47,8 @@ fn strain_does_not_grow_with_resolution() {
     assert!(plain > 10.0 * strain && error_at_129(&x, &exact) > 0.1, "and without: {plain}");
 }
 
-/// Two pins: the mean strain at 0.5 s is at most a fifth of that without levels, and the energy never above the start.
+/// With two pins: the mean strain at 0.5 s is at most a fifth of that without levels, and the energy never exceeds the
+/// start.
 #[test]
 fn unstructured_sheets_by_two_pins() {
     let load = |folder: std::path::PathBuf, name| (name, Mesh::load_obj(folder.join(name)).unwrap());
@@ -65,7 +66,7 @@ fn unstructured_sheets_by_two_pins() {
         let total: f64 = masses.iter().map(|&m| f64::from(m)).sum();
         let strain = |levels| {
             let fabric = Fabric { density: RHO, stretch: 5000.0, ..Fabric::default() };
-            // By levels alone.
+            // Without tethers, so that the effect is that of the levels.
             let tethers = Tethers::Off;
             let options =
                 Options { backend: Backend::Cpu, fabric, levels, tethers, pinned: pinned.clone(), ..Options::default() };
@@ -88,7 +89,7 @@ fn unstructured_sheets_by_two_pins() {
     }
 }
 
-/// From 5 substeps to those that resolve the stiffness, by an edge and by two corners, grids and others.
+/// From 5 substeps to as many as resolve the stiffness, hung by an edge and by two corners, on grids and other meshes.
 #[test]
 fn no_energy_is_gained() {
     let n = 48;
@@ -113,8 +114,8 @@ fn no_energy_is_gained() {
     }
 }
 
-/// A strip that spins at 8 rad/s: its load is so far from resolved that one sweep loses angular momentum, by the edges that
-/// leave SHAKE's guard. Levels carry it, and keep both momenta.
+/// A strip that spins at 8 rad/s: its load is so far from resolved that one sweep alone loses angular momentum, through
+/// edges that leave SHAKE's guard. Levels carry the load and conserve both momenta.
 #[test]
 fn momenta_are_kept() {
     let mesh = Mesh::grid(129, 33, 1.0, 0.25);
@@ -143,7 +144,7 @@ fn momenta_are_kept() {
     assert!(plain.1 > 1e-2, "and without levels: {:e}", plain.1);
 }
 
-/// Off is off: where the substeps resolve the stiffness, for small meshes and for other methods.
+/// Automatic levels are off where the substeps resolve the stiffness, for small meshes and for other methods.
 #[test]
 fn levels_run_where_they_pay() {
     let count = |n: u32, substeps: u32, change: fn(&mut Options)| {
@@ -163,7 +164,8 @@ fn levels_run_where_they_pay() {
     assert_eq!(count(65, 300, |options| options.method = Method::Springs), 0);
 }
 
-/// In a gale they are off, from one step to the next; each step is, bit for bit, that of a cloth made for it.
+/// In a gale levels are switched off from one step to the next; each step is bit for bit that of a cloth made with that
+/// setting.
 #[test]
 fn levels_are_off_in_a_gale() {
     let (mesh, options) = hang(65, 20, Backend::Cpu);
@@ -187,7 +189,8 @@ fn levels_are_off_in_a_gale() {
     }
 }
 
-/// Levels asked for where the stiffness is resolved change next to nothing: they only pull, and no more than the cloth does.
+/// Where the stiffness is resolved, levels that are asked for change next to nothing: they only pull, and no more than
+/// the cloth does.
 #[test]
 fn resolved_cloth_is_left_alone() {
     let (n, substeps) = (33, 170);
@@ -204,7 +207,8 @@ fn resolved_cloth_is_left_alone() {
     }
 }
 
-/// A towel on a ball that moves, in wind, led by two corners: the same bits again, no vertex inside, pins where they are led.
+/// A towel on a moving ball, in wind, held by two moving corners: repeated runs give the same bits, no vertex is
+/// inside, and pins are at their targets.
 #[test]
 fn contact_wind_moving_pins_and_replay() {
     let n = 65;
@@ -239,7 +243,7 @@ fn contact_wind_moving_pins_and_replay() {
     assert_eq!(play().1, x);
 }
 
-/// Cloth without shear stiffness, hung by a corner, is not held by its levels: its threads turn as without them.
+/// Cloth without shear stiffness, hung by a corner, is not held by its levels: its threads rotate as without levels.
 #[test]
 fn soft_shear_stays_soft() {
     let n = 33;
@@ -257,7 +261,8 @@ fn soft_shear_stays_soft() {
     assert!(levels > plain, "mean height {levels} m with levels, {plain} m without, {exact} m converged");
 }
 
-/// Integral of the mean curvature's magnitude (m) over a surface: half of each inner edge's length times the turn across it.
+/// Integral of the magnitude of the mean curvature (m) over a surface: half of each inner edge's length times the angle
+/// across it.
 fn folds(x: &[Vec3], mesh: &Mesh) -> f64 {
     let mut sides: HashMap<[u32; 2], Vec<Vec3>> = HashMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -269,8 +274,9 @@ fn folds(x: &[Vec3], mesh: &Mesh) -> f64 {
     inner.map(|([p, q], n)| 0.5 * f64::from(x[*p as usize].distance(x[*q as usize]) * n[0].angle_between(n[1]))).sum()
 }
 
-/// Levels iron no wrinkles out of a drape: it has those of cloth whose stiffness is resolved, where the sweep alone, whose
-/// cloth stretches instead, has too few. Wrinkles are chaotic, so means over several starts: one scatters by 4 %.
+/// Levels do not flatten the wrinkles of a drape: it has those of cloth whose stiffness is resolved. The sweep alone,
+/// whose cloth stretches instead, has too few. Wrinkles are chaotic, so means over several starts are compared; one
+/// start varies by 4 %.
 #[test]
 fn wrinkles_are_not_ironed() {
     const STARTS: u64 = 10;
@@ -300,8 +306,8 @@ fn wrinkles_are_not_ironed() {
     assert!(plain < exact - 4.0 * (levels - exact).abs(), "{plain} m without, {levels} m with levels, {exact} m resolved");
 }
 
-/// An inextensible strip of 65 links by both ends: a closed form says how deep it hangs. More substeps are never worse, and levels pay
-/// for so few vertices too.
+/// An inextensible strip of 65 links held by both ends: a closed form gives its sag. More substeps are never worse, and
+/// levels pay for so few vertices too.
 #[test]
 fn a_short_strip_hangs_as_deep_as_it_should() {
     let n = 66;
@@ -314,7 +320,7 @@ fn a_short_strip_hangs_as_deep_as_it_should() {
         let options = Options { backend: Backend::Cpu, fabric, quality, pinned: pinned.clone(), ..Options::default() };
         let mut deformer = Deformer::new(&mesh, options).unwrap();
         for frame in 0..600 {
-            // The ends come as near as .6 of its length.
+            // The ends approach to .6 of its length.
             let span = 1.0 - 0.4 * (frame as f32 / 100.0).min(1.0);
             let led = |&v: &u32| mesh.positions[v as usize] * Vec3::new(span, 1.0, 1.0);
             let pin_targets = Some(pinned.iter().map(led).collect());
@@ -323,7 +329,7 @@ fn a_short_strip_hangs_as_deep_as_it_should() {
             assert_eq!(report.levels > 0, has_levels, "S = {substeps}");
         }
         let sag = deformer.positions().unwrap().iter().map(|x| f64::from(-x.y)).fold(0.0, f64::max);
-        // The catenary's, of length 1 over .6.
+        // The sag of the catenary with a length of 1 over a span of .6.
         let off = (sag / 0.36278 - 1.0).abs();
         println!("S = {substeps}: {:.3} % too deep", 100.0 * off);
         assert!(off < bound && off < last, "S = {substeps}: {off} off, {last} with fewer");

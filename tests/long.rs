@@ -1,4 +1,5 @@
-//! A minute of scenes that keep moving, or should not, with levels: the energy stays bounded and nothing pops.
+//! A minute of scenes that keep moving, or should not, with levels: the energy stays bounded and there are no sudden
+//! jumps.
 
 mod common;
 
@@ -13,18 +14,18 @@ use common::{FRAME, meshes};
 const FRAMES: usize = 3600;
 const EARLY: usize = 1200;
 
-/// What a frame shows. Velocities are over whole frames: what is seen.
+/// Figures of a frame. Velocities are over whole frames, as they are visible.
 struct Frame {
     /// Energy (J).
     energy: f64,
-    /// Mean over the edges.
+    /// Mean strain over the edges.
     strain: f32,
-    /// The largest change of a free vertex's velocity since the frame before, and its largest speed (m/s).
+    /// The largest change of a free vertex's velocity since the last frame, and its largest speed (m/s).
     kick: f32,
     speed: f32,
 }
 
-/// A minute of it; `attributes` of the time (s) at a frame's end.
+/// Plays a minute; `attributes` is a function of the time (s) at a frame's end.
 fn minute(mesh: &Mesh, options: Options, attributes: impl Fn(f32) -> Attributes) -> Vec<Frame> {
     let mut free = vec![true; mesh.positions.len()];
     options.pinned.iter().for_each(|&v| free[v as usize] = false);
@@ -53,7 +54,7 @@ fn minute(mesh: &Mesh, options: Options, attributes: impl Fn(f32) -> Attributes)
     frames
 }
 
-/// The largest of a figure over some frames.
+/// The largest value of a figure over some frames.
 fn most(frames: &[Frame], figure: impl Fn(&Frame) -> f64) -> f64 {
     frames.iter().map(figure).fold(f64::NEG_INFINITY, f64::max)
 }
@@ -64,7 +65,7 @@ fn options(substeps: u32, fabric: Fabric, pinned: Vec<u32>) -> Options {
 
 const FABRIC: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.06 };
 
-/// Let go over a ball on the floor, a sheet comes to rest and stays there.
+/// Released over a ball on the floor, a sheet comes to rest and stays at rest.
 #[test]
 fn a_drape_comes_to_rest() {
     let mut mesh = Mesh::grid(49, 49, 1.0, 1.0);
@@ -88,7 +89,8 @@ fn a_drape_comes_to_rest() {
     assert!(most(late, |frame| frame.energy) <= late[0].energy + 1e-4);
 }
 
-/// What goes on as it began: no figure of the last forty seconds is far from what it was in the first twenty.
+/// Asserts that the motion continues as it began: no figure of the last forty seconds is far from that of the first
+/// twenty.
 fn goes_on(name: &str, frames: &[Frame], fastest: f64, strain: f64) {
     let [early, late] = [&frames[..EARLY], &frames[EARLY..]].map(|frames| {
         let mean = frames.iter().map(|frame| f64::from(frame.strain)).sum::<f64>() / frames.len() as f64;
@@ -106,8 +108,8 @@ fn goes_on(name: &str, frames: &[Frame], fastest: f64, strain: f64) {
     assert!(late[3] <= strain, "{name}: mean strain {}", late[3]);
 }
 
-/// A flag in a gale, with levels because they are asked for. Without, its mean strain is 4.5e-2 and its energy ten times as high; at five times the substeps
-/// mean strain is 2e-3, and kicks are up to 23 m/s as here.
+/// A flag in a gale, with levels because they are asked for. Without them its mean strain is 4.5e-2 and its energy ten
+/// times as high. At five times the substeps the mean strain is 2e-3, and kicks are up to 23 m/s as here.
 #[test]
 fn a_flag_in_a_gale_stays_a_flag() {
     let n = 33;
@@ -122,7 +124,7 @@ fn a_flag_in_a_gale_stays_a_flag() {
     goes_on("flag", &frames, 30.0, 0.035);
 }
 
-/// An open cone, for where there is no skirt.
+/// An open cone, used if the skirt's mesh is not available.
 fn cone() -> Mesh {
     let (around, down) = (96_u32, 40_u32);
     let at = |v: u32| {
@@ -136,7 +138,7 @@ fn cone() -> Mesh {
     Mesh { positions: (0..around * down).map(at).collect(), triangles: (0..around * (down - 1)).flat_map(quad).collect() }
 }
 
-/// A skirt swung and turned by its ring. Without levels its mean strain is 4.6e-2.
+/// A skirt swung and rotated by its ring. Without levels its mean strain is 4.6e-2.
 #[test]
 fn a_swinging_skirt_stays_a_skirt() {
     let mesh = meshes::folder().map_or_else(cone, |folder| Mesh::load_obj(folder.join("skirt4K.obj")).unwrap());
@@ -144,7 +146,7 @@ fn a_swinging_skirt_stays_a_skirt() {
     let pinned: Vec<u32> = (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize].y > top - 1e-4).collect();
     let ring: Vec<Vec3> = pinned.iter().map(|&v| mesh.positions[v as usize]).collect();
     let frames = minute(&mesh, options(20, FABRIC, pinned), |time| {
-        // The amplitude grows from nothing, so that the start is no jerk.
+        // The amplitude grows from 0, so that the start is not a jerk.
         let grown = (0.5 * time).min(1.0);
         let turn = Quat::from_rotation_y(0.8 * grown * (TAU * 0.7 * time).sin());
         let lead = Vec3::new(0.15 * (TAU * time).sin(), 0.05 * (TAU * 1.3 * time).sin(), 0.0) * grown;

@@ -1,4 +1,4 @@
-//! The membrane against closed forms: catenary, hanging strip, under-resolved strain, vibrations.
+//! The membrane compared with closed forms: catenary, hanging strip, under-resolved strain, vibrations.
 
 mod common;
 
@@ -25,8 +25,8 @@ fn off(measured: f64, expected: f64) -> f64 {
 
 // Catenary.
 
-/// Sag (m) of a chain of `n - 1` equal links, 1 m in all, hung over `span` (m): the horizontal tension is that with which the
-/// links, each inclined by the weight below it, reach across.
+/// Sag (m) of a chain of `n - 1` equal links, 1 m in all, hung over `span` (m). The horizontal tension is found for
+/// which the links, each inclined by the weight below it, reach across.
 fn polygon_sag(n: u32, span: f64) -> f64 {
     let links = f64::from(n - 1);
     let weights: Vec<f64> = (0..n - 1).map(|k| f64::from(k) - 0.5 * (links - 1.0)).collect();
@@ -43,7 +43,7 @@ fn sag(n: u32, span: f64, substeps: u32, levels: Levels, backend: Backend) -> f6
     let mesh = chain::straight(n, 1.0);
     let options = chain::options(f32::INFINITY, chain::ribbon_masses(n, RHO), vec![0, n - 1], substeps, backend);
     let mut deformer = Deformer::new(&mesh, Options { levels, ..options }).unwrap();
-    // From a V of the right length, settled by drag.
+    // Starts as a V of the right length and is settled by drag.
     let along = span as f32;
     let down = (1.0 - along * along).sqrt();
     let v: Vec<Vec3> = mesh.positions.iter().map(|x| Vec3::new(along * x.x, -down * x.x.min(1.0 - x.x), 0.0)).collect();
@@ -52,12 +52,13 @@ fn sag(n: u32, span: f64, substeps: u32, levels: Levels, backend: Backend) -> f6
     -f64::from(deformer.positions().unwrap()[n as usize / 2].y)
 }
 
-/// The chain as it is, of few links, is the oracle; with many it is the catenary.
+/// The oracle is the chain of discrete links; with many links it is the catenary.
 fn catenary(backend: Backend) {
     for (span, smooth) in [(0.5, 0.39820), (0.6, 0.36278), (0.8, 0.26544), (0.9, 0.19071)] {
         assert!(off(polygon_sag(1001, span), smooth) < 3e-5, "the oracle");
         for (n, substeps, bound) in [(13, 20, 5e-3), (33, 80, 1.5e-3)] {
-            // Twelve times the work says nothing new about a backend that agrees with the CPU at S = 20.
+            // On other backends S = 80 would be twelve times the work and show nothing new, since they agree with the
+            // CPU at S = 20.
             if substeps == 20 || backend == Backend::Cpu {
                 let (measured, exact) = (sag(n, span, substeps, Levels::Off, backend), polygon_sag(n, span));
                 assert!(off(measured, exact) < bound, "span {span}, S = {substeps}: {measured} for {exact}");
@@ -66,8 +67,9 @@ fn catenary(backend: Backend) {
     }
 }
 
-/// A chain long enough for levels. With four times the links it takes four times the substeps to be as near as a chain of
-/// 33 at 80; there levels, asked for, change nothing, and before that they only pull where it would pull itself.
+/// A chain long enough for levels. With four times the links it takes four times the substeps to be as accurate as a
+/// chain of 33 links at 80. There, levels that are asked for change nothing; with fewer substeps they pull only where
+/// the chain itself would.
 #[test]
 fn catenary_with_levels() {
     for span in [0.5, 0.6, 0.8, 0.9] {
@@ -91,8 +93,8 @@ fn substeps_at(ratio: f32) -> u32 {
     (ratio * resolved(STRIP, K)).ceil() as u32
 }
 
-/// Heights (m) below the pins of a strip's middle column, hung from its first row and settled. Without its diagonals the
-/// lattice has no Poisson effect, and each column carries its own weight.
+/// Heights (m) below the pins of a strip's middle column, hung from its first row and settled. Without its diagonals
+/// the lattice has no Poisson effect, so each column carries its own weight.
 fn hung_strip(method: Method, substeps: u32, backend: Backend) -> Vec<f64> {
     let mesh = Mesh::grid(3, STRIP, 2.0 / (STRIP - 1) as f32, 1.0);
     let straight = |&[i, j]: &[u32; 2]| if j - i == 2 { 0.0 } else { 1.0 };
@@ -106,13 +108,13 @@ fn hung_strip(method: Method, substeps: u32, backend: Backend) -> Vec<f64> {
         ..Options::default()
     };
     let mut deformer = Deformer::new(&mesh, options).unwrap();
-    // Its slowest stretch is at 248/s; this drag leaves e^-15 of it.
+    // Its slowest stretching mode has 248/s, of which this drag leaves e^-15.
     play(&mut deformer, 30, &Attributes { gravity: Vec3::Z * G, damping: 60.0, ..Attributes::default() });
     deformer.positions().unwrap().chunks(3).map(|row| f64::from(row[1].z) + 0.5).collect()
 }
 
-/// One sweep leaves the edges of the two colors a little longer and shorter in turn, so an edge counts with half of its
-/// neighbors. The edge at the wall has one neighbor and so only half of the other color's share: it is left out.
+/// One sweep leaves the edges of the two colors alternately too long and too short, so an edge is averaged with half of
+/// each neighbor. The edge at the wall has only one neighbor and is left out.
 fn hanging_strip(backend: Backend) {
     let links = f64::from(STRIP - 1);
     let strain = |below: f64| f64::from(RHO * G / K) * (1.0 - below);
@@ -126,7 +128,7 @@ fn hanging_strip(backend: Backend) {
     assert!(off(extension, 1.962e-4) < 0.02, "extension {extension:e} m");
 }
 
-/// Largest over smallest extension, less one, of what is done at 2, 4 and 8 S*.
+/// Largest over smallest extension, minus one, at 2, 4 and 8 S*.
 fn spread(extension: impl Fn(u32) -> f64) -> f64 {
     let extensions = [2.0, 4.0, 8.0].map(|ratio| extension(substeps_at(ratio)));
     extensions.iter().copied().fold(0.0, f64::max) / extensions.iter().copied().fold(f64::INFINITY, f64::min) - 1.0
@@ -159,7 +161,7 @@ fn under_resolved_sheet() {
     for (n, substeps) in [(32, 20), (64, 40)] {
         let (mesh, options) = common::hang(n, substeps, Backend::Cpu);
         let fabric = Fabric { stretch: f32::INFINITY, ..options.fabric };
-        // The law of one sweep alone: with levels the strain is a fraction of it.
+        // The law holds for the sweep alone; with levels the strain is a fraction of it.
         let mut deformer = Deformer::new(&mesh, Options { fabric, levels: Levels::Off, ..options }).unwrap();
         play(&mut deformer, 240, &Attributes { damping: 4.0, ..Attributes::default() });
         let expected = f64::from(2.0 * G) * (f64::from(n - 1) / f64::from(60 * substeps)).powi(2);
@@ -194,7 +196,7 @@ fn under_resolved_chain_with_a_weight_at_its_end() {
 const N: u32 = 17;
 const STILL: Vec3 = Vec3::ZERO;
 
-/// Share of the continuum's frequency that a lattice of spacing `1/(n - 1)` has, half a wave in 1 m.
+/// Frequency of a lattice with spacing `1/(n - 1)` relative to the continuum's, for half a wave in 1 m.
 fn lattice(n: u32) -> f64 {
     let half = 0.5 * PI / f64::from(n - 1);
     half.sin() / half
@@ -209,12 +211,12 @@ fn raised(x: &[Vec3], f: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
     x.iter().map(|&x| x + Vec3::Y * (2e-4 * f(x))).collect()
 }
 
-/// How much of the mode `f` of the shape `x` is in heights.
+/// Amplitude of the mode `f` of the shape `x` in some heights.
 fn share(now: &[Vec3], x: &[Vec3], f: impl Fn(Vec3) -> f32) -> f64 {
     now.iter().zip(x).map(|(now, &x)| f64::from(now.y * f(x))).sum()
 }
 
-/// The mode `f` of the taut shape, sampled each frame.
+/// Amplitude of the mode `f` of the taut shape, sampled each frame.
 fn vibrate(deformer: &mut Deformer, frames: u32, taut: &[Vec3], f: impl Fn(Vec3) -> f32) -> Vec<f64> {
     deformer.set_state(&raised(taut, &f), &vec![Vec3::ZERO; taut.len()]).unwrap();
     let sample = |_| {
@@ -224,12 +226,12 @@ fn vibrate(deformer: &mut Deformer, frames: u32, taut: &[Vec3], f: impl Fn(Vec3)
     (0..frames).map(sample).collect()
 }
 
-/// Share of the amplitude lost from the first third of a second to the last.
+/// Share of the amplitude lost between the first and the last third of a second.
 fn decay(samples: &[f64]) -> f64 {
     1.0 - amplitude(&samples[samples.len() - 20..]) / amplitude(&samples[..20])
 }
 
-/// A string at rest, so short that it has this strain when it is 1 m long, and masses that give it rho then.
+/// A string at rest that has the given strain when it is 1 m long, and masses that give it rho then.
 fn slack_string(strain: f32) -> (Mesh, Vec<f32>) {
     let spacing = 1.0 / (N - 1) as f32;
     (chain::straight(N, 1.0 / (1.0 + strain)), vec![RHO * spacing * spacing / (1.0 + strain); N as usize])
@@ -237,7 +239,7 @@ fn slack_string(strain: f32) -> (Mesh, Vec<f32>) {
 
 fn string(backend: Backend) {
     let substeps = (2.0 * resolved(N, K)).ceil() as u32;
-    // A strain of 2 % shows whether a stretched edge still follows Hooke's law.
+    // At a strain of 2 % it shows whether a stretched edge still follows Hooke's law.
     for tension in [10.0, 100.0] {
         let (slack, masses) = slack_string(tension / K);
         let mut deformer = Deformer::new(&slack, chain::options(K, masses, vec![0, N - 1], substeps, backend)).unwrap();
@@ -268,7 +270,8 @@ fn plain_xpbd_is_out_of_tune() {
     assert!(decay(&samples) > 1e-3);
 }
 
-/// A square of threads both ways; its diagonals are slack, for they all run one way and would pull it askew.
+/// A square of threads in both directions. Its diagonals are scaled to 0, because they all run the same way and would
+/// pull it askew.
 fn membrane(backend: Backend) {
     let strain = 10.0 / K;
     let side = 1.0 / (1.0 + strain);
@@ -291,7 +294,7 @@ fn membrane(backend: Backend) {
     assert!(off(measured, expected) < 5e-3, "{measured} Hz for {expected}");
 }
 
-/// Bessel's function of order 0, by its series.
+/// Bessel function of order 0, from its series.
 fn j0(x: f64) -> f64 {
     let next = |term: &mut f64, k: i32| {
         *term *= -x * x / f64::from(4 * k * k);
@@ -307,7 +310,7 @@ fn hanging_chain() {
     let options = chain::options(K, masses.clone(), vec![0], (2.0 * resolved(n, K)).ceil() as u32, Backend::Cpu);
     let rest = chain::straight(n, 1.0);
     let mut deformer = Deformer::new(&rest, options).unwrap();
-    // Its three slowest modes at once, J0(j sqrt(1 - x)) each, on the stretched shape.
+    // Its three slowest modes at once, each J0(j sqrt(1 - x)), on the stretched shape.
     let modes = [(2.404_826, 0.59939), (5.520_078, 1.37585), (8.653_728, 2.15689)];
     let mode = |zero: f64, x: f32| j0(zero * f64::from(1.0 - x).sqrt());
     let swung = |x: &Vec3| {

@@ -1,4 +1,4 @@
-//! What a cloth takes: bytes a vertex, a million vertices that build and step, and fans as large.
+//! Memory of a cloth: bytes per vertex, a million vertices that are built and stepped, and fans as large.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,23 +15,23 @@ static PEAK: AtomicUsize = AtomicUsize::new(0);
 static ALLOCATOR: Weighing = Weighing;
 
 #[expect(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything to the system's")]
-// SAFETY: every call is handed to the system's allocator as it came, and so is its answer.
+// SAFETY: every call is passed on unchanged to the system's allocator, and so is its result.
 unsafe impl GlobalAlloc for Weighing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let before = HELD.fetch_add(layout.size(), Ordering::SeqCst);
         PEAK.fetch_max(before + layout.size(), Ordering::SeqCst);
-        // SAFETY: the layout that this was called with, for which `GlobalAlloc::alloc` asks what `System.alloc` does.
+        // SAFETY: `layout` satisfies the requirements of `GlobalAlloc::alloc`, which are those of `System.alloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         HELD.fetch_sub(layout.size(), Ordering::SeqCst);
-        // SAFETY: every pointer given out above is the system's, for the layout that comes back with it.
+        // SAFETY: `pointer` was allocated above by the system with the same layout.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
 
-/// Bytes that a sheet holds after its first step, a vertex; the caller's mesh and options are the caller's.
+/// Bytes per vertex that a sheet holds after its first step, without the caller's mesh and options.
 fn bytes(n: u32, bending: f32, levels: Levels) -> f64 {
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
     let fabric = Fabric { bending, damping: 0.0, ..Fabric::default() };
@@ -52,9 +52,9 @@ fn bytes(n: u32, bending: f32, levels: Levels) -> f64 {
     held as f64 / f64::from(n * n)
 }
 
-/// Bytes a vertex of a fan about one hub, or about two, back to back on one rim: at most, and after a step.
+/// Bytes per vertex of a fan with one hub, or with two on a common rim: the peak, and after a step.
 ///
-/// What grows with the square of the degree takes twenty times as much at least.
+/// Anything that grows with the square of the degree would take at least twenty times as much.
 fn bytes_of_fan(rim: u32, hubs: u32, bending: f32, levels: Levels) -> [f64; 2] {
     let turn = std::f32::consts::TAU / rim as f32;
     let on_rim = |k: u32| Vec3::new((turn * k as f32).cos(), 0.0, (turn * k as f32).sin());
@@ -83,10 +83,11 @@ fn bytes_of_fan(rim: u32, hubs: u32, bending: f32, levels: Levels) -> [f64; 2] {
     [PEAK.load(Ordering::SeqCst), held].map(|bytes| (bytes - before) as f64 / f64::from(rim))
 }
 
-/// One test, so that no other allocates meanwhile. The figures are those of the module docs of `src/model/cloth.rs`.
+/// A single test, so that no other one allocates meanwhile. The figures are those in the module docs of
+/// `src/model/cloth.rs`.
 #[test]
 fn bytes_a_vertex() {
-    // The pool's own memory is nobody's vertex.
+    // The pool's own memory must not count.
     bytes(40, 0.0, Levels::Off);
     for n in [256, 1024] {
         for (name, bending, levels, most) in [

@@ -1,5 +1,5 @@
-//! Bodies that are meshes: what is closed, open or thin holds cloth on both sides, at rest and moved, and nothing comes through, by a count
-//! that is not the solver's.
+//! Mesh colliders: closed, open or thin, they hold cloth on both sides, at rest and in motion, and nothing passes
+//! through, as counted independently of the solver.
 
 mod common;
 
@@ -30,7 +30,8 @@ fn with(colliders: Vec<Collider>) -> Attributes {
     Attributes { colliders, ..Attributes::default() }
 }
 
-/// A sheet falls over a ball: of triangles, and as it is by its equation. It comes to lie a thickness above the triangles.
+/// A sheet falls on a ball: on one made of triangles, and on an analytic one. It comes to rest a thickness above the
+/// triangles.
 #[test]
 fn a_ball_of_triangles_holds_like_a_ball() {
     let mut mesh = jittered(Mesh::grid(24, 24, 0.8, 0.8), 1);
@@ -48,7 +49,7 @@ fn a_ball_of_triangles_holds_like_a_ball() {
         let center = 12 * 24 + 12;
         let height = |cloth: &mut Deformer| cloth.positions().unwrap()[center].length();
         let [a, b] = [height(&mut on_mesh), height(&mut on_ball)];
-        // A chord of the ball is below its arc by a sagitta, `l²/8R` of l = .039 m.
+        // A chord of the ball is below its arc by the sagitta `l²/8R`, l = .039 m.
         assert!((a - b).abs() < 2e-3, "contact {contact}: {a} m from the middle, {b} m on a ball");
         let nearest = on_mesh.positions().unwrap().iter().map(|&x| Collider::mesh(Arc::clone(&body)).distance(x));
         let nearest = nearest.fold(f32::INFINITY, f32::min);
@@ -57,7 +58,7 @@ fn a_ball_of_triangles_holds_like_a_ball() {
     }
 }
 
-/// A capsule goes through a sheet that hangs by its top row, at some speeds.
+/// A capsule passes through a sheet that hangs by its top row, at several speeds.
 #[test]
 fn a_fast_capsule_comes_through_nothing() {
     let mut mesh = jittered(Mesh::grid(24, 24, 1.0, 1.0), 2);
@@ -67,7 +68,7 @@ fn a_fast_capsule_comes_through_nothing() {
     assert_eq!(top.len(), 24);
     let limb = capsule(Vec3::new(-0.3, -0.1, 0.0), Vec3::new(0.3, -0.1, 0.0), 0.08, 12);
     for speed in [1.0_f32, 3.0, 10.0, 20.0] {
-        // Three thicknesses a substep, and whatever else the promise about strain asks for.
+        // Three thicknesses per substep, and whatever else the promise about strain requires.
         let options = Options { pinned: top.clone(), quality: Quality::Strain(0.03), ..options(0, true) };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
         let (mut most, mut substeps) = ([0; 2], 0);
@@ -89,7 +90,7 @@ fn a_fast_capsule_comes_through_nothing() {
     }
 }
 
-/// A patch without thickness or edge to lean on holds what falls on it from either side, and what lies there lies still.
+/// A patch without volume holds what falls on it from either side, and what lies on it comes to rest.
 #[test]
 fn an_open_patch_holds_on_both_sides() {
     let patch = Arc::new(jittered(Mesh::grid(7, 7, 1.0, 1.0), 3));
@@ -111,7 +112,8 @@ fn an_open_patch_holds_on_both_sides() {
     }
 }
 
-/// A sheet on a patch that runs along under it: friction brings it to `mu g t`, and no farther than the patch's own speed.
+/// A sheet on a patch that moves along under it: friction accelerates it to `mu g t`, but not beyond the patch's own
+/// speed.
 #[test]
 fn friction_follows_the_body() {
     let belt = jittered(Mesh::grid(25, 5, 6.0, 1.0), 5);
@@ -133,7 +135,7 @@ fn friction_follows_the_body() {
     assert!((end - 1.0).abs() < 0.01, "it rides at {end} m/s");
 }
 
-/// A ball turns below a sheet that fell on it, and takes it along.
+/// A ball rotates below a sheet that fell on it, and carries it along.
 #[test]
 fn a_ball_that_spins_drags_what_lies_on_it() {
     let mut mesh = jittered(Mesh::grid(20, 20, 0.6, 0.6), 7);
@@ -177,7 +179,7 @@ fn any_number_of_threads_makes_the_same_bits() {
     }
 }
 
-/// Far from the origin, and left out for a while, a body is where it is said to be.
+/// Far from the origin, and absent for a while, a body is where it is given.
 #[test]
 fn bodies_come_and_go_anywhere() {
     let far = Vec3::new(1000.0, 0.0, 0.0);
@@ -194,7 +196,7 @@ fn bodies_come_and_go_anywhere() {
         cloth.step(FRAME, &with(vec![])).unwrap();
     }
     assert!(lowest(&mut cloth) < -0.1, "it falls: {} m", lowest(&mut cloth));
-    // Two patches now, one of them below; the cloth is caught between.
+    // Now two patches, one of them below: the cloth is caught between them.
     let below = moved(&patch, |x| x - 0.4 * Vec3::Y);
     for _ in 0..60 {
         let colliders = vec![Collider::mesh(Arc::clone(&patch)), Collider::mesh(Arc::clone(&below))];
@@ -206,7 +208,8 @@ fn bodies_come_and_go_anywhere() {
     assert!(first != cloth.positions().unwrap());
 }
 
-/// A body that appears in the cloth is reported, and what it holds is let go until it has left.
+/// A body that appears inside the cloth is reported, and contact with the parts that cross it is suspended until they
+/// have separated.
 #[test]
 fn a_body_that_appears_in_the_cloth_is_let_go() {
     let mesh = jittered(Mesh::grid(20, 20, 0.6, 0.6), 11);
@@ -224,7 +227,7 @@ fn a_body_that_appears_in_the_cloth_is_let_go() {
             _ => None,
         });
         if frame == 0 {
-            // Where detection looked last in the step, some have parted.
+            // Detection ran before the end of the step; some pairs have separated since.
             let (pairs, collider) = told.expect("it is reported");
             assert!(collider == 1 && (start / 2..=start).contains(&pairs), "{pairs} pairs of {start}, with collider {collider}");
         }
@@ -261,7 +264,8 @@ fn what_is_no_body_is_refused() {
         }
         assert_eq!(cloth.positions().unwrap(), mesh.positions, "as it was");
     }
-    // By one id other triangles: an error, but for what is put there anew, or known by its place alone.
+    // The same id with different triangles is an error, unless the collider was teleported or is matched by its place
+    // in the list.
     cloth.step(FRAME, &with(vec![broken(&|_| ()).with_id(7)])).unwrap();
     let other = broken(&|mesh| mesh.triangles.truncate(3));
     let error = cloth.step(FRAME, &with(vec![other.clone().with_id(7)])).unwrap_err();
@@ -269,7 +273,7 @@ fn what_is_no_body_is_refused() {
     cloth.step(FRAME, &with(vec![other.clone().with_id(7).teleported()])).unwrap();
     cloth.step(FRAME, &with(vec![other])).unwrap();
     cloth.step(FRAME, &with(vec![broken(&|_| ())])).unwrap();
-    // Triangles that are edges or points hold nothing, and break nothing.
+    // Triangles that are degenerate to edges or points hold nothing and do no harm.
     let flat = broken(&|mesh| mesh.triangles = vec![[0, 0, 1], [2, 2, 2]]);
     cloth.step(FRAME, &with(vec![flat])).unwrap();
     let point = broken(&|mesh| mesh.positions.fill(Vec3::ONE));
@@ -277,7 +281,7 @@ fn what_is_no_body_is_refused() {
     assert!(cloth.positions().unwrap().iter().all(|x| x.is_finite()));
 }
 
-/// The hybrid's contact is the CPU's; the GPU has none, and says so.
+/// In the hybrid engine contact runs on the CPU; the GPU engine has none and refuses it.
 #[cfg(feature = "gpu")]
 #[test]
 fn on_other_backends() {

@@ -1,4 +1,4 @@
-//! OBJ in and out: the file's own vertices and faces, or an error that names the line; never a repair.
+//! OBJ input and output: the file's own vertices and faces, or an error that names the line; never a silent repair.
 
 mod common;
 
@@ -13,7 +13,7 @@ fn parse(text: &str) -> Mesh {
     Mesh::parse_obj(text).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
-/// The message of a text that must be refused.
+/// The error message for a text that must be refused.
 fn refusal(text: &str) -> String {
     match Mesh::parse_obj(text) {
         Ok(mesh) => panic!("accepted as {mesh:?}:\n{text}"),
@@ -25,7 +25,7 @@ fn bits(mesh: &Mesh) -> Vec<[u32; 3]> {
     mesh.positions.iter().map(|position| position.to_array().map(f32::to_bits)).collect()
 }
 
-/// What plain OBJ means, the slow way: no comments after statements, no continuations, no weights.
+/// A simple reference parser for plain OBJ: without comments after statements, continued lines and weights.
 fn oracle(text: &str) -> Mesh {
     let mut mesh = Mesh::default();
     for line in text.lines() {
@@ -50,7 +50,7 @@ fn starting(text: &str, keyword: &str) -> usize {
     text.lines().filter(|line| line.split_whitespace().next() == Some(keyword)).count()
 }
 
-/// A cloth as modeling tools write it: quads, groups that share borders, a texture seam at every face, odd numbers.
+/// A cloth as modeling tools write it: quads, groups that share borders, a texture seam at every face, unusual numbers.
 fn exported(side: u32) -> String {
     let mut text = String::from("# exported\nmtllib gone.mtl\no towel\n");
     let mut rng = fastrand::Rng::with_seed(u64::from(side));
@@ -116,7 +116,7 @@ fn seams_and_groups_do_not_cut_the_cloth() {
     assert_eq!(mesh.positions.len(), starting(&text, "v"));
     assert_eq!(mesh.triangles.len(), 2 * starting(&text, "f"));
     assert_eq!(mesh, oracle(&text));
-    // A grid of quads, each with one diagonal: the borders of faces and groups are shared, not doubled.
+    // A grid of quads, each split by one diagonal: the borders of faces and groups are shared, not duplicated.
     assert_eq!(mesh.edges().len(), 2 * 12 * 11 + 11 * 11);
 }
 
@@ -202,7 +202,7 @@ fn a_face_that_is_none_is_named() {
     for (line, problem) in cases {
         assert_eq!(refusal(&format!("{points}f 1 2 3\n{line}\nf 3 2 1\n")), format!("line 5: face 2 {problem}"));
     }
-    // The fourth vertex comes after the face: an index counted back does not see it, one counted from the start does.
+    // The fourth vertex comes after the face: a relative index cannot refer to it, an absolute one can.
     assert!(refusal("v 0 0 0\nv 1 0 0\nv 0 0 1\nf -4 -2 -1\nv 2 0 0\n").starts_with("line 4: face 1 names vertex -4"));
 }
 
@@ -232,7 +232,8 @@ fn a_file_cut_short_is_no_other_mesh() {
     let mut refused = 0;
     for end in 0..text.len() {
         match Mesh::parse_obj(&text[..end]) {
-            // A cut inside the last number shortens it, which nobody can see; everything before it must be the file's.
+            // A cut within the last number shortens it, which cannot be detected; everything before must be as in the
+            // file.
             Ok(mesh) => {
                 let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
                 assert!(vertices < 2 || mesh.positions[..vertices - 1] == full.positions[..vertices - 1]);
@@ -314,14 +315,16 @@ fn hostile_text_neither_panics_nor_passes() {
 
 #[test]
 fn long_input_takes_linear_time() {
-    // A polygon, a continued line and a word of a million characters: each would take minutes if anything were quadratic.
+    // A polygon, a continued line and a word of a million characters: each would take minutes if anything were
+    // quadratic.
     let points = "v 0 0 0\nv 1 0 0\nv 0 0 1\n";
     assert_eq!(parse(&format!("{points}f {}", "1 2 3 ".repeat(170_000))).triangles.len(), 509_998);
     assert_eq!(parse(&format!("{points}f {}", "1 \\\n2 3 ".repeat(120_000))).triangles.len(), 359_998);
     assert!(refusal(&format!("{points}f 1 2 {}", "9".repeat(1_000_000))).len() < 200);
 }
 
-/// What other programs wrote: every `.obj` of the folder of real meshes with its name; without one, meshes made here.
+/// Files from other programs: every `.obj` in the folder of real meshes with its name; without the folder, generated
+/// meshes.
 fn inputs() -> Vec<(String, String)> {
     let Some(folder) = meshes::folder() else {
         let mut made = [2, 30, 101].map(|side| (format!("made here, {side} x {side}"), exported(side))).to_vec();
@@ -355,7 +358,7 @@ fn meshes_from_other_programs_load_as_they_are() {
     }
 }
 
-/// Mean over the edges of `max(0, l/l0 - 1)`, by the numbers of `rest`'s own faces.
+/// Mean over the edges of `max(0, l/l0 - 1)`, with the faces and numbering of `rest`.
 fn mean_strain(rest: &Mesh, positions: &[Vec3]) -> f64 {
     let edges = rest.edges();
     let length = |x: &[Vec3], [i, j]: [u32; 2]| x[i as usize].as_dvec3().distance(x[j as usize].as_dvec3());
@@ -363,10 +366,11 @@ fn mean_strain(rest: &Mesh, positions: &[Vec3]) -> f64 {
     edges.iter().map(strain).sum::<f64>() / edges.len() as f64
 }
 
-/// Forty frames of each, hung by three vertices, saved: the input's faces and its vertices in the input's order.
+/// Forty frames of each mesh, hung by three vertices and saved: the faces are those of the input, and its vertices are
+/// in the input's order.
 ///
-/// What order a cloth is kept in while it moves shows in no count. That the edges are as long by the file's numbers as the
-/// cloth itself says they are does show it.
+/// Counts do not reveal a changed order. But edge lengths computed with the file's numbering agree with the cloth's own
+/// only if the order is right.
 #[test]
 fn meshes_from_other_programs_come_back_after_forty_frames() {
     let folder = tempfile::tempdir().unwrap();

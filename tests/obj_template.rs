@@ -1,11 +1,12 @@
-//! An OBJ that is written again keeps all that it came with, line for line, but for where its vertices are and how its normals point.
+//! An OBJ file that is written again keeps everything it contained, line for line, except the positions of vertices and
+//! the normals.
 
 use std::fmt::Write;
 
 use cloth_deformer::glam::{Quat, Vec2, Vec3};
 use cloth_deformer::{Mesh, ObjError, ObjTemplate};
 
-/// A sheet of quads with all that a modeler writes: 46 x 31 vertices, 1350 quads.
+/// A sheet of quads with everything that modeling tools write: 46 x 31 vertices, 1350 quads.
 fn quads() -> String {
     let (columns, rows) = (46, 31);
     let mut text = "# a modeler's\nmtllib sheet.mtl\no Sheet\n".to_owned();
@@ -59,7 +60,7 @@ fn quads_stay_quads_line_for_line() {
     assert_eq!(back.triangles, template.mesh().triangles);
 }
 
-/// As they came, positions that were not moved come back with the file's own values.
+/// Positions that were not moved are written with the file's original digits.
 #[test]
 fn what_is_odd_stays() {
     let given = "\u{feff}v 1 2 3 0.5 0.25 1 # red\r\nv 4 6 \\\r\n 8 2\r\n#\u{fc}ber v 1 2 3\r\nv 0 0 0.5\r\n\tv   0 1   0\t\r\nf -4 -3\\\n -2 -1 # f 9 9 9";
@@ -69,7 +70,7 @@ fn what_is_odd_stays() {
     let expected = "\u{feff}v 1 0 0 0.5 0.25 1 # red\r\nv 0 1 0\r\n#\u{fc}ber v 1 2 3\r\nv 0 0 1\r\n\tv   0.1 -0.00000025 1000000000\t\r\nf -4 -3\\\n -2 -1 # f 9 9 9";
     assert_eq!(text(template.write(&moved).unwrap()), expected);
     assert_eq!(template.polygons(), [[0, 1, 2, 3]]);
-    // What is no UTF-8 stays as well.
+    // Text that is not UTF-8 is kept too.
     let mut bytes = b"# \xff\nv 0 0 0\n".to_vec();
     assert_eq!(ObjTemplate::parse(&bytes).unwrap().write(&[Vec3::ZERO]).unwrap(), bytes);
     bytes.extend(b"v\xc2\xa01 2 3\n");
@@ -82,7 +83,7 @@ fn normals(text: &str) -> Vec<Vec3> {
     text.lines().filter(|line| line.starts_with("vn ")).map(|line| Vec3::from_slice(&numbers(line))).collect()
 }
 
-/// A sheet that is turned turns its normals; one that is rolled up has those of a cylinder.
+/// A rotated sheet has rotated normals; a rolled one has those of a cylinder.
 #[test]
 fn normals_turn_with_the_cloth() {
     let template = ObjTemplate::parse(quads().as_bytes()).unwrap();
@@ -100,14 +101,14 @@ fn normals_turn_with_the_cloth() {
     let rolled: Vec<Vec3> = template.mesh().positions.iter().map(roll).collect();
     let written = normals(&text(template.write(&rolled).unwrap()));
     for (normal, x) in written.iter().zip(&rolled) {
-        // Where the sheet ends there is half an edge's angle to one side.
+        // At the sheet's border the normal deviates by half of an edge's angle.
         assert!(normal.distance(x.with_z(0.0) / radius) < 0.06, "{normal} at {x}");
     }
     let inner = written.iter().zip(&rolled).skip(1).step_by(46).take(31);
     inner.for_each(|(normal, x)| assert!(normal.distance(x.with_z(0.0) / radius) < 1e-4, "{normal} at {x}"));
 }
 
-/// A hard edge stays one: two polygons with a normal each at the vertices that they share.
+/// A hard edge stays hard: two polygons with different normals at their common vertices.
 #[test]
 fn hard_edges_stay_hard_and_shared_normals_are_told() {
     let hard = "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 2 1 0\nv 2 1 1\nvn 0 -1 0\nvn .7071068 -.7071068 0\nf 1//1 2//1 3//1 4//1\nf 2//2 5//2 6//2 3//2\n";
@@ -117,12 +118,12 @@ fn hard_edges_stay_hard_and_shared_normals_are_told() {
     let template = ObjTemplate::parse(each.as_bytes()).unwrap();
     assert!(!template.shares_normals());
     let mut moved = template.mesh().positions.clone();
-    // The second polygon is folded level; the first stays.
+    // The second polygon is folded to lie level; the first one stays.
     moved[3] = Vec3::new(2.0, 0.0, 0.0);
     let written = normals(&text(template.write(&moved).unwrap()));
     assert!(written[0].distance(-Vec3::Y) < 1e-6 && written[1].distance(-Vec3::Y) < 1e-6, "{written:?}");
     assert!(written[2].distance(-2.0 * Vec3::Y) < 1e-6, "its length stays");
-    // Without area nothing says how it turned.
+    // A polygon without area does not determine how its normal turned.
     let written = normals(&text(template.write(&[Vec3::ZERO; 4]).unwrap()));
     assert!(written[0] == -Vec3::Y && written[2] == -2.0 * Vec3::Y);
 }
@@ -145,7 +146,7 @@ fn positions_are_checked() {
     assert_eq!(ObjTemplate::load(&path).unwrap().mesh().positions, [Vec3::ONE; 3]);
 }
 
-/// Meshes of others, if there are any at hand.
+/// Meshes from other sources, if available.
 #[test]
 fn meshes_at_hand_come_back() {
     let Some(folder) = std::env::var_os("CLOTH_MESHES") else { return };

@@ -1,4 +1,4 @@
-//! Point caches: every byte where other programs look for it, whole files or none.
+//! Point caches: every byte is where other programs expect it, and files are complete or do not exist.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Pc2Error, PointCache};
 
-/// Two samples of three vertices, no number twice.
+/// Two samples of three vertices, in which all numbers differ.
 fn samples() -> [Vec<Vec3>; 2] {
     let position = |sample: usize, vertex: usize| Vec3::new(0.5, -1.25, 3e-7) * (3 * sample + vertex + 1) as f32;
     [0, 1].map(|sample| (0..3).map(|vertex| position(sample, vertex)).collect())
@@ -24,7 +24,7 @@ fn names(folder: &Path) -> Vec<String> {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// Parsed as the format has it, `<12siiffi` and then `<fff` for each vertex of each sample.
+/// Parses the format: `<12siiffi`, then `<fff` for each vertex of each sample.
 #[test]
 fn a_file_has_every_number_in_its_place() {
     let folder = tempfile::tempdir().unwrap();
@@ -73,7 +73,7 @@ fn a_cache_that_is_not_finished_leaves_no_trace() {
     assert_eq!(fs::read(&path).unwrap().len(), 32 + 2 * 3 * 12, "a finished cache takes the other file's place");
 }
 
-/// What is refused is not written, and the cache goes on.
+/// Samples that are refused are not written, and the cache can be continued.
 #[test]
 fn a_sample_that_does_not_fit_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -102,7 +102,7 @@ fn a_sample_that_does_not_fit_is_refused() {
     assert!(matches!(PointCache::create(folder.path(), 0, 0).and_then(PointCache::finish), Err(Pc2Error::Write { .. })));
 }
 
-/// A device is written to, and says when it is full.
+/// A device is written to directly, and an error is reported when it is full.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error() {
@@ -112,7 +112,7 @@ fn a_full_disk_is_an_error() {
     assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device());
 }
 
-/// What was cut short cannot be whole any more, even if there is room again.
+/// A cache that was truncated cannot become complete again, even if there is room later.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_cache_that_a_write_cut_short_is_never_finished() {
@@ -120,9 +120,9 @@ fn a_cache_that_a_write_cut_short_is_never_finished() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pipe.pc2");
     assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
-    // Long enough to leave the writer's buffer, short enough for the pipe's.
+    // Longer than the writer's buffer, shorter than the pipe's.
     let sample = vec![Vec3::ONE; 2000];
-    // For writing too, which waits for no writer.
+    // Opened for writing too, so that opening it does not wait for a writer.
     let reader = || OpenOptions::new().read(true).write(true).open(&path).unwrap();
     let first = reader();
     let mut cache = PointCache::create(&path, sample.len(), 1).unwrap();

@@ -1,5 +1,6 @@
-//! Substeps by a promise: what it says is kept or said to be missed, the same bits on any number of threads, and asked for again as a
-//! number; by a time; and none for a cloth that sleeps.
+//! Automatic substeps: a promise about strain is kept or reported as missed, with the same bits on any number of
+//! threads, and can be repeated as a number of substeps. Also the time budget, and sleeping cloth, which takes no
+//! substeps.
 
 #[macro_use]
 mod common;
@@ -13,10 +14,11 @@ use common::{FRAME, rms, top};
 
 on_every_backend!(reports_are_of_the_motion, any_step_can_be_asked_for_again, a_settled_cloth_sleeps_and_wakes);
 
-/// What happens in a scene, by the frame.
+/// The attributes of a scene as a function of the frame.
 type Script = Box<dyn Fn(u32) -> Attributes + Sync>;
 
-/// A sheet by two corners; one hung by an edge that is jerked up at 5 m/s after a second; a flag in gusts of 10 m/s.
+/// A sheet hung by two corners; one hung by an edge that is jerked up at 5 m/s after a second; a flag in gusts of 10
+/// m/s.
 fn scenes(backend: Backend) -> Vec<(&'static str, Mesh, Options, Script)> {
     let base = Options { backend, fabric: Fabric { bending: 0.0, ..Fabric::COTTON }, ..Options::default() };
     let sheet = Mesh::grid(33, 33, 1.0, 1.0);
@@ -40,7 +42,7 @@ fn scenes(backend: Backend) -> Vec<(&'static str, Mesh, Options, Script)> {
     ]
 }
 
-/// A step's report and the stretch that 99 per cent of the area had after it, in each of some frames.
+/// For some frames the step's report and the stretch that 99 % of the area did not exceed after it.
 fn played(mesh: &Mesh, options: &Options, script: &Script, frames: u32) -> Vec<(StepReport, f32)> {
     let mut deformer = Deformer::new(mesh, options.clone()).unwrap();
     let step = |frame| {
@@ -63,7 +65,7 @@ fn a_promise_is_kept_for_few_substeps() {
         println!("{name}: {mean} substeps on average, {most} at most, {said} frames missed, {silent} in silence");
         assert!(silent == 0 && said <= 3, "{name}: {silent} frames in silence, {said} said to be missed");
         if name == "jerk" {
-            // What did before the jerk does not hold it: the choice is worth something.
+            // The substeps that sufficed before the jerk do not suffice for it, so adapting them matters.
             let before = frames[58].0.in_a_sixtieth;
             let even = played(&mesh, &Options { quality: Quality::Substeps(before), ..options }, &script, 180);
             let beyond = even.iter().filter(|(_, stretch)| *stretch > promised + 0.01).count();
@@ -94,7 +96,7 @@ fn reports_are_of_the_motion(backend: Backend) {
     assert!(measured.iter().any(|then| then.max_strain > 0.01), "something was stretched");
 }
 
-/// Twice the same, and once more with the numbers of substeps that were chosen.
+/// Two identical runs, and a third one with the numbers of substeps that were chosen.
 fn any_step_can_be_asked_for_again(backend: Backend) {
     let (_, mesh, options, script) = scenes(backend).swap_remove(2);
     let mut deformer = Deformer::new(&mesh, Options { quality: Quality::Strain(0.05), ..options }).unwrap();
@@ -117,7 +119,7 @@ fn any_step_can_be_asked_for_again(backend: Backend) {
 
 #[test]
 fn any_number_of_threads_chooses_alike() {
-    // More gauges than one thread takes at a time.
+    // More gauges than one thread processes at a time.
     let mesh = Mesh::grid(65, 65, 1.0, 1.0);
     let (_, _, options, script) = scenes(Backend::Cpu).swap_remove(0);
     let options = Options { quality: Quality::Strain(0.03), pinned: vec![0, 64], ..options };
@@ -128,7 +130,7 @@ fn any_number_of_threads_chooses_alike() {
     assert_eq!(one, on(4));
 }
 
-/// A sheet that swings for ten seconds, its substeps going up and down: never higher and faster than it began.
+/// A sheet that swings for ten seconds with varying numbers of substeps never exceeds its initial energy.
 #[test]
 fn a_choice_gives_no_energy() {
     let (_, mesh, options, script) = scenes(Backend::Cpu).swap_remove(0);
@@ -177,7 +179,7 @@ fn qualities_are_checked_and_can_be_changed() {
 #[test]
 fn a_longer_time_takes_more_substeps() {
     let (_, mesh, options, script) = scenes(Backend::Cpu).swap_remove(0);
-    // Microseconds are too few for any, seconds enough for all there are.
+    // Microseconds are too short for any substep; seconds suffice for the maximum.
     let counts = [1e-4, 1e4].map(|budget| {
         let frames = played(&mesh, &Options { quality: Quality::Budget(budget), ..options.clone() }, &script, 10);
         frames.last().unwrap().0.substeps
@@ -189,8 +191,8 @@ fn a_longer_time_takes_more_substeps() {
     assert!(deformer.set_quality(Quality::Budget(1.0)).is_ok());
 }
 
-/// A small towel that lies on a ball, damped: it sleeps within some seconds, less than .1 mm from one that never does, and wakes in the
-/// frame in which anything changes.
+/// A small, damped towel that lies on a ball falls asleep within some seconds, less than .1 mm from one that never
+/// does, and wakes in the frame in which anything changes.
 fn a_settled_cloth_sleeps_and_wakes(backend: Backend) {
     let mesh = Mesh::grid(12, 12, 0.3, 0.3);
     let options =
@@ -221,7 +223,7 @@ fn a_settled_cloth_sleeps_and_wakes(backend: Backend) {
     let report = sleeper.step(FRAME, &attributes).unwrap();
     assert!(!report.asleep && report.substeps == 10, "{report:?}");
     assert_ne!(sleeper.positions().unwrap(), fell_asleep);
-    // What was set is awake, whatever it did before.
+    // Setting the state wakes the cloth.
     sleeper.reset();
     assert!(!sleeper.step(FRAME, &attributes).unwrap().asleep);
 }

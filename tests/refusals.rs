@@ -1,4 +1,4 @@
-//! Every public door refuses what it cannot take, names thing, value and remedy, and leaves the state alone.
+//! Every public function refuses invalid input, names the thing, the value and a remedy, and leaves the state alone.
 
 #[macro_use]
 mod common;
@@ -13,7 +13,7 @@ fn build(mesh: &Mesh, options: Options) -> Result<Deformer, BuildError> {
     Deformer::new(mesh, Options { backend: Backend::Cpu, ..options })
 }
 
-/// Asserts that a message names all of these.
+/// Asserts that a message contains all of these words.
 fn names(error: &impl ToString, parts: &[&str]) {
     let message = error.to_string();
     assert!(!message.contains('\n'), "one line: {message}");
@@ -152,7 +152,7 @@ fn steps_are_checked_and_leave_the_state(backend: Backend) {
     names(&deformer.set_state(&nine, &[Vec3::splat(1e20); 9]).unwrap_err(), &["velocities", "[0]"]);
     assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
 
-    // What was refused has left no trace: the next step is that of a cloth that never saw it.
+    // What was refused has no effect: the next step is that of a cloth that was never given it.
     let mut fresh = Deformer::new(&mesh, options).unwrap();
     fresh.step(FRAME, &Attributes::default()).unwrap();
     for deformer in [&mut deformer, &mut fresh] {
@@ -161,7 +161,7 @@ fn steps_are_checked_and_leave_the_state(backend: Backend) {
     assert_eq!(deformer.positions().unwrap(), fresh.positions().unwrap());
 }
 
-/// A number to be hostile with.
+/// A hostile number.
 fn number(random: &mut fastrand::Rng) -> f32 {
     match random.u32(0..12) {
         0 => f32::NAN,
@@ -183,7 +183,7 @@ fn vector(random: &mut fastrand::Rng) -> Vec3 {
     }
 }
 
-/// Anything at all: a clear error or a finite state, never a panic.
+/// Arbitrary input results in a clear error or a finite state, never in a panic.
 #[test]
 fn random_scenes_never_panic_nor_leave_the_numbers() {
     let mut random = fastrand::Rng::with_seed(21);

@@ -1,4 +1,5 @@
-//! Scene files: those that come with the program run, what each key says is what happens, and what cannot be is refused with its line.
+//! Scene files: those that come with the program run, each key has the effect it states, and invalid values are refused
+//! with their line.
 
 #[allow(unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
@@ -17,7 +18,7 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes")
 }
 
-/// Runs a scene's text with the CPU in a directory of its own.
+/// Runs a scene's text on the CPU in a directory of its own.
 fn scene(text: &str, arguments: &[&str]) -> (TempDir, std::process::Output) {
     let directory = TempDir::new().unwrap();
     fs::write(directory.path().join("s.toml"), text).unwrap();
@@ -25,7 +26,7 @@ fn scene(text: &str, arguments: &[&str]) -> (TempDir, std::process::Output) {
     (directory, output)
 }
 
-/// Positions of a frame.
+/// Reads the positions of a frame.
 fn frame(directory: &TempDir, number: u32) -> Vec<Vec3> {
     Mesh::load_obj(directory.path().join(format!("frames/frame_{number:04}.obj"))).unwrap().positions
 }
@@ -65,7 +66,7 @@ fn the_towel_is_what_is_played_without_a_scene() {
     }
 }
 
-/// A cloth of 3 x 3 vertices that nothing acts on but what a test adds.
+/// A cloth of 3 x 3 vertices without forces, to which a test adds what it checks.
 const SHEET: &str = "
 frames = 31
 gravity = [0, 0, 0]
@@ -73,7 +74,7 @@ gravity = [0, 0, 0]
 grid = { columns = 3, rows = 3, width = 2, height = 2 }
 ";
 
-/// Rotation before motion, scale before both; linear between keys, and again from the start of a loop.
+/// Rotation comes before motion, and scale before both. Values are linear between keys, and repeat in a loop.
 #[test]
 fn pins_go_where_their_keys_say() {
     let text = "
@@ -113,7 +114,7 @@ half = [1.5, 0.5, 1.5]
     assert!((height(15) - 0.1 * 14.0 / 15.0).abs() < 1e-4, "lifted to {}", height(15));
 }
 
-/// A loop that does not close begins anew without a velocity: a table that sinks and is up again throws nothing.
+/// A loop whose ends differ restarts without a velocity: a table that sinks and jumps back up throws nothing.
 #[test]
 fn a_loop_that_does_not_close_throws_nothing() {
     let table = "
@@ -126,13 +127,13 @@ half = [1.5, 0.5, 1.5]
     succeeds(&output);
     let highest = |number: u32| frame(&directory, number).iter().map(|x| x.y).fold(f32::MIN, f32::max);
     assert!(highest(15) < -0.09, "it sank with the table, to {}", highest(15));
-    // From -0.1 m to 0 m in a frame are 6 m/s.
+    // From -0.1 m to 0 m within a frame would be 6 m/s.
     assert!((16..=31).all(|number| highest(number) < 0.05), "thrown to {}", highest(31));
 }
 
 #[test]
 fn the_wind_and_gravity_go_as_their_keys_say() {
-    // In thick air, without weight, cloth soon goes with the wind; damping is the same for every vertex.
+    // In dense air, without gravity, cloth soon moves with the wind; damping is the same for every vertex.
     let wind = "
 [wind]
 velocity = [{ time = 0, value = [0, 0, 0] }, { time = 0.25, value = [1, 0, 0] }]
@@ -142,7 +143,7 @@ damping = 1000
     let (directory, output) = scene(&(SHEET.to_owned() + wind), &[]);
     succeeds(&output);
     let speed = |number: u32| 60.0 * (frame(&directory, number + 1)[4].x - frame(&directory, number)[4].x);
-    // A step has the wind of its end.
+    // A step uses the wind at its end.
     assert!((speed(9) - 9.0 / 15.0).abs() < 0.01 && (speed(25) - 1.0).abs() < 1e-3, "{} and {} m/s", speed(9), speed(25));
 
     let text = SHEET
@@ -154,7 +155,7 @@ damping = 1000
     assert!((fallen - 3.0 * time * time).abs() < 0.02 * fallen, "fallen by {fallen} m");
 }
 
-/// Gusts are the same in every run of one seed, others of another, and within their strength.
+/// Gusts are the same in every run with one seed, differ for another, and stay within their strength.
 #[test]
 fn gusts_have_a_seed() {
     let text = |seed: u32| {
@@ -170,7 +171,8 @@ fn gusts_have_a_seed() {
     assert!(low > 0.49 && high < 1.51 && high - low > 0.2, "from {low} to {high} m/s");
 }
 
-/// Several cloths are pieces of one mesh, each from its own file or grid, in its own place; pins choose within one.
+/// Several cloths are parts of one mesh, each from its own file or grid and in its own place; pins select vertices of
+/// one cloth.
 #[test]
 fn cloths_are_pieces_of_one_mesh() {
     let directory = TempDir::new().unwrap();
@@ -209,7 +211,7 @@ fn the_command_line_overrides_the_file() {
     let fallen = -frame(&directory, 3)[4].y;
     assert!((fallen - 3.0 / 225.0).abs() < 1e-4, "{fallen} m");
     assert!(!directory.path().join("of the file").exists());
-    // Without the flag the floor of the file holds it; a floor of the command line takes its place.
+    // Without `--no-floor` the floor of the file holds the cloth; `--floor` replaces it.
     for (floor, height) in [(&[][..], 0.0), (&["--floor", "-0.005"][..], -0.005)] {
         let (directory, output) = scene(&text, &[&["--gravity", "0,-6,0", "--out", "frames"], floor].concat());
         succeeds(&output);
@@ -217,7 +219,7 @@ fn the_command_line_overrides_the_file() {
     }
 }
 
-/// What is named on the command line may be named again and again.
+/// Options of the command line may be repeated.
 #[test]
 fn colliders_of_the_command_line_repeat() {
     let directory = TempDir::new().unwrap();
@@ -257,7 +259,7 @@ fn a_mesh_in_centimeters_is_told_of_and_scaled() {
     assert!((frame(&directory, 1)[0].x + 0.6).abs() < 1e-6);
 }
 
-/// One line, which names the file, the line in it, and these words; nothing is written.
+/// Asserts a single error line that names the file, the line in it and these words, and that nothing was written.
 #[test]
 fn what_cannot_be_is_refused_with_its_line() {
     let in_cloth = |text: &str| format!("[[cloth]]\ngrid = {{ columns = 3, rows = 3, width = 1, height = 1 }}\n{text}");
@@ -340,7 +342,8 @@ fn what_cannot_be_is_refused_with_its_line() {
     fails(&output, 2, &["s.toml:3", "several cloths"]);
 }
 
-/// A body from files lifts the cloth: of the command line and of a scene, which come to the same; its files are not written over.
+/// A body from files lifts the cloth, with the same result from the command line and from a scene; its files are not
+/// overwritten.
 #[test]
 fn a_body_comes_from_numbered_files() {
     let directory = TempDir::new().unwrap();
@@ -369,7 +372,7 @@ fn a_body_comes_from_numbered_files() {
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "9"]), 2, &["body_07.obj", "first frame"]);
 }
 
-/// A scene file and its meshes are not written over.
+/// A scene file and its meshes are not overwritten.
 #[test]
 fn nothing_is_written_over_the_scene() {
     let text = SHEET.to_owned() + "[output]\nreport = \"s.toml\"\n";

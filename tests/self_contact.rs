@@ -1,5 +1,6 @@
-//! Contact of cloth with itself: no edge comes through a triangle, by a count that is not the solver's, where without contact it does;
-//! thickness, friction and momentum by their laws; the same bits on any number of threads.
+//! Contact of cloth with itself. No edge passes through a triangle, as counted independently of the solver, in scenes
+//! where without contact some do. Thickness, friction and momentum follow their laws, and the bits are the same on any
+//! number of threads.
 
 mod common;
 
@@ -15,17 +16,17 @@ use common::energy::{energy, masses, momenta};
 use common::shapes::{bent, jittered, sheets};
 use common::{FRAME, play, reference};
 
-/// A fabric that neither crumples at once nor stands like paper.
+/// A fabric that neither crumples at once nor is as stiff as paper.
 const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
 /// Thickness (m).
 const R: f32 = 0.005;
 
-/// Something that falls.
+/// A scene of falling cloth.
 struct Scene {
     mesh: Mesh,
     options: Options,
     attributes: Attributes,
-    /// Where it begins (m), if that is not its rest shape.
+    /// Initial positions (m), if they are not those of the rest shape.
     start: Option<Vec<Vec3>>,
 }
 
@@ -50,7 +51,7 @@ impl Scene {
         deformer
     }
 
-    /// The most crossings that any of some frames has, looked at every so often; and the cloth at the end.
+    /// The largest number of crossings in any of the frames checked, and the cloth at the end.
     fn played(&self, frames: u32, every: u32) -> (usize, Deformer) {
         let mut deformer = self.deformer();
         let mut most = 0;
@@ -63,7 +64,7 @@ impl Scene {
         (most, deformer)
     }
 
-    /// Plays with contact, which must have no crossing in any frame, and without, which must have some.
+    /// Plays the scene with contact, which must have no crossing in any frame, and without, which must have some.
     fn crosses_only_without_contact(&self, frames: u32) -> Deformer {
         let (without, _) = self.without_contact().played(frames, 5);
         let (with, deformer) = self.played(frames, 1);
@@ -78,7 +79,7 @@ fn floor() -> Collider {
     Collider::plane(Vec3::ZERO, Vec3::Y)
 }
 
-/// A sheet above a floor, bent over until one half lies above the other; it falls shut.
+/// A sheet above a floor, folded over so that one half lies above the other; it falls shut.
 fn fold(n: u32) -> Scene {
     let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
     scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
@@ -106,7 +107,8 @@ fn a_sheet_dropped_on_its_edge_makes_a_heap() {
     let mut deformer = scene.crosses_only_without_contact(60);
     let apart = closest(&scene.mesh, deformer.positions().unwrap());
     assert!(apart > 0.5 * f64::from(R), "{apart} m apart");
-    // With so few substeps the multipliers do not hold it: forty edges come through unless displacements are cut.
+    // With so few substeps the multipliers alone do not hold it: forty edges would pass through if displacements were
+    // not truncated.
     scene.options.quality = Quality::Substeps(6);
     assert_eq!(scene.played(50, 1).0, 0, "crossings at 6 substeps");
 }
@@ -143,7 +145,7 @@ fn a_towel_falls_over_a_sphere() {
     scene.crosses_only_without_contact(60);
 }
 
-/// Levels, bending, wind, pins that are led, a sphere, a capsule and a floor, under each method and quality.
+/// Levels, bending, wind, moving pins, a sphere, a capsule and a floor, under each method and quality.
 #[test]
 fn whatever_else_the_scene_has() {
     let bodies = [
@@ -173,8 +175,8 @@ fn whatever_else_the_scene_has() {
     with(Method::Relaxation { iterations: 5 }, Quality::Substeps(20));
 }
 
-/// Two sheets that fly into one another, in no gravity: whatever happens between them, their momentum stays, and no energy is made. The second time
-/// they move by three times their thickness in a substep, and what is cut off of that is given back.
+/// Two sheets collide without gravity. Their momentum is conserved and no energy is added. In the second case they move
+/// by three times their thickness per substep, and what truncation removes is restored later.
 #[test]
 fn two_sheets_collide() {
     for (speed, frames) in [(1.0, 30), (10.0, 12)] {
@@ -209,7 +211,8 @@ fn two_sheets_collide() {
     }
 }
 
-/// A small sheet on a large one that is held on a slope of so many degrees: how fast it is after so many seconds (m/s), and how far.
+/// A small sheet on a large one that is held at a slope of so many degrees: its speed (m/s) and distance (m) after some
+/// seconds.
 fn incline(degrees: f32, seconds: f32) -> (f64, f64) {
     let turn = Quat::from_rotation_z(-degrees.to_radians());
     let (mut mesh, small) = (Mesh::grid(13, 9, 2.4, 0.6), Mesh::grid(6, 6, 0.3, 0.3));
@@ -228,7 +231,7 @@ fn incline(degrees: f32, seconds: f32) -> (f64, f64) {
     (along(deformer.velocities().unwrap()), way)
 }
 
-/// Friction .3 holds up to 16.699 degrees; beyond, the acceleration is `g (sin - mu cos)`.
+/// Friction .3 holds up to 16.699 degrees; beyond that the acceleration is `g (sin - mu cos)`.
 #[test]
 fn a_sheet_sticks_to_a_sheet_or_slides() {
     let (speed, way) = incline(16.5, 1.0);
@@ -281,7 +284,7 @@ fn reset_replays() {
     assert!(bits(&mut deformer) == first);
 }
 
-/// The hybrid's edges and contact are the CPU's; its bending is the GPU's, which rounds otherwise.
+/// In the hybrid engine edges and contact run on the CPU. Bending runs on the GPU, which rounds differently.
 #[cfg(feature = "gpu")]
 #[test]
 fn the_hybrid_has_it_too() {
@@ -296,7 +299,7 @@ fn the_hybrid_has_it_too() {
     assert!(difference < 0.2 * f64::from(R), "{difference} m from the CPU's");
 }
 
-/// Contact changes nothing where nothing touches, to the last bit: with forces and without, led by pins and over a sphere.
+/// Where nothing touches, contact changes no bit: with forces and without, with moving pins and over a sphere.
 #[test]
 fn where_nothing_touches_it_changes_no_bit() {
     for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
@@ -316,7 +319,8 @@ fn where_nothing_touches_it_changes_no_bit() {
     }
 }
 
-/// A sheet that hangs half through another when it starts: it is told how, and nothing explodes; what is pulled out is then held.
+/// A sheet that hangs half through another at the start: the crossings are reported and nothing explodes. Once it has
+/// been pulled out, it is held.
 #[test]
 fn a_start_that_crosses_is_let_go_until_it_parts() {
     let mut mesh = jittered(Mesh::grid(13, 13, 0.6, 0.6), 8);
@@ -334,13 +338,13 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
     let mut last = start.len();
     let lifted = |v: u32, by: f32| scene.mesh.positions[v as usize] + if v < held { Vec3::ZERO } else { by * Vec3::Y };
     for frame in 0..90 {
-        // It is drawn up and out in half a second, and let down again onto the other.
+        // It is pulled up and out in half a second, and lowered again onto the other one.
         let by = if frame < 30 { frame as f32 / 100.0 } else { ((60.0 - frame as f32) / 100.0).max(-0.1) };
         let targets = scene.options.pinned.iter().map(|&v| lifted(v, by)).collect();
         let attributes = Attributes { pin_targets: Some(targets), ..scene.attributes.clone() };
         let report = deformer.step(FRAME, &attributes).unwrap();
         let now = crossings(&scene.mesh, deformer.positions().unwrap());
-        // What is drawn through goes through others on its way.
+        // Parts that are pulled through may temporarily cross others.
         assert!(now.len() <= 2 * start.len(), "frame {frame}: {last} crossings became {}", now.len());
         assert!(now.is_empty() || last > 0, "frame {frame}: nothing crossed, and now {now:?}");
         assert_eq!(deformer.crossings().unwrap().len(), now.len(), "frame {frame}: counted by the cloth and by the test");
@@ -363,7 +367,8 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
     assert!(deformer.step(FRAME, &scene.attributes).unwrap().warnings.is_empty(), "nothing is left to report");
 }
 
-/// A row of pins that is led through a sheet of pins: nothing can hold them apart, so it is said; and nothing explodes.
+/// A row of pins that is moved through a sheet of pins: nothing can keep them apart, so this is reported, and nothing
+/// explodes.
 #[test]
 fn pins_led_through_pins_are_reported() {
     let (mut mesh, other) = (jittered(Mesh::grid(7, 7, 0.4, 0.4), 10), Mesh::grid(5, 5, 0.2, 0.2));
@@ -393,7 +398,7 @@ fn pins_led_through_pins_are_reported() {
     assert!(deformer.velocities().unwrap().iter().all(|v| v.length() < 3.0));
 }
 
-/// All vertices in one point: an error or a step, but no hang.
+/// All vertices in one point: an error or a step, but no endless loop.
 #[test]
 fn all_cloth_in_one_place_is_no_trap() {
     for n in [6, 80] {

@@ -1,4 +1,4 @@
-//! Where methods fail: conservation, visiting order, explicit limits, stress, single precision, long runs.
+//! Where methods fail: conservation, visiting order, explicit limits, stress tests, single precision, long runs.
 
 mod common;
 
@@ -14,14 +14,14 @@ use common::{FRAME, hang, meshes, play};
 const K: f32 = 5000.0;
 const RHO: f32 = 0.2;
 const G: f64 = 9.81;
-/// `m g L/2` of HANG (J): what it gives up when it hangs down.
+/// `m g L/2` of HANG (J), the energy that it releases in hanging down.
 const FALL: f64 = RHO as f64 * G / 2.0;
 
 on_every_backend!(conservation, explicit_limit, far_from_the_origin, stress_small);
 
 // Conservation.
 
-/// A strip, 1 m x 0.25 m, without forces, and its velocities when it spins at 2 rad/s about its normal.
+/// A strip of 1 m x 0.25 m without forces, and its velocities when it spins at 2 rad/s about its normal.
 fn spinning() -> (Mesh, Vec<f32>, Vec<Vec3>) {
     let mesh = Mesh::grid(17, 5, 1.0, 0.25);
     let velocities = mesh.positions.iter().map(|&x| (2.0 * Vec3::Y).cross(x)).collect();
@@ -29,7 +29,7 @@ fn spinning() -> (Mesh, Vec<f32>, Vec<Vec3>) {
     (mesh, masses, velocities)
 }
 
-/// Drift of momentum (kg m/s), and of angular momentum and energy as shares of their own, in 2 s at S = 80.
+/// Drift of momentum (kg m/s), and relative drift of angular momentum and energy, in 2 s at S = 80.
 fn drift(mesh: &Mesh, masses: &[f32], start: &[Vec3], x: &[Vec3], v: &[Vec3]) -> (f64, f64, f64) {
     let (springs, h) = (springs(mesh, f64::from(K)), 1.0 / 4800.0);
     let (p, l) = momenta(masses, x, v);
@@ -60,8 +60,8 @@ fn plain_xpbd_loses_angular_momentum() {
     assert!(l > 1e-5 && e > 1e-3, "angular momentum {l:e}, energy {e:e}");
 }
 
-// Visiting order: HANG below the resolved substep (S* = 166). Energy is kinetic and potential in gravity: the stretch that
-// one sweep leaves is not backed by the fabric's stiffness.
+// Visiting order: HANG with substeps that do not resolve its stiffness (S* = 166). Energy is kinetic and potential in
+// gravity; the stretch that one sweep leaves is not backed by the fabric's stiffness.
 
 #[test]
 fn colors_in_a_fixed_order_gain_no_energy() {
@@ -136,7 +136,7 @@ fn explicit_limit(backend: Backend) {
             for _ in 0..1000 {
                 let still = Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
                 match deformer.step(ratio * limit, &still) {
-                    // At rest the directions of the springs leave room that a cloth in motion does not have.
+                    // At rest, the directions of the springs leave a margin that a cloth in motion does not have.
                     Ok(report) => assert_eq!(report.warnings.is_empty(), ratio < 0.75, "{:?} at {ratio}", report.warnings),
                     Err(StepError::Unstable { .. }) => return f32::INFINITY,
                     Err(error) => panic!("{error}"),
@@ -158,11 +158,11 @@ fn explicit_limit(backend: Backend) {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Start {
-    /// Every vertex moved at random by up to this much along each axis (m).
+    /// Every vertex displaced at random by up to this much along each axis (m).
     Scramble(f32),
-    /// Scaled about the middle.
+    /// Scaled about the center.
     Collapse(f32),
-    /// Straight away from the pins.
+    /// Thrown straight away from the pins at this speed (m/s).
     Speed(f32),
 }
 
@@ -175,7 +175,8 @@ const STARTS: [Start; 6] = [
     Start::Speed(1000.0),
 ];
 
-/// Three seconds of HANG from a bad start: the largest rise of the energy after 1 s (J), and the mean strain at the end.
+/// Three seconds of HANG from a bad start: the largest rise of the energy after 1 s (J), and the mean strain at the
+/// end.
 fn stress(start: Start, seed: u64, options: &Options, mesh: &Mesh, substeps: f64) -> Result<(f64, f32), StepError> {
     let masses = options.mass.as_ref().expect("HANG has masses");
     let springs = resolved_at(1.0 / (60.0 * substeps), &springs(mesh, f64::from(K)), masses, &options.pinned);
@@ -192,8 +193,9 @@ fn stress(start: Start, seed: u64, options: &Options, mesh: &Mesh, substeps: f64
     }
     let mut deformer = Deformer::new(mesh, options.clone()).unwrap();
     deformer.set_state(&x, &v)?;
-    // Whole and half steps do not quite match in a cloth that shakes, so the energy is averaged over half a second: over a
-    // quarter the mean still rises and falls by 5e-3 of the fall, by which roundings decide.
+    // Positions and velocities are half a substep apart, which matters in a cloth that vibrates, so the energy is
+    // averaged over half a second. Over a quarter, the mean still varies by 5e-3 of the fall's energy depending on
+    // rounding.
     let mut means = Vec::new();
     for half in 0..6 {
         let mut sum = 0.0;
@@ -214,7 +216,7 @@ fn bound(start: Start) -> f32 {
     if start == Start::Collapse(0.0) { 0.06 } else { 0.01 }
 }
 
-/// The energy may not rise after 1 s, and the cloth must be whole at the end.
+/// The energy may not rise after 1 s, and the cloth must be intact at the end.
 fn survives(n: u32, substeps: u32, backend: Backend) {
     for start in STARTS {
         let (mesh, options) = hang(n, substeps, backend);
@@ -234,8 +236,8 @@ fn stress_at_80_substeps() {
     survives(32, 80, Backend::Cpu);
 }
 
-/// The same from other random starts, every one out of a plane a little: `CLOTH_RUNS` of each scene (300 bound the share that fails by 1 %
-/// with a confidence of 95 %), or thirty. A failure names its seed.
+/// The same from other random starts, each slightly out of plane: `CLOTH_RUNS` of each scene (300 bound the share that
+/// fails by 1 % with a confidence of 95 %), or thirty. A failure names its seed.
 #[test]
 fn stress_from_random_starts() {
     let runs = std::env::var("CLOTH_RUNS").map_or(30, |runs| runs.parse().expect("a number"));
@@ -248,7 +250,7 @@ fn stress_from_random_starts() {
             let (rise, strain) =
                 stress(start, seed, &options, &mesh, 20.0).unwrap_or_else(|error| panic!("{start:?}, seed {seed}: {error}"));
             worst = (worst.0.max(rise), worst.1.max(strain));
-            // Means of half a second differ by what a cloth that still swings does between them.
+            // Means over half a second differ by the changes of a cloth that still swings.
             if rise > 0.01 * FALL || strain > bound(start) {
                 failed.push((seed, rise, strain));
             }
@@ -262,7 +264,8 @@ fn stress_small(backend: Backend) {
     survives(12, 20, backend);
 }
 
-/// Explicit springs, five per cent inside the limit of a cloth in motion, fail every one: they fly apart, or gain many times their fall.
+/// Explicit springs, five percent inside the limit of a cloth in motion, fail every one of these: they fly apart or
+/// gain many times the energy of the fall.
 #[test]
 fn springs_fail_under_stress() {
     for start in STARTS {
@@ -278,7 +281,7 @@ fn springs_fail_under_stress() {
 
 // Single precision.
 
-/// HANG over a sphere, 10 km away and here: spacing 1/32 m, so that the rest positions are exact in both places.
+/// HANG over a sphere, 10 km away and here: the spacing is 1/32 m, so that the rest positions are exact in both places.
 fn far_from_the_origin(backend: Backend) {
     let n = 33;
     let run = |offset: Vec3| {
@@ -296,7 +299,7 @@ fn far_from_the_origin(backend: Backend) {
     for (v, (x, far)) in here.0.iter().zip(&there.0).enumerate() {
         assert_eq!(*x + offset, *far, "vertex {v}");
     }
-    // Of the positions there, rounded to the millimeter, no strain could be told.
+    // The positions there are rounded to a millimeter, so no strain could be computed from them.
     assert_eq!(here.2, there.2);
 }
 

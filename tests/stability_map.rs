@@ -18,13 +18,13 @@ use cloth_deformer::Method;
 use sheet::Sheet;
 use truth::Truth;
 
-/// Runs cells of one sheet, and returns their labels.
+/// Runs the cells of one sheet and returns their labels.
 fn labels<const COUNT: usize>(sheet: Sheet, cells: [Cell; COUNT]) -> [Label; COUNT] {
     let truth = Truth::of(&sheet);
     cells.map(|cell| cell.run(&truth).label)
 }
 
-/// Asserts that small steps neither gain energy nor leave the finite numbers.
+/// Asserts that small steps neither gain energy nor become infinite.
 fn holds(sheet: Sheet, substeps: &[u32], step_ratio: f64) {
     let truth = Truth::of(&sheet);
     for &substeps in substeps {
@@ -45,13 +45,15 @@ fn small_steps_neither_gain_energy_nor_explode() {
     for bending in [1e-4, 1e-2, 1.0] {
         holds(Sheet { bending, ..Sheet::cotton(9) }, &[2, 10, 50], 1.0);
     }
-    // Above a ratio of 300 so few substeps leave edges of twice their length, which give back more than they took.
+    // Above a mass ratio of 300, so few substeps leave edges at twice their length, which return more energy than they
+    // took.
     for mass_ratio in [10.0, 100.0] {
         holds(Sheet { mass_ratio, stretch: 1e5, ..Sheet::cotton(9) }, &[1, 5, 20, 80], 1.0);
     }
 }
 
-/// Between K = 4e5 N/m and inextensible, and from 200 substeps on, an undamped sheet still gains 1 to 12 % of its fall: see the map.
+/// Between K = 4e5 N/m and inextensible, and from 200 substeps on, an undamped sheet still gains 1 to 12 % of its fall:
+/// see the map.
 #[test]
 fn small_steps_stiff_or_unevenly_stepped_gain_no_energy() {
     for stretch in [1e7, 1e9, f64::INFINITY] {

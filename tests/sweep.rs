@@ -1,4 +1,5 @@
-//! Sweeps from outside: variants, each in a folder of its own, whole or not at all, whatever is killed; and what differs between two.
+//! Sweeps from outside: variants, each in a directory of its own, complete or absent even if processes are killed; and
+//! the comparison of two runs.
 
 #[allow(unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
@@ -16,7 +17,7 @@ use program::{drape, fails, run, stderr, succeeds};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Three weights of an obj in so many winds.
+/// A scene with three weights and so many winds.
 fn sweep(seeds: u32) -> TempDir {
     let directory = TempDir::new().unwrap();
     Mesh::grid(9, 7, 1.0, 0.8).save_obj(directory.path().join("sheet.obj")).unwrap();
@@ -45,7 +46,7 @@ format = [\"obj\", \"pc2\"]
     directory
 }
 
-/// Every file below a folder; one that goes while it is looked at is none.
+/// Every file below a directory; one that disappears meanwhile is skipped.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -58,7 +59,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// The same with their bytes.
+/// The same with their contents.
 fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files(folder).into_iter().map(|path| (path.clone(), fs::read(folder.join(path)).unwrap())).collect()
 }
@@ -84,13 +85,13 @@ fn variants_are_every_value_with_every_other() {
     assert_eq!(fs::read_dir(directory.path().join("out")).unwrap().count(), 1, "nothing temporary is left");
 
     let receipt: Value = serde_json::from_slice(&fs::read(folder.join("receipt.json")).unwrap()).unwrap();
-    // The second weight, the second wind.
+    // The second weight and the second wind.
     assert_eq!(receipt["inputs"]["values"]["cloth.sheet.fabric.density"], 0.2);
     assert_eq!(receipt["inputs"]["values"]["wind.gusts.seed"], 2);
     assert_eq!(receipt["inputs"]["version"], env!("CARGO_PKG_VERSION"));
     assert!(receipt["inputs"]["files"][0]["name"] == "sheet.obj" && receipt["lanes"].as_u64() >= Some(4));
     assert_eq!(receipt["figures"]["frames"], 6);
-    // It is what the scene is with these values.
+    // A variant equals the scene with these values.
     let text = fs::read_to_string(directory.path().join("s.toml")).unwrap();
     let text =
         text.replace("preset = \"silk\"", "preset = \"silk\", density = 0.2").replace("period = 0.1", "period = 0.1, seed = 2");
@@ -112,7 +113,7 @@ fn what_is_done_is_not_done_again() {
     };
     let first = run_it(&[]);
     assert_eq!(run_it(&[]), first, "the same is not run again");
-    // Other variants beside it change nothing of it, but what it is made of does.
+    // Other variants beside it have no effect, but its inputs do.
     let scene = directory.path().join("s.toml");
     let text = fs::read_to_string(&scene).unwrap();
     fs::write(&scene, text.replace("values = [0.1, 0.2, 0.4]", "values = [0.1, 0.2, 0.4, 0.8]")).unwrap();
@@ -124,12 +125,13 @@ fn what_is_done_is_not_done_again() {
     times.push(run_it(&[]));
     times.push(run_it(&["--gravity", "0,-5,0"]));
     assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{times:?}");
-    // What is missing of it is not seen; a receipt that is none is.
+    // Missing frames are not noticed; an invalid receipt is.
     fs::write(path.join("receipt.json"), "{}").unwrap();
     assert!(run_it(&["--gravity", "0,-5,0"]) > times[3]);
 }
 
-/// Two processes that are killed again and again, and what they leave is finished: byte for byte what is made without.
+/// Two processes are killed again and again, and the remaining variants are completed: the result is byte for byte that
+/// of an uninterrupted run.
 #[test]
 fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
     const SEEDS: u32 = 10;
@@ -146,7 +148,7 @@ fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
     let mut cut = 0;
     for _ in 0..ROUNDS {
         let mut children = halves.map(|half| start(&directory, half));
-        // In the middle of a variant, unless all are done.
+        // Usually in the middle of a variant.
         let is_amid = || out.is_dir() && files(&out).iter().any(|path| is_hidden(path) && path.ends_with("frame_0002.obj"));
         while !is_amid() && children.iter_mut().any(|child| child.try_wait().unwrap().is_none()) {
             sleep(Duration::from_micros(200));
@@ -155,7 +157,7 @@ fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
             child.kill().unwrap();
             child.wait().unwrap();
         }
-        // A folder that is there is whole.
+        // A directory that exists is complete.
         for (path, bytes) in tree(&out) {
             cut += u32::from(path.ends_with("frame_0002.obj") && is_hidden(&path));
             assert!(is_hidden(&path) || whole.get(&path) == Some(&bytes), "{}", path.display());
@@ -167,7 +169,7 @@ fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
     assert!(tree(&out) == whole);
 }
 
-/// Two that run the same: one of them runs a variant, and the other goes past it.
+/// Two processes with the same sweep: one of them runs a variant, and the other skips it.
 #[test]
 fn two_do_not_run_the_same_variant() {
     let directory = sweep(8);
@@ -180,7 +182,7 @@ fn two_do_not_run_the_same_variant() {
     assert!(tree(&directory.path().join("out")) == tree(&alone.path().join("out")));
 }
 
-/// A variant that cannot be run is told of, and the others are run.
+/// A variant that cannot be run is reported, and the others are run.
 #[test]
 fn one_bad_variant_holds_up_no_other() {
     let directory = sweep(1);
@@ -216,7 +218,8 @@ fn a_difference_is_named_with_its_reason() {
     succeeds(&run(&directory, &["--scene", "s.toml", "--variant", "3", "--out", "c", "--gravity", "0,-5,0"]));
     contains(&diff("a/variant_0003", "c/variant_0003", 1), &["command line"]);
 
-    // A frame of another machine, and of another version; one that is missing; and none whose receipt explains nothing.
+    // A frame from another machine and from another version; a missing frame; and frames whose receipts do not explain
+    // the difference.
     let frame = directory.path().join("b/variant_0003/frame_0004.obj");
     let mut mesh = Mesh::load_obj(&frame).unwrap();
     mesh.positions[17].y += 1e-3;

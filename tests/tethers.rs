@@ -1,4 +1,4 @@
-//! Tethers at lone pins: the worst edge near that of a resolved run, and what they must not change.
+//! Tethers at lone pins: the worst edge is close to that of a resolved run, and what tethers must not change.
 
 mod common;
 
@@ -31,8 +31,9 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
     sorted[sorted.len() / 2]
 }
 
-/// A sheet by two corners, S* = 82, for two seconds: the worst edge beyond that of a resolved run, in the median frame. Positions at
-/// .2 s, when it is caught: later it folds, and at .4 s a vertex is off by 4 mm to 7 mm at any S from 40 to 120.
+/// A sheet hung by two corners, S* = 82, for two seconds: the worst edge's excess over that of a resolved run, in the
+/// median frame. Positions are compared at .2 s, when the sheet is caught; later it folds, and at .4 s a vertex is off
+/// by 4 mm to 7 mm for any S from 40 to 120.
 #[test]
 fn the_worst_edge_is_the_fabrics_own() {
     let n = 32;
@@ -54,7 +55,7 @@ fn the_worst_edge_is_the_fabrics_own() {
     }
 }
 
-/// Where nothing pulls, no tether does: flat or rolled up, on any mesh.
+/// Without a load no tether pulls: on flat and rolled sheets and on any mesh.
 #[test]
 fn cloth_at_rest_stays_where_it_is() {
     let mut rolled = Mesh::grid(40, 30, 1.0, 0.7);
@@ -73,7 +74,8 @@ fn cloth_at_rest_stays_where_it_is() {
     }
 }
 
-/// Undamped for half a minute, on one pin and on two: never above its start, and momentum about a lone pin's vertical is not made.
+/// Undamped for half a minute, on one pin and on two: the energy never exceeds the start, and no angular momentum
+/// arises about a lone pin's vertical.
 #[test]
 fn energy_stays_below_its_start() {
     let n = 24;
@@ -97,8 +99,8 @@ fn energy_stays_below_its_start() {
     }
 }
 
-/// A tether has no torque about its pin, however it is stretched: a sheet on one lone pin keeps its angular momentum about that,
-/// where nothing else acts.
+/// A tether exerts no torque about its pin, however it is stretched: a sheet on one lone pin keeps its angular momentum
+/// about the pin if nothing else acts.
 #[test]
 fn tethers_have_no_torque_about_their_pin() {
     let n = 16;
@@ -127,7 +129,7 @@ fn tethers_have_no_torque_about_their_pin() {
     assert!(with < 1e-4 + 1.5 * without, "of the angular momentum {with} is lost, {without} without tethers");
 }
 
-/// Where no pin is alone, or the stiffness is resolved, a step is the same bit for bit.
+/// Where no pin is lone, or the stiffness is resolved, a step is the same bit for bit.
 #[test]
 fn where_they_are_not_wanted_there_are_none() {
     let n = 20;
@@ -145,7 +147,7 @@ fn where_they_are_not_wanted_there_are_none() {
     assert!(run(&[0, 19], 10, Tethers::Auto) != run(&[0, 19], 10, Tethers::Off), "elsewhere there are some");
 }
 
-/// Cloth that is soft along its diagonals gives way along its bias, as far as its threads let it.
+/// Cloth that is soft along its diagonals stretches along its bias as far as its threads allow.
 #[test]
 fn tethers_let_cloth_shear() {
     let n = 25;

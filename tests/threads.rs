@@ -1,7 +1,9 @@
-//! Whole cloths on pools of any number of threads, beside threads that are busy with other work: the same bits as on one.
+//! Whole cloths on pools of any number of threads, beside threads that are busy with other work: the same bits as on
+//! one thread.
 //!
-//! What decides on the bits is who waits for whom (`src/cpu/tasks/scheduler.rs`). A missed wait shows here as other bits, in builds
-//! with debug assertions as a panic of the task that is too early, and under Miri and `ThreadSanitizer` as a data race.
+//! The bits depend on which tasks wait for which others (`src/cpu/tasks/scheduler.rs`). A missing dependency shows here
+//! as different bits, in builds with debug assertions as a panic of the task that is too early, and under Miri and
+//! `ThreadSanitizer` as a data race.
 
 mod common;
 
@@ -11,15 +13,15 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality};
 use common::{FRAME, meshes, top};
 
-/// Frames that are compared, and substeps in each; Miri is some thousand times as slow as what it watches.
+/// Number of frames that are compared, and of substeps in each; Miri is some thousand times slower.
 const FRAMES: u32 = if cfg!(miri) { 1 } else { 4 };
 const SUBSTEPS: u32 = if cfg!(miri) { 1 } else { 10 };
-/// Vertices a side: enough for several tiles.
+/// Vertices per side: enough for several tiles.
 const SIDE: u32 = if cfg!(miri) { 34 } else { 80 };
 /// Fewer threads than tiles, as many, and more than there are tasks in most passes.
 const POOLS: &[usize] = if cfg!(miri) { &[2] } else { &[1, 2, 3, 5, 16] };
 
-/// A slit skirt of random triangles, its waistband pinned.
+/// A slit skirt of random triangles with its waistband pinned.
 fn skirt() -> (Mesh, Vec<u32>) {
     let mut mesh = meshes::delaunay(SIDE, 7);
     for x in &mut mesh.positions {
@@ -29,7 +31,7 @@ fn skirt() -> (Mesh, Vec<u32>) {
     (mesh, top(SIDE))
 }
 
-/// Everything that a CPU's step can do is a pass in one of these.
+/// Each stage of a CPU step occurs in one of these scenes.
 fn scenes() -> Vec<(&'static str, Mesh, Options)> {
     let fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
     let soft = Fabric { stretch: 20.0, bending: 0.0, ..fabric };
@@ -51,7 +53,7 @@ fn scenes() -> Vec<(&'static str, Mesh, Options)> {
     scenes
 }
 
-/// Positions and velocities, to the bit, after frames in wind, over a ball that moves and a floor, led by the pins.
+/// Positions and velocities, as bits, after frames in wind, over a moving ball and a floor, with moving pins.
 fn played(mesh: &Mesh, options: &Options, loops: bool) -> Vec<[u32; 6]> {
     let mut deformer = Deformer::new(mesh, options.clone()).unwrap();
     deformer.loop_by_loop(loops);
@@ -59,7 +61,7 @@ fn played(mesh: &Mesh, options: &Options, loops: bool) -> Vec<[u32; 6]> {
     for frame in 1..=FRAMES {
         let time = frame as f32 * FRAME;
         let lead = Vec3::new(0.1 * (9.0 * time).sin(), 0.2 * time, 0.4 * time);
-        // The last frame is calm and meets nothing: other passes, and so another graph.
+        // The last frame is calm and touches nothing, so it has other passes and another graph.
         let calm = FRAMES > 1 && frame == FRAMES;
         let ball = Collider::sphere(Vec3::new(time, lowest - 0.05, 0.1), 0.2);
         let floor = Collider::plane(Vec3::Y * (lowest - 0.01), Vec3::Y);
@@ -77,7 +79,7 @@ fn played(mesh: &Mesh, options: &Options, loops: bool) -> Vec<[u32; 6]> {
     x.iter().zip(&v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
 }
 
-/// Sets a flag when dropped: also if a comparison panics.
+/// Sets a flag when dropped, even if a comparison panics.
 struct End<'a>(&'a AtomicBool);
 
 impl Drop for End<'_> {
@@ -86,7 +88,8 @@ impl Drop for End<'_> {
     }
 }
 
-/// Threads that compute now and then, by a seed, until they are told to end: the machine has fewer cores than there are workers.
+/// Threads that compute from time to time, at random, until they are stopped, so that the machine has fewer free cores
+/// than workers.
 fn beside_busy_threads<T>(count: u64, then: impl FnOnce() -> T) -> T {
     let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -124,7 +127,7 @@ fn any_number_of_threads_makes_the_same_bits() {
     });
 }
 
-/// A pool that the caller gives other work all the while: workers come late.
+/// A pool that the caller keeps busy with other work, so that workers come late.
 #[test]
 #[cfg(not(miri))]
 fn a_busy_pool_makes_the_same_bits() {
@@ -158,7 +161,7 @@ fn a_busy_pool_makes_the_same_bits() {
     }
 }
 
-/// Several cloths that step at once in one pool: a thread that waits for one may step another meanwhile.
+/// Several cloths that step at once in one pool: a thread that waits for one may step another one meanwhile.
 #[test]
 #[cfg(not(miri))]
 fn cloths_that_share_a_pool_make_the_same_bits() {
@@ -174,14 +177,15 @@ fn cloths_that_share_a_pool_make_the_same_bits() {
     }
 }
 
-/// What `Deformer::step` says of locks: on a pool of its own a step meets nobody who waits for one that the caller holds.
+/// What `Deformer::step` documents about locks: on a pool of its own, a step does not run other code that waits for a
+/// lock held by the caller.
 #[test]
 #[cfg(not(miri))]
 fn a_lock_may_be_held_across_a_step_on_a_pool_of_its_own() {
     use std::sync::{Arc, Mutex, mpsc};
     use std::time::Duration;
     let (stepped, done) = mpsc::channel();
-    // Not scoped: threads that wait for one another for ever are left behind.
+    // The threads are not scoped: if they deadlock, they are left behind.
     std::thread::spawn(move || {
         let [own, other] = [3, 2].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
         let lock = Arc::new(Mutex::new(()));

@@ -1,4 +1,5 @@
-//! Tuning, judged by runs of its own: what is chosen keeps the tolerance, terms that do nothing go, chaos is recognized.
+//! Tuning, judged by runs of the test's own: the choice keeps the tolerance, terms without effect are dropped, and
+//! chaos is recognized.
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
@@ -25,7 +26,7 @@ fn play(mesh: &Mesh, options: Options, frames: u32) -> Vec<Vec<Vec3>> {
     (0..frames).map(frame).collect()
 }
 
-/// The largest root mean square distance (mm) over the frames.
+/// The largest RMS distance (mm) over the frames.
 fn apart(a: &[Vec<Vec3>], b: &[Vec<Vec3>]) -> f32 {
     let rms = |(a, b): (&Vec<Vec3>, &Vec<Vec3>)| {
         (a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum::<f32>() / a.len() as f32).sqrt()
@@ -64,7 +65,7 @@ fn a_term_goes_if_the_scene_is_the_same_without_it() {
     assert_eq!(tuned.options.fabric.bending, 0.0);
     assert_eq!(tuned.best.setting.attributes(wind(1)).air_density, 1.225);
 
-    // A strip that stands out like a board is nothing without its bending; the air is so thin that it is not missed.
+    // A strip that stands out like a board needs its bending; the air is so thin that it makes no difference.
     let mesh = Mesh::grid(11, 4, 0.2, 0.06);
     let pinned = (0..4).flat_map(|row| [11 * row, 11 * row + 1]).collect();
     let options = Options { fabric: Fabric { bending: 1e-3, damping: 0.06, ..membrane() }, pinned, ..options };
@@ -80,7 +81,7 @@ fn a_motion_that_no_two_runs_repeat_is_compared_by_its_statistics() {
     let (mesh, options) = hung(20, membrane());
     let tuned = tune(&mesh, &options, |_| Attributes::default(), 120, Tolerance::Position(0.05)).unwrap();
     assert!(tuned.chaotic);
-    // As far as two resolved runs are apart by vertices none would ever pass.
+    // Vertex by vertex, no choice could be closer than two resolved runs are to each other.
     assert!(tuned.resolved.unwrap().error > 0.025);
     assert!(tuned.best.milliseconds <= tuned.resolved.unwrap().milliseconds);
 }
@@ -100,7 +101,7 @@ fn a_strain_is_kept_with_the_fewest_substeps() {
     println!("{}", tuned.best.setting);
     assert!(tuned.resolved.is_none() && tuned.best.error <= 0.03);
     assert_eq!(beyond(tuned.options.clone()), 0);
-    // Half as many miss it.
+    // Half as many substeps miss it.
     let half = Quality::Substeps((tuned.best.substeps / 2.0) as u32);
     assert!(beyond(Options { quality: half, ..tuned.options }) > 0);
 }

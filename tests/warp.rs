@@ -1,4 +1,5 @@
-//! A cloth that is moved as a whole goes on as if the world had been: the laws know no place and no direction.
+//! A cloth that is moved as a whole continues as if the whole world had been moved: the laws do not depend on place or
+//! direction.
 
 #[macro_use]
 mod common;
@@ -20,7 +21,7 @@ fn motion() -> Affine3A {
     Affine3A::from_rotation_translation(turn, Vec3::new(3.0, -1.0, 2.0))
 }
 
-/// What acts on the cloth in a frame, where the world is moved so.
+/// The attributes of a frame in a world that was moved by a rigid motion.
 fn scene(frame: u32, moved: Affine3A) -> Attributes {
     let (point, turn) = (|x: Vec3| moved.transform_point3(x), |v: Vec3| moved.transform_vector3(v));
     let lift = Vec3::new(0.0, 0.3 * FRAME * frame as f32, 0.0);
@@ -59,11 +60,11 @@ fn a_warped_run_is_the_run_warped(backend: Backend) {
     play(&mut warped, 6..12, motion());
     let expected: Vec<Vec3> = plain.positions().unwrap().iter().map(|x| motion().transform_point3(*x)).collect();
     let apart = rms(warped.positions().unwrap(), &expected);
-    // Positions are rounded to 2e-7 m out there, and a motion over a ball makes a hundred times as much of it.
+    // Positions are rounded to 2e-7 m out there, which a motion over a ball amplifies a hundred times.
     assert!(apart < 5e-5, "{apart}");
 }
 
-/// A cape by its collar, carried along; the character is put elsewhere, turned about.
+/// A cape held by its collar, carried along; then the character is put elsewhere and turned around.
 fn a_character_is_teleported_without_a_kick(backend: Backend) {
     let mesh = Mesh::grid(11, 11, 0.8, 0.8);
     let options = Options { backend, pinned: (0..11).collect(), fabric: Fabric::COTTON, ..Options::default() };
@@ -117,7 +118,7 @@ fn motions_that_are_not_rigid_are_refused(backend: Backend) {
     let refusal = cloth.warp(Affine3A::from_translation(Vec3::X * 1e16)).unwrap_err();
     assert!(matches!(refusal, WarpError::TooFar { vertex: 0 }), "{refusal}");
     assert_eq!(cloth.positions().unwrap(), before);
-    // A rotation that single precision rounds is one, and many of them make no other cloth.
+    // A rotation rounded to single precision is accepted, and many of them do not deform the cloth.
     let turn = Affine3A::from_rotation_y(0.7);
     (0..200).for_each(|_| cloth.warp(turn).unwrap());
     let strain = cloth.measure().unwrap().max_strain;

@@ -1,4 +1,5 @@
-//! The watch over a motion: each fault that is put into one is named for what it is, and nothing that is merely wild is taken for one.
+//! The instability watch: each kind of failure is reported with its cause, and nothing that is merely violent is taken
+//! for one.
 
 mod common;
 
@@ -11,7 +12,8 @@ use common::{FRAME, top};
 
 on_every_backend!(what_is_not_finite_is_named, springs_that_run_away_are_named, a_cloth_that_is_torn_apart_is_named);
 
-/// Steps until one fails, and then looks: after how many steps, and why. A GPU may say so late, by a step or by this look.
+/// Steps until one fails, then reads the state. Returns the number of steps and the error. A GPU may report a failure
+/// late, in a later step or in this read.
 fn until_it_fails(deformer: &mut Deformer, most: u32, mut step: impl FnMut(u32) -> (f32, Attributes)) -> (u32, StepError) {
     for taken in 0..most {
         let (dt, attributes) = step(taken);
@@ -40,7 +42,7 @@ fn what_is_not_finite_is_named(backend: Backend) {
     }
 }
 
-/// Half as long again as is stable, a substep a step: what trembles grows fourfold in each.
+/// Substeps 1.5 times as long as is stable, one per step: unstable modes grow fourfold in each.
 fn springs_that_run_away_are_named(backend: Backend) {
     let mesh = Mesh::grid(9, 9, 1.0, 1.0);
     let (method, quality) = (Method::Springs, Quality::Substeps(1));
@@ -64,14 +66,14 @@ fn springs_that_run_away_are_named(backend: Backend) {
     assert_eq!(frame, step);
     assert!(vertex < 81 && vertex != 0 && vertex != 8, "a free vertex: {vertex}");
     assert_eq!(deformer.positions().unwrap(), good, "the last good step's");
-    // It is the cloth that is faster, by its mass; the state that it goes back to is not.
+    // The bound is on the RMS speed of the whole cloth, by mass; the restored state is below it.
     let measure = deformer.measure().unwrap();
     let rms = (2.0 * measure.kinetic_energy / f64::from(Fabric::default().density)).sqrt();
     assert!(rms < f64::from(speed), "{rms} m/s is no more than {speed} m/s");
     assert!(rms > 0.02 * f64::from(speed), "it was stopped as soon as it passed {speed} m/s, from {rms} m/s");
 }
 
-/// Two pins are led apart, slowly, for as long as it takes.
+/// Two pins are moved apart slowly, for as long as it takes.
 fn a_cloth_that_is_torn_apart_is_named(backend: Backend) {
     let mesh = Mesh::grid(3, 2, 1.0, 1.0);
     let options = Options { backend, pinned: vec![0, 5], quality: Quality::Substeps(10), ..Options::default() };
@@ -95,7 +97,7 @@ fn a_cloth_that_is_torn_apart_is_named(backend: Backend) {
     assert!(stretched > 8.0 * 2.0_f32.sqrt(), "many times the cloth: {stretched} m");
 }
 
-/// Nobody reads the state, as where it is only drawn: a step says so, soon.
+/// If nobody reads the state, as when it is only drawn, a later step soon reports the failure.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_gpu_that_nobody_reads_says_so_late() {
@@ -112,22 +114,22 @@ fn a_gpu_that_nobody_reads_says_so_late() {
         let Some(StepError::Unstable { cause: Instability::NotFinite { .. }, frame, .. }) = later else { panic!("{later:?}") };
         assert_eq!(frame, 3);
         assert_eq!(deformer.positions().unwrap(), before, "the last good step's");
-        // And it goes on from there.
+        // The cloth continues from the restored state.
         deformer.step(FRAME, &Attributes::default()).unwrap();
         assert_ne!(deformer.positions().unwrap(), before);
     }
 }
 
-/// A scene: its name, mesh and options, and what acts on it in each frame.
+/// A scene: its name, mesh and options, and its attributes in each frame.
 type Scene = (&'static str, Mesh, Options, Box<dyn Fn(u32) -> Attributes>);
 
-/// Nothing here is wrong, however wild.
+/// Violent scenes, none of which is a failure.
 fn wild() -> Vec<Scene> {
     let n = 20;
     let sheet = || Mesh::grid(n, n, 1.0, 1.0);
     let options = |substeps: u32| Options { quality: Quality::Substeps(substeps), ..Options::default() };
     let ball = |frame: u32| {
-        // 50 m/s, from ten meters below.
+        // Thrown at 50 m/s from ten meters below.
         let center = Vec3::new(0.0, -10.0 + 50.0 * FRAME * frame as f32, 0.0);
         Attributes { colliders: vec![Collider::sphere(center, 0.3)], ..Attributes::default() }
     };
@@ -196,7 +198,7 @@ fn what_is_wild_but_stable_raises_no_alarm() {
     }
 }
 
-/// A free fall from far up is as fast as it is long.
+/// In a long free fall, the speed is as large as the time explains.
 #[test]
 fn a_long_fall_raises_no_alarm() {
     let mut deformer =
@@ -208,7 +210,7 @@ fn a_long_fall_raises_no_alarm() {
     assert!((v / (-9.81 * 600.0) - 1.0).abs() < 1e-3, "ten minutes of fall: {v} m/s");
 }
 
-/// What the state is set to is part of what is explained.
+/// The state that was set is part of what explains the motion.
 #[test]
 fn a_state_that_is_set_raises_no_alarm() {
     let mesh = Mesh::grid(12, 12, 1.0, 1.0);
@@ -227,7 +229,7 @@ fn a_state_that_is_set_raises_no_alarm() {
     }
 }
 
-/// An edge a substep is as fast as a sweep carries anything on: 1/8 m in 1/600 s.
+/// A sweep carries an impulse by about one edge per substep: 1/8 m in 1/600 s.
 #[test]
 fn what_outruns_the_substeps_is_warned_of() {
     let mesh = Mesh::grid(9, 9, 1.0, 1.0);

@@ -1,12 +1,12 @@
-//! What contact of the cloth with itself costs: without it, with it where nothing touches, at rest on itself, and in a heap.
+//! The cost of cloth contact: without it, with it where nothing touches, at rest on itself, and in a heap.
 //!
 //! ```text
 //! cargo bench --bench contact            # one thread; -- 2 for two; -- heap for the scenes of that name
 //! ```
 //!
-//! Each scene is played with contact and without, a frame of each in turn, so that whatever else the machine does slows both. One thread is
-//! timed by the time that it had a processor for, where the system tells it (Linux). A scene without contact soon differs from the one with it;
-//! so the cost of its step, which hardly depends on where it is, is what they are compared by.
+//! Each scene is played with contact and without, a frame of each in turn, so that other load on the machine slows
+//! both. One thread is timed by its CPU time where the system provides it (Linux). The motion without contact soon
+//! differs from that with it, but the cost of a step hardly depends on the motion, so the two are compared.
 
 use std::f32::consts::PI;
 use std::time::Instant;
@@ -22,9 +22,9 @@ struct Scene {
     substeps: u32,
     pinned: Vec<u32>,
     colliders: Vec<Collider>,
-    /// Where the cloth begins, if that is not its rest shape.
+    /// Initial positions, if they are not those of the rest shape.
     start: Option<Vec<Vec3>>,
-    /// Frames that are played first, and frames that are timed.
+    /// Number of frames before timing, and of frames that are timed.
     frames: [u32; 2],
 }
 
@@ -34,7 +34,7 @@ fn scenes() -> Vec<Scene> {
     let on_edge = |n: u32| {
         let mut mesh = grid(n);
         let turn = Quat::from_rotation_x(1.5);
-        // A grid that is exactly plane falls as one.
+        // A grid that is exactly flat would fall without folding.
         for (index, x) in (0_u16..).zip(&mut mesh.positions) {
             *x = turn * *x + Vec3::new(0.0, 0.6, 1e-4 * f32::from(index % 7));
         }
@@ -48,7 +48,7 @@ fn scenes() -> Vec<Scene> {
         mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + n * n)));
         mesh
     };
-    // Bent over until one half lies above the other.
+    // Folded over so that one half lies above the other.
     let (radius, quarter) = (0.05_f32, 0.5 * PI * 0.05);
     let bent = |x: &Vec3| {
         let (z, y) = match x.z {
@@ -121,14 +121,15 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-/// The time (s) that this thread had a processor for, where the system tells it; that since `start` where not, or where threads share the work.
+/// The CPU time (s) of this thread, where the system provides it; otherwise, or if threads share the work, the time
+/// since `start`.
 fn seconds(start: Instant) -> f64 {
     let told = || std::fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse::<f64>().ok();
     let alone = rayon::current_num_threads() == 1;
     alone.then(told).flatten().map_or_else(|| start.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
 }
 
-/// Milliseconds a frame with contact and without, and what contact did in the last frame.
+/// Milliseconds per frame with contact and without, and what contact did in the last frame.
 fn timed(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
     let attributes = Attributes { colliders: scene.colliders.clone(), ..Attributes::default() };
     let mut cloths = [Some(Contact::default()), None].map(|contact| {

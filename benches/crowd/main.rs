@@ -1,7 +1,7 @@
-//! Many small cloths on the CPU: `Deformer::step_all` beside a parallel loop of one's own, and beside one thread.
+//! Many small cloths on the CPU: `Deformer::step_all` compared with a parallel loop in the caller, and with one thread.
 //!
-//! `cargo bench --bench crowd [-- CLOTHS SIDE]`. The three take turns, frame by frame, so that whatever else the machine does meets all of
-//! them alike; the least time of each counts, and the ratios.
+//! `cargo bench --bench crowd [-- CLOTHS SIDE]`. The three take turns, frame by frame, so that other load on the
+//! machine affects all of them alike. The least time of each counts, and the ratios.
 
 use std::time::Instant;
 
@@ -22,7 +22,7 @@ fn pool(threads: usize) -> ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool")
 }
 
-/// Milliseconds of a frame.
+/// Milliseconds per frame.
 fn time(pool: &ThreadPool, work: impl FnOnce() -> Vec<StepReport> + Send) -> f64 {
     let start = Instant::now();
     let reports = pool.install(work);
@@ -49,13 +49,13 @@ fn main() {
     let mut times = [const { Vec::new() }; 3];
     for frame in 0..FRAMES {
         times[0].push(time(&one, || stepped(&mut by_one)));
-        // Whoever comes first finds other things in the cache.
+        // The order rotates, because the first one finds other data in the cache.
         for way in [1 + frame % 2, 2 - frame % 2] {
             let taken = time(&all, || if way == 1 { stepped(&mut by_all) } else { own_loop(&mut by_loop) });
             times[way].push(taken);
         }
     }
-    // The first frames build what steps need.
+    // The first frames build what later ones reuse.
     let [one, all, own] = times.map(|mut times| {
         times.drain(..10);
         times.sort_by(f64::total_cmp);

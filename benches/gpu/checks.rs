@@ -1,4 +1,4 @@
-//! What must hold before anything is timed.
+//! Checks that must pass before anything is timed.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::hang::{FRAME, make, scene, sheet};
 #[path = "../../tests/common/reference.rs"]
 mod reference;
 
-/// The backends at hand.
+/// The available backends.
 pub(crate) struct Checks<'a> {
     pub(crate) backends: &'a [Backend],
     pub(crate) gpu: Option<&'a Gpu>,
@@ -23,7 +23,7 @@ impl<'a> Checks<'a> {
         Checks { backends, gpu, good: true }
     }
 
-    /// Runs and prints them all; whether all hold.
+    /// Runs and prints all checks. Returns whether all pass.
     pub(crate) fn run(mut self, mesh: Option<&Path>, quick: bool) -> Result<bool, Failure> {
         println!("| check | backend | figure | bound | |\n|---|---|---|---|---|");
         self.agree("grid 41", &Mesh::grid(41, 41, 1.0, 1.0))?;
@@ -51,10 +51,10 @@ impl<'a> Checks<'a> {
         println!("| {name} | {backend:?} | {figure:.2e} | {bound:.1e} | {} |", if holds { "ok" } else { "**FAILS**" });
     }
 
-    /// Wind, bending, damping and pins, 16 frames: the backends agree, and each with itself.
+    /// Wind, bending, damping and pins for 16 frames: the backends agree with one another, and each with itself.
     fn agree(&mut self, name: &str, mesh: &Mesh) -> Result<(), Failure> {
         let (cpu, moved) = self.blown(mesh, Backend::Cpu, 0.0)?;
-        // What the scene makes of a rounding: no two machines can agree better.
+        // The effect of one rounding on the scene; different machines cannot agree better than that.
         let rounded = rms(&cpu, &self.blown(mesh, Backend::Cpu, 3e-8)?.0) / moved;
         self.check(&format!("{name}: start moved by 3e-8 m, over {moved:.2} m moved"), Backend::Cpu, rounded, 2e-3);
         for backend in self.others() {
@@ -68,7 +68,7 @@ impl<'a> Checks<'a> {
         Ok(())
     }
 
-    /// The first ten frames of HANG, before the motion is chaotic.
+    /// The first ten frames of HANG, before the motion becomes chaotic.
     fn falls_alike(&mut self, n: u32) -> Result<(), Failure> {
         let gpu = self.gpu;
         let fall = |backend| -> Result<Vec<Vec3>, Failure> {
@@ -90,7 +90,7 @@ impl<'a> Checks<'a> {
         Ok(())
     }
 
-    /// Position error at 0.5 s against the f64 reference, its step that of the substeps' at N = 32.
+    /// Position error at 0.5 s relative to the f64 reference, whose step is that of the substeps at N = 32.
     fn follows_the_reference(&mut self, n: u32, substeps: u32, bound: f64) -> Result<(), Failure> {
         let (mesh, options) = scene::hang(n, substeps, Backend::Cpu);
         let masses = scene::grid_masses(n, 0.2);
@@ -104,8 +104,8 @@ impl<'a> Checks<'a> {
         Ok(())
     }
 
-    /// 16 frames of a towel on three pins in the wind, its start moved by at most `rounding` (m): its positions, and how far
-    /// it moved (RMS) (m).
+    /// 16 frames of a towel on three pins in wind, with its start displaced by at most `rounding` (m): its final
+    /// positions, and how far it moved (RMS, m).
     fn blown(&self, mesh: &Mesh, backend: Backend, rounding: f32) -> Result<(Vec<Vec3>, f64), Failure> {
         let last = mesh.positions.len() as u32 - 1;
         let pinned = vec![0, last / 2, last];

@@ -1,4 +1,4 @@
-//! Two seconds of HANG: is the motion right, and how many substeps does that take?
+//! Two seconds of HANG: whether the motion is right, and how many substeps that takes.
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Gpu, Levels, Mesh, Options};
@@ -8,31 +8,31 @@ use crate::Failure;
 #[path = "../../tests/common/hang.rs"]
 pub(crate) mod scene;
 
-/// A frame (s).
+/// Duration of a frame (s).
 pub(crate) const FRAME: f32 = 1.0 / 60.0;
-/// Frames of a run, and of those the ones that are looked at.
+/// Number of frames of a run, and interval of those that are sampled.
 const FRAMES: u32 = 120;
 const SAMPLE: u32 = 20;
-/// How far the center of mass has dropped after [`SAMPLE`] frames when all is resolved (m), and how near is right.
+/// How far the center of mass has dropped after [`SAMPLE`] frames in a resolved run (m), and the tolerance.
 const DROP: f64 = 0.372;
 const DROP_TOLERANCE: f64 = 0.02;
-/// Strain that is asked for: the mean over edges, and over the frames looked at.
+/// The mean strain allowed, over edges and sampled frames.
 pub(crate) const STRAIN: f64 = 0.01;
-/// How far kinetic and potential energy may stand above the start (J): a thousandth of what the sheet has to lose.
+/// By how much kinetic and potential energy may exceed the start (J): a thousandth of what the sheet can release.
 const ENERGY: f64 = 1e-3;
 
-/// What two seconds came to.
+/// The result of two seconds.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Run {
-    /// Mean of the samples' mean strains, and the largest strain of any.
+    /// Mean of the samples' mean strains. Below, the largest strain of any sample.
     pub(crate) mean_strain: f64,
     pub(crate) max_strain: f64,
     /// Drop of the center of mass after 20 frames (m).
     pub(crate) drop: f64,
-    /// Highest energy of any sample, above the start's (J): motion and height. What a sweep leaves of stretch is no energy
-    /// that it can give back, and is judged as strain.
+    /// Highest energy of any sample relative to the start (J), kinetic and potential in gravity. The stretch that a
+    /// sweep leaves is not energy that it can return, and is judged as strain.
     pub(crate) energy: f64,
-    /// Coarse levels that ran.
+    /// Number of coarse levels used.
     pub(crate) levels: u32,
 }
 
@@ -60,7 +60,7 @@ impl Run {
         Ok(run)
     }
 
-    /// Whether the motion is right: the strain asked for, the fall as it should be, no energy gained.
+    /// Whether the motion is right: strain within the limit, the right fall, and no energy gained.
     pub(crate) fn is_right(&self) -> bool {
         self.wrongs().next().is_none()
     }
@@ -78,7 +78,7 @@ impl Run {
     }
 }
 
-/// HANG at rest.
+/// HANG in its initial state.
 pub(crate) fn sheet(n: u32, substeps: u32, backend: Backend, gpu: Option<&Gpu>) -> Result<Deformer, Failure> {
     let (mesh, options) = scene::hang(n, substeps, backend);
     make(&mesh, options, gpu)
@@ -89,7 +89,7 @@ pub(crate) fn make(mesh: &Mesh, options: Options, gpu: Option<&Gpu>) -> Result<D
     Ok(Deformer::new(mesh, Options { gpu: gpu.cloned(), ..options })?)
 }
 
-/// A sheet that was played for two seconds, and what came of it.
+/// A sheet that was played for two seconds, and its result.
 #[derive(Debug)]
 pub(crate) struct Trial {
     pub(crate) substeps: u32,
@@ -107,11 +107,11 @@ impl Trial {
     }
 }
 
-/// 20 substeps, and if they are not it the least with which the motion is right, to a sixteenth, unless a run would last
-/// longer than `patience` (s).
+/// 20 substeps, and unless those are it, the least number with which the motion is right, to within a sixteenth, unless
+/// a run would take longer than `patience` (s).
 ///
-/// Strain falls as the substeps squared where it is the sweep's alone, which makes the guesses; what is found is what was
-/// run.
+/// The strain falls as the square of the substeps where it is that of the sweep alone. That law makes the guesses; what
+/// is returned was actually run.
 pub(crate) fn trials(n: u32, backend: Backend, levels: Levels, gpu: Option<&Gpu>, patience: f64) -> Result<Vec<Trial>, Failure> {
     let begin = std::time::Instant::now();
     let fixed = Trial::new(n, 20, backend, levels, gpu)?;

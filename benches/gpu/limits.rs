@@ -1,4 +1,4 @@
-//! What the device can do at best, each measured by a kernel of its own: the limits that times are held against.
+//! What the device can achieve at best, measured by minimal kernels: the limits that times are compared with.
 
 use std::time::{Duration, Instant};
 
@@ -6,27 +6,28 @@ use cloth_deformer::{Deformer, Gpu, wgpu};
 
 use crate::Failure;
 
-/// Dispatches, and colors inside of a dispatch, that are timed behind one another.
+/// Number of dependent dispatches, and of colors within a dispatch, that are timed.
 const CHAIN: [u32; 2] = [256, 1024];
-/// Workgroups that fill a large device, and those of `limits.wgsl`: [`EDGES`] lanes, an edge each.
+/// Number of workgroups that fill a large device; those of `limits.wgsl` have [`EDGES`] invocations with an edge each.
 const FULL: u32 = 2112;
 const EDGES: u32 = 256;
-/// The same with --quick, for a device that is none.
+/// The same for `--quick`, for a software device.
 const FEW: u32 = 16;
-/// Tries, and how long they go on at most.
+/// Number of tries, and the longest time that they take.
 const TRIES: usize = 30;
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Bytes copied.
+/// Number of bytes copied.
 const COPIED: u64 = 256 << 20;
 
-/// A device's limits.
+/// The limits of a device.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
-    /// A dispatch that waits for the one before, reads where to look, looks there and writes (s): none of a step does less.
+    /// A dispatch that waits for the one before, reads an index, reads what it refers to, and writes (s); no dispatch
+    /// of a step does less.
     dispatch: f64,
-    /// A color that waits for the one before, in workgroup memory: read two vertices, correct them, write, wait (s).
+    /// A color that waits for the one before, in workgroup memory: read two vertices, correct them, write, barrier (s).
     round: f64,
-    /// An edge among as many as the device takes at once, likewise (s).
+    /// An edge among as many as the device processes at once, in the same way (s).
     edge: f64,
     /// A byte read or written in a copy (s).
     byte: f64,
@@ -48,8 +49,8 @@ impl Limits {
         Ok(limits)
     }
 
-    /// Of the last step (ms): all of its dispatches one after another, in them the colors one after another or all edges at
-    /// the device's pace, whichever is longer, and all bytes; and the parts.
+    /// The limit for the last step (ms): all of its dispatches in sequence, the colors within them in sequence or all
+    /// edges at the device's throughput, whichever takes longer, and all bytes. Also the parts.
     pub(crate) fn of(&self, cloth: &Deformer) -> Option<[f64; 4]> {
         let stats = cloth.gpu_stats()?;
         let dispatches = stats.dispatches as f64 * self.dispatch;
@@ -98,8 +99,8 @@ impl Bench<'_> {
         self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
     }
 
-    /// Seconds that `work` takes longer with the second of two numbers than with the first, for each that it is more:
-    /// the least of some tries, for a limit is what nothing disturbed.
+    /// How much longer (s) `work` takes with the second of two counts than with the first, per unit: the least of
+    /// several tries, because a limit is what nothing disturbs.
     fn slope(&self, numbers: [u32; 2], work: impl Fn(&mut wgpu::CommandEncoder, u32)) -> Result<f64, Failure> {
         let mut least = [f64::INFINITY; 2];
         let begin = Instant::now();
@@ -155,7 +156,7 @@ impl Bench<'_> {
             pass.set_pipeline(&self.copy);
             for turn in turns.iter().cycle().take(count as usize) {
                 pass.set_bind_group(0, turn, &[]);
-                // Four vectors a lane.
+                // Four vectors per invocation.
                 pass.dispatch_workgroups((size / (16 * 4 * u64::from(EDGES))) as u32, 1, 1);
             }
         })?;

@@ -1,5 +1,5 @@
-//! Checks the backends of this machine against each other, finds the substeps that make the motion right, then times them:
-//! tables in Markdown and a CSV file, to be kept beside the charts they feed (`benches/results`).
+//! Checks the backends of this machine against each other, finds the substeps that make the motion right, then times
+//! them. Writes tables in Markdown and a CSV file, to be kept beside the charts made from them (`benches/results`).
 //!
 //! ```text
 //! cargo bench --bench gpu                                  # everything, some minutes on a real GPU
@@ -7,7 +7,7 @@
 //! cargo bench --bench gpu -- --sizes 64,256 --csv gpu.csv --date 2026-11-21 --commit 1234567
 //! ```
 //!
-//! The program that cargo builds needs nothing beside itself: it can be taken to another machine and run there.
+//! The program that cargo builds is self-contained: it can be copied to another machine and run there.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -26,10 +26,10 @@ mod hang;
 mod limits;
 mod timing;
 
-/// Cloths of 64 x 64 vertices in a crowd, and with --quick.
+/// Number of cloths of 64 x 64 vertices in a crowd. Below, the number with `--quick`.
 const CROWD: [usize; 2] = [64, 8];
-/// What NVIDIA Newton 1.8 needs for the same scene, measured elsewhere on an H200: its rows nearest to 1 % mean strain
-/// with the fall right (milliseconds a frame, the strain behind).
+/// NVIDIA Newton 1.8 on the same scene, measured separately on an H200: its rows closest to 1 % mean strain with the
+/// right fall (milliseconds per frame, then the strain).
 const NEWTON: [(u32, &str); 6] = [
     (32, "0.41 (0.71 %)"),
     (64, "4.45 (0.67 %)"),
@@ -84,7 +84,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The whole program, from top to bottom; whether all checks hold.
+/// The whole program, from top to bottom. Returns whether all checks pass.
 fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let gpu = request();
     let backends = match gpu {
@@ -102,12 +102,12 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     bench.crowd()?;
     bench.terms(if arguments.quick { &[64] } else { &[128, 512] })?;
     let default: &[u32] = if arguments.quick { &[32, 64, 128] } else { &[32, 64, 128, 256, 512, 1024, 2048] };
-    // The largest last: what is there when patience ends is kept.
+    // The largest last, so that what was done when patience ends is kept.
     bench.sheets(if arguments.sizes.is_empty() { default } else { &arguments.sizes })?;
     Ok(good)
 }
 
-/// A device of this program's own: the best adapter at all it can do, with its clock if it has one.
+/// A device of this program's own: the best adapter with all its features, and with timestamps if it has them.
 fn request() -> Option<Gpu> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let power_preference = wgpu::PowerPreference::HighPerformance;
@@ -122,7 +122,7 @@ fn request() -> Option<Gpu> {
     Some(Gpu::new(device, queue, adapter.get_info().name))
 }
 
-/// A figure of the tables.
+/// A row of the tables.
 #[derive(Debug, Clone)]
 struct Row {
     scene: &'static str,
@@ -130,13 +130,13 @@ struct Row {
     n: u32,
     substeps: u32,
     times: Times,
-    /// Two seconds on the first of the GPU and the CPU that is there: strain and fall are the same on each.
+    /// Two seconds on the first available of the GPU and the CPU; strain and fall are the same on each.
     run: Option<Run>,
-    /// What the device could do the same work in, all of it and by its parts (ms): see [`Limits::of`].
+    /// The least time in which the device could do the same work, in total and by its parts (ms): see [`Limits::of`].
     limit: Option<[f64; 4]>,
 }
 
-/// What times share.
+/// What all timings share.
 struct Bench<'a> {
     arguments: &'a Arguments,
     adapter: String,
@@ -148,7 +148,7 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Times some cloths, and keeps the row.
+    /// Times some cloths and keeps the row.
     fn time(
         &mut self,
         row: (&'static str, u32, u32),
@@ -167,7 +167,7 @@ impl Bench<'_> {
         Ok(times)
     }
 
-    /// HANG: at 20 substeps, and at the least that make the motion right.
+    /// HANG at 20 substeps, and at the least number that makes the motion right.
     fn sheets(&mut self, sizes: &[u32]) -> Result<(), Failure> {
         println!(
             "\nHANG, ms a frame (medians, nothing read back): at 20 substeps, and at the least whose motion is right: mean strain"
@@ -193,7 +193,8 @@ impl Bench<'_> {
                 println!("| {n} | more | | | | | none right within {} s a run |{}", self.arguments.patience, " |".repeat(8));
             }
             if trials.iter().any(|trial| trial.run.levels > 0) {
-                // Without levels the least that is right, if there is one: there the substeps alone must do it.
+                // Without levels too, if there is a number that makes the motion right; there the substeps alone must
+                // do it.
                 let without = hang::trials(n, judge, Levels::Off, self.gpu, self.arguments.patience)?;
                 trials.extend(without.into_iter().filter(|trial| trial.run.is_right()));
             }
@@ -211,7 +212,7 @@ impl Bench<'_> {
         let run = *run;
         let (mut cells, mut deep) = (Vec::new(), String::from("- | - | - | -"));
         for backend in [Backend::Cpu, Backend::Hybrid, Backend::Gpu] {
-            // Seconds a frame tell no more than that it is too slow.
+            // If a frame takes seconds, the limit says nothing more.
             let too_slow = match backend {
                 Backend::Hybrid => n > 512 || *substeps > 50,
                 Backend::Cpu => n > 1024 || *substeps > 50,
@@ -251,7 +252,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Writes what there is so far.
+    /// Writes the rows so far.
     fn save(&self) -> Result<(), Failure> {
         match &self.arguments.csv {
             Some(path) => Ok(std::fs::write(path, csv(&self.rows, &self.adapter, self.arguments))?),
@@ -259,7 +260,7 @@ impl Bench<'_> {
         }
     }
 
-    /// What the terms of a scene cost, at 20 substeps.
+    /// The cost of each term of a scene, at 20 substeps.
     fn terms(&mut self, sizes: &[u32]) -> Result<(), Failure> {
         println!("\nHANG with more in it, S = 20: ms a frame\n\n| N | scene | {} |", names(&self.backends));
         println!("|---|---|{}", "---|".repeat(self.backends.len()));
@@ -287,13 +288,13 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Many cloths at once, beside one.
+    /// Many cloths at once, compared with one.
     fn crowd(&mut self) -> Result<(), Failure> {
         let count = CROWD[usize::from(self.arguments.quick)];
         println!("\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n");
         println!("| backend | levels | one | {count} | times |\n|---|---|---|---|---|");
         let scenes = [("crowd", Levels::Auto), ("crowd without levels", Levels::Off)];
-        // The GPU first, while it is awake from what was measured before.
+        // The GPU first, while it is still at its full clock rate.
         for backend in self.backends.clone().into_iter().rev().filter(|&backend| backend != Backend::Hybrid) {
             for (name, levels) in scenes {
                 let gpu = self.gpu;
@@ -313,7 +314,7 @@ fn names(backends: &[Backend]) -> String {
     backends.iter().map(|backend| format!("{backend:?}")).collect::<Vec<_>>().join(" | ")
 }
 
-/// A line a row. What was not measured stays empty.
+/// One line per row. What was not measured stays empty.
 fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
     let mut text = String::from(
         "scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,levels,ms_queued,ms_device,ms_limit,over\n",
@@ -329,7 +330,7 @@ fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
         let adapter = if backend == "cpu" { "" } else { adapter }.replace(',', ";");
         let (scene, device) = (scene.replace(',', " and"), figure(times.device));
         let Arguments { date, commit, .. } = arguments;
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ = writeln!(
             text,
             "{scene},{backend},small-steps,{n},{substeps},{:.4},{motion},{adapter},{date},{commit},{levels},{:.4},{device},{},{}",

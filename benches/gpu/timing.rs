@@ -1,4 +1,4 @@
-//! Milliseconds a frame: by the clock on the wall, and by the device's own.
+//! Milliseconds per frame, by wall-clock time and by the device's timestamps.
 
 use std::time::{Duration, Instant};
 
@@ -7,28 +7,28 @@ use cloth_deformer::{Attributes, Deformer, Gpu, wgpu};
 use crate::Failure;
 use crate::hang::FRAME;
 
-/// Work before the first figure: clocks ramp up, memory is touched, pipelines are made.
+/// Time of work before the first figure: clock rates rise, memory is touched, pipelines are compiled.
 const WARM: Duration = Duration::from_millis(500);
-/// Time that the frames of a figure fill, and how many there are at least and at most.
+/// Time that the frames of a figure take, and their minimum and maximum number.
 const SPAN: Duration = Duration::from_millis(400);
 const LEAST: usize = 3;
 const MOST: usize = 200;
-/// Frames in the queue at once, for the figures of a full one, and of frames longer than [`LONG`] (ms).
+/// Number of frames queued at once, for the figures of a full queue, and for frames longer than [`LONG`] (ms).
 const QUEUED: [u32; 2] = [8, 2];
 const LONG: f64 = 20.0;
 
-/// Milliseconds a frame, medians.
+/// Medians of milliseconds per frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Times {
-    /// From the call to the end of the work, each frame waited for; nothing is read back.
+    /// From the call to the end of the work, waiting for each frame; nothing is read back.
     pub(crate) frame: f64,
     /// The same with frames queued behind one another, as a renderer would.
     pub(crate) queued: f64,
-    /// Queued, by the device's clock.
+    /// Queued, by the device's timestamps.
     pub(crate) device: Option<f64>,
 }
 
-/// Steps some cloths together, a frame at a time, and times that.
+/// Steps some cloths together, frame by frame, and times that.
 pub(crate) fn time(cloths: &mut [Deformer], attributes: &Attributes, clock: Option<&DeviceClock>) -> Result<Times, Failure> {
     let begin = Instant::now();
     let mut warm = 0;
@@ -54,7 +54,7 @@ pub(crate) fn time(cloths: &mut [Deformer], attributes: &Attributes, clock: Opti
     })?;
     let device = match clock {
         Some(clock) => Some(median(|| {
-            // The frame ahead keeps the device busy while the first that counts is being encoded.
+            // The frame ahead keeps the device busy while the first one that counts is being encoded.
             step(cloths, attributes)?;
             clock.mark(0);
             for _ in 0..count {
@@ -80,7 +80,7 @@ fn step(cloths: &mut [Deformer], attributes: &Attributes) -> Result<(), Failure>
     Ok(())
 }
 
-/// All share a queue, so that the last is done when all are.
+/// All share a queue, so the last one is done when all are.
 fn wait(cloths: &[Deformer]) -> Result<(), Failure> {
     Ok(cloths.last().map_or(Ok(()), Deformer::wait)?)
 }
@@ -96,7 +96,7 @@ fn median(mut once: impl FnMut() -> Result<Duration, Failure>) -> Result<f64, Fa
     Ok(times[times.len() / 2].as_secs_f64() * 1e3)
 }
 
-/// The device's own clock, read between submits.
+/// The device's timestamps, read between submissions.
 #[derive(Debug)]
 pub(crate) struct DeviceClock {
     gpu: Gpu,
@@ -106,7 +106,7 @@ pub(crate) struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// `None` if the device has no clock.
+    /// `None` if the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu) -> Option<DeviceClock> {
         if !gpu.device().features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return None;
@@ -120,7 +120,7 @@ impl DeviceClock {
         Some(DeviceClock { marks: gpu.device().create_query_set(&marks), gpu: gpu.clone(), resolved, staging })
     }
 
-    /// Notes the time behind all that was submitted, with a pass that does nothing else.
+    /// Records the time after everything submitted so far, by a pass that does nothing else.
     fn mark(&self, index: u32) {
         let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         drop(encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -134,7 +134,7 @@ impl DeviceClock {
         self.gpu.queue().submit([encoder.finish()]);
     }
 
-    /// From the first mark to the second; waits for it.
+    /// The time from the first mark to the second; waits for it.
     fn elapsed(&self) -> Result<Duration, Failure> {
         let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.resolve_query_set(&self.marks, 0..2, &self.resolved, 0);

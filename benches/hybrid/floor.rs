@@ -1,4 +1,4 @@
-//! The bare transfer: bytes up, a kernel that does nothing, as many bytes back. No code of the crate.
+//! The bare transfer: bytes up, a kernel that does nothing, as many bytes back. It uses no code of the crate.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -8,16 +8,16 @@ use cloth_deformer::{Gpu, wgpu};
 
 use crate::median;
 
-/// A way to do it.
+/// A way to transfer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Way {
-    /// `Queue::write_buffer`, a copy to a buffer that is mapped, a wait that sleeps.
+    /// `Queue::write_buffer`, a copy to a buffer that is then mapped, and a wait that sleeps.
     Written,
-    /// Buffers that stay, mapped, copied from and to; a wait that sleeps.
+    /// Persistent mapped buffers that are copied from and to, and a wait that sleeps.
     Copied,
-    /// The same, polled until it is there.
+    /// The same with polling instead of sleeping.
     CopiedPolled,
-    /// Again, but the kernel reads what goes up where it was written.
+    /// The same, but the kernel reads directly from the mapped buffer.
     HalfCopied,
 }
 
@@ -58,7 +58,7 @@ pub(crate) fn floor(gpu: &Gpu, way: Way, bytes: u64) -> f64 {
 struct Link<'a> {
     gpu: &'a Gpu,
     way: Way,
-    /// Mapped by the CPU; and the same on the device.
+    /// In each direction, the buffer that the CPU maps and the one on the device.
     up: [wgpu::Buffer; 2],
     down: [wgpu::Buffer; 2],
     pipeline: wgpu::ComputePipeline,
@@ -141,7 +141,7 @@ impl<'a> Link<'a> {
         self.down[0].unmap();
     }
 
-    /// Writes the bytes where they are to be, with all threads where that pays.
+    /// Writes the bytes to their destination, with all threads where that pays.
     fn fill(&self, data: &[u8]) {
         const SHARE: usize = 1 << 17;
         let put = |index: usize, share: &[u8]| {
@@ -157,7 +157,7 @@ impl<'a> Link<'a> {
         });
     }
 
-    /// For the bytes that come back, and a place for the next to go.
+    /// Requests that the buffer of returned bytes (if `back`) and the one for the next bytes be mapped.
     fn ask(&self, back: bool) {
         self.ready.store(0, Ordering::Release);
         let note = || {

@@ -1,4 +1,4 @@
-//! How near the hybrid is to what it cannot do without, and what fewer exchanges with the GPU would cost in error.
+//! How close the hybrid engine comes to its lower bound, and what error fewer exchanges with the GPU would cause.
 //!
 //! ```text
 //! cargo bench --bench hybrid                                  # both tables, some minutes on a real GPU
@@ -6,7 +6,7 @@
 //! cargo bench --bench hybrid -- --csv hybrid.csv --date 2026-11-21 --commit 1234567
 //! ```
 //!
-//! The program that cargo builds needs nothing beside itself: it can be taken to another machine and run there.
+//! The program that cargo builds is self-contained: it can be copied to another machine and run there.
 
 mod floor;
 mod scene;
@@ -91,11 +91,12 @@ struct Row {
     scene: &'static str,
     n: u32,
     every: u32,
-    /// Milliseconds a step: transfers alone, force kernels alone, the rest on the CPU alone; the hybrid; all on the CPU.
+    /// Milliseconds per step: transfers alone, force kernels alone, the rest on the CPU alone; the hybrid; everything
+    /// on the CPU.
     floor: Option<[f64; 3]>,
     hybrid: f64,
     cpu: Option<f64>,
-    /// RMS position error (m) at 0.5 s and what the exchange rate has moved (m); mean and maximum strain.
+    /// RMS position error (m) at 0.5 s, and how much of it the exchange rate causes (m); mean and maximum strain.
     error: Option<[f64; 4]>,
 }
 
@@ -105,7 +106,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// The hybrid against the sum of what it is made of.
+    /// The hybrid compared with the sum of its parts.
     fn floors(&mut self, sizes: &[u32]) -> Result<(), Failure> {
         println!("us an exchange of 12 bytes a vertex each way, an empty kernel between (medians)\n");
         println!("| N | {} |\n|---|{}", Way::ALL.map(Way::name).join(" | "), "---|".repeat(Way::ALL.len()));
@@ -135,29 +136,29 @@ impl Bench {
     }
 
     fn beside_floor(&mut self, n: u32, scene: &Scene, transfers: f64) -> Result<(), Failure> {
-        // With as many levels: a scene may have none where it would have some without its forces.
+        // With the same number of levels; without its forces, a scene might have others.
         let levels = self.cloth(Backend::Cpu, scene)?.step(FRAME, &scene.attributes)?.levels;
         let bare = scene.bare(levels);
         let cloths = [(Backend::Cpu, &bare), (Backend::Hybrid, scene), (Backend::Cpu, scene)];
         let mut cloths = cloths.map(|(backend, scene)| self.cloth(backend, scene).map(|cloth| (scene, cloth, Vec::new())));
-        // Repeats of the force kernels that are timed beside one: a millisecond or so.
+        // The force kernels are repeated so that their time is a millisecond or so.
         let many = ((1 << 20) / (n * n)).clamp(6, 101);
         let mut kernels = [const { Vec::new() }; 2];
         let start = Instant::now();
-        // In turn, so that whatever else the machine does hits all alike; what is beside the point a few times only.
+        // In turn, so that other load on the machine affects all alike; the less important ones a few times only.
         for round in 0..41 {
             for (index, cloth) in cloths.iter_mut().enumerate() {
                 let Ok((scene, cloth, times)) = cloth else { return Err("a cloth is missing".into()) };
                 if index == 2 && round > 4 {
                     continue;
                 }
-                // Two in a row: the second finds its own state in the caches.
+                // Two in a row, because the second one finds its own state in the caches.
                 cloth.step(FRAME, &scene.attributes)?;
                 let start = Instant::now();
                 cloth.step(FRAME, &scene.attributes)?;
                 times.push(1e3 * start.elapsed().as_secs_f64());
-                // Right after a step, and not for long: a card that has work without a pause for a tenth of a second runs three times
-                // faster than in the hybrid, which lets it wait for the CPU.
+                // Right after a step and only briefly: a GPU that works without pause for a tenth of a second runs
+                // three times as fast as in the hybrid, where it waits for the CPU.
                 if index == 1 && scene.has_forces() {
                     for (repeats, times) in [1, many].into_iter().zip(&mut kernels) {
                         let start = Instant::now();
@@ -185,7 +186,7 @@ impl Bench {
         Ok(())
     }
 
-    /// The hybrid by where its device reads and writes: ms a step.
+    /// The hybrid by where its device reads and writes: milliseconds per step.
     fn places(&self, sizes: &[u32]) -> Result<(), Failure> {
         let places = [("copied", [false, false]), ("outbox in place", [true, false]), ("both in place", [true, true])];
         println!("\nms a step by whether the device uses mapped memory itself\n");
@@ -213,7 +214,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Error against time at fewer exchanges: half a second, beside the same scene at `fine` substeps.
+    /// Error against time at fewer exchanges: half a second, compared with the same scene at `fine` substeps.
     fn rates(&mut self, n: u32, fine: u32) -> Result<(), Failure> {
         println!(
             "\nOne exchange every so many substeps, N = {n}: RMS position error at 0.5 s beside {fine} substeps on the CPU, how far"
@@ -265,7 +266,7 @@ impl Bench {
     }
 }
 
-/// Thirty frames: where they end, and the median time of one (ms).
+/// Thirty frames: final positions, and the median time of a frame (ms).
 fn half_a_second(scene: &Scene, cloth: &mut Deformer) -> Result<(Vec<Vec3>, f64), Failure> {
     let mut times = Vec::new();
     for _ in 0..30 {

@@ -1,9 +1,9 @@
-//! What is timed.
+//! The scenes that are timed.
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Fabric, Levels, Mesh, Options, Quality};
 
-/// A frame (s), and its substeps.
+/// Duration of a frame (s), and its substeps.
 pub(crate) const FRAME: f32 = 1.0 / 60.0;
 pub(crate) const SUBSTEPS: u32 = 20;
 
@@ -31,7 +31,7 @@ impl Scene {
         vec![scene("hang", bare, 0.0), scene("bending", stiff, 0.0), scene("wind", bare, 5.0), scene("flag", Fabric::TOWEL, 5.0)]
     }
 
-    /// Whether it has forces that differ from vertex to vertex.
+    /// Whether the scene has forces that differ from vertex to vertex.
     pub(crate) fn has_forces(&self) -> bool {
         self.options.fabric.bending > 0.0 || self.attributes.air_density > 0.0
     }

@@ -1,5 +1,5 @@
-//! What `Quality::Strain` costs beside one number of substeps for the whole scene: beside the fewest that keep the same promise, found
-//! by trial, which nobody knows beforehand.
+//! The cost of `Quality::Strain`, compared with one number of substeps for the whole scene: the least that keeps the
+//! same promise, which is found by trial and not known beforehand.
 //!
 //! ```text
 //! cargo bench --bench quality                         # some minutes; meshes from the folder that CLOTH_MESHES names, if any
@@ -39,20 +39,20 @@ struct Arguments {
     bench: bool,
 }
 
-/// A run of a scene.
+/// One run of a scene.
 #[derive(Default)]
 struct Run {
-    /// Substeps in all.
+    /// Total number of substeps.
     substeps: u32,
     /// Median and mean time of a step (ms).
     median: f64,
     mean: f64,
-    /// Frames in which 99 % of the area exceeded the promise, and frames said to.
+    /// Number of frames in which 99 % of the area exceeded the promise, and of frames in which that was reported.
     beyond: u32,
     warned: u32,
 }
 
-/// Plays a scene once with each quality, frame by frame in turn, so that what else the machine does slows all alike.
+/// Plays a scene once with each quality, frame by frame in turn, so that other load on the machine slows all alike.
 fn play<const N: usize>(scene: &Scene, qualities: [Quality; N], promised: f32) -> Result<[Run; N], Failure> {
     let build = |quality| Deformer::new(&scene.mesh, Options { quality, ..scene.options.clone() });
     let mut cloths = Vec::new();
@@ -79,7 +79,8 @@ fn play<const N: usize>(scene: &Scene, qualities: [Quality; N], promised: f32) -
     Ok(std::array::from_fn(|_| runs.next().unwrap_or_default()))
 }
 
-/// The fewest even substeps, in steps of a quarter of an octave, with at most as many frames beyond the promise as may be.
+/// The least constant number of substeps, in steps of a quarter of an octave, with at most the allowed number of frames
+/// beyond the promise.
 fn fewest(scene: &Scene, promised: f32, allowed: u32) -> Result<u32, Failure> {
     let mut count = 5;
     loop {

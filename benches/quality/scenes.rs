@@ -1,24 +1,24 @@
-//! Scenes that ask for few substeps at one time and for many at another.
+//! Scenes that need few substeps at one time and many at another.
 
 use std::path::Path;
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Collider, Fabric, Mesh, Options};
 
-/// A frame (s).
+/// Duration of a frame (s).
 pub(crate) const FRAME: f32 = 1.0 / 60.0;
 
-/// A cloth, and what happens to it by the frame.
+/// A cloth and its attributes as a function of the frame.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
     pub(crate) mesh: Mesh,
-    /// But for the quality.
+    /// All options except the quality.
     pub(crate) options: Options,
     pub(crate) frames: u32,
     pub(crate) script: Box<dyn Fn(u32) -> Attributes>,
 }
 
-/// Those made here, and those of the meshes in a folder.
+/// Scenes made here, and scenes with the meshes of a folder.
 pub(crate) fn scenes(backend: Backend, meshes: Option<&Path>) -> Result<Vec<Scene>, cloth_deformer::ObjError> {
     let membrane = Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 };
     let mut scenes = vec![
@@ -50,7 +50,7 @@ fn seconds(frame: u32) -> f32 {
     frame as f32 * FRAME
 }
 
-/// Let go, for two seconds.
+/// Released, for two seconds.
 fn still(name: &'static str, mesh: Mesh, fabric: Fabric, pinned: Vec<u32>) -> Scene {
     Scene { name, mesh, options: options(fabric, pinned), frames: 120, script: Box::new(|_| Attributes::default()) }
 }
@@ -65,7 +65,7 @@ fn towel() -> Scene {
     Scene { name: "towel", mesh, options: options(Fabric::COTTON, vec![]), frames: 120, script: Box::new(script) }
 }
 
-/// Led by its upper edge: sets off, sways and walks.
+/// Moved by its upper edge: starts, sways and walks.
 fn cape() -> Scene {
     let mesh = Mesh::grid(48, 64, 0.8, 1.2);
     let start = mesh.positions[..48].to_vec();
@@ -104,7 +104,7 @@ fn jerk(fabric: Fabric) -> Scene {
     Scene { name: "jerk", mesh, options: options(fabric, (0..48).collect()), frames: 240, script: Box::new(script) }
 }
 
-/// Turned to and fro by its waist.
+/// Rotated to and fro by its waist.
 fn skirt(mesh: Mesh) -> Scene {
     let heights = || mesh.positions.iter().map(|x| x.y);
     let (low, high) = (heights().fold(f32::MAX, f32::min), heights().fold(f32::MIN, f32::max));

@@ -1,6 +1,7 @@
-//! Figures that a list of single timings cannot give: ratios of two codes timed in turn, and times with the error beside them.
+//! Figures that single timings cannot give: ratios of two programs timed in turn, and times together with errors.
 //!
-//! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [schedule] [limits]`: all of them, or those named.
+//! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [schedule] [limits]` prints all
+//! tables, or those named.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -28,14 +29,14 @@ pub(crate) fn print(names: &[String]) {
     }
 }
 
-/// Seconds that `work` takes.
+/// The time (s) that `work` takes.
 pub(crate) fn seconds(work: &mut dyn FnMut()) -> f64 {
     let start = Instant::now();
     work();
     start.elapsed().as_secs_f64()
 }
 
-/// Median seconds of each of several works, timed in turn so that a slow moment of the machine meets them all.
+/// Median times (s) of several works, timed in turn so that a slow moment of the machine affects all of them.
 pub(crate) fn in_turn(works: &mut [&mut dyn FnMut()], rounds: usize) -> Vec<f64> {
     let mut times = vec![Vec::new(); works.len()];
     for _ in 0..rounds {
@@ -53,9 +54,9 @@ fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread").install(work)
 }
 
-/// A frame of HANG on one thread against the same frame by the plainest code: in the order of colors, after half a second; and
-/// in the mesh's own order, unbatched, the first frame from rest over and over, for that order does not stay a cloth. By how many
-/// numbers are computed at once: what the processor can, and less.
+/// A frame of HANG on one thread, compared with the same frame by the plain code: in color order after half a second,
+/// and in the mesh's own order without batches. For the latter, the first frame is repeated from rest, because that
+/// order is unstable. For the SIMD width of the processor and for narrower ones.
 fn ratio() {
     println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn)");
     println!(
@@ -100,7 +101,7 @@ fn ratio() {
     }
 }
 
-/// A frame of HANG on one thread with levels against the same without.
+/// A frame of HANG on one thread with levels, compared with one without.
 fn levels() {
     println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn), and mean strain");
     println!("{:>5} {:>9} {:>9} {:>7} {:>9} {:>9}", "N", "without", "with", "ratio", "strain", "strain");
@@ -122,7 +123,7 @@ fn levels() {
     }
 }
 
-/// What each term adds to a frame on one thread.
+/// How much each term adds to a frame on one thread.
 fn terms() {
     println!("\nHANG, N = 64, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn)");
     on_one_thread(|| {
@@ -140,7 +141,7 @@ fn terms() {
     });
 }
 
-/// Frames on each number of threads up to the machine's, by size, fabric and levels, with the strain at 2 s beside each.
+/// Frames on each number of threads up to the machine's, by size, fabric and levels, with the strain at 2 s.
 fn threads() {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let counts: Vec<usize> = [1, 2, 4, 8, 16, 32].into_iter().filter(|&count| count <= most).collect();
@@ -154,7 +155,7 @@ fn threads() {
             let pools = counts.iter().map(|&count| rayon::ThreadPoolBuilder::new().num_threads(count).build().expect("threads"));
             let pools: Vec<rayon::ThreadPool> = pools.collect();
             let pool = pools.last().expect("one thread at least");
-            // Large sheets take long to swing for 2 s: those are timed half as far in.
+            // Two seconds of motion of large sheets take long, so those are timed at half of that.
             let frames = if n < 1024 { 120 } else { 60 };
             pool.install(|| (0..frames).for_each(|_| scenes::frame(&mut deformer, &Attributes::default())));
             let strain = deformer.measure().expect("memory").mean_strain;
@@ -163,7 +164,8 @@ fn threads() {
             for _ in 0..rounds {
                 for (pool, times) in pools.iter().zip(&mut times) {
                     let mut step = || scenes::frame(&mut deformer, &Attributes::default());
-                    // Frames for the threads to wake, each to find a processor of its own, and the cloth to move over.
+                    // Untimed frames, in which threads wake, spread over the processors, and load the cloth into their
+                    // caches.
                     (0..before).for_each(|_| pool.install(&mut step));
                     times.push(pool.install(|| seconds(&mut step)));
                 }
@@ -175,8 +177,9 @@ fn threads() {
     }
 }
 
-/// The same passes over the same tiles as a graph of tasks, as parallel loops of rayon one after another, and as a graph on as many
-/// threads as pay, timed in turn on pools of 1 thread up to the machine's. `CLOTH_MESHES` adds the meshes of a folder.
+/// The same passes over the same tiles as a graph of tasks, as parallel loops of rayon one after another, and as a
+/// graph on an adaptive number of threads, timed in turn on pools of 1 thread up to the machine's. `CLOTH_MESHES` adds
+/// the meshes of a folder.
 fn schedule() {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     println!("\nS = {SUBSTEPS}, ms a frame: loops / graph / as many threads as pay (medians of 25, in turn)");
@@ -197,7 +200,7 @@ fn schedule() {
         for (terms, fabric, levels) in [("bare", scenes::bare(), Levels::Off), ("levels, bending", fabric, Levels::Auto)] {
             let options = Options { fabric, levels, pinned: pinned.clone(), ..scenes::hang(2, fabric).1 };
             let scene = (mesh.clone(), options);
-            // A million vertices take seconds a frame with bending on one thread.
+            // A million vertices with bending take seconds per frame on one thread.
             let large = mesh.positions.len() > 500_000;
             let (rounds, frames, counts) = if large { (5, 6, vec![1, 4, 16]) } else { (25, 40, vec![1, 2, 4, 8, 16, 32]) };
             let mut row = Vec::new();
@@ -207,7 +210,7 @@ fn schedule() {
                 let mut cloths = [(); 3].map(|()| Deformer::new(&scene.0, scene.1.clone()).expect("a cloth"));
                 cloths[0].loop_by_loop(true);
                 cloths[1].on_threads(threads);
-                // They move, and the third finds its number of threads.
+                // Untimed frames, in which the third adapts its number of threads.
                 pool.install(|| {
                     (0..frames).for_each(|_| cloths.iter_mut().for_each(|cloth| scenes::frame(cloth, &attributes)));
                 });
@@ -224,7 +227,7 @@ fn schedule() {
     }
 }
 
-/// What the machine allows: bytes a second from memory, and how long threads take to meet.
+/// The limits of the machine: memory bandwidth, and the time of a barrier between threads.
 fn limits() {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     println!("\nLimits of this machine");
@@ -254,8 +257,8 @@ fn limits() {
     shares();
 }
 
-/// Seconds from one meeting of `count` threads to the next, each having added to so many words of its own, or of the next one's every
-/// other time: as tiles hand their borders over.
+/// Time (s) from one barrier of `count` threads to the next. In between, each thread adds to some words, of its own or
+/// alternately of its neighbor's, as tiles exchange their borders.
 fn meetings(count: usize, words: usize, next: bool) -> f64 {
     let rounds = 4000;
     let arrived = AtomicUsize::new(0);
@@ -276,8 +279,8 @@ fn meetings(count: usize, words: usize, next: bool) -> f64 {
     time / rounds as f64
 }
 
-/// What frames could take if threads had nothing to do with one another: each steps a strip of its own, as large as its share of a
-/// sheet. More than one thread's time over their number, it says what processors share: pipelines, caches, memory.
+/// The time of a frame if threads were independent: each steps a strip of its own, of its share of the sheet's size. If
+/// this exceeds one thread's time over the number of threads, processors share something: pipelines, caches, memory.
 fn shares() {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let counts: Vec<u32> = [1, 2, 4, 8, 16, 32].into_iter().filter(|&count| count as usize <= most).collect();
@@ -307,7 +310,7 @@ fn shares() {
     }
 }
 
-/// The time on one thread at which a sheet is as little strained as asked, with levels, and how far it is from the true motion.
+/// The time on one thread for a given strain, with levels, and the error relative to the true motion.
 fn strain() {
     let n = 128;
     let run = |substeps: u32, levels: Levels, frames: u32| {

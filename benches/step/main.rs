@@ -1,6 +1,7 @@
-//! What a frame costs: by size, threads, method and term; against the plainest code; building and files.
+//! The cost of a frame: by size, threads, method and term; compared with the plain code; and the cost of building and
+//! of files.
 //!
-//! Error belongs to every figure: each size prints the strain that its frame leaves, and `--example chart` shows both.
+//! Every time belongs to an error: each size prints the strain that its frame leaves, and `--example chart` shows both.
 
 mod bars;
 mod plain;
@@ -14,7 +15,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use plain::Plain;
 use scenes::{FRAME, SUBSTEPS, bare, hang};
 
-/// One thread against the yardstick, and more threads against one.
+/// One thread compared with the plain code, and several threads compared with one.
 fn threads(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("threads");
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
@@ -48,7 +49,7 @@ fn threads(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What each term adds: those that a scene lacks cost nothing.
+/// The cost of each term; absent terms cost nothing.
 fn terms(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("terms");
     for (name, scene, attributes) in scenes::terms() {
@@ -58,7 +59,7 @@ fn terms(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The methods and backends beside each other.
+/// The methods and backends compared.
 fn methods(criterion: &mut Criterion) {
     let methods = [
         ("small-steps", Method::SmallSteps, SUBSTEPS),
@@ -74,7 +75,7 @@ fn methods(criterion: &mut Criterion) {
             for backend in [Backend::Cpu, Backend::Hybrid, Backend::Gpu] {
                 let (mesh, options) = hang(n, Fabric::default());
                 let options = Options { backend, method, quality: Quality::Substeps(substeps), ..options };
-                // A machine without a GPU still has a CPU to time.
+                // A machine without a GPU can still time the CPU.
                 if Deformer::new(&mesh, options.clone()).is_err() {
                     continue;
                 }
@@ -88,7 +89,7 @@ fn methods(criterion: &mut Criterion) {
     }
 }
 
-/// Building beside what it is for: all that comes before the second frame, in frames, on one thread.
+/// Building, in units of frames on one thread: all that happens before the second frame.
 fn built_in_frames() {
     println!("| N | scene | built (ms) | a frame (ms) | frames |\n|---|---|---|---|---|");
     let bending = Fabric { bending: 1e-4, ..bare() };
@@ -119,7 +120,7 @@ fn built_in_frames() {
     }
 }
 
-/// Building, and OBJ files read and written.
+/// Building, and reading and writing OBJ files.
 fn build(criterion: &mut Criterion) {
     let wanted = std::env::args().skip(1).find(|argument| !argument.starts_with("--"));
     if wanted.is_none_or(|name| "build".contains(&name)) {

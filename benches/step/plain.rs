@@ -1,12 +1,12 @@
-//! The yardstick: the default method as plainly as it can be written, one edge after another, on one thread.
+//! The baseline: the default method in its simplest form, one edge after another, on one thread.
 //!
-//! In the order of colors it is as stable as the crate; in the mesh's own order, that of code that knows no batches, it gains
-//! energy after a while (`tests/stability.rs`), and waits for each edge's neighbor to be done.
+//! In color order it is as stable as the crate. In the mesh's own order, as in code without batches, it gains energy
+//! after a while (`tests/stability.rs`), and each edge has to wait for its neighbor's result.
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Vec3A, Vec4};
 
-/// An N x N sheet of 1 m, its first row pinned, as in `benches/step`.
+/// An N x N sheet of 1 m with its first row pinned, as in `benches/step`.
 #[derive(Debug)]
 pub(crate) struct Plain {
     x: Vec<Vec4>,
@@ -27,7 +27,7 @@ struct Edge {
 }
 
 impl Plain {
-    /// Density 0.2 kg/m², K = 5000 N/m. `colors`: edges in the order of colors, else of their vertices.
+    /// Density 0.2 kg/m², K = 5000 N/m. With `colors`, edges are in color order, else in the order of their vertices.
     pub(crate) fn hang(n: u32, substeps: u32, colors: bool) -> Plain {
         let mesh = Mesh::grid(n, n, 1.0, 1.0);
         let h = 1.0 / (60.0 * substeps as f32);
@@ -40,7 +40,7 @@ impl Plain {
             mesh.positions.iter().enumerate().map(|(v, x)| x.extend(if v < n as usize { 0.0 } else { 5.0 / area[v] })).collect();
         let mut taken = vec![0_u32; x.len()];
         let mut edges: Vec<(u32, Edge)> = Vec::new();
-        // Along each direction in turn, the first color that is free: the order that the crate's own coloring finds.
+        // For each direction in turn the first free color, which gives the same order as the crate's coloring.
         let mut links = mesh.edges();
         links.sort_by_key(|[a, b]| (b - a == n - 1, b - a == n, *a));
         for [a, b] in links {
@@ -76,7 +76,7 @@ impl Plain {
         Plain { x, p: zero.clone(), u: zero, edges: edges.into_iter().map(|(_, edge)| edge).collect(), h, last: 0.0 }
     }
 
-    /// Back to rest, at the given place.
+    /// Returns to rest at the given positions.
     pub(crate) fn reset(&mut self, rest: &[Vec3A]) {
         self.x.iter_mut().zip(rest).for_each(|(x, rest)| *x = rest.extend(x.w));
         self.p.fill(Vec3A::ZERO);

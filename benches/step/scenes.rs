@@ -8,12 +8,12 @@ pub(crate) const SUBSTEPS: u32 = 20;
 
 pub(crate) type Scene = (Mesh, Options);
 
-/// HANG: a sheet of 1 m, its first row pinned.
+/// HANG: a sheet of 1 m with its first row pinned.
 pub(crate) fn hang(n: u32, fabric: Fabric) -> Scene {
     let options = Options {
         backend: Backend::Cpu,
         quality: Quality::Substeps(SUBSTEPS),
-        // The yardstick has none; `terms` shows what they cost.
+        // The plain code has no levels; `terms` shows their cost.
         levels: Levels::Off,
         fabric,
         pinned: (0..n).collect(),
@@ -26,7 +26,7 @@ pub(crate) fn bare() -> Fabric {
     Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 }
 }
 
-/// HANG with one term more each: what a scene has, it pays for.
+/// HANG with one more term each.
 pub(crate) fn terms() -> Vec<(&'static str, Scene, Attributes)> {
     let air = Attributes { air_density: 1.2, wind: Vec3::new(1.0, 0.0, 2.0), ..Attributes::default() };
     let ball = Collider::sphere(Vec3::new(0.0, -0.5, 0.2), 0.3);
@@ -44,14 +44,14 @@ pub(crate) fn terms() -> Vec<(&'static str, Scene, Attributes)> {
     ]
 }
 
-/// A cloth half a second in, no longer flat.
+/// A cloth after half a second, no longer flat.
 pub(crate) fn moving((mesh, options): &Scene, attributes: &Attributes) -> Deformer {
     let mut deformer = Deformer::new(mesh, options.clone()).expect("a sheet");
     (0..30).for_each(|_| frame(&mut deformer, attributes));
     deformer
 }
 
-/// One frame, to its end.
+/// One frame, waiting until it is done.
 pub(crate) fn frame(deformer: &mut Deformer, attributes: &Attributes) {
     deformer.step(FRAME, attributes).expect("the sheet hangs");
     deformer.wait().expect("the device is there");
