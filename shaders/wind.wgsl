@@ -7,13 +7,13 @@ struct Panel {
 
 // k A / (1 + kick k A/m), where `kick` is the time for which the force acts. Exact for a free panel in steady air, and
 // never reverses the velocity relative to it.
-fn limited(k: f32, area: f32, mass: f32) -> f32 {
+fn limited(k: f32, area: f32, mass: f32, substep: Substep) -> f32 {
     let kick = substep.gain / params.h;
     return k * area / (1.0 + kick * k * area / mass);
 }
 
 // Drag along the flow and lift across it (Keckeisen et al. 2004), combined as a normal and a tangential part.
-fn wind_force(x0: vec3f, x1: vec3f, x2: vec3f, velocity: vec3f, mass: f32) -> vec3f {
+fn wind_force(x0: vec3f, x1: vec3f, x2: vec3f, velocity: vec3f, mass: f32, substep: Substep) -> vec3f {
     let cross_product = cross(x1 - x0, x2 - x0);
     let double_area = length(cross_product);
     if double_area < 1e-20 {
@@ -27,7 +27,7 @@ fn wind_force(x0: vec3f, x1: vec3f, x2: vec3f, velocity: vec3f, mass: f32) -> ve
     let tangential = relative - normal;
     let speed = max(length(relative), 1e-10);
     let sine = abs(along) / speed;
-    let k_n = limited(params.half_density * (params.drag * abs(along) + params.lift * speed * (1.0 - sine * sine)), area, mass);
-    let k_t = limited(params.half_density * abs(along) * (params.drag - params.lift * sine), area, mass);
+    let k_n = limited(params.half_density * (params.drag * abs(along) + params.lift * speed * (1.0 - sine * sine)), area, mass, substep);
+    let k_t = limited(params.half_density * abs(along) * (params.drag - params.lift * sine), area, mass, substep);
     return -(normal * k_n + tangential * k_t);
 }

@@ -4,6 +4,7 @@
 //! ```text
 //! cargo bench --bench gpu                                  # everything, some minutes on a real GPU
 //! cargo bench --bench gpu -- --quick                       # small sheets, a minute
+//! cargo bench --bench gpu -- --crowd --unchecked           # many cloths at once alone
 //! cargo bench --bench gpu -- --sizes 64,256 --csv gpu.csv --date 2026-11-21 --commit 1234567
 //! ```
 //!
@@ -14,6 +15,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, value_parser};
+use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Levels, Options, wgpu};
 
 use crate::checks::Checks;
@@ -42,6 +44,7 @@ const NEWTON: [(u32, &str); 6] = [
 type Failure = Box<dyn std::error::Error>;
 
 /// Checks and times the backends of this machine.
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Fewer checks, small sheets
@@ -56,6 +59,9 @@ struct Arguments {
     /// No checks: times alone
     #[arg(long)]
     unchecked: bool,
+    /// The crowd alone
+    #[arg(long)]
+    crowd: bool,
     /// Longest run of two seconds of motion that is worth it to find the substeps (s)
     #[arg(long, value_name = "S", default_value = "6")]
     patience: f64,
@@ -100,6 +106,10 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let limits = gpu.as_ref().map(|gpu| Limits::new(gpu, arguments.quick)).transpose()?;
     let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, limits, rows: Vec::new() };
     bench.crowd()?;
+    if arguments.crowd {
+        bench.save()?;
+        return Ok(good);
+    }
     bench.terms(if arguments.quick { &[64] } else { &[128, 512] })?;
     let default: &[u32] = if arguments.quick { &[32, 64, 128] } else { &[32, 64, 128, 256, 512, 1024, 2048] };
     // The largest last, so that what was done when patience ends is kept.
@@ -264,17 +274,8 @@ impl Bench<'_> {
     fn terms(&mut self, sizes: &[u32]) -> Result<(), Failure> {
         println!("\nHANG with more in it, S = 20: ms a frame\n\n| N | scene | {} |", names(&self.backends));
         println!("|---|---|{}", "---|".repeat(self.backends.len()));
-        let bent = Fabric { bending: 1e-4, damping: 0.03, ..scene::hang(3, 20, Backend::Cpu).1.fabric };
-        let breeze =
-            Attributes { wind: cloth_deformer::glam::Vec3::new(1.0, 0.0, 2.0), air_density: 1.225, ..Attributes::default() };
         for &n in sizes {
-            let plain = scene::hang(n, 20, Backend::Cpu).1.fabric;
-            let scenes = [
-                ("hang", plain, Attributes::default()),
-                ("bending", bent, Attributes::default()),
-                ("bending, wind", bent, breeze.clone()),
-            ];
-            for (name, fabric, attributes) in scenes {
+            for (name, fabric, attributes) in terms() {
                 let mut cells = Vec::new();
                 for backend in self.backends.clone() {
                     let (mesh, options) = scene::hang(n, 20, backend);
@@ -292,22 +293,36 @@ impl Bench<'_> {
     fn crowd(&mut self) -> Result<(), Failure> {
         let count = CROWD[usize::from(self.arguments.quick)];
         println!("\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n");
-        println!("| backend | levels | one | {count} | times |\n|---|---|---|---|---|");
-        let scenes = [("crowd", Levels::Auto), ("crowd without levels", Levels::Off)];
+        println!("| scene | backend | levels | one | {count} | times |\n|---|---|---|---|---|---|");
+        let [plain, _, blown] = terms();
+        let scenes = [
+            ("crowd", "one of a crowd", Levels::Auto, &plain),
+            ("crowd without levels", "one of a crowd", Levels::Off, &plain),
+            ("crowd with bending and wind", "one with bending and wind", Levels::Auto, &blown),
+            ("crowd with bending and wind and without levels", "one with bending and wind", Levels::Off, &blown),
+        ];
         // The GPU first, while it is still at its full clock rate.
         for backend in self.backends.clone().into_iter().rev().filter(|&backend| backend != Backend::Hybrid) {
-            for (name, levels) in scenes {
+            for (name, alone, levels, (term, fabric, attributes)) in scenes {
                 let gpu = self.gpu;
                 let (mesh, options) = scene::hang(64, 20, backend);
-                let options = Options { levels, ..options };
+                let options = Options { levels, fabric: *fabric, ..options };
                 let cloths = |count| (0..count).map(|_| make(&mesh, options.clone(), gpu)).collect::<Result<Vec<_>, _>>();
-                let one = self.time(("one of a crowd", 64, 20), backend, &mut cloths(1)?, &Attributes::default())?.frame;
-                let all = self.time((name, 64, 20), backend, &mut cloths(count)?, &Attributes::default())?.frame;
-                println!("| {backend:?} | {levels:?} | {one:.3} | {all:.3} | {:.2} |", all / one);
+                let one = self.time((alone, 64, 20), backend, &mut cloths(1)?, attributes)?.frame;
+                let all = self.time((name, 64, 20), backend, &mut cloths(count)?, attributes)?.frame;
+                println!("| {term} | {backend:?} | {levels:?} | {one:.3} | {all:.3} | {:.2} |", all / one);
             }
         }
         Ok(())
     }
+}
+
+/// HANG as it is, with bending, and with bending and wind: a name, the fabric and what acts on it.
+fn terms() -> [(&'static str, Fabric, Attributes); 3] {
+    let plain = scene::hang(3, 20, Backend::Cpu).1.fabric;
+    let bent = Fabric { bending: 1e-4, damping: 0.03, ..plain };
+    let breeze = Attributes { wind: Vec3::new(1.0, 0.0, 2.0), air_density: 1.225, ..Attributes::default() };
+    [("hang", plain, Attributes::default()), ("bending", bent, Attributes::default()), ("bending, wind", bent, breeze)]
 }
 
 fn names(backends: &[Backend]) -> String {

@@ -9,7 +9,7 @@ override NUMBERS: u32 = 192u;
 @group(1) @binding(3) var<storage, read> bodies: array<Body>;
 @group(1) @binding(4) var<storage, read_write> x: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> p: array<vec4f>;
-// Of vertices: positions and inverse masses, then, while the levels are swept, displacements.
+// Of vertices: positions and inverse masses, then, while the levels are swept, displacements; then what forces keep.
 @group(1) @binding(6) var<storage, read_write> state: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> found: Found;
 
@@ -167,9 +167,10 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
     }
     for (var index = 0u; index < params.substeps; index++) {
         let now = substeps[index];
+        gather_forces(lane, now);
         for (var v = lane; v < all; v += LANES) {
             if state[v].w != 0.0 {
-                set_displacement(v, predict_displacement(displacement(v), now));
+                set_displacement(v, pushed(v, predict_displacement(displacement(v), now), now));
             } else if params.pins == 0u {
                 set_displacement(v, vec3f());
             }

@@ -18,7 +18,7 @@ fn wind(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         let panel = panels[around[k]];
         let c = panel.corners;
         let velocity = (p[c.x].xyz + p[c.y].xyz + p[c.z].xyz) * (substep.rate / 3.0);
-        force += wind_force(x[c.x].xyz, x[c.y].xyz, x[c.z].xyz, velocity, panel.mass) / 3.0;
+        force += wind_force(x[c.x].xyz, x[c.y].xyz, x[c.z].xyz, velocity, panel.mass, substep) / 3.0;
     }
     u[i] += vec4f(force * (x[i].w * substep.gain), 0.0);
 }

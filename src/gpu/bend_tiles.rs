@@ -2,19 +2,22 @@
 
 use glam::Vec4;
 
+use crate::gpu::slices::push_slices;
 use crate::gpu::tiles::{TileSize, halve};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
 
-/// No place in the tile: `NO_PLACE` of `stages/bend_tile.wgsl`.
-pub(crate) const NO_PLACE: u32 = u32::MAX;
+/// Not in the tile.
+const NO_PLACE: u32 = u32::MAX;
 /// Vertices held for each one of the cloth, at most: more recomputed is no gain.
 const MOST_HELD: usize = 12;
 
 /// Tiles as `stages/bend_tile.wgsl` reads them.
 #[derive(Debug)]
 pub(crate) struct BendTiles {
-    /// For each tile how many vertices are its own, how many it holds, and where these are listed; then the lists.
+    /// For each tile where in the table its rings, its vertices and the slices of their entries are; then those. Of the rings how many there
+    /// are, and how many vertices the tile holds up to the end of each, its own before all. The vertices go one ring farther, to what
+    /// the outermost look at. Entries name vertices by their places in that list.
     pub table: Vec<u32>,
     pub count: usize,
     /// Most vertices that a tile holds.
@@ -34,49 +37,66 @@ impl BendTiles {
         halve((0..rest.len() as u32).collect(), rest, most.own, &mut pieces);
         let mut place = vec![NO_PLACE; rest.len()];
         let mut tiles = BendTiles { table: vec![0; 3 * pieces.len()], count: pieces.len(), largest: 0 };
-        let mut held = 0;
+        let mut held_by_all = 0;
         for (tile, own) in pieces.into_iter().enumerate() {
-            let count = own.len();
-            let vertices = with_rings(own, entries, rings, most.room, &mut place)?;
-            held += vertices.len();
-            if held > MOST_HELD * rest.len().max(256) {
+            let (vertices, ends) = with_rings(own, entries, rings, most.room, &mut place)?;
+            let held = ends[rings];
+            held_by_all += held;
+            if held_by_all > MOST_HELD * rest.len().max(256) {
                 return None;
             }
-            tiles.largest = tiles.largest.max(vertices.len());
-            let list = tiles.table.len();
-            tiles.table[3 * tile..3 * tile + 3].copy_from_slice(&[count as u32, vertices.len() as u32, list as u32]);
-            let mut places = list + 2 * vertices.len();
-            for &vertex in &vertices {
-                tiles.table.extend([vertex, places as u32]);
-                places += entries.of(vertex).len();
-            }
-            for &vertex in &vertices {
-                tiles.table.extend(entries.of(vertex).iter().map(|entry| place[entry.other as usize]));
-            }
+            tiles.largest = tiles.largest.max(held);
+            let table = &mut tiles.table;
+            table[3 * tile] = table.len() as u32;
+            table.push(rings as u32);
+            table.extend(ends.iter().map(|&end| end as u32));
+            table[3 * tile + 1] = table.len() as u32;
+            table.extend(&vertices);
+            table[3 * tile + 2] = table.len() as u32;
+            push_rings(table, held, |k| entries.of(vertices[k]), |vertex| place[vertex as usize]);
             vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
         }
         Some(tiles)
     }
 }
 
-/// Some vertices and so many rings around them, if there is room. `place` is of none before, and says where each is after.
-fn with_rings(own: Vec<u32>, entries: &Csr<BendEntry>, rings: usize, room: usize, place: &mut [u32]) -> Option<Vec<u32>> {
+/// Adds the entries of `count` vertices to a table, as `stages/bend_in_workgroup.wgsl` reads them; `place` is what it calls a vertex.
+pub(crate) fn push_rings<'a>(
+    table: &mut Vec<u32>,
+    count: usize,
+    entries: impl Fn(usize) -> &'a [BendEntry],
+    place: impl Fn(u32) -> u32,
+) {
+    let words = |entry: &BendEntry| [place(entry.other), entry.forward.to_bits(), entry.backward.to_bits()];
+    // The vertex itself, in no row.
+    push_slices(table, count, |k| entries(k).iter().map(words), |k| [k as u32, 0, 0]);
+}
+
+/// Some vertices, so many rings around them and one more, and how many there are up to the end of each ring but that one; none if there is
+/// no room for those. `place` is of none before, and says where each is after.
+fn with_rings(
+    own: Vec<u32>,
+    entries: &Csr<BendEntry>,
+    rings: usize,
+    room: usize,
+    place: &mut [u32],
+) -> Option<(Vec<u32>, Vec<usize>)> {
     let mut vertices = own;
     vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
-    let mut ring = 0..vertices.len();
-    for _ in 0..rings {
-        for k in ring.clone() {
+    let (mut ends, mut looked_at) = (Vec::new(), 0);
+    while ends.len() <= rings {
+        if vertices.len() > room {
+            return None;
+        }
+        ends.push(vertices.len());
+        for k in std::mem::replace(&mut looked_at, vertices.len())..vertices.len() {
             for entry in entries.of(vertices[k]) {
                 if place[entry.other as usize] == NO_PLACE {
                     place[entry.other as usize] = vertices.len() as u32;
                     vertices.push(entry.other);
                 }
             }
-            if vertices.len() > room {
-                return None;
-            }
         }
-        ring = ring.end..vertices.len();
     }
-    Some(vertices)
+    Some((vertices, ends))
 }

@@ -159,8 +159,8 @@ impl Lists {
             .states
             .iter()
             .map(|state| {
-                let last = [Bind::Read(&table), Bind::Uniform(&self.passes)];
-                [&bound_by_predict(state, bound.u, bound.pins)[..], &self.bound(), &last].concat()
+                let last = [Bind::Read(&self.rows), Bind::Read(&table), Bind::Uniform(&self.passes)];
+                [&bound_by_predict(state, bound.u, bound.pins)[..], &last].concat()
             })
             .collect();
         let entry = Entry { shader: shaders::BEND_TILE, name: "bend_tile", constants: &constants };

@@ -24,7 +24,6 @@ use crate::gpu::watch::{Found, Report};
 use crate::gpu_fault::GpuFault;
 use crate::kernels::contact::Body;
 use crate::model::cloth::{Change, Cloth};
-use crate::multigrid::hierarchy::Level;
 use crate::options::Method;
 use crate::step::plan::Plan;
 
@@ -50,7 +49,8 @@ pub(crate) struct GpuEngine {
     pub(crate) multigrid: Option<Multigrid>,
     /// Vertices or aggregates that a tile has room for.
     pub(crate) room: usize,
-    /// If the cloth is small.
+    /// Whether a single workgroup is best, crowd or no crowd; and that, made when a step first asks for it.
+    small: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
     commit: Commit,
     readback: Readback,
@@ -125,7 +125,7 @@ impl GpuEngine {
             };
             let commit = Commit::new(&gpu, cloth, &forces);
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
-            let mut engine = GpuEngine {
+            Ok(GpuEngine {
                 report: Report::new(&gpu),
                 gpu,
                 forces,
@@ -133,6 +133,7 @@ impl GpuEngine {
                 sweep,
                 multigrid: None,
                 room: size.room,
+                small: path == Path::SingleWorkgroup,
                 single_workgroup: None,
                 commit,
                 readback,
@@ -141,11 +142,7 @@ impl GpuEngine {
                 normals: None,
                 stats: GpuStats::default(),
                 broken: None,
-            };
-            if path == Path::SingleWorkgroup {
-                engine.make_single_workgroup(cloth, method, &[]);
-            }
-            Ok(engine)
+            })
         })
     }
 
@@ -178,12 +175,15 @@ impl GpuEngine {
         &self.forces.states[0].x
     }
 
-    /// Prepares for steps in one workgroup, if the cloth fits into one.
-    fn make_single_workgroup(&mut self, cloth: &Cloth, method: Method, levels: &[Level]) {
+    /// Prepares for steps in one workgroup, if the cloth fits into one, with all that this step and those before it have asked for.
+    fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
-        let there = single_workgroup.as_ref().is_some_and(|single| levels.is_empty() || single.has_levels());
-        if !there && method != Method::Springs {
-            let made = SingleWorkgroup::new(gpu, cloth, levels, forces, bodies, &commit.found);
+        let [bends, blows] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
+        let wanted = [bends || plan.bending, blows || plan.wind];
+        let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
+        let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, blows]);
+        if !there && plan.method != Method::Springs {
+            let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, forces, bodies, &commit.found);
             *single_workgroup = made.or(single_workgroup.take());
         }
     }
@@ -252,8 +252,8 @@ impl GpuEngine {
     /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
         let levels = plan.coefficients.levels.len();
-        if crowd || self.single_workgroup.is_some() {
-            self.make_single_workgroup(plan.cloth, plan.method, plan.levels);
+        if crowd || self.small {
+            self.make_single_workgroup(plan);
         }
         let path = self.path(plan, crowd);
         let GpuEngine { gpu, forces, bodies, sweep, multigrid, room, single_workgroup, commit, .. } = self;
@@ -300,14 +300,13 @@ impl GpuEngine {
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        // Levels have some more colors than the cloth, together.
-        let sweeps = plan.params.substeps.saturating_mul(plan.sweeps + 4 * plan.params.levels.min(1));
+        // Levels have some more colors than the cloth, together; a pass of bending, and the wind, take as long as a sweep.
+        let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
+        let sweeps = plan.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
+        let lasts = plan.params.substeps.saturating_mul(sweeps);
         let pays = crowd || plan.cloth.rest.len() <= SMALL;
-        let swept = |single: &SingleWorkgroup| plan.params.levels == 0 || single.has_levels();
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && !plan.has_forces() && sweeps <= LONGEST_DISPATCH && swept(single) => {
-                Path::SingleWorkgroup
-            }
+            (_, Some(single)) if pays && lasts <= LONGEST_DISPATCH && single.does(plan) => Path::SingleWorkgroup,
             (Sweep::Tiled(_), _) => Path::Tiled,
             (Sweep::PerColor(_), _) => Path::PerColor,
         }

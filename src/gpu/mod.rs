@@ -4,7 +4,7 @@
 //! [`Plan`](crate::step::plan::Plan) for one step.
 //!
 //! In practice a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small
-//! cloth, or each of a crowd, is one workgroup's work, a step in one dispatch ([`sweep::SingleWorkgroup`]). Any other is cut
+//! cloth, or each of a crowd, is one workgroup's work, a step in one dispatch with all its forces ([`sweep::SingleWorkgroup`]). Any other is cut
 //! into [`tiles`], a substep in one dispatch ([`sweep::Tiled`]); what looks farther comes before it in dispatches of its own:
 //! the [`forces`] of bending and wind, and the coarse levels ([`multigrid`]). Inside of a dispatch a color costs .2 us if
 //! its edges are there when it is their turn, and twice that if a lane has to wait for memory: see
@@ -26,6 +26,7 @@ mod layout;
 mod multigrid;
 mod readback;
 pub(crate) mod shaders;
+mod slices;
 mod stage;
 mod state;
 mod statistics;

@@ -22,15 +22,16 @@ macro_rules! shaders {
 shaders! {
     PREDICT: "integrate" "stages/predict";
     BEND: "integrate" "bending" "stages/predict" "stages/bend";
-    BEND_TILE: "integrate" "bending" "stages/predict" "stages/bend_tile";
+    BEND_TILE: "integrate" "bending" "stages/predict" "stages/bend_in_workgroup" "stages/bend_tile";
     WIND: "wind" "stages/wind";
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";
     CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
     TILE: "integrate" "distance" "tether" "contact"
         "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
-    SINGLE_WORKGROUP: "integrate" "distance" "tether" "contact" "limits" "watch"
-        "stages/watch" "stages/sweep" "stages/tiles" "stages/levels" "stages/tethers" "stages/move" "stages/single_workgroup";
+    SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
+        "stages/watch" "stages/sweep" "stages/tiles" "stages/levels" "stages/tethers" "stages/move"
+        "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
     COMMIT: "limits" "watch" "stages/watch" "stages/commit";
     RESTRICT: "integrate" "stages/motion" "stages/restrict";
     LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";

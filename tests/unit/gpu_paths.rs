@@ -10,6 +10,7 @@ use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::bending::Bending;
 use crate::gpu::engine::{GpuEngine, IN_TILE, Path, Sweep};
 use crate::gpu::multigrid::Multigrid;
+use crate::gpu::slices::SLICE;
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::bending::BendEntry;
 use crate::model::cloth::Cloth;
@@ -151,8 +152,11 @@ fn every_path_agrees_with_the_cpu() {
                 let tiled = matches!(engine.sweep, Sweep::Tiled(_));
                 let may_be = path != Path::PerColor && method == Method::SmallSteps;
                 assert_eq!(tiled, may_be, "{name}: {path:?} {method:?}");
-                assert_eq!(engine.single_workgroup.is_some(), path == Path::SingleWorkgroup);
-                let (x_gpu, p_gpu) = play(&mut Engine::Gpu(Box::new(engine)), &cloth, &options, windy, levels);
+                let mut engine = Engine::Gpu(Box::new(engine));
+                let (x_gpu, p_gpu) = play(&mut engine, &cloth, &options, windy, levels);
+                let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+                let once = engine.stats().dispatches == 1;
+                assert_eq!(once, path == Path::SingleWorkgroup, "{name}: {path:?} {method:?}");
                 let (dx, dp) = (apart(&x, &x_gpu) / moved, apart(&p, &p_gpu) / speed);
                 let what =
                     format!("{name}, {method:?}, windy {windy}, {levels} levels: {path:?}, {size:?}: {dx:e}, {dp:e} apart");
@@ -166,9 +170,9 @@ fn every_path_agrees_with_the_cpu() {
     }
 }
 
-/// Bending agrees with the CPU in one pass and in several, damped and undamped, in tiles and with a dispatch per stage.
+/// Bending agrees with the CPU in one pass and in several, damped and undamped, in tiles, with a dispatch per stage, and in one workgroup.
 #[test]
-fn bending_in_tiles_and_apart_agrees_with_the_cpu() {
+fn bending_agrees_with_the_cpu_on_every_path() {
     let gpu = Gpu::shared(true).unwrap();
     for (name, mesh) in [("grid", Mesh::grid(31, 23, 1.0, 0.8)), ("any", mesh(27, 31))] {
         for (bending, damping, passes) in [(1e-4, 0.0, 0..1), (1e-4, 0.05, 0..1), (6e-3, 0.0, 2..6), (2e-2, 0.05, 3..8)] {
@@ -189,11 +193,52 @@ fn bending_in_tiles_and_apart_agrees_with_the_cpu() {
                 assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), Some(in_tiles));
                 end
             });
-            let [dx, between] = [apart(&x, &ends[0]), apart(&ends[0], &ends[1])].map(|apart| apart / moved);
-            println!("{name}, B = {bending}, tau = {damping}, {count} passes: {dx:e} apart, {between:e} in tiles and not");
+            let alone = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::SingleWorkgroup, size).unwrap();
+            let mut alone = Engine::Gpu(Box::new(alone));
+            let (end, _) = play(&mut alone, &cloth, &options, false, 0);
+            let Engine::Gpu(alone) = &alone else { unreachable!("made above") };
+            assert_eq!(alone.stats().dispatches, 1);
+            let distances = [(&x, &ends[0]), (&ends[0], &ends[1]), (&ends[0], &end)];
+            let [dx, between, single] = distances.map(|(a, b)| apart(a, b) / moved);
+            let what = format!("{name}, B = {bending}, tau = {damping}, {count} passes");
+            println!("{what}: {dx:e} apart, {between:e} in tiles and not, {single:e} in tiles and in one workgroup");
             // Rounding, which damping amplifies where the direction of a ring's curvature is nearly undefined.
-            assert!(dx <= 1e-4 && between <= 1e-5, "{name}, B = {bending}, tau = {damping}: {dx:e} and {between:e} apart");
+            assert!(dx <= 1e-4 && between <= 1e-5 && single <= 1e-5, "{what}: {dx:e}, {between:e} and {single:e} apart");
         }
+    }
+}
+
+/// In a crowd, each cloth that is too large for the path of a single workgroup when it is alone takes one dispatch, whatever forces it and
+/// the other cloths have.
+#[test]
+fn each_of_a_crowd_is_one_dispatch() {
+    let gpu = Gpu::shared(true).unwrap();
+    let mesh = Mesh::grid(40, 40, 1.0, 1.0);
+    let terms = [(0.0, 0.0), (1e-4, 0.0), (0.0, 1.2), (6e-3, 1.2)];
+    let scenes = terms.map(|(bending, air_density)| {
+        let mut options = Options { pinned: vec![0, 39], ..Options::default() };
+        options.fabric.bending = bending;
+        let cloth = Cloth::new(&mesh, &options).unwrap();
+        let coefficients = Coefficients::new(&cloth, &[], &options, Length::of(DT / SUBSTEPS as f32));
+        let attributes = Attributes { air_density, wind: Vec3::new(2.0, 4.0, -3.0), ..Attributes::default() };
+        (cloth, options, coefficients, attributes)
+    });
+    let mut engines = scenes.each_ref().map(|(cloth, options, ..)| GpuEngine::new(gpu.clone(), cloth, options.method).unwrap());
+    let mut buffers = [(); 4].map(|()| PlanBuffers::default());
+    let plans = scenes.iter().zip(&mut buffers).map(|((cloth, options, coefficients, attributes), buffers)| {
+        let motion = Motion::after(cloth, &cloth.rest, 0.0);
+        Plan::new(cloth, &[], options, coefficients, &motion, SUBSTEPS, attributes, buffers)
+    });
+    let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
+    assert!(GpuEngine::step_all(&mut jobs).is_empty());
+    for (_, engine, plan) in jobs {
+        assert_eq!(engine.stats().dispatches, 1, "bending {}, wind {}", plan.bending, plan.wind);
+        let mut cpu = Cpu::new(plan.cloth);
+        cpu.step(&plan, None).unwrap();
+        let mut seen = Vec::new();
+        engine.read(|x, _| seen = x.to_vec()).unwrap();
+        let (dx, moved) = (apart(&cpu.x, &seen), apart(&cpu.x, &plan.cloth.rest));
+        assert!(moved > 1e-3 && dx <= 1e-4 * moved, "bending {}, wind {}: {dx:e} m apart of {moved}", plan.bending, plan.wind);
     }
 }
 
@@ -207,25 +252,26 @@ fn bend_tiles_hold_their_rings() {
         let tiles = BendTiles::new(&cloth.rest, entries, rings, TileSize { own: 64, room: 600, bytes: usize::MAX }).unwrap();
         let mut kept = vec![0; cloth.rest.len()];
         for header in tiles.table[..3 * tiles.count].chunks(3) {
-            let [own, held, list] = [0, 1, 2].map(|k| header[k] as usize);
-            assert!(own <= held && held <= tiles.largest && tiles.largest <= 600);
-            let pair = |k: usize| &tiles.table[list + 2 * k..][..2];
-            // For each vertex held, how many complete rings of neighbors around it are held.
-            let mut depth = vec![0; held];
-            (0..own).for_each(|k| kept[pair(k)[0] as usize] += 1);
-            (0..own).for_each(|k| depth[k] = rings);
-            for _ in 0..rings {
-                for k in 0..held {
-                    let neighbors = entries.of(pair(k)[0]);
-                    for (entry, &place) in neighbors.iter().zip(&tiles.table[pair(k)[1] as usize..]) {
-                        if place == u32::MAX {
-                            assert_eq!(depth[k], 0, "a neighbor is missing");
-                        } else {
-                            assert_eq!(pair(place as usize)[0], entry.other);
-                            depth[place as usize] = depth[place as usize].max(depth[k].saturating_sub(1));
-                        }
-                    }
+            let [ends, list, slices] = [0, 1, 2].map(|k| header[k] as usize);
+            let (ends, vertices) = (&tiles.table[ends..list], &tiles.table[list..slices]);
+            assert_eq!(ends[0] as usize, rings);
+            let ends: Vec<usize> = ends[1..].iter().map(|&end| end as usize).collect();
+            assert!(ends.is_sorted() && ends[rings] <= tiles.largest && tiles.largest <= 600);
+            vertices[..ends[0]].iter().for_each(|&vertex| kept[vertex as usize] += 1);
+            for (k, &vertex) in vertices[..ends[rings]].iter().enumerate() {
+                let (slice, lane) = (slices + k / SLICE, k % SLICE);
+                let [first, end] = [tiles.table[slice], tiles.table[slice + 1]].map(|word| word as usize);
+                let items = (first..end).step_by(3 * SLICE).map(|at| [0, 1, 2].map(|word| tiles.table[at + word * SLICE + lane]));
+                let items: Vec<[u32; 3]> = items.collect();
+                let (listed, filled) = items.split_at(entries.of(vertex).len());
+                for (entry, &[place, forward, backward]) in entries.of(vertex).iter().zip(listed) {
+                    assert_eq!(vertices[place as usize], entry.other);
+                    assert_eq!([forward, backward], [entry.forward, entry.backward].map(f32::to_bits));
+                    // A vertex reads at most the next ring, which is computed one stage earlier.
+                    let ring = ends.iter().position(|&end| k < end).unwrap();
+                    assert!(ring == rings || (place as usize) < ends[ring + 1]);
                 }
+                assert!(filled.iter().all(|item| *item == [k as u32, 0, 0]));
             }
         }
         assert!(tiles.count > 3 && kept.iter().all(|&count| count == 1));

@@ -1,14 +1,18 @@
 //! One dispatch a step: the cloth is one tile, in one workgroup.
 
+use glam::Vec4;
+
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::LevelTable;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Sent, Stage};
+use crate::gpu::sweep::forces_in_workgroup::ForceTable;
 use crate::gpu::tethers;
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
+use crate::options::Method;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -22,7 +26,9 @@ pub(crate) struct SingleWorkgroup {
     tiles: Tiles,
     /// All levels, if any is wanted.
     levels: Option<LevelTable>,
-    /// The tile, then the levels, then their aggregates' inverse masses, then from a byte on the tethers, if there are any.
+    forces: ForceTable,
+    /// The tile, then the levels, then their aggregates' inverse masses, then from a byte on the tethers, if there are any, then the
+    /// forces.
     table: wgpu::Buffer,
     tethers: usize,
     state: wgpu::Buffer,
@@ -32,11 +38,12 @@ pub(crate) struct SingleWorkgroup {
 }
 
 impl SingleWorkgroup {
-    /// `None` if the cloth or its levels do not fit into a workgroup's memory.
+    /// With bending and wind, if they are wanted. `None` if the cloth or its levels do not fit into a workgroup's memory.
     pub(crate) fn new(
         gpu: &Gpu,
         cloth: &Cloth,
         levels: &[Level],
+        wanted: [bool; 2],
         forces: &Forces,
         bodies: &Sent,
         found: &wgpu::Buffer,
@@ -58,17 +65,19 @@ impl SingleWorkgroup {
         table.extend(levels.iter().flat_map(|level| &level.inverse_mass).map(|w| w.to_bits()));
         let tethers = size_of_val(table.as_slice());
         table.resize(table.len() + tethers::size(cloth) / size_of::<u32>(), 0);
+        let force_table = ForceTable::push(&mut table, cloth, wanted);
         let table = gpu.filled("single workgroup", &table);
-        let state = gpu.buffer("state in work", 2 * size_of_val(cloth.rest.as_slice()) as u64);
+        let vectors = 2 * cloth.rest.len() + force_table.vectors(cloth.rest.len());
+        let state = gpu.buffer("state in work", (vectors * size_of::<Vec4>()) as u64);
 
         let coarse = LevelTable::constants(level_table.as_ref(), tiles.table.len());
         let numbers = [("NUMBERS", (3 * tiles.largest).max(10 * aggregates) as f64)];
         let at = [("TETHERS", (tethers / size_of::<u32>()) as f64)];
-        let constants = [&tiles.constants(gpu)[..], &coarse, &numbers, &at].concat();
+        let constants = [&tiles.constants(gpu)[..], &coarse, &numbers, &at, &force_table.constants()].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        Some(SingleWorkgroup { tiles, levels: level_table, table, tethers, state, sent: None, stage })
+        Some(SingleWorkgroup { tiles, levels: level_table, forces: force_table, table, tethers, state, sent: None, stage })
     }
 
     fn bound<'a>(
@@ -100,14 +109,20 @@ impl SingleWorkgroup {
         self.levels.is_some()
     }
 
+    /// Whether it can do bending and wind.
+    pub(crate) fn forces(&self) -> [bool; 2] {
+        [self.forces.bends, self.forces.blows]
+    }
+
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        let SingleWorkgroup { tiles, levels, table, tethers, sent, .. } = self;
+        let SingleWorkgroup { tiles, levels, forces, table, tethers, sent, .. } = self;
         let asked = Some((plan.coefficients.length, plan.coefficients.levels.len()));
         if std::mem::replace(sent, asked) == asked {
             return;
         }
         tiles.send_edges(gpu, table, &plan.coefficients.edges);
         tethers::send(gpu, plan, table, *tethers);
+        forces.send(gpu, plan, table);
         if let Some(levels) = levels {
             levels.send_edges(gpu, table, size_of_val(tiles.table.as_slice()), &plan.coefficients.levels);
         }
@@ -129,6 +144,13 @@ impl SingleWorkgroup {
     /// The place of an edge that the shader names by its place in the table.
     pub(crate) fn edge(&self, place: usize) -> usize {
         self.tiles.edge(place)
+    }
+
+    /// Whether it has all that a step asks for.
+    pub(crate) fn does(&self, plan: &Plan<'_>) -> bool {
+        let has_levels = plan.params.levels == 0 || self.has_levels();
+        let [bends, blows] = self.forces();
+        has_levels && (bends || !plan.bending) && (blows || !plan.wind) && plan.method != Method::Springs
     }
 
     /// Encodes a step.

@@ -1,0 +1,126 @@
+// Bending of vertices that one workgroup holds together: between its passes it waits at a barrier, not for a dispatch. How their rings are
+// laid out in the table is in src/gpu/bend_rings.rs. A shader says where a vertex's row is (`row_of`) and the passes are (`bend_pass_at`,
+// `is_filtered`), where the slices of the rings start (`ring_slices`), where what they name is and how it last moved (`bent_x`, `bent_p`), and
+// how many vertices there is room for (`bend_room`) in the vectors that it keeps (`bend_vector`, `set_bend_vector`).
+
+// Vertices whose entries lie side by side, so that lanes read them together.
+const SLICE: u32 = 32u;
+
+// Where a vertex's vectors are kept: pull and couple always, the others with several passes.
+fn pull_of(k: u32) -> u32 {
+    return k;
+}
+
+fn couple_at(k: u32) -> u32 {
+    return bend_room() + k;
+}
+
+fn curvature_of(k: u32) -> u32 {
+    return 2u * bend_room() + k;
+}
+
+fn change_of(k: u32) -> u32 {
+    return 3u * bend_room() + k;
+}
+
+fn way_of(k: u32) -> u32 {
+    return 4u * bend_room() + k;
+}
+
+fn resisted_of(k: u32) -> u32 {
+    return 5u * bend_room() + k;
+}
+
+// The words of the entries of a vertex: one every three slices.
+fn ring_of(k: u32) -> Span {
+    let slice = ring_slices() + k / SLICE;
+    return Span(table[slice] + k % SLICE, table[slice + 1u]);
+}
+
+// An entry, whose vertex is named by its place here.
+fn entry_at(at: u32) -> BendEntry {
+    return BendEntry(table[at], bitcast<f32>(table[at + SLICE]), bitcast<f32>(table[at + 2u * SLICE]));
+}
+
+fn first_moment(k: u32, rate: f32) {
+    let x_k = bent_x(k);
+    let span = ring_of(k);
+    var ring = Ring();
+    if params.damped == 0u {
+        for (var at = span.start; at < span.end; at += 3u * SLICE) {
+            let entry = entry_at(at);
+            ring.y += (bent_x(entry.other) - x_k) * entry.forward;
+        }
+    } else {
+        let p_k = bent_p(k);
+        for (var at = span.start; at < span.end; at += 3u * SLICE) {
+            let entry = entry_at(at);
+            if entry.forward != 0.0 {
+                add_neighbor(&ring, bent_x(entry.other) - x_k, (bent_p(entry.other) - p_k) * rate, entry.forward);
+            }
+        }
+    }
+    let row = row_of(k);
+    let damping = row.stiffness * row.tau;
+    if !is_filtered() {
+        let moment = bend_moment(ring, row.stiffness, damping);
+        set_bend_vector(pull_of(k), moment.pull);
+        set_bend_vector(couple_at(k), moment.couple);
+        return;
+    }
+    let resisted = bend_moment(ring, 0.0, damping);
+    let passed = next_moment(vec3f(), vec3f(), ring.y, row.stiffness, bend_pass_at(0u));
+    set_bend_vector(pull_of(k), passed.moment);
+    set_bend_vector(couple_at(k), resisted.couple);
+    set_bend_vector(curvature_of(k), ring.y);
+    set_bend_vector(change_of(k), passed.change);
+    set_bend_vector(resisted_of(k), resisted.pull);
+}
+
+fn give_way(k: u32, w: f32, bend_pass: BendPass) {
+    let span = ring_of(k);
+    var force = bend_vector(pull_of(k)) * row_of(k).diagonal;
+    for (var at = span.start; at < span.end; at += 3u * SLICE) {
+        let entry = entry_at(at);
+        force += bend_vector(pull_of(entry.other)) * entry.backward;
+    }
+    set_bend_vector(way_of(k), force * (w * bend_pass.way));
+}
+
+fn bend_again(k: u32, bend_pass: BendPass) {
+    let span = ring_of(k);
+    let own = bend_vector(way_of(k));
+    var bent = bend_vector(curvature_of(k));
+    for (var at = span.start; at < span.end; at += 3u * SLICE) {
+        let entry = entry_at(at);
+        bent += (bend_vector(way_of(entry.other)) - own) * entry.forward;
+    }
+    let passed = next_moment(bend_vector(pull_of(k)), bend_vector(change_of(k)), bent, row_of(k).stiffness, bend_pass);
+    if bend_pass.last == 0u {
+        set_bend_vector(pull_of(k), passed.moment);
+        set_bend_vector(change_of(k), passed.change);
+    } else {
+        set_bend_vector(pull_of(k), passed.moment + bend_vector(resisted_of(k)));
+    }
+}
+
+fn bend_force(k: u32) -> vec3f {
+    let span = ring_of(k);
+    var force = -bend_vector(pull_of(k)) * row_of(k).diagonal;
+    if params.damped == 0u {
+        for (var at = span.start; at < span.end; at += 3u * SLICE) {
+            let entry = entry_at(at);
+            force -= bend_vector(pull_of(entry.other)) * entry.backward;
+        }
+        return force;
+    }
+    let x_k = bent_x(k);
+    let own = bend_vector(couple_at(k));
+    for (var at = span.start; at < span.end; at += 3u * SLICE) {
+        let entry = entry_at(at);
+        force -= bend_vector(pull_of(entry.other)) * entry.backward;
+        let couple = couple_of(own, bend_vector(couple_at(entry.other)), entry);
+        force -= cross(couple, bent_x(entry.other) - x_k);
+    }
+    return force;
+}

@@ -1,0 +1,81 @@
+//! Bending and wind of a cloth that one workgroup steps: the part of its table that is theirs, as `stages/forces_in_workgroup.wgsl` reads it.
+
+use crate::device::Gpu;
+use crate::gpu::bend_tiles::push_rings;
+use crate::gpu::slices::push_slices;
+use crate::kernels::bending::BendPass;
+use crate::model::cloth::Cloth;
+use crate::step::bending::MOST_PASSES;
+use crate::step::plan::Plan;
+
+/// Vectors that bending keeps for a vertex: `BEND_VECTORS` of the shader.
+pub(crate) const BEND_VECTORS: usize = 6;
+/// A pass that filters nothing.
+const ONCE: BendPass = BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 };
+
+/// Which forces a table has, and where they begin.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ForceTable {
+    pub bends: bool,
+    pub blows: bool,
+    /// Words.
+    bending: usize,
+    wind: usize,
+    panels: usize,
+}
+
+impl ForceTable {
+    /// Adds what the forces need to a table; the passes and rows are sent with each length of substep.
+    pub(crate) fn push(table: &mut Vec<u32>, cloth: &Cloth, [bends, blows]: [bool; 2]) -> ForceTable {
+        let (vertices, bending) = (cloth.rest.len(), table.len());
+        if bends {
+            let entries = &cloth.bending().entries;
+            table.resize(bending + words_that_change(vertices), 0);
+            push_rings(table, vertices, |v| entries.of(v as u32), |vertex| vertex);
+        }
+        let wind = table.len();
+        let panels = if blows { cloth.panels().panels.len() } else { 0 };
+        if blows {
+            let around = &cloth.panels().around;
+            cloth.panels().panels.iter().for_each(|panel| table.extend(bytemuck::cast_slice::<_, u32>(&[*panel])));
+            let list = |v: usize| around.of(v as u32).iter().map(|&panel| [panel]);
+            push_slices(table, vertices, list, |_| [panels as u32]);
+        }
+        ForceTable { bends, blows, bending, wind, panels }
+    }
+
+    /// Vectors that the forces keep.
+    pub(crate) fn vectors(&self, vertices: usize) -> usize {
+        let bent = if self.bends { BEND_VECTORS * vertices } else { 0 };
+        bent + if self.blows { self.panels + 1 } else { 0 }
+    }
+
+    /// What the shader is told.
+    pub(crate) fn constants(&self) -> [(&'static str, f64); 5] {
+        let flags = [("BENDS", self.bends), ("BLOWS", self.blows)].map(|(name, is)| (name, f64::from(u8::from(is))));
+        let words = [("BENDING", self.bending), ("WIND", self.wind), ("PANELS", self.panels)];
+        let [bending, wind, panels] = words.map(|(name, word)| (name, word as f64));
+        let [bends, blows] = flags;
+        [bends, blows, bending, wind, panels]
+    }
+
+    /// Sends the passes and the rows of a plan to a table.
+    pub(crate) fn send(&self, gpu: &Gpu, plan: &Plan<'_>, table: &wgpu::Buffer) {
+        if !self.bends {
+            return;
+        }
+        let bending = &plan.coefficients.bending;
+        let passes = if bending.passes.is_empty() { &[ONCE] } else { bending.passes.as_slice() };
+        let count = if plan.bending { passes.len() as u32 } else { 0 };
+        let mut words = vec![count];
+        words.extend(bytemuck::cast_slice::<_, u32>(passes));
+        words.resize(1 + size_of::<BendPass>() / size_of::<u32>() * MOST_PASSES, 0);
+        words.extend(bytemuck::cast_slice::<_, u32>(&bending.rows));
+        gpu.write(table, size_of::<u32>() * self.bending, &words);
+    }
+}
+
+/// The number of passes, the passes, and a row for each vertex.
+fn words_that_change(vertices: usize) -> usize {
+    1 + 4 * MOST_PASSES + 3 * vertices
+}
