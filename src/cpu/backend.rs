@@ -8,6 +8,7 @@ use web_time::Instant;
 
 use crate::contact::SelfContact;
 use crate::cpu::coarse::Coarse;
+use crate::cpu::correction::Correction;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::forces::ForceArrays;
 use crate::cpu::integrate::Integrator;
@@ -281,7 +282,13 @@ impl Cpu {
             tethers,
             tethering: Tethering { plan, x: &x, u: &u, width: *width },
             forces: forces.share(plan, &x, &u, *width),
-            correction: coarse.share(&x, &u, if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }, *width),
+            correction: Correction::new(
+                coarse,
+                &x,
+                &u,
+                if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse },
+                *width,
+            ),
             integrator: Integrator { plan, x: &x, u: &u, good, found: Found::nothing(), width: *width },
             chunks: schedule.chunks.as_deref(),
             external,

@@ -4,17 +4,16 @@ use std::ops::Range;
 
 use glam::Vec3A;
 
-use crate::cpu::bend_filter::{BendAgain, Filter, FilterArrays, GiveWay, Pass};
-use crate::cpu::force_batches::{PanelBatches, RingBatches, Rings};
-use crate::cpu::tasks::shared::{SharedArray, Task, View};
-use crate::kernels::bending::{Ring, bend_moment, couple_of};
+use crate::cpu::bend_filter::{BendAgain, Filter, FilterArrays, GiveWay};
+use crate::cpu::force_batches::{PanelBatches, RingBatches};
+use crate::cpu::force_loops::{BendForces, BendMoments, DampedMoments, PanelForces};
+use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::integrate::{pin_displacement, xyz};
-use crate::kernels::params::{Params, Substep};
+use crate::kernels::params::Substep;
 use crate::kernels::spring::spring_force;
-use crate::kernels::wind::wind_force;
 use crate::options::Method;
 use crate::simd::aligned::AlignedVec;
-use crate::simd::{self, Loop, Registers, Vector, Width};
+use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -208,143 +207,6 @@ impl Forces<'_> {
     /// The groups of vertices (as many as there are lanes) that cover a tile. Tiles begin at the start of a group.
     fn groups(&self, tile: &Range<u32>) -> Range<usize> {
         tile.start as usize / self.width.lanes()..(tile.end as usize).div_ceil(self.width.lanes())
-    }
-}
-
-/// [`bend_moment`] without damping: the moment alone.
-struct BendMoments<'t> {
-    rings: &'t RingBatches,
-    groups: Range<usize>,
-    x: View<'t>,
-    pulls: View<'t>,
-    /// The first pass of the filter, if the filter is used.
-    filter: Option<Pass<'t>>,
-}
-
-impl Loop for BendMoments<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        let BendMoments { rings, x, pulls, filter, .. } = self;
-        for group in self.groups {
-            let center = x.vectors::<L>(group * L::LANES);
-            let mut y = Vector::zero();
-            for near in rings.neighbors(group) {
-                y = (rings.gather(x, near) - center).mul_add(rings.forward(near), y);
-            }
-            let stiffness = rings.group(group).stiffness;
-            match filter {
-                None => pulls.set_vectors(group * L::LANES, y * stiffness),
-                Some(pass) => pass.begin(group * L::LANES, y, stiffness, None),
-            }
-        }
-    }
-}
-
-/// [`bend_moment`] with damping, for groups of vertices.
-struct DampedMoments<'t> {
-    rings: &'t RingBatches,
-    groups: Range<usize>,
-    x: View<'t>,
-    u: View<'t>,
-    pulls: View<'t>,
-    couples: View<'t>,
-    /// The first pass of the filter, if the filter is used.
-    filter: Option<Pass<'t>>,
-    /// Converts displacements to velocities (1/s).
-    rate: f32,
-}
-
-impl Loop for DampedMoments<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        let DampedMoments { rings, x, u, pulls, couples, filter, .. } = self;
-        let (rate, zero) = (L::splat(self.rate), L::splat(0.0));
-        for group in self.groups {
-            let first = group * L::LANES;
-            let Rings { stiffness, damping, .. } = rings.group::<L>(group);
-            let (center, own) = (x.vectors::<L>(first), u.vectors::<L>(first));
-            let mut ring = Ring::empty();
-            for near in rings.neighbors(group) {
-                let rate = (rings.gather(u, near) - own) * rate;
-                ring.add_neighbor(rings.gather(x, near) - center, rate, rings.forward(near));
-            }
-            let unfiltered = if filter.is_some() { zero } else { stiffness };
-            let [pull, couple] = bend_moment(&ring, unfiltered, damping);
-            match filter {
-                None => pulls.set_vectors(first, pull),
-                Some(pass) => pass.begin(first, ring.y, stiffness, Some(pull)),
-            }
-            couples.set_vectors(first, couple);
-        }
-    }
-}
-
-/// Adds the bending forces to the displacements that the ambient acceleration predicts.
-struct BendForces<'t> {
-    rings: &'t RingBatches,
-    groups: Range<usize>,
-    x: View<'t>,
-    u: View<'t>,
-    pulls: View<'t>,
-    couples: Option<View<'t>>,
-    params: &'t Params,
-    substep: &'t Substep,
-}
-
-impl Loop for BendForces<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        let BendForces { rings, x, u, pulls, couples, substep, .. } = self;
-        let zero = L::splat(0.0);
-        let fall = Vector::splat(self.params.acceleration) * L::splat(substep.gain);
-        for group in self.groups {
-            let first = group * L::LANES;
-            let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
-            let mut force = pulls.vectors(first) * (zero - diagonal);
-            if let Some(couples) = couples {
-                let (center, own) = (x.vectors::<L>(first), couples.vectors::<L>(first));
-                for near in rings.neighbors(group) {
-                    let (forward, backward) = (rings.forward::<L>(near), rings.backward::<L>(near));
-                    force = rings.gather(pulls, near).mul_add(zero - backward, force);
-                    let couple = couple_of(own, rings.gather(couples, near), forward, backward);
-                    force = force - couple.cross(rings.gather(x, near) - center);
-                }
-            } else {
-                for near in rings.neighbors(group) {
-                    force = rings.gather(pulls, near).mul_add(zero - rings.backward(near), force);
-                }
-            }
-            // First the displacement under the ambient acceleration, then that under the bending force.
-            let by = u.vectors(first).mul_add(L::splat(substep.carry), fall);
-            let by = force.mul_add(inverse_mass * L::splat(substep.gain), by);
-            u.set_vectors(first, Vector::select(zero.lt(inverse_mass), by, Vector::zero()));
-        }
-    }
-}
-
-/// A third of [`wind_force`] for groups of triangles.
-struct PanelForces<'t> {
-    panels: &'t PanelBatches,
-    groups: Range<usize>,
-    x: View<'t>,
-    u: View<'t>,
-    forces: View<'t>,
-    params: &'t Params,
-    substep: &'t Substep,
-}
-
-impl Loop for PanelForces<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        let PanelForces { panels, x, u, forces, params, substep, .. } = self;
-        let third = L::splat(1.0 / 3.0);
-        for group in self.groups {
-            let corners: [Vector<L>; 3] = [panels.corner(x, group, 0), panels.corner(x, group, 1), panels.corner(x, group, 2)];
-            let [a, b, c]: [Vector<L>; 3] = [panels.corner(u, group, 0), panels.corner(u, group, 1), panels.corner(u, group, 2)];
-            let velocity = (a + b + c) * L::splat(substep.rate / 3.0);
-            let force = wind_force(corners, velocity, panels.mass(group), substep, params);
-            forces.set_vectors(group * L::LANES, force * third);
-        }
     }
 }
 

@@ -7,8 +7,10 @@
 mod backend;
 mod bend_filter;
 mod coarse;
+mod correction;
 mod edge_batches;
 mod force_batches;
+mod force_loops;
 mod forces;
 mod integrate;
 mod partition;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::cpu::coarse::Correction;
+use crate::cpu::correction::Correction;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::forces::Forces;
 use crate::cpu::integrate::{Integrator, Then};

@@ -1,0 +1,148 @@
+//! The SIMD loops of the force stages: bending moments and forces of groups of vertices, air on groups of triangles.
+
+use std::ops::Range;
+
+use crate::cpu::bend_filter::Pass;
+use crate::cpu::force_batches::{PanelBatches, RingBatches, Rings};
+use crate::cpu::tasks::shared::View;
+use crate::kernels::bending::{Ring, bend_moment, couple_of};
+use crate::kernels::params::{Params, Substep};
+use crate::kernels::wind::wind_force;
+use crate::simd::{Loop, Registers, Vector};
+
+/// [`bend_moment`] without damping: the moment alone.
+pub(super) struct BendMoments<'t> {
+    pub rings: &'t RingBatches,
+    pub groups: Range<usize>,
+    pub x: View<'t>,
+    pub pulls: View<'t>,
+    /// The first pass of the filter, if the filter is used.
+    pub filter: Option<Pass<'t>>,
+}
+
+impl Loop for BendMoments<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let BendMoments { rings, x, pulls, filter, .. } = self;
+        for group in self.groups {
+            let center = x.vectors::<L>(group * L::LANES);
+            let mut y = Vector::zero();
+            for near in rings.neighbors(group) {
+                y = (rings.gather(x, near) - center).mul_add(rings.forward(near), y);
+            }
+            let stiffness = rings.group(group).stiffness;
+            match filter {
+                None => pulls.set_vectors(group * L::LANES, y * stiffness),
+                Some(pass) => pass.begin(group * L::LANES, y, stiffness, None),
+            }
+        }
+    }
+}
+
+/// [`bend_moment`] with damping, for groups of vertices.
+pub(super) struct DampedMoments<'t> {
+    pub rings: &'t RingBatches,
+    pub groups: Range<usize>,
+    pub x: View<'t>,
+    pub u: View<'t>,
+    pub pulls: View<'t>,
+    pub couples: View<'t>,
+    /// The first pass of the filter, if the filter is used.
+    pub filter: Option<Pass<'t>>,
+    /// Converts displacements to velocities (1/s).
+    pub rate: f32,
+}
+
+impl Loop for DampedMoments<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let DampedMoments { rings, x, u, pulls, couples, filter, .. } = self;
+        let (rate, zero) = (L::splat(self.rate), L::splat(0.0));
+        for group in self.groups {
+            let first = group * L::LANES;
+            let Rings { stiffness, damping, .. } = rings.group::<L>(group);
+            let (center, own) = (x.vectors::<L>(first), u.vectors::<L>(first));
+            let mut ring = Ring::empty();
+            for near in rings.neighbors(group) {
+                let rate = (rings.gather(u, near) - own) * rate;
+                ring.add_neighbor(rings.gather(x, near) - center, rate, rings.forward(near));
+            }
+            let unfiltered = if filter.is_some() { zero } else { stiffness };
+            let [pull, couple] = bend_moment(&ring, unfiltered, damping);
+            match filter {
+                None => pulls.set_vectors(first, pull),
+                Some(pass) => pass.begin(first, ring.y, stiffness, Some(pull)),
+            }
+            couples.set_vectors(first, couple);
+        }
+    }
+}
+
+/// Adds the bending forces to the displacements that the ambient acceleration predicts.
+pub(super) struct BendForces<'t> {
+    pub rings: &'t RingBatches,
+    pub groups: Range<usize>,
+    pub x: View<'t>,
+    pub u: View<'t>,
+    pub pulls: View<'t>,
+    pub couples: Option<View<'t>>,
+    pub params: &'t Params,
+    pub substep: &'t Substep,
+}
+
+impl Loop for BendForces<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let BendForces { rings, x, u, pulls, couples, substep, .. } = self;
+        let zero = L::splat(0.0);
+        let fall = Vector::splat(self.params.acceleration) * L::splat(substep.gain);
+        for group in self.groups {
+            let first = group * L::LANES;
+            let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
+            let mut force = pulls.vectors(first) * (zero - diagonal);
+            if let Some(couples) = couples {
+                let (center, own) = (x.vectors::<L>(first), couples.vectors::<L>(first));
+                for near in rings.neighbors(group) {
+                    let (forward, backward) = (rings.forward::<L>(near), rings.backward::<L>(near));
+                    force = rings.gather(pulls, near).mul_add(zero - backward, force);
+                    let couple = couple_of(own, rings.gather(couples, near), forward, backward);
+                    force = force - couple.cross(rings.gather(x, near) - center);
+                }
+            } else {
+                for near in rings.neighbors(group) {
+                    force = rings.gather(pulls, near).mul_add(zero - rings.backward(near), force);
+                }
+            }
+            // First the displacement under the ambient acceleration, then that under the bending force.
+            let by = u.vectors(first).mul_add(L::splat(substep.carry), fall);
+            let by = force.mul_add(inverse_mass * L::splat(substep.gain), by);
+            u.set_vectors(first, Vector::select(zero.lt(inverse_mass), by, Vector::zero()));
+        }
+    }
+}
+
+/// A third of [`wind_force`] for groups of triangles.
+pub(super) struct PanelForces<'t> {
+    pub panels: &'t PanelBatches,
+    pub groups: Range<usize>,
+    pub x: View<'t>,
+    pub u: View<'t>,
+    pub forces: View<'t>,
+    pub params: &'t Params,
+    pub substep: &'t Substep,
+}
+
+impl Loop for PanelForces<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let PanelForces { panels, x, u, forces, params, substep, .. } = self;
+        let third = L::splat(1.0 / 3.0);
+        for group in self.groups {
+            let corners: [Vector<L>; 3] = [panels.corner(x, group, 0), panels.corner(x, group, 1), panels.corner(x, group, 2)];
+            let [a, b, c]: [Vector<L>; 3] = [panels.corner(u, group, 0), panels.corner(u, group, 1), panels.corner(u, group, 2)];
+            let velocity = (a + b + c) * L::splat(substep.rate / 3.0);
+            let force = wind_force(corners, velocity, panels.mass(group), substep, params);
+            forces.set_vectors(group * L::LANES, force * third);
+        }
+    }
+}
