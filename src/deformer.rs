@@ -10,11 +10,13 @@ mod quality;
 mod sleep;
 mod snapshot;
 mod state;
+mod untangle;
 mod warp;
 
 pub use forecast::Forecast;
 use sleep::Stillness;
 pub use snapshot::Snapshot;
+pub use untangle::Untangled;
 
 use std::collections::VecDeque;
 

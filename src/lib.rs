@@ -38,7 +38,7 @@ mod tune;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use binding::{BindError, Binding};
-pub use deformer::{Deformer, Forecast, Snapshot};
+pub use deformer::{Deformer, Forecast, Snapshot, Untangled};
 pub use device::Gpu;
 pub use error::{BuildError, ChangeError, Instability, StateError, StepError, WarpError};
 pub use fabric::Fabric;

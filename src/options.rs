@@ -176,7 +176,8 @@ pub struct Options {
 /// Contact of cloth with cloth.
 ///
 /// No edge ever comes through a triangle, if none does at the start and pins move by no more than a third of the thickness in a substep
-/// against one another ([`Warning::ContactOutruns`]). A start with crossings is reported ([`Warning::Crossings`]); what crosses is let go until it parts.
+/// against one another ([`Warning::ContactOutruns`]). A start with crossings is reported ([`Warning::Crossings`]); what crosses is let go until it parts;
+/// [`Deformer::untangle`](crate::Deformer::untangle) parts it first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// How far apart cloth is held (m), above 0, from itself and from mesh colliders; less from itself where it is finer than that: half the

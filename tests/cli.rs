@@ -1,6 +1,10 @@
 //! The main binary from outside: exit codes, one-line errors, and the files it writes.
 
 #[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[path = "common/crossings.rs"]
+#[allow(dead_code, reason = "as above")]
+mod crossings;
+#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 
@@ -129,6 +133,43 @@ fn self_contact_is_told_in_the_report() {
     assert!(pressed(&["--self-contact", "0.01"]) > 0);
     fails(&run(&directory, &["--self-contact", "0"]), 2, &["--self-contact"]);
     fails(&run(&directory, &["--self-contact", "--backend", "gpu"]), 2, &["contact"]);
+}
+
+#[test]
+fn untangle_parts_a_start_before_frame_1() {
+    let directory = TempDir::new().unwrap();
+    // A strip that is folded through itself: its end comes down through its beginning.
+    let mut mesh = Mesh::grid(5, 41, 0.1, 1.0);
+    for x in &mut mesh.positions {
+        let along = (x.z + 0.5) * 2.0 * std::f32::consts::PI;
+        *x = Vec3::new(x.x + 0.005 * along, 0.3 + 0.16 * along.sin(), 0.16 * (1.05 * along).cos());
+    }
+    mesh.save_obj(directory.path().join("strip.obj")).unwrap();
+    let frame_1 = || Mesh::load_obj(directory.path().join("frames/frame_0001.obj")).unwrap();
+    let plain = run(&directory, &["strip.obj", "--frames", "2", "--self-contact"]);
+    succeeds(&plain);
+    assert_eq!(bits(&frame_1().positions), bits(&mesh.positions));
+    let before = crossings::crossings(&mesh, &mesh.positions).len();
+    assert!(before > 0 && stderr(&plain).contains(&format!("{before} edges go through triangles")), "{}", stderr(&plain));
+
+    let parted = run(&directory, &["strip.obj", "--frames", "2", "--self-contact", "--untangle"]);
+    succeeds(&parted);
+    assert!(
+        stderr(&parted).contains(&format!("note: untangled: {before} crossings at the start, 0 left")),
+        "{}",
+        stderr(&parted)
+    );
+    assert!(!stderr(&parted).contains("go through triangles"), "{}", stderr(&parted));
+    let parted = frame_1().positions;
+    assert!(crossings::crossings(&mesh, &parted).is_empty());
+    let moved = parted.iter().zip(&mesh.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(moved < 0.1, "moved by {moved} m");
+
+    let scene = "[[cloth]]\nmesh = \"strip.obj\"\n[contact]\nuntangle = true\n";
+    fs::write(directory.path().join("strip.toml"), scene).unwrap();
+    succeeds(&run(&directory, &["--scene", "strip.toml", "--frames", "2", "--out", "scene"]));
+    let of_scene = Mesh::load_obj(directory.path().join("scene/frame_0001.obj")).unwrap();
+    assert_eq!(bits(&of_scene.positions), bits(&parted));
 }
 
 #[test]

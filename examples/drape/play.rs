@@ -67,6 +67,9 @@ pub(crate) fn play(
     let progress = progress(quiet, outputs.frames);
     progress.set_position(u64::from(done));
     let mut shape = mesh.clone();
+    if scene.untangle && done == 0 {
+        untangle(scene, &mut deformer, &mut shape)?;
+    }
     let cell = |frame: u32, shape: &Mesh| {
         let is_cell = preview_file.is_some() && is_shown(frame, outputs.frames);
         is_cell.then(|| Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame).colliders })
@@ -98,7 +101,7 @@ pub(crate) fn play(
             }
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         }
-        // Frame 1 is the mesh as it was given, to the last bit: it has not been through the deformer.
+        // Frame 1 is the mesh as it was given, to the last bit, unless it was untangled: it has not been through the deformer.
         frames.write(frame, &shape)?;
         cells.extend(cell(frame, &shape));
         let measure = deformer.measure().map_err(failed)?;
@@ -129,6 +132,18 @@ pub(crate) fn play(
         file.write(&sheet.map_err(|error| Failure::input(format_args!("--preview: {error}")))?)?;
     }
     Ok(report)
+}
+
+/// Parts what crosses at the start, and says what that came to.
+fn untangle(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(), Failure> {
+    let failed = |error: StepError| Failure::step(1, &error);
+    let parted = deformer.untangle(&scene.attributes(1)).map_err(failed)?;
+    if parted.farthest > 0.0 {
+        shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
+        let (before, after, most) = (parted.before, parted.after, 1e3 * parted.farthest);
+        warn("note", &format!("untangled: {before} crossings at the start, {after} left; vertices moved by up to {most:.1} mm"));
+    }
+    Ok(())
 }
 
 /// A bar on a terminal, nothing elsewhere.

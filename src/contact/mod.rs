@@ -21,6 +21,7 @@ mod response;
 mod surface;
 mod tree;
 mod truncation;
+pub(crate) mod untangle;
 mod vertices;
 
 use std::sync::Arc;

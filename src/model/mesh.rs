@@ -130,6 +130,6 @@ impl<'a> EdgeIndex<'a> {
 }
 
 /// The edges of a triangle as `[i, j]` with `i < j`. Sides from a vertex to itself are omitted.
-pub(crate) fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> {
+pub(crate) fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> + Clone {
     [[a, b], [b, c], [c, a]].into_iter().filter(|[i, j]| i != j).map(|[i, j]| [i.min(j), i.max(j)])
 }

@@ -97,6 +97,8 @@ pub(crate) struct Contact {
     pub(crate) thickness: Option<Positive>,
     /// Coulomb's coefficient of friction. 0.3.
     pub(crate) friction: Option<NotNegative>,
+    /// Whether a start that crosses itself or a body is parted before the first frame. False.
+    pub(crate) untangle: bool,
 }
 
 /// The air, and how it moves.

@@ -38,6 +38,8 @@ pub(crate) struct Scene {
     /// The file that the mesh came in, if it came in one alone.
     pub(crate) template: Option<ObjTemplate>,
     pub(crate) options: Options,
+    /// A start that crosses is parted before the first frame.
+    pub(crate) untangle: bool,
     pub(crate) outputs: Outputs,
     gravity: Animated<Vec3>,
     wind: Option<Wind>,
@@ -81,11 +83,13 @@ impl Scene {
             contact: contact(arguments, file),
             ..solver(arguments, scene)?
         };
+        let untangle = arguments.untangle || file.contact.as_ref().is_some_and(|contact| contact.get_ref().untangle);
         Ok(Scene {
             name,
             mesh,
             template,
             options,
+            untangle,
             outputs: outputs(arguments, file, frames, rate, files)?,
             gravity: gravity.unwrap_or(Animated::still(Attributes::default().gravity)),
             wind,
@@ -101,9 +105,10 @@ impl Scene {
 
     /// All that acts on the cloth, as text: by it a run is known again.
     pub(crate) fn acts(&self) -> String {
-        let Scene { gravity, wind, colliders, pins, .. } = self;
+        let Scene { gravity, wind, colliders, pins, untangle, .. } = self;
         let led: Vec<&Group> = pins.iter().filter(|group| group.moves()).collect();
-        format!("{:?} {gravity:?} {wind:?} {colliders:?} {led:?}", self.dt())
+        let parted = if *untangle { " untangled" } else { "" };
+        format!("{:?} {gravity:?} {wind:?} {colliders:?} {led:?}{parted}", self.dt())
     }
 
     /// What acts on the cloth in the step that leads to a frame.

@@ -1,0 +1,78 @@
+//! Vertices inside closed bodies, and their way out.
+
+use std::collections::HashMap;
+use std::f32::consts::PI;
+
+use glam::{Vec3, Vec3A};
+
+use super::Tangle;
+use crate::kernels::integrate::xyz;
+use crate::kernels::pair::vertex_triangle;
+use crate::model::mesh::Mesh;
+use crate::simd::Vector;
+
+/// How far apart (in extents of the body) vertices in one place are at most.
+const SEAM: f32 = 1e-5;
+
+/// Whether a body has an inside: each side of each triangle is a side of one other, which runs the other way. Vertices in one place count as
+/// one, for many meshes have seams.
+pub(super) fn is_closed(body: &Mesh) -> bool {
+    let mut names = HashMap::new();
+    let [low, high] = body.bounds();
+    let cell = (SEAM * (high - low).max_element()).max(f32::MIN_POSITIVE);
+    let name_of =
+        |(vertex, x): (u32, &Vec3)| *names.entry(((x - low) / cell).round().to_array().map(|x| x as i32)).or_insert(vertex);
+    let names: Vec<u32> = (0..).zip(&body.positions).map(name_of).collect();
+    let corners = body.triangles.iter().map(|triangle| triangle.map(|vertex| names[vertex as usize]));
+    let proper = corners.filter(|[a, b, c]| a != b && b != c && c != a);
+    let mut sides: Vec<[u32; 2]> = proper.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    let mut back: Vec<[u32; 2]> = sides.iter().map(|&[a, b]| [b, a]).collect();
+    sides.sort_unstable();
+    back.sort_unstable();
+    !sides.is_empty() && sides == back && sides.windows(2).all(|two| two[0] != two[1])
+}
+
+/// Moves vertices that are inside a body to the nearest point of its surface, and on by `thickness` (m). Returns their number.
+pub(super) fn leave(tangle: &mut Tangle, bodies: &[&Mesh], thickness: f32) -> usize {
+    let mut count = 0;
+    for body in bodies {
+        let [low, high] = body.bounds();
+        for x in tangle.x[..tangle.of_cloth].iter_mut().filter(|x| x.w > 0.0) {
+            let point = x.truncate();
+            if point.cmpge(low).all() && point.cmple(high).all() && is_inside(body, xyz(*x)) {
+                let surface = nearest(body, xyz(*x));
+                let out = (surface - xyz(*x)).normalize_or_zero();
+                *x = (surface + out * thickness).extend(x.w);
+                count += 1;
+            }
+        }
+    }
+    count
+}
+
+fn corners(body: &Mesh, triangle: &[u32; 3]) -> [Vec3A; 3] {
+    triangle.map(|vertex| Vec3A::from(body.positions[vertex as usize]))
+}
+
+/// Whether the triangles go around a point once or more (winding number; solid angles after van Oosterom and Strackee 1983).
+fn is_inside(body: &Mesh, point: Vec3A) -> bool {
+    let angle = |triangle: &[u32; 3]| {
+        let [a, b, c] = corners(body, triangle).map(|corner| corner - point);
+        let (la, lb, lc) = (a.length(), b.length(), c.length());
+        2.0 * a.dot(b.cross(c)).atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+    };
+    let around: f32 = body.triangles.iter().map(angle).sum();
+    around.abs() > 2.0 * PI
+}
+
+/// The point of the surface nearest to another.
+fn nearest(body: &Mesh, point: Vec3A) -> Vec3A {
+    let on = |triangle: &[u32; 3]| {
+        let [a, b, c] = corners(body, triangle);
+        let lane = |x: Vec3A| Vector::<f32>::splat(x.to_array());
+        let [_, of_a, of_b, of_c] = vertex_triangle([lane(point), lane(a), lane(b), lane(c)]);
+        a * -of_a + b * -of_b + c * -of_c
+    };
+    let points = body.triangles.iter().map(on);
+    points.min_by(|a, b| a.distance_squared(point).total_cmp(&b.distance_squared(point))).unwrap_or(Vec3A::from(Vec3::ZERO))
+}

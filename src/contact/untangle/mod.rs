@@ -1,0 +1,154 @@
+//! Untangling: moves a cloth a little at a time until no edge goes through a triangle.
+//!
+//! # Theory
+//! Two surfaces that cross do so along a contour, a polyline whose vertices are the crossings of edges with triangles. The gradient of the
+//! contour's length tells at each of its vertices how the two sides are to move against each other so that it becomes shorter; a contour
+//! without length is gone (Volino and Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour Minimization").
+//! See [`contour`]. Cloth that is then still inside a closed body, and crosses nothing there, is moved to the nearest point
+//! of its surface ([`inside`]); in the other order a sheet halfway through a body would be torn to both sides of it.
+//!
+//! # Limits
+//! The method is local: it descends, and may end with crossings that are left. So two
+//! sheets in the shape of an X stay where their borders are pinned.
+
+mod contour;
+mod inside;
+
+use glam::{Vec3A, Vec4};
+
+use super::crossings::crossings;
+use crate::kernels::integrate::xyz;
+use crate::model::cloth::Cloth;
+use crate::model::csr::Csr;
+use crate::model::mesh::{EdgeIndex, Mesh, edges, sides};
+
+/// The most rounds, and the most rounds in a row that may pass without fewer crossings.
+const ROUNDS: usize = 400;
+const PATIENCE: usize = 60;
+/// Length of a move, in mean edge lengths of the cloth.
+const STEP: f32 = 0.2;
+/// Passes over the edges in each round, which bring them back towards their rest lengths.
+const PASSES: usize = 4;
+/// The most rounds of such passes after the last crossing is gone.
+const SETTLES: usize = 20;
+
+/// The cloth and the bodies as one list of features.
+struct Tangle {
+    /// Positions (m) of the cloth's vertices, then of the bodies'; `w` is 1 where the vertex may be moved, else 0.
+    x: Vec<Vec4>,
+    /// The number of the cloth's vertices.
+    of_cloth: usize,
+    triangles: Vec<[u32; 3]>,
+    edges: Vec<[u32; 2]>,
+    /// The triangles at each edge.
+    at_edges: Csr<u32>,
+}
+
+impl Tangle {
+    fn new(cloth: &Cloth, x: &[Vec4], bodies: &[Mesh]) -> Tangle {
+        let mut all: Vec<Vec4> = x.iter().map(|x| x.with_w(f32::from(x.w > 0.0))).collect();
+        let mut triangles = cloth.triangles.clone();
+        for body in bodies {
+            let first = all.len() as u32;
+            all.extend(body.positions.iter().map(|x| x.extend(0.0)));
+            let proper = body.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+            triangles.extend(proper.map(|triangle| triangle.map(|vertex| vertex + first)));
+        }
+        let edges = edges(&triangles);
+        let index = EdgeIndex::new(&edges, all.len());
+        let of_edges = (0..).zip(&triangles).flat_map(|(triangle, &corners)| sides(corners).map(move |side| (side, triangle)));
+        let at_edges = Csr::new(edges.len(), of_edges.map(|(side, triangle)| (index.of(side) as u32, triangle)));
+        Tangle { x: all, of_cloth: x.len(), triangles, edges, at_edges }
+    }
+
+    /// What crosses: an edge and a triangle each, of which at least one belongs to the cloth.
+    fn crossings(&self) -> Vec<[u32; 2]> {
+        let is_cloth = |vertex: u32| (vertex as usize) < self.of_cloth;
+        crossings(&self.edges, &self.triangles, &self.x, |a, b| is_cloth(a) || is_cloth(b))
+    }
+
+    fn at(&self, vertex: u32) -> Vec3A {
+        xyz(self.x[vertex as usize])
+    }
+
+    /// Moves vertices by the mean of what the crossings ask of them, at most by `step` (m).
+    fn shorten_contours(&mut self, found: &[[u32; 2]], step: f32) {
+        let mut moves = vec![Vec4::ZERO; self.x.len()];
+        for (&[edge, triangle], toward) in found.iter().zip(contour::gradients(self, found)) {
+            let mut ask = |vertex: u32, by: Vec3A| moves[vertex as usize] += by.extend(1.0);
+            self.edges[edge as usize].into_iter().for_each(|vertex| ask(vertex, toward));
+            self.triangles[triangle as usize].into_iter().for_each(|vertex| ask(vertex, -toward));
+        }
+        for (x, by) in self.x.iter_mut().zip(moves).filter(|(x, by)| x.w * by.w > 0.0) {
+            *x += (xyz(by) * (step / by.w)).extend(0.0);
+        }
+    }
+
+    /// Brings the cloth's edges back towards their rest lengths, one after another.
+    fn relax(&mut self, cloth: &Cloth) {
+        for link in &cloth.links {
+            let [a, b] = link.ends.map(|end| end as usize);
+            let (apart, free) = (xyz(self.x[b]) - xyz(self.x[a]), self.x[a].w + self.x[b].w);
+            let length = apart.length();
+            if free > 0.0 && length > 0.0 {
+                let by = (apart * ((length - link.rest) / (length * free))).extend(0.0);
+                let (of_a, of_b) = (self.x[a].w, self.x[b].w);
+                self.x[a] += by * of_a;
+                self.x[b] -= by * of_b;
+            }
+        }
+    }
+}
+
+/// Brings the edges of a cloth at `x` (m) that crosses nothing closer to their rest lengths, as long as it crosses nothing.
+fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh], thickness: f32) -> Vec<Vec4> {
+    tangle.x.clone_from(&x);
+    let mut settled = x;
+    for _ in 0..SETTLES {
+        (0..PASSES).for_each(|_| tangle.relax(cloth));
+        if inside::leave(&mut tangle, solids, thickness) > 0 || !tangle.crossings().is_empty() {
+            break;
+        }
+        settled.clone_from(&tangle.x);
+    }
+    settled
+}
+
+/// Moves the cloth's vertices `x` (m; `w` is the inverse mass, 0 where a vertex is fixed) until no edge of the cloth goes through a triangle
+/// of it or of a body, or nothing helps any more. Returns the crossings before and after.
+pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> [usize; 2] {
+    let mut tangle = Tangle::new(cloth, x, bodies);
+    let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
+    let lengths: f32 = cloth.links.iter().map(|link| link.rest).sum();
+    let step = STEP * lengths / cloth.links.len().max(1) as f32;
+    let mut found = tangle.crossings();
+    let before = found.len();
+    let (mut best, mut since, mut is_moved) = ((before, tangle.x.clone()), 0, false);
+    for _ in 0..ROUNDS {
+        if found.is_empty() {
+            let left = inside::leave(&mut tangle, &solids, thickness);
+            is_moved |= left > 0;
+            found = tangle.crossings();
+            if found.is_empty() {
+                best = (0, tangle.x.clone());
+                break;
+            }
+        }
+        tangle.shorten_contours(&found, step);
+        (0..PASSES).for_each(|_| tangle.relax(cloth));
+        is_moved = true;
+        found = tangle.crossings();
+        since += 1;
+        if found.len() < best.0 {
+            (best, since) = ((found.len(), tangle.x.clone()), 0);
+        } else if since > PATIENCE {
+            break;
+        }
+    }
+    let (after, mut to) = best;
+    if after == 0 && is_moved {
+        to = settled(tangle, to, cloth, &solids, thickness);
+    }
+    x.iter_mut().zip(to).for_each(|(x, to)| *x = to.with_w(x.w));
+    [before, after]
+}

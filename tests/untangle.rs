@@ -1,0 +1,164 @@
+//! Starts that cross, parted: by a count of crossings that is not the solver's. What is parted then stays apart, and what cannot be parted
+//! is reported.
+
+mod common;
+
+use std::sync::Arc;
+
+use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{
+    Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepError, Untangled, Warning,
+};
+use common::FRAME;
+use common::crossings::{crossings, crossings_with};
+use common::shapes::{ball, jittered, sheets};
+
+/// Thickness (m).
+const R: f32 = 0.005;
+
+fn cloth_at(mesh: &Mesh, x: &[Vec3], pinned: Vec<u32>) -> Deformer {
+    let contact = Some(Contact { thickness: R, friction: 0.3 });
+    let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(20), contact, pinned, ..Options::default() };
+    let mut cloth = Deformer::new(mesh, options).unwrap();
+    cloth.set_state(x, &vec![Vec3::ZERO; x.len()]).unwrap();
+    cloth
+}
+
+/// Parts a cloth that starts at `x` (m). What is reported must be what there is.
+fn part(mesh: &Mesh, x: &[Vec3], pinned: Vec<u32>) -> (Deformer, Untangled) {
+    let mut cloth = cloth_at(mesh, x, pinned);
+    let parted = cloth.untangle(&Attributes::default()).unwrap();
+    let (before, after) = (crossings(mesh, x).len(), crossings(mesh, cloth.positions().unwrap()).len());
+    assert_eq!([parted.before, parted.after], [before, after]);
+    let farthest = cloth.positions().unwrap().iter().zip(x).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!((parted.farthest - farthest).abs() < 1e-6, "{parted:?}, but a vertex moved {farthest} m");
+    (cloth, parted)
+}
+
+/// Parts a start with crossings, with as little stretch, and plays on: none may come back.
+fn parts_for_good(name: &str, mesh: &Mesh, x: &[Vec3]) {
+    let (mut cloth, parted) = part(mesh, x, Vec::new());
+    let strain = cloth.measure().unwrap().max_strain;
+    println!("{name}: {parted:?}, worst strain {strain}");
+    assert!(parted.before > 10 && parted.after == 0, "{name}: {parted:?}");
+    assert!(strain < 0.1, "{name}: worst strain {strain}");
+    for frame in 1..=20 {
+        let report = cloth.step(FRAME, &Attributes::default()).unwrap();
+        assert!(!report.warnings.iter().any(|warning| matches!(warning, Warning::Crossings { .. })), "{name}: {report:?}");
+        let found = crossings(mesh, cloth.positions().unwrap());
+        assert!(found.is_empty(), "{name}, frame {frame}: {found:?}");
+    }
+}
+
+/// The upper of two sheets dips through the lower by `depth(x)` (m).
+fn dipped(mesh: &Mesh, depth: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
+    let half = mesh.positions.len() / 2;
+    let dip = |(vertex, &x): (usize, &Vec3)| if vertex < half { x } else { x - Vec3::Y * depth(x).max(0.0) };
+    mesh.positions.iter().enumerate().map(dip).collect()
+}
+
+#[test]
+fn two_sheets_part() {
+    let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let corner = *mesh.positions.last().unwrap();
+    parts_for_good("a corner", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.distance(corner) / 0.2)));
+    parts_for_good("a dent", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.with_y(0.0).length() / 0.15)));
+    parts_for_good("a crease", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.x.abs() / 0.15)));
+}
+
+/// A towel that fell without contact goes through itself all over its folds.
+#[test]
+fn a_towel_that_fell_without_contact() {
+    let mut mesh = jittered(Mesh::grid(36, 36, 1.2, 1.2), 4);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.7);
+    let quality = Quality::Substeps(40);
+    let options = Options { backend: Backend::Cpu, quality, fabric: Fabric::TOWEL, ..Options::default() };
+    let mut fallen = Deformer::new(&mesh, options).unwrap();
+    let colliders = vec![Collider::sphere(0.3 * Vec3::Y, 0.3), Collider::plane(Vec3::ZERO, Vec3::Y)];
+    let scene = Attributes { colliders, ..Attributes::default() };
+    (0..60).for_each(|_| drop(fallen.step(FRAME, &scene).unwrap()));
+    parts_for_good("a towel", &mesh, fallen.positions().unwrap());
+}
+
+/// Two sheets in the shape of an X whose borders are pinned have no way out.
+#[test]
+fn what_is_left_is_reported() {
+    let mut mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let half = mesh.positions.len() / 2;
+    let turn = Quat::from_rotation_x(0.5);
+    mesh.positions[half..].iter_mut().for_each(|x| *x = turn * *x);
+    let is_border = |vertex: &u32| [vertex % 12, vertex % 144 / 12].iter().any(|&place| place == 0 || place == 11);
+    let (_, parted) = part(&mesh, &mesh.positions, (0..288).filter(is_border).collect());
+    assert!(parted.before > 10 && parted.after > 0 && parted.after <= parted.before, "{parted:?}");
+}
+
+#[test]
+fn a_start_without_crossings_stays_to_the_last_bit() {
+    let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let x: Vec<Vec3> = mesh.positions.iter().map(|x| *x + Vec3::new(0.1, x.x * x.x, 0.3)).collect();
+    let (mut cloth, parted) = part(&mesh, &x, Vec::new());
+    assert_eq!([parted.before, parted.after], [0, 0]);
+    assert_eq!(cloth.positions().unwrap(), x);
+}
+
+#[test]
+fn pins_and_velocities_stay() {
+    let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let corner = *mesh.positions.last().unwrap();
+    let x = dipped(&mesh, |x| 0.06 * (1.0 - x.distance(corner) / 0.2));
+    let pinned: Vec<u32> = (0..144).collect();
+    let mut cloth = cloth_at(&mesh, &x, pinned.clone());
+    let v: Vec<Vec3> =
+        (0..x.len()).map(|vertex| if vertex < 144 { Vec3::ZERO } else { Vec3::new(1.0, vertex as f32, 0.5) }).collect();
+    cloth.set_state(&x, &v).unwrap();
+    let parted = cloth.untangle(&Attributes::default()).unwrap();
+    assert!(parted.before > 10 && parted.after == 0, "{parted:?}");
+    assert_eq!(cloth.positions().unwrap()[..144], x[..144], "the lower sheet is pinned");
+    let off = cloth.velocities().unwrap().iter().zip(&v).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(off < 1e-4, "velocities changed by {off} m/s");
+}
+
+/// A sheet through a ball, deeper and deeper, until most of it that is there is inside: every vertex leaves it.
+#[test]
+fn a_ball_in_a_sheet() {
+    let mesh = jittered(Mesh::grid(24, 24, 1.0, 1.0), 3);
+    for depth in [0.02, 0.05, 0.1, 0.2] {
+        let center = Vec3::new(0.01, depth - 0.2, 0.02);
+        let body = ball(center, 0.2, 16);
+        let before = crossings_with(&mesh, &mesh.positions, &body);
+        let mut cloth = cloth_at(&mesh, &mesh.positions, Vec::new());
+        let scene = Attributes { colliders: vec![Collider::mesh(Arc::new(body.clone()))], ..Attributes::default() };
+        let parted = cloth.untangle(&scene).unwrap();
+        let x = cloth.positions().unwrap().to_vec();
+        assert_eq!([parted.before, crossings_with(&mesh, &x, &body)], [before, 0], "{depth} m deep: {parted:?}");
+        assert!(before > 10 && crossings(&mesh, &x).is_empty(), "{depth} m deep: {parted:?}");
+        // The body is a polyhedron, whose faces are up to 2 mm inside the sphere.
+        let nearest = x.iter().map(|x| x.distance(center)).fold(f32::INFINITY, f32::min);
+        assert!(nearest > 0.198, "{depth} m deep: a vertex {nearest} m from the center of a ball of 0.2 m");
+        let strain = cloth.measure().unwrap().max_strain;
+        assert!(strain < 0.12, "{depth} m deep: worst strain {strain}");
+    }
+}
+
+/// A handkerchief all inside a ball crosses nothing, and is out of place all the same.
+#[test]
+fn cloth_inside_a_body_leaves_it() {
+    let mesh = jittered(Mesh::grid(6, 6, 0.04, 0.04), 3);
+    let body = ball(Vec3::new(0.0, -0.16, 0.0), 0.2, 16);
+    let mut cloth = cloth_at(&mesh, &mesh.positions, Vec::new());
+    let scene = Attributes { colliders: vec![Collider::mesh(Arc::new(body.clone()))], ..Attributes::default() };
+    let parted = cloth.untangle(&scene).unwrap();
+    assert_eq!([parted.before, parted.after], [0, 0]);
+    assert!(cloth.positions().unwrap().iter().all(|x| x.y > 0.03), "{:?}", cloth.positions());
+}
+
+#[test]
+fn wrong_attributes_are_refused() {
+    let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let x = dipped(&mesh, |_| 0.04);
+    let mut cloth = cloth_at(&mesh, &x, Vec::new());
+    let scene = Attributes { colliders: vec![Collider::sphere(Vec3::NAN, 0.1)], ..Attributes::default() };
+    let error = cloth.untangle(&scene).unwrap_err();
+    assert!(matches!(error, StepError::Attribute { .. }), "{error}");
+    assert_eq!(cloth.positions().unwrap(), x);
+}
