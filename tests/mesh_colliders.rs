@@ -6,7 +6,7 @@ mod common;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::glam::{EulerRot, Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepError, Warning};
 use common::FRAME;
 use common::crossings::{crossings, crossings_with};
@@ -297,4 +297,30 @@ fn on_other_backends() {
     let error = gpu.step(FRAME, &scene).unwrap_err();
     assert!(error.to_string().contains("Backend::Cpu"), "{error}");
     gpu.step(FRAME, &Attributes::default()).unwrap();
+}
+
+/// A sheet that starts in the plane of a table comes to lie on it: exactly in it, or as exactly as rounding lets it be where all is turned; on
+/// the back of one, it comes to lie under it.
+#[test]
+fn a_sheet_in_the_plane_of_a_table_lies_on_it() {
+    let table = Mesh::grid(8, 8, 0.9, 0.9);
+    let back = Mesh { triangles: table.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..table.clone() };
+    let bodies = [(&table, 1.0), (&back, -1.0), (&Mesh::grid(2, 2, 3.0, 3.0), 1.0)];
+    for (turn, (body, front)) in [Quat::IDENTITY, Quat::from_euler(EulerRot::XYZ, 0.3, 0.5, 0.7)]
+        .into_iter()
+        .flat_map(|turn| bodies.map(|body| (turn, body)))
+    {
+        let turned = |mesh: &Mesh| moved(mesh, |x| turn * x);
+        let (mesh, body, up) = (turned(&Mesh::grid(11, 11, 0.5, 0.5)), turned(body), turn * Vec3::Y * front);
+        let mut cloth = Deformer::new(&mesh, options(20, true)).unwrap();
+        let scene = Attributes { gravity: -9.81 * up, ..with(vec![Collider::mesh(Arc::clone(&body))]) };
+        for frame in 0..30 {
+            let report = cloth.step(FRAME, &scene).unwrap();
+            assert!(report.warnings.is_empty(), "{turn}, {front}, frame {frame}: {:?}", report.warnings);
+            let x = cloth.positions().unwrap();
+            assert_eq!(crossings_with(&mesh, x, &body), 0, "{turn}, {front}, frame {frame}");
+        }
+        let off = cloth.positions().unwrap().iter().map(|x| (x.dot(up) - R).abs()).fold(0.0, f32::max);
+        assert!(off < 0.1 * R, "{turn}, {front}: it lies {off} m off from a thickness above");
+    }
 }

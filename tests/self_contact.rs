@@ -433,3 +433,24 @@ fn it_refuses_what_it_cannot_do() {
     let auto = Deformer::new(&large, Options { contact, ..Options::default() }).unwrap();
     assert_eq!(auto.backend(), Backend::Cpu, "automatically");
 }
+
+/// Sheets that start exactly in one another, facing the same way and facing one another, part and lie one on the other.
+#[test]
+fn sheets_that_start_in_one_another_part() {
+    for faces in [false, true] {
+        let mut mesh = Mesh::grid(9, 9, 0.4, 0.4);
+        let (one, count) = (mesh.clone(), mesh.positions.len() as u32);
+        mesh.positions.extend(one.positions.iter().map(|&x| x * 0.9));
+        mesh.triangles
+            .extend(one.triangles.iter().map(|&[a, b, c]| if faces { [a, c, b] } else { [a, b, c] }.map(|v| v + count)));
+        mesh.positions.iter_mut().for_each(|x| x.y += 0.02);
+        let mut scene = Scene::new(mesh, 20, vec![floor()]);
+        let (most, mut cloth) = scene.played(45, 1);
+        assert_eq!(most, 0, "crossings, faces: {faces}");
+        let apart = closest(&scene.mesh, cloth.positions().unwrap());
+        assert!(apart > 0.8 * f64::from(R), "faces {faces}: {apart} m apart");
+        scene.options.contact = None;
+        let (_, mut cloth) = scene.played(45, 45);
+        assert!(closest(&scene.mesh, cloth.positions().unwrap()) < 1e-4, "without contact they stay in one another");
+    }
+}

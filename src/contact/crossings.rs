@@ -82,10 +82,19 @@ pub(super) struct LetGo {
 }
 
 impl LetGo {
-    /// Looks for crossings: of the cloth with itself, if it meets itself, and with bodies.
-    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool) {
+    /// Looks for crossings: of the cloth with itself, if it meets itself, and with bodies. An edge whose end is no farther than `touching` (m)
+    /// beyond the triangle's plane touches it: see [`super::coincident`].
+    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, touching: f32) {
         let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
-        self.take(crossings(&surface.edges, &surface.triangles, x, may_meet), surface);
+        let mut found = crossings(&surface.edges, &surface.triangles, x, may_meet);
+        let at = |vertex: u32| x[vertex as usize].truncate().as_dvec3();
+        found.retain(|&[edge, triangle]| {
+            let [a, b, c] = surface.triangles[triangle as usize].map(at);
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let depth = |end: u32| (at(end) - a).dot(normal).abs();
+            surface.edges[edge as usize].iter().all(|&end| depth(end) > f64::from(touching))
+        });
+        self.take(found, surface);
     }
 
     /// Whether anything crosses of what is led at all its vertices, pins and bodies, which nothing holds apart.

@@ -9,8 +9,11 @@
 //! Between the sweep and the move ([`SelfContact::resolve`]); loops over vertices, pairs and leaves, each of which writes what is its own and
 //! gathers what is others', in an order that does not depend on threads.
 
+mod acting;
 mod bodies;
 mod boxes;
+mod coincident;
+mod contacts;
 pub(crate) mod crossings;
 mod detection;
 mod lanes;
@@ -39,9 +42,11 @@ use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
+use coincident::TOUCHING;
+use contacts::Contacts;
 use crossings::LetGo;
 use detection::{Detection, Rows, Scene};
-use near::{Contacts, Start};
+use near::Start;
 pub(crate) use past::Past;
 use paths::Paths;
 use surface::Surface;
@@ -210,7 +215,8 @@ impl SelfContact {
         if is_held {
             let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
-            let start = Start { x, u, push: &self.push, most_push, mean, surface, friction, is_shared, width };
+            let begins = self.h == 0.0;
+            let start = Start { x, u, push: &self.push, most_push, mean, begins, surface, friction, is_shared, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
@@ -301,7 +307,7 @@ impl SelfContact {
             self.may_cross = LetGo::led_cross(surface, path.x, self.meets_itself);
         }
         if self.may_cross {
-            self.let_go.find(surface, path.x, self.meets_itself);
+            self.let_go.find(surface, path.x, self.meets_itself, TOUCHING * options.thickness);
             self.may_cross = !self.let_go.crossings.is_empty();
         }
         let let_go = &self.let_go;

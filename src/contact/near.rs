@@ -1,18 +1,13 @@
-//! Near pairs: those of the lists that may come nearer than their thickness in this substep, with the numbers of their contact; and the
-//! vertices that they are made of, by themselves.
+//! Near pairs: those of the lists that may come nearer than their thickness in this substep, with the numbers of their contact.
 
 use glam::{Vec3A, Vec4};
-use rayon::prelude::*;
 
-use super::detection::{Kind, Listed, Rows, between, closest, square};
+use super::coincident::{TOUCHING, coincident};
+use super::detection::{Kind, Listed, between, closest, square};
 use super::lanes::{corners_of, scattered};
-use super::response::Acting;
 use super::surface::Surface;
-use crate::kernels::integrate::xyz;
-use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
+use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 
-/// Pairs that a task looks at.
-const GRAIN: usize = 512;
 /// A pair that comes as near as this (m per m of thickness) beyond its thickness acts; others are only kept from crossing.
 const ACTING: f32 = 0.3;
 
@@ -79,24 +74,6 @@ pub(super) struct Vertex {
     pub share: f32,
 }
 
-/// What a substep's contact is of. Lists are kept from substep to substep.
-#[derive(Debug, Default)]
-pub(super) struct Contacts {
-    pub pairs: [Vec<Near>; 2],
-    pub vertices: Vec<Vertex>,
-    /// Positions and displacements (m) of the vertices.
-    pub x: Vec<Vec4>,
-    pub u: Vec<Vec4>,
-    /// Those that act.
-    pub acting: Acting,
-    /// Displacements (m) without the cloth's as a whole, and what pairs leave of them: of a vertex a share.
-    pub by: Vec<Vec4>,
-    pub cutting: Vec<Vec<(u32, f32)>>,
-    /// Place of each of the cloth's vertices among those of near pairs, plus one.
-    place: Vec<u32>,
-    found: Vec<Vec<Near>>,
-}
-
 /// The state at the start of contact.
 #[derive(Clone, Copy)]
 pub(super) struct Start<'a> {
@@ -107,6 +84,8 @@ pub(super) struct Start<'a> {
     /// The most of it.
     pub most_push: f32,
     pub mean: Vec3A,
+    /// Nothing was near before.
+    pub begins: bool,
     pub surface: &'a Surface,
     /// By the owners of a pair's second side, or its first: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],
@@ -114,72 +93,14 @@ pub(super) struct Start<'a> {
     pub width: Width,
 }
 
-impl Contacts {
-    /// Finds the near pairs of the lists, in their order, and gives them what held them apart in the last substep, times `scale`.
-    pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>, scale: f32) {
-        self.find(lists, start);
-        self.index(start);
-        self.acting.gather(&self.pairs, &mut self.vertices, lists, start, scale);
-        // What is not near holds nothing.
-        lists.iter_mut().for_each(|rows| rows.lambda.fill(Vec4::ZERO));
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.pairs.iter().all(Vec::is_empty)
-    }
-
-    fn find(&mut self, lists: &[Rows; 2], start: Start<'_>) {
-        for kind in Kind::ALL {
-            let (rows, pairs) = (&lists[kind as usize], &mut self.pairs[kind as usize]);
-            pairs.clear();
-            let tasks = rows.pairs.len().div_ceil(GRAIN);
-            if !start.is_shared || tasks < 2 {
-                simd::run(start.width, Find { kind, first: 0, pairs: &rows.pairs, start: &start, found: pairs });
-                continue;
-            }
-            if self.found.len() < tasks {
-                self.found.resize_with(tasks, Vec::new);
-            }
-            let found = &mut self.found[..tasks];
-            found.par_iter_mut().zip(rows.pairs.par_chunks(GRAIN)).enumerate().for_each(|(task, (found, pairs))| {
-                found.clear();
-                simd::run(start.width, Find { kind, first: task * GRAIN, pairs, start: &start, found });
-            });
-            found.iter().for_each(|found| pairs.extend_from_slice(found));
-        }
-    }
-
-    /// Numbers the vertices of near pairs and gives them the state.
-    fn index(&mut self, start: Start<'_>) {
-        self.place.clear();
-        self.place.resize(start.x.len(), 0);
-        self.pairs.iter().flatten().flat_map(|pair| pair.corners).for_each(|vertex| self.place[vertex as usize] = 1);
-        self.vertices.clear();
-        self.x.clear();
-        self.u.clear();
-        for (index, place) in self.place.iter_mut().enumerate().filter(|(_, place)| **place > 0) {
-            let (x, u) = (start.x[index], start.u[index].with_w(0.0));
-            let push = start.push.get(index).map_or(Vec3A::ZERO, |&push| xyz(push));
-            let travel = (xyz(u) + push - start.mean).length();
-            let reach = start.surface.reach[index];
-            *place = self.vertices.len() as u32;
-            self.vertices.push(Vertex { index: index as u32, x, push, weight: 0.0, travel, reach, share: 1.0 });
-            self.x.push(x);
-            self.u.push(u);
-        }
-        for pair in self.pairs.iter_mut().flatten() {
-            pair.corners = pair.corners.map(|vertex| self.place[vertex as usize]);
-        }
-    }
-}
-
 /// Finds near pairs among some that are listed.
-struct Find<'a> {
-    kind: Kind,
-    first: usize,
-    pairs: &'a [Listed],
-    start: &'a Start<'a>,
-    found: &'a mut Vec<Near>,
+pub(super) struct Find<'a> {
+    pub kind: Kind,
+    /// The place of the first of them in the list.
+    pub first: usize,
+    pub pairs: &'a [Listed],
+    pub start: &'a Start<'a>,
+    pub found: &'a mut Vec<Near>,
 }
 
 impl Loop for Find<'_> {
@@ -194,6 +115,7 @@ impl Loop for Find<'_> {
                 (places[lane], thickness[lane]) = (pair.corners, pair.thickness);
             }
             let thickness = L::from_slice(&thickness[..L::LANES]);
+            let least = if start.begins { thickness * L::splat(TOUCHING) } else { L::splat(1e-12) };
             let (x, u) = (corners_of::<L>(start.x, &places), corners_of::<L>(start.u, &places));
             let travel = [square(u[0] - mean), square(u[1] - mean), square(u[2] - mean), square(u[3] - mean)];
             let weights = closest(kind, x);
@@ -204,9 +126,16 @@ impl Loop for Find<'_> {
             };
             let distance = apart.dot(apart).sqrt();
             let left = distance - a.sqrt() - b.sqrt() - most_push;
-            // One without a direction is where it cannot be held.
-            let near = L::and(left.lt(thickness), L::splat(1e-12).lt(distance));
-            let mut lanes = L::bits(near) & ((1_u32 << listed.len()) - 1);
+            let all = (1_u32 << listed.len()) - 1;
+            let (near, is_apart) = (left.lt(thickness), least.lt(distance));
+            let mut touching = L::bits(near) & all & !L::bits(is_apart);
+            // Edges at no distance have no direction, and are held once their ends are.
+            while start.begins && kind == Kind::VertexTriangle && touching != 0 {
+                let lane = touching.trailing_zeros() as usize;
+                touching &= touching - 1;
+                found.extend(coincident(start, &listed[lane], (first + group * L::LANES + lane) as u32));
+            }
+            let mut lanes = L::bits(L::and(near, is_apart)) & all;
             if lanes == 0 {
                 continue;
             }

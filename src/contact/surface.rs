@@ -32,6 +32,8 @@ pub(super) struct Surface {
     /// The piece of cloth, or the body, that each vertex belongs to; and whose it is: 0 is the cloth, the bodies follow.
     pub piece: Vec<u32>,
     pub owner: Vec<u32>,
+    /// A triangle at each vertex; `u32::MAX` where there is none.
+    pub triangle_at: Vec<u32>,
     bodies: u32,
     /// How near (m) to half its rest distance from anything not beside it a vertex may be, at least.
     pub reach: Vec<f32>,
@@ -96,6 +98,7 @@ impl Surface {
             rest: cloth.rest.clone(),
             piece: pieces(&cloth.triangles, vertices),
             owner: vec![0; vertices],
+            triangle_at: vec![u32::MAX; vertices],
             bodies: 0,
             reach: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
             roam: heights.iter().map(roam).collect(),
@@ -144,6 +147,7 @@ impl Surface {
         self.rest.resize(vertices, Vec4::ZERO);
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);
+        self.triangle_at.resize(vertices, u32::MAX);
         self.reach.resize(vertices, thickness);
         self.roam.resize(vertices, 0.5 * thickness);
     }
@@ -174,6 +178,9 @@ impl Surface {
             let mut of = sides(t).map(|side| rank[index.of(side)]);
             std::array::from_fn::<u32, 3, _>(|_| of.next().expect("a triangle has three sides"))
         }));
+        for (place, corners) in (firsts[0]..).zip(&triangles) {
+            corners.iter().for_each(|&vertex| self.triangle_at[vertex as usize] = place);
+        }
         self.triangles.extend(triangles);
         self.edges.extend(edges.iter().map(|&edge| sorted[edge as usize]));
         self.order.extend(vertices);

@@ -8,9 +8,10 @@
 use glam::{DVec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
+use super::contacts::Contacts;
 use super::detection::{Kind, between};
 use super::lanes::{corners_of, fourth_of};
-use super::near::{Contacts, Near};
+use super::near::Near;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{kept, share_above};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
