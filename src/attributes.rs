@@ -1,4 +1,4 @@
-//! What acts on the cloth during one step, sampled by the caller from anything that moves.
+//! What acts on the cloth during one step: gravity, air, colliders and moving pins.
 
 use std::fmt::Display;
 use std::sync::Arc;
@@ -10,39 +10,41 @@ use crate::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::mesh::Mesh;
 use crate::record::{Recorded, Tape, Unreadable, recorded};
 
-/// Everything outside the cloth that acts on it, sampled once a step.
+/// Everything outside the cloth that acts on it, passed anew to every step.
 ///
-/// The default is gravity alone, in vacuum, undamped. A term that is absent costs nothing. A plain struct, to be written with
-/// `..Attributes::default()`, which the next version's fields do not break.
+/// The default is gravity alone: no air, no damping, no colliders. An absent term costs nothing. Write
+/// `Attributes { .., ..Attributes::default() }`, so that fields added later do not break your code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attributes {
     /// Gravity (m/s²).
     pub gravity: Vec3,
-    /// Velocity of the air (m/s). It acts through `air_density` (per triangle) and `damping` (per vertex).
+    /// Velocity of the air (m/s). It acts on triangles through `air_density` and on vertices through `damping`.
     pub wind: Vec3,
     /// Density of the air (kg/m³); 0: no air. 1.225 at sea level and 15 °C (ISO 2533).
     pub air_density: f32,
-    /// Drag coefficient of a panel across the stream: 1.28 for a flat plate (NASA, "Shape Effects on Drag").
+    /// Drag coefficient of a panel perpendicular to the flow: 1.28 for a flat plate (NASA, "Shape Effects on Drag").
     pub drag: f32,
-    /// Lift coefficient, at most `drag`, in the form of Keckeisen et al. 2004 ("Wind effects on cloth"), the lift across
-    /// the stream in the plane of stream and normal. Equal to `drag` by default: as near as the form comes to a plate's
-    /// pressure force at 45 degrees.
+    /// Lift coefficient, at most `drag`. The lift acts perpendicular to the flow, in the plane of the flow and the
+    /// triangle's normal (Keckeisen et al. 2004, "Wind effects on cloth"). By default it equals `drag`, which in this
+    /// model comes closest to the pressure force on a plate at 45 degrees.
     pub lift: f32,
-    /// Rate (1/s) at which a vertex's velocity tends to `wind`, whatever the triangles' shape: `dv/dt = -damping (v - wind)`.
+    /// Rate (1/s) at which each vertex's velocity approaches `wind`, independent of the triangles' orientation:
+    /// `dv/dt = -damping (v - wind)`.
     pub damping: f32,
-    /// What the cloth rests on. A collider that moved since the last step moves evenly through this one; contact and
-    /// friction see its velocity (a plane's normal turns at once). Colliders are resolved in the list's order: a vertex pinched between
-    /// two may end inside the first.
+    /// Bodies that the cloth cannot enter. A collider that moved since the last step moves at constant velocity through
+    /// this step, and contact and friction take that velocity into account (only a plane's normal changes at once).
+    /// Colliders are resolved in the order of the list, so a vertex pinched between two may end up inside the first.
     ///
-    /// Which one of the last step a collider was is told by its [`id`](Collider::id). Those without one are told apart by their place among
-    /// those without one, as long as these are as many and of the same shapes in the same order as in the last step; otherwise all of them
-    /// arrive where they are, and move nothing: a collider that is left out for a frame does not lend its place, and a velocity, to the next.
+    /// A collider with an [`id`](Collider::id) is matched with the one that had the same id in the last step. Colliders
+    /// without an id are matched by their order among themselves, if their number and their shapes in order are the
+    /// same as in the last step. Otherwise all of them are taken as new and have no velocity, so that removing one from
+    /// the list does not give its position, and thus a false velocity, to the next.
     ///
-    /// Round colliders, boxes with round edges among them, are held off by 1.2 times the sagitta `l²/8R` of the cloth's longest edge `l`, so
-    /// that edges, not only vertices, stay outside; no edge longer than R is looked after so.
+    /// Round colliders, including boxes with rounded edges, are enlarged by 1.2 times the sagitta `l²/8R`, where `l` is
+    /// the longest edge of the cloth, so that edges stay outside and not only vertices. Edges longer than R count as R.
     pub colliders: Vec<Collider>,
-    /// Where the pinned vertices are at the end of this step (m), in the order of
-    /// [`Options::pinned`](crate::Options::pinned). They get there evenly. `None`: they stay where they are.
+    /// Positions of the pinned vertices at the end of this step (m), in the order of
+    /// [`Options::pinned`](crate::Options::pinned). The pins move there at constant velocity. `None`: they do not move.
     pub pin_targets: Option<Vec<Vec3>>,
 }
 
@@ -63,18 +65,19 @@ impl Default for Attributes {
 
 /// A body that the cloth cannot enter.
 ///
-/// A plain struct, made by [`Collider::sphere`] and its like, or written with `..Collider::default()`, neither of which the next
-/// version's fields break.
+/// Create one with [`Collider::sphere`] and the like, or write `Collider { .., ..Collider::default() }`, so that fields
+/// added later do not break your code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collider {
-    /// Its surface.
+    /// The surface of the body.
     pub shape: Shape,
-    /// Coulomb's coefficient of friction, 0 or above.
+    /// Coefficient of Coulomb friction, 0 or above.
     pub friction: f32,
-    /// The same number in every step, by which it is known from step to step whatever else is in the list; no two may have the same.
-    /// `None`: known by its place (see [`Attributes::colliders`]).
+    /// A number that identifies this collider from step to step, whatever else is in the list; no two colliders may
+    /// have the same. `None`: it is matched by its order (see [`Attributes::colliders`]).
     pub id: Option<u64>,
-    /// It did not move here since the last step, it was put here, and so has no velocity in this step.
+    /// The collider was placed here rather than moved here since the last step, and therefore has no velocity in this
+    /// step.
     pub teleported: bool,
 }
 
@@ -82,7 +85,7 @@ pub struct Collider {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Shape {
-    /// A ball.
+    /// A solid sphere.
     Sphere {
         /// Center (m).
         center: Vec3,
@@ -93,7 +96,7 @@ pub enum Shape {
     Plane {
         /// A point of the plane (m).
         point: Vec3,
-        /// Its normal, out of the solid; any length but 0.
+        /// The plane's normal, pointing out of the solid; any length but 0.
         normal: Vec3,
     },
     /// All points within `radius` of the segment from `a` to `b`.
@@ -105,8 +108,8 @@ pub enum Shape {
         /// Radius (m), above 0.
         radius: f32,
     },
-    /// All balls whose centers are on the segment from `a` to `b` and whose radii go evenly from one end's to the other's: an upper arm, a
-    /// skirt's hips, a bottle's neck.
+    /// All spheres whose centers are on the segment from `a` to `b` and whose radii change linearly from one end to the
+    /// other: an upper arm, the hips under a skirt, the neck of a bottle.
     TaperedCapsule {
         /// One end of the segment (m).
         a: Vec3,
@@ -121,29 +124,29 @@ pub enum Shape {
     RoundedBox {
         /// Center (m).
         center: Vec3,
-        /// Half of its width, height and depth (m) along its own axes, edges included; each above 0.
+        /// Half of its width, height and depth (m) along its own axes, including the rounded edges; each above 0.
         half: Vec3,
-        /// What turns its own axes into the world's; any length but 0.
+        /// Rotation from its own axes to the world's; any length but 0.
         rotation: Quat,
-        /// Radius of its edges and corners (m), from 0 (sharp) to the least of `half`.
+        /// Radius of its edges and corners (m), from 0 (sharp) to the smallest component of `half`.
         radius: f32,
     },
-    /// A surface of triangles, open or closed, which the cloth is held off from on both sides: see [`Collider::mesh`].
+    /// A surface of triangles, open or closed, which repels the cloth from both sides: see [`Collider::mesh`].
     Mesh {
-        /// Its vertices where they are at the end of the step (m), and its triangles.
+        /// Its triangles, and the positions of its vertices at the end of the step (m).
         mesh: Arc<Mesh>,
     },
 }
 
 impl Default for Collider {
-    /// The floor: what is below y = 0; friction 0.3.
+    /// The floor: everything below y = 0; friction 0.3.
     fn default() -> Collider {
         Collider::plane(Vec3::ZERO, Vec3::Y)
     }
 }
 
 impl Collider {
-    /// Friction of a collider made without a word about it.
+    /// Friction of colliders from the constructors.
     const FRICTION: f32 = 0.3;
 
     /// A sphere: center (m), radius (m); friction 0.3.
@@ -152,7 +155,7 @@ impl Collider {
         Collider::of(Shape::Sphere { center, radius })
     }
 
-    /// A plane through `point` (m) with `normal` out of the solid; friction 0.3.
+    /// The half-space below the plane through `point` (m) with `normal` pointing out of the solid; friction 0.3.
     #[must_use]
     pub fn plane(point: Vec3, normal: Vec3) -> Collider {
         Collider::of(Shape::Plane { point, normal })
@@ -170,25 +173,28 @@ impl Collider {
         Collider::of(Shape::TaperedCapsule { a, radius_a: ra, b, radius_b: rb })
     }
 
-    /// A box around `center` (m) that reaches as far as `half` (m) along its own axes, which `rotation` turns into the world's, with edges
-    /// and corners rounded by `radius` (m), 0 for sharp ones; friction 0.3. It moves and turns evenly from step to step, by less than half
-    /// a turn.
+    /// A box around `center` (m) that extends by `half` (m) along its own axes, which `rotation` turns into the
+    /// world's. Edges and corners are rounded by `radius` (m), 0 for sharp ones; friction 0.3. It moves and turns at
+    /// constant speed between steps, by less than half a turn.
     #[must_use]
     pub fn rounded_box(center: Vec3, half: Vec3, rotation: Quat, radius: f32) -> Collider {
         Collider::of(Shape::RoundedBox { center, half, rotation, radius })
     }
 
-    /// A mesh whose vertices are here at the end of the step (m); friction 0.3. Its triangles stay the same as long as it is known from step to
-    /// step, by its [`id`](Collider::id) or place; its vertices may move as they like, and go straight ahead during the step.
+    /// A mesh with its vertices where they are at the end of the step (m); friction 0.3. Vertices may move freely from
+    /// step to step, and move in straight lines during a step. The triangles must stay the same as long as the collider
+    /// is matched from step to step, by its [`id`](Collider::id) or its order.
     ///
-    /// Cloth is held off from it by the thickness of [`Options::contact`](crate::Options::contact), or that of
-    /// [`Contact::default`](crate::Contact) where the cloth has no contact with itself: from both sides, for a mesh has no inside, so thin parts
-    /// and open ones hold as well; its edges and the cloth's as well as its vertices. Nothing comes through, if nothing does where it appears
-    /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and what is led moves no faster than the substeps resolve
-    /// ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). Not on the GPU yet, where a step refuses it.
+    /// The cloth is kept at the thickness of [`Options::contact`](crate::Options::contact), or that of
+    /// [`Contact::default`](crate::Contact) if the cloth has no contact with itself. A mesh has no inside: it repels
+    /// the cloth from both sides, so thin and open parts work as well, and edges are held as well as vertices. Nothing
+    /// passes through, provided that nothing crosses where the mesh first appears
+    /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and that pins and meshes move no faster than the
+    /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). Mesh colliders run on the CPU
+    /// only; with `Backend::Gpu` the step returns an error.
     ///
-    /// The mesh of the last step is kept to see where it comes from: give a new one in each step in which it moves, the same `Arc` where it
-    /// does not, which costs less.
+    /// The mesh of the last step is kept to know where each vertex comes from. Pass a new mesh in each step in which it
+    /// moves, and the same `Arc` while it stands still, which is cheaper.
     #[must_use]
     pub fn mesh(mesh: Arc<Mesh>) -> Collider {
         Collider::of(Shape::Mesh { mesh })
@@ -198,13 +204,13 @@ impl Collider {
         Collider { shape, friction: Collider::FRICTION, id: None, teleported: false }
     }
 
-    /// The same collider, known by `id` from step to step.
+    /// The same collider with an `id` by which it is matched from step to step.
     #[must_use]
     pub fn with_id(self, id: u64) -> Collider {
         Collider { id: Some(id), ..self }
     }
 
-    /// The same collider, put here in this step without a velocity.
+    /// The same collider, placed here in this step without a velocity.
     #[must_use]
     pub fn teleported(self) -> Collider {
         Collider { teleported: true, ..self }
@@ -216,7 +222,8 @@ impl Collider {
         Collider { friction, ..self }
     }
 
-    /// Signed distance (m) from the surface to `point` (m), negative inside. A mesh has no inside; of it all triangles are looked at.
+    /// Signed distance (m) from the surface to `point` (m), negative inside. A mesh has no inside, and each call visits
+    /// all of its triangles.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
         self.depth_from(point.as_dvec3()) as f32
@@ -235,7 +242,7 @@ impl Collider {
             Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
                 let (a, axis, taper) = (a.as_dvec3(), (b - a).as_dvec3(), f64::from(radius_b) - f64::from(radius_a));
                 let cone = axis.length_squared() - taper * taper;
-                // Where one ball holds the other there is no cone between them.
+                // One sphere contains the other: the surface is that of the larger sphere.
                 let along = if cone <= 0.0 {
                     f64::from(taper > 0.0)
                 } else {
@@ -254,7 +261,7 @@ impl Collider {
         }
     }
 
-    /// Whether this may have moved to where another is: all may but a mesh, to one of other triangles.
+    /// Whether this collider may have moved to where `now` is. Everything may but a mesh whose triangles changed.
     pub(crate) fn is_followed_by(&self, now: &Collider) -> bool {
         match (&self.shape, &now.shape) {
             (Shape::Mesh { mesh }, Shape::Mesh { mesh: now }) => mesh.has_triangles_of(now),
@@ -263,7 +270,7 @@ impl Collider {
         }
     }
 
-    /// The same collider in coordinates that begin at `origin`, but for a mesh.
+    /// The same collider in coordinates relative to `origin`; a mesh is returned unchanged.
     pub(crate) fn relative_to(&self, origin: Vec3) -> Collider {
         let shape = match self.shape {
             Shape::Sphere { center, radius } => Shape::Sphere { center: center - origin, radius },
@@ -275,7 +282,7 @@ impl Collider {
             Shape::RoundedBox { center, half, rotation, radius } => {
                 Shape::RoundedBox { center: center - origin, half, rotation, radius }
             }
-            // Its vertices are many: who takes them subtracts the origin.
+            // A mesh has many vertices, so whoever reads them subtracts the origin.
             Shape::Mesh { ref mesh } => Shape::Mesh { mesh: Arc::clone(mesh) },
         };
         Collider { shape, ..*self }

@@ -1,4 +1,4 @@
-//! The three engines behind one door: an enum and a match, no trait.
+//! The three engines behind one interface. The set is fixed, so this is an enum with a match and no trait.
 
 use glam::Vec4;
 
@@ -20,7 +20,7 @@ use crate::options::{Backend, Options, Quality};
 use crate::past::Past;
 use crate::step::plan::Plan;
 
-/// Where the state lives.
+/// The engine in use, which holds the state.
 #[derive(Debug)]
 pub(crate) enum Engine {
     Cpu(Box<Cpu>),
@@ -30,8 +30,8 @@ pub(crate) enum Engine {
     Gpu(Box<GpuEngine>),
 }
 
-/// From this many vertices on a GPU beats the CPU: in `benches/results/gpu_h200.md`, at 20 substeps, the H200 takes .90 ms for
-/// 128 x 128 and 16 cores 1.03, and .64 against .56 for 64 x 64.
+/// From this many vertices on a GPU is faster than the CPU: in `benches/results/gpu_h200.md`, at 20 substeps, an H200
+/// takes 0.90 ms for 128 x 128 vertices and 16 cores take 1.03 ms; for 64 x 64 they take 0.64 ms and 0.56 ms.
 #[cfg(feature = "gpu")]
 const GPU_PAYS: usize = 16_384;
 
@@ -91,7 +91,7 @@ impl Engine {
         })
     }
 
-    /// Whether a quality can be had here.
+    /// Fails if this engine does not support the quality.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU has them all"))]
     pub(crate) fn check(&self, quality: Quality) -> Result<(), BuildError> {
         match (self, quality) {
@@ -105,7 +105,7 @@ impl Engine {
         }
     }
 
-    /// One step; the newest statistics there are, if the plan asks for any.
+    /// Takes a step. Returns the latest statistics, if the plan asks for them.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<Option<Statistics>, Failure> {
         match self {
             Engine::Cpu(cpu) => cpu.step(plan, None).map(|()| cpu.statistics(plan)),
@@ -116,7 +116,7 @@ impl Engine {
         }
     }
 
-    /// A step of each: those on a GPU together, the others one after another.
+    /// Takes a step with each engine: those on a GPU are submitted together, the others run one after another.
     pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<Option<Statistics>, Failure>> {
         #[cfg(feature = "gpu")]
         let mut together = Vec::new();
@@ -142,7 +142,7 @@ impl Engine {
         done
     }
 
-    /// Whether it is known by now that a step failed, which its result did not say; never waits.
+    /// Whether an earlier step is now known to have failed although it returned no error. Never waits.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU says so at once"))]
     pub(crate) fn told(&mut self) -> Result<bool, Failure> {
         match self {
@@ -152,7 +152,7 @@ impl Engine {
         }
     }
 
-    /// What contact of the cloth with itself did in the last step.
+    /// Contact of the cloth with itself, as of the last step.
     pub(crate) fn contact(&self) -> Option<&SelfContact> {
         match self {
             Engine::Cpu(cpu) => cpu.contact.as_deref(),
@@ -173,7 +173,7 @@ impl Engine {
         }
     }
 
-    /// What there is to know besides the state.
+    /// What the engine knows besides positions and displacements.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         match self {
@@ -185,7 +185,7 @@ impl Engine {
         }
     }
 
-    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    /// Continues from a state and a past. Returns false and changes nothing if they cannot belong to this cloth.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory is always there"))]
     pub(crate) fn resume(
         &mut self,
@@ -203,7 +203,8 @@ impl Engine {
         }
     }
 
-    /// Goes on as a cloth that was changed, from the same state with other inverse masses; nothing is changed if it fails.
+    /// Replaces the cloth by its changed version, with the same state but other inverse masses. Changes nothing if it
+    /// fails.
     #[cfg_attr(
         not(feature = "gpu"),
         expect(clippy::unnecessary_wraps, unused_variables, reason = "a GPU may fail, and takes the state")
@@ -225,7 +226,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Lanes that the processor's part is computed on; none if it has no part.
+    /// SIMD lanes of the processor; `None` if it computes nothing.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "only a GPU has all parts"))]
     pub(crate) fn lanes(&self) -> Option<usize> {
         match self {
@@ -237,7 +238,7 @@ impl Engine {
         }
     }
 
-    /// Asks for positions without waiting; whether there is anybody to wait for.
+    /// Requests the positions without waiting; false if there is nothing to wait for.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory is always there"))]
     pub(crate) fn request(&mut self) -> Result<bool, Failure> {
         match self {
@@ -247,7 +248,7 @@ impl Engine {
         }
     }
 
-    /// Shows the positions asked for to `look` if they have arrived: whether they have.
+    /// Passes the requested positions to `look` if they have arrived; returns whether they have.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "nothing is under way"))]
     pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self {
@@ -260,7 +261,7 @@ impl Engine {
         }
     }
 
-    /// Shows the state, `x` and `p`, to `look`.
+    /// Passes the state, positions `x` and displacements `p`, to `look`.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         match self {

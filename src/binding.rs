@@ -1,11 +1,13 @@
-//! A mesh that is drawn, bound to a coarser one that is simulated.
+//! Binds a render mesh to the coarser mesh that is simulated.
 //!
 //! # Theory
-//! A vertex of the render mesh is `sum b_i x_i + h n`: an affine combination of the corners of the triangle that is nearest at rest, and a height
-//! along the cloth's smooth normal there, the mean of its corners' normals (each the mean of the triangles around it by area) by the weights
-//! of the nearest point. The nearest point's own weights are none below 0; those of the corners are solved for, so that the rest shape is
-//! met exactly wherever the vertex is, beside the cloth's border as well. Corners and normals turn with the cloth: a rigid motion is reproduced to rounding,
-//! and a stretch within a triangle too. Between vertices the cloth is flat: where it is bent with radius R its edges `l` cut the corner by `l²/8R`.
+//! A vertex of the render mesh is `sum b_i x_i + h n`: an affine combination of the corners of the triangle that is
+//! nearest at rest, plus a height along the cloth's smooth normal there. That normal interpolates the corners' normals,
+//! each the area-weighted mean of the triangles around it, with the barycentric weights of the nearest point, which are
+//! never negative. The weights `b_i` are solved for, so the rest shape is reproduced exactly wherever the vertex is,
+//! also beyond the cloth's border. Corners and normals move with the cloth, so a rigid motion is reproduced to
+//! rounding, and so is a uniform stretch of a triangle. Between its vertices the cloth is flat: where it is bent with
+//! radius R, edges of length `l` cut the curve by `l²/8R`.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -13,21 +15,22 @@ use crate::kernels::pair::vertex_triangle;
 use crate::model::mesh::Mesh;
 use crate::simd::Vector;
 
-/// Triangles in a leaf of the tree that the nearest is found by.
+/// Number of triangles in a leaf of the search tree.
 const LEAF: usize = 4;
-/// A height (m per m of the cloth's extent) that is none.
+/// Heights below this share of the cloth's extent count as zero.
 const FLAT: f64 = 1e-7;
-/// Smooth normals that are nearer to the triangle's plane (sine) say little of its side.
+/// If the sine of the angle between smooth normal and triangle plane is smaller than this, the triangle's own normal is
+/// used, because the smooth one hardly tells its two sides apart.
 const STEEP: f64 = 0.2;
 
-/// Why a mesh could not be bound, or positions were not taken.
+/// Why a mesh could not be bound, or positions could not be applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BindError {
-    /// A cloth without any triangle that has an area.
+    /// The cloth has no triangle with an area.
     #[error("the cloth mesh has no triangle with an area; bind to the mesh that is simulated")]
     NoSurface,
-    /// A vertex at NaN or infinity.
+    /// A vertex is not finite.
     #[error("vertex {vertex} of the {mesh} mesh is at {position}; positions must be finite")]
     Position {
         /// `render` or `cloth`.
@@ -37,17 +40,17 @@ pub enum BindError {
         /// Its position.
         position: Vec3,
     },
-    /// A triangle that names a vertex the mesh lacks.
+    /// A triangle refers to a vertex that does not exist.
     #[error("triangle {triangle} of the cloth mesh names vertex {index}, but it has {vertices} vertices (numbered from 0)")]
     Index {
-        /// The triangle.
+        /// Index of the triangle.
         triangle: usize,
-        /// The index it gives.
+        /// The vertex index in it.
         index: u32,
         /// Number of vertices.
         vertices: usize,
     },
-    /// Not one position for each vertex.
+    /// The number of positions is not the number of vertices.
     #[error("{given} positions were given for the {expected} vertices of the {mesh} mesh; give one for each")]
     Length {
         /// `render` or `cloth`.
@@ -59,11 +62,13 @@ pub enum BindError {
     },
 }
 
-/// A render mesh bound to a coarser cloth: made once from both at rest, applied to the cloth's positions in every frame.
+/// A render mesh bound to a coarser cloth. Build it once from both meshes at rest, and apply it to the cloth's
+/// positions in every frame.
 ///
-/// Each vertex of the render mesh follows the triangle of the cloth that is nearest at rest, at its height above it; there may be seams, several
-/// layers, a hem beyond the border. Where two layers of the cloth are nearer to one another at rest than the render mesh is to either, it may follow the
-/// wrong one: [`Binding::farthest`] tells how near it is.
+/// Each vertex of the render mesh follows the nearest triangle of the cloth at rest, and keeps its height above it. The
+/// render mesh may have seams, several layers, or a hem beyond the cloth's border. Where two layers of the cloth are
+/// closer to each other at rest than the render mesh is to either, a vertex may follow the wrong layer: compare their
+/// distance with [`Binding::farthest`].
 ///
 /// ```
 /// use cloth_deformer::{Binding, Mesh, glam::Vec3};
@@ -78,36 +83,38 @@ pub enum BindError {
 #[derive(Debug, Clone)]
 pub struct Binding {
     cloth_vertices: usize,
-    /// The cloth's triangles, whose normals are needed; none if no vertex has a height.
+    /// The cloth's triangles, for its normals; empty if no vertex has a height.
     triangles: Vec<[u32; 3]>,
-    /// One for each vertex.
+    /// One for each vertex of the render mesh.
     feet: Vec<Foot>,
     heights: Vec<Height>,
     farthest: f32,
 }
 
-/// An affine combination of the cloth's vertices.
+/// An affine combination of three of the cloth's vertices.
 #[derive(Debug, Clone, Copy)]
 struct Foot {
     corners: [u32; 3],
     weights: [f32; 3],
 }
 
-/// What a vertex is above its foot.
+/// The height of a vertex above its foot.
 #[derive(Debug, Clone, Copy)]
 struct Height {
     vertex: u32,
     /// Along the normal (m).
     along: f32,
-    /// Of the corners' normals; all 0: the triangle's own.
+    /// Weights of the corners' normals; all 0 means the triangle's own normal.
     weights: [f32; 3],
 }
 
 impl Binding {
-    /// Binds `render` to `cloth`, both where they are at rest, in time that grows with the render mesh's vertices and little with the cloth's.
+    /// Binds `render` to `cloth`, both at rest. The time is proportional to the vertices of the render mesh and grows
+    /// only logarithmically with the cloth.
     ///
     /// # Errors
-    /// If a position is not finite, or the cloth has no triangle to bind to.
+    /// If a position is not finite, a triangle refers to a vertex that does not exist, or the cloth has no triangle
+    /// with an area.
     pub fn new(render: &Mesh, cloth: &Mesh) -> Result<Binding, BindError> {
         for (mesh, positions) in [("render", &render.positions), ("cloth", &cloth.positions)] {
             if let Some(vertex) = positions.iter().position(|x| !x.is_finite()) {
@@ -142,16 +149,18 @@ impl Binding {
         Ok(Binding { cloth_vertices: vertices, triangles, feet, heights, farthest })
     }
 
-    /// How far (m) the render mesh is from the cloth at rest, where it is farthest: much, if one of them is out of place or in other units.
+    /// The largest distance (m) of a render vertex from the cloth at rest. A large value means that one of the meshes
+    /// is misplaced or in other units.
     #[must_use]
     pub fn farthest(&self) -> f32 {
         self.farthest
     }
 
-    /// Where the render mesh's vertices are (m) when the cloth's are at `cloth` (m), both in their meshes' order.
+    /// Sets `render` to the positions (m) of the render mesh's vertices for the cloth's positions `cloth` (m), both in
+    /// their mesh's order.
     ///
     /// # Errors
-    /// If there is not one position for each vertex; `render` is then as it was.
+    /// If either length is not that mesh's number of vertices; `render` is then unchanged.
     pub fn apply(&self, cloth: &[Vec3], render: &mut [Vec3]) -> Result<(), BindError> {
         for (mesh, given, expected) in [("cloth", cloth.len(), self.cloth_vertices), ("render", render.len(), self.feet.len())] {
             if given != expected {
@@ -180,7 +189,7 @@ impl Binding {
     }
 }
 
-/// The normal of each vertex: the mean of the triangles around it by area, of length 1; 0 where there is no area.
+/// Unit normals of the vertices: the area-weighted mean over their triangles, or 0 where there is no area.
 fn normals(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; positions.len()];
     for corners in triangles {
@@ -196,12 +205,12 @@ fn normals(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Vec3> {
 #[derive(Debug, Clone, Copy)]
 struct Near {
     corners: [u32; 3],
-    /// Of its corners, none below 0.
+    /// Barycentric weights of the corners, never negative.
     weights: [f32; 3],
     distance: f32,
 }
 
-/// Boxes around the triangles that have an area.
+/// A tree of bounding boxes over the triangles that have an area.
 struct Tree<'a> {
     positions: &'a [Vec3],
     triangles: Vec<[u32; 3]>,
@@ -212,13 +221,13 @@ struct Tree<'a> {
 struct Node {
     low: Vec3,
     high: Vec3,
-    /// A leaf's triangles, or where the two children are.
+    /// A leaf's range of triangles, or the range of the two children in `nodes`.
     range: std::ops::Range<usize>,
     is_leaf: bool,
 }
 
 impl<'a> Tree<'a> {
-    /// `None` if there are no triangles with an area.
+    /// `None` if no triangle has an area.
     fn new(cloth: &'a Mesh) -> Option<Tree<'a>> {
         let positions = &cloth.positions;
         let has_area = |corners: &&[u32; 3]| {
@@ -241,7 +250,7 @@ impl<'a> Tree<'a> {
         Node { low, high, range, is_leaf: true }
     }
 
-    /// Splits a node that has many triangles by the middle one along its longest side, and so on.
+    /// Splits a node of more than [`LEAF`] triangles at the median along its longest side, recursively.
     fn split(&mut self, node: usize, range: std::ops::Range<usize>) {
         if range.len() <= LEAF {
             return;
@@ -283,7 +292,7 @@ impl<'a> Tree<'a> {
         }
         for &corners in &self.triangles[range.clone()] {
             let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
-            // Relative to a corner, for precision; `- w` are the weights of the triangle's corners.
+            // Coordinates relative to a corner, for precision. `vertex_triangle` returns the corners' weights negated.
             let at = |v: Vec3| Vector::<f32>::splat((v - a).to_array());
             let [_, u, v, w] = vertex_triangle([at(x), at(a), at(b), at(c)]).map(|weight| -weight);
             let distance = x.distance(a * u + b * v + c * w);
@@ -293,7 +302,7 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// How far (m) a node is at least.
+    /// A lower bound of the distance (m) of `x` from a node's triangles.
     fn away(&self, node: usize, x: Vec3) -> f32 {
         let Node { low, high, .. } = &self.nodes[node];
         (*low - x).max(x - *high).max(Vec3::ZERO).length()

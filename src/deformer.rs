@@ -1,5 +1,5 @@
-//! The deformer: a cloth, and a step of it from top to bottom. What a step is said to be beforehand is in `forecast.rs`, the
-//! state in the caller's terms in `state.rs`.
+//! The deformer: a cloth, and one step of it from top to bottom. `forecast.rs` predicts a step before it is taken, and
+//! `state.rs` reads and sets the state in the caller's vertex order.
 
 #[cfg(feature = "bench")]
 mod bench;
@@ -43,21 +43,22 @@ use crate::step::plan::{Plan, PlanBuffers};
 use crate::step::substep_count::{Division, FRAMES, Rates};
 use crate::step::watch::{Led, Watch};
 
-/// Vertices up to which a cloth in a crowd is left to one thread: more threads would not halve its time.
+/// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
+/// not halve their time.
 const SMALL: usize = 4096;
 
-/// What a step takes.
+/// Everything decided about a step before it is taken.
 #[derive(Debug, Clone, Copy)]
 struct Taken {
-    /// Its length (s).
+    /// Length of the step (s).
     dt: f32,
     load: Load,
-    /// What decided on it.
+    /// The controller as it was when it chose the substeps.
     controller: Controller,
-    /// Substeps a second that the quality came to.
+    /// Substeps per second that the quality asks for.
     rate: f64,
     division: Division,
-    /// Coarse levels it asks for.
+    /// Number of coarse levels to ask for.
     levels: usize,
 }
 
@@ -67,38 +68,39 @@ pub struct Deformer {
     options: Options,
     rates: Rates,
     engine: Engine,
-    /// The coarse levels, once a step wants any; and how many the last step asked for.
+    /// The coarse levels, built when a step first needs them, and the number of levels that the last step asked for.
     hierarchy: Hierarchy,
     asked: usize,
-    /// For the last length of substep.
+    /// Coefficients for the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
-    /// What decides on the substeps, and what steps that were not judged yet took.
+    /// What chooses the substeps, and the steps whose statistics have not arrived yet.
     controller: Controller,
     unjudged: VecDeque<Taken>,
-    /// The newest statistics there are.
+    /// The latest statistics.
     seen: Option<Statistics>,
-    /// How long substeps take, where there is a budget for them.
+    /// Time that substeps take, for [`Quality::Budget`].
     pace: Pace,
     still: Stillness,
-    /// What the motion is judged by: as it is, and as it will be after a good step; and the bounds of the last.
+    /// What the motion is checked against: the state of that check now and after the current step, and the last bounds
+    /// on speed (m/s) and edge length (m).
     watch: Watch,
     meeting: (Watch, Led),
     bounds: (f32, f32),
     buffers: PlanBuffers,
-    /// What the caller was shown last, in the mesh's order.
+    /// Positions and velocities last returned to the caller, in the mesh's order.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
-    /// What the caller asked for, in the mesh's order; whether it is there, and not yet taken.
+    /// Positions last requested, in the mesh's order, and whether they have arrived and were not taken yet.
     requested: Vec<Vec3>,
     arrived: bool,
-    /// The same positions as the cloth has them: far from the origin the caller's are coarser.
+    /// `positions` in local coordinates, which are more precise far from the origin.
     local: Vec<Vec4>,
-    /// What penetration is measured against: the colliders of the last step.
+    /// Colliders of the last step, against which penetration is measured.
     colliders: Vec<Collider>,
-    /// Gravity of the last step (m/s²), which the potential energy refers to.
+    /// Gravity of the last step (m/s²), for the potential energy.
     gravity: Vec3,
-    /// Whether `positions`, `velocities` and `local` are of the state as it is.
+    /// Whether `positions`, `velocities` and `local` are those of the current state.
     shown: bool,
 }
 
@@ -110,10 +112,10 @@ impl std::fmt::Debug for Deformer {
 }
 
 impl Deformer {
-    /// Builds the cloth and its state at frame 1: the mesh at rest.
+    /// Builds the cloth in its initial state: the mesh at rest, without velocity.
     ///
     /// # Errors
-    /// If the mesh or an option is out of its range, or the backend asked for has no GPU.
+    /// If the mesh or an option is invalid, or there is no GPU for the requested backend.
     pub fn new(mesh: &Mesh, options: Options) -> Result<Deformer, BuildError> {
         let cloth = Cloth::new(mesh, &options)?;
         let rates = Rates::new(&cloth, &options);
@@ -153,25 +155,27 @@ impl Deformer {
         })
     }
 
-    /// Advances by `dt` (s). A step of 0 s checks its attributes and does nothing: what moves goes on from where it was before.
+    /// Advances the cloth by `dt` (s). A step of 0 s only checks the attributes; the next step continues from where the
+    /// motion was.
     ///
-    /// On the CPU the threads of the current rayon pool share the work, and one that waits for another may run any other task of that
-    /// pool meanwhile, as rayon does. So hold no lock across a step that a task of the same pool takes: the step may come to run
-    /// that task itself, which waits for the lock, and so for the step, for ever. Where a lock must be held, give steps a pool of
-    /// their own and enter it from a thread that is in no other pool: `pool.install(|| cloth.step(dt, &attributes))`.
+    /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
+    /// other task of that pool in the meantime, as always in rayon. Do not hold a lock across a step that another task
+    /// of the same pool also takes: the step may run that task, which then waits for the lock, and thus for the step,
+    /// forever. If a lock must be held, run the steps in a pool of their own and enter it from a thread outside any
+    /// other pool: `pool.install(|| cloth.step(dt, &attributes))`.
     ///
     /// # Errors
-    /// If `dt` or an attribute is out of its range, or the motion ran away ([`StepError::Unstable`]); the state is then as it was.
-    /// On the GPU the last is found when the state is next read, or by one of the next steps, about sixteen later at most, which is then not
-    /// taken: the state is that of the last good step.
+    /// If `dt` or an attribute is out of its range, or the motion became unstable ([`StepError::Unstable`]); the state
+    /// is then unchanged. On the GPU, instability is detected when the state is next read or by a later step, at most
+    /// about sixteen steps later. That step is not taken, and the state is that of the last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
         self.step_on(dt, attributes, false)
     }
 
-    /// A step; on this thread `alone` or on as many as pay.
+    /// Takes a step, on this thread alone if `alone`, otherwise on as many threads as pay off.
     fn step_on(&mut self, dt: f32, attributes: &Attributes, alone: bool) -> Result<StepReport, StepError> {
         let Some(taken) = self.ready(dt, attributes)? else { return Ok(idle(dt)) };
-        // Without a budget nobody looks at a clock, which not every machine has.
+        // Only a budget needs a clock, which not every machine has.
         let start = (!alone && matches!(self.options.quality, Quality::Budget(_))).then(Instant::now);
         let (engine, plan) = self.job(&taken, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
@@ -179,15 +183,17 @@ impl Deformer {
         self.stepped(stepped, taken, attributes)
     }
 
-    /// Advances each of a crowd by `dt` (s), with its own attributes: `step_all(crowd.iter_mut().map(|one| (one, &all)), dt)`.
+    /// Advances several cloths by `dt` (s), each with its own attributes:
+    /// `step_all(crowd.iter_mut().map(|one| (one, &all)), dt)`.
     ///
-    /// Those on one GPU go to it together. A large GPU that a small cloth leaves mostly idle does many in little more
-    /// than the time of one. On the CPU small ones are stepped side by side, a thread each, if they are as many as the threads of the current
-    /// rayon pool; the rest one after another, each on as many threads as pay. In a crowd a cloth may be
-    /// computed in another way than alone on a GPU; then its motion differs by rounding. On the CPU it is the same bit for bit.
+    /// Cloths on the same GPU are submitted together: on a large GPU that a small cloth leaves mostly idle, many cloths
+    /// take little longer than one. On the CPU small cloths are stepped in parallel, one thread each, if there are at
+    /// least as many as threads in the current rayon pool. All others are stepped one after another, each on as many
+    /// threads as pay off. On the CPU the result is bit for bit that of [`Deformer::step`]; on a GPU a cloth in a crowd
+    /// may take another code path than by itself, and then differs by rounding.
     ///
     /// # Errors
-    /// As [`Deformer::step`], for each on its own.
+    /// As [`Deformer::step`], for each cloth by itself.
     pub fn step_all<'a>(
         crowd: impl IntoIterator<Item = (&'a mut Deformer, &'a Attributes)>,
         dt: f32,
@@ -195,7 +201,7 @@ impl Deformer {
         let mut crowd: Vec<_> = crowd.into_iter().collect();
         let is_small = |one: &Deformer| matches!(one.engine, Engine::Cpu(_)) && one.cloth.rest.len() <= SMALL;
         let enough = rayon::current_num_threads().max(2);
-        // No more are looked at than need be: that alone fetches each of a thousand from memory.
+        // Stops counting as soon as there are enough: looking at each of a thousand cloths fetches it from memory.
         if crowd.iter().filter(|(one, _)| is_small(one)).take(enough).count() < enough {
             return Deformer::step_together(crowd, dt);
         }
@@ -207,7 +213,7 @@ impl Deformer {
         stepped.into_iter().flatten().collect()
     }
 
-    /// Those on one GPU together, the others one after another.
+    /// Steps cloths on the same GPU together and the others one after another.
     fn step_together(mut crowd: Vec<(&mut Deformer, &Attributes)>, dt: f32) -> Vec<Result<StepReport, StepError>> {
         let ready: Vec<_> = crowd.iter_mut().map(|(one, attributes)| one.ready(dt, attributes)).collect();
         let jobs = crowd.iter_mut().zip(&ready);
@@ -221,7 +227,7 @@ impl Deformer {
         .collect()
     }
 
-    /// Checks a step; returns what it takes.
+    /// Checks the arguments of a step and decides how it is taken.
     fn taken(&self, dt: f32, attributes: &Attributes) -> Result<Taken, StepError> {
         if !(dt >= MIN_TIME_STEP && dt.is_finite()) {
             return Err(StepError::TimeStep { dt });
@@ -238,7 +244,7 @@ impl Deformer {
         Ok(Taken { dt, load, controller, rate, division, levels })
     }
 
-    /// Checks a step and brings the coefficients up to date; returns what it takes, or nothing if there is nothing to do.
+    /// Checks a step and updates the coefficients. Returns `None` if there is nothing to do.
     fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<Taken>, StepError> {
         self.look_back()?;
         if dt == 0.0 {
@@ -257,7 +263,7 @@ impl Deformer {
         Ok(Some(taken))
     }
 
-    /// What the engine is to do, and the engine.
+    /// The engine and the plan that it is to execute.
     fn job<'a>(&'a mut self, taken: &Taken, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
         let observed = self.is_observed();
         let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
@@ -271,7 +277,7 @@ impl Deformer {
         (&mut self.engine, plan)
     }
 
-    /// Notes what a step leaves to the next.
+    /// Updates everything the next step depends on, and makes the report.
     fn stepped(
         &mut self,
         stepped: Result<Option<Statistics>, Failure>,
@@ -298,7 +304,7 @@ impl Deformer {
         Ok(StepReport { substeps, in_a_sixtieth, levels, contacts, stretch, asleep: false, warnings })
     }
 
-    /// Back to frame 1: rest positions, no velocity. What follows replays bit for bit.
+    /// Returns to the initial state: rest positions, no velocity. The same steps then give the same result bit for bit.
     pub fn reset(&mut self) {
         self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
         self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);
@@ -308,7 +314,7 @@ impl Deformer {
         self.shown = false;
     }
 
-    /// The backend in use, never [`Backend::Auto`].
+    /// The backend in use; never [`Backend::Auto`].
     #[must_use]
     pub fn backend(&self) -> Backend {
         match self.engine {
@@ -320,7 +326,7 @@ impl Deformer {
         }
     }
 
-    /// The GPU's name, if one is in use.
+    /// The name of the GPU in use, if any.
     #[must_use]
     pub fn adapter(&self) -> Option<&str> {
         match &self.engine {
@@ -332,26 +338,28 @@ impl Deformer {
         }
     }
 
-    /// Number of colors of the edges: batches that are visited one after another in a sweep.
+    /// Number of colors of the edges. Edges of one color share no vertex; colors are visited one after another in a
+    /// sweep.
     #[must_use]
     pub fn colors(&self) -> usize {
         self.cloth.colors.len()
     }
 
-    /// What is subtracted from positions before they are computed with (m); 0 unless the mesh is far out.
+    /// The offset (m) subtracted from positions before they are computed with; 0 unless the mesh is far from the
+    /// origin.
     #[must_use]
     pub fn origin(&self) -> Vec3 {
         self.cloth.origin
     }
 
-    /// The mesh's index of each vertex, in the order that the solver and `Deformer::position_buffer` have them in.
+    /// For each vertex in the solver's order, which is also that of `Deformer::position_buffer`: its index in the mesh.
     #[must_use]
     pub fn vertex_order(&self) -> &[u32] {
         &self.cloth.order
     }
 }
 
-/// What a step of `dt` (s) comes to in which nothing is done: the cloth sleeps through it, or it takes no time.
+/// The report of a step of `dt` (s) in which nothing is done, because the cloth sleeps or `dt` is 0.
 fn idle(dt: f32) -> StepReport {
     StepReport { asleep: dt > 0.0, ..StepReport::default() }
 }

@@ -1,4 +1,4 @@
-//! A device to compute on, and what is made and done on it: buffers, pipelines, reads, waits.
+//! A GPU device: its buffers, pipelines, submissions, reads and errors.
 
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -13,8 +13,7 @@ use crate::gpu_fault::{Excess, GpuFault};
 
 /// A wgpu device and queue to compute on. Cheap to clone.
 ///
-/// The pipelines compiled for a device are kept with it, so what belongs together cannot be taken apart: another device is
-/// another [`Gpu::new`].
+/// Clones share the compiled pipelines, which are stored with the device they belong to.
 #[derive(Debug, Clone)]
 pub struct Gpu(Arc<Inner>);
 
@@ -23,21 +22,21 @@ struct Inner {
     device: wgpu::Device,
     queue: wgpu::Queue,
     name: String,
-    /// Compiling takes longer than all else that a small cloth needs.
+    /// Cached, because compiling takes longer than everything else that a small cloth needs.
     pipelines: Mutex<HashMap<Key, wgpu::ComputePipeline>>,
 }
 
-/// Shader, entry point, and its constants, by their bits.
+/// Shader, entry point, and its constants as bits.
 type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
 
-/// A shader, by a name that no other has.
+/// The source of a shader, with a unique name.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shader {
     pub name: &'static str,
     pub source: &'static str,
 }
 
-/// A shader's entry point, and what its overridable constants are.
+/// An entry point of a shader, with the values of its overridable constants.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Entry<'a> {
     pub shader: Shader,
@@ -45,21 +44,21 @@ pub(crate) struct Entry<'a> {
     pub constants: &'a [(&'static str, f64)],
 }
 
-/// The device that Deformers share.
+/// The device that all Deformers share, unless the caller gives one.
 struct Found {
     gpu: Gpu,
     software: bool,
     lost: Arc<AtomicBool>,
 }
 
-/// In a browser nothing waits for the device: what it sends comes between two calls, or not at all.
+/// A browser runs GPU callbacks only between calls from JavaScript, so the crate can never wait for the device there.
 pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
 
-/// How long a thread that waits for the device stays awake: one that sleeps is woken .05 to .3 ms late.
+/// How long a thread that waits for the device polls before it sleeps. A sleeping thread wakes up 0.05 to 0.3 ms late.
 const AWAKE: Duration = Duration::from_millis(4);
 
 thread_local! {
-    /// What [`Gpu::make`] refused since [`Gpu::checked`] began: on its own thread, as wgpu's error scopes are.
+    /// What [`Gpu::make`] refused since [`Gpu::checked`] began. It is thread-local, as wgpu's error scopes are.
     static REFUSED: Cell<Option<Excess>> = const { Cell::new(None) };
 }
 
@@ -79,9 +78,9 @@ impl Found {
         };
         let adapter = adapters.into_iter().min_by_key(rank).ok_or("no adapter was found")?;
         let descriptor = wgpu::DeviceDescriptor {
-            // Cloth of a million vertices needs more than the default 128 MiB a binding.
+            // Cloth of a million vertices needs bindings larger than wgpu's default of 128 MiB.
             required_limits: adapter.limits(),
-            // So that the hybrid need not copy what it maps.
+            // Lets the hybrid use its mapped buffers without a copy.
             required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
             ..wgpu::DeviceDescriptor::default()
         };
@@ -96,8 +95,9 @@ impl Found {
 }
 
 impl Gpu {
-    /// A device and its queue, by a name for reports. Clones share the kernels compiled for them: give one to each cloth, and
-    /// to [`Deformer::step_all`](crate::Deformer::step_all) cloths of one.
+    /// Wraps a device and its queue; `name` is used in reports. Clones share the compiled kernels, so give clones of
+    /// one `Gpu` to all cloths on that device. [`Deformer::step_all`](crate::Deformer::step_all) submits cloths that
+    /// share one together.
     #[must_use]
     pub fn new(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Gpu {
         Gpu(Arc::new(Inner { device, queue, name, pipelines: Mutex::default() }))
@@ -109,26 +109,28 @@ impl Gpu {
         &self.0.device
     }
 
-    /// Its queue.
+    /// The device's queue.
     #[must_use]
     pub fn queue(&self) -> &wgpu::Queue {
         &self.0.queue
     }
 
-    /// The adapter's name, for reports.
+    /// The name of the adapter, for reports.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// Which device it is: wgpu's own comparison takes the first devices of two instances for one.
+    /// Identifies the device. wgpu's own comparison considers the first devices of two instances equal.
     pub(crate) fn id(&self) -> *const () {
         Arc::as_ptr(&self.0).cast()
     }
 
-    /// The best adapter of this machine: a real GPU, or, if `software` may stand in, the software driver.
+    /// The best adapter of this machine: a hardware GPU, or the software driver if there is none and `software` allows
+    /// it.
     ///
-    /// Asked for once in a program and shared: a driver hands out only so many devices. Asked for again if it was lost.
+    /// The device is requested once per program and shared, because drivers limit the number of devices. It is
+    /// requested again if it was lost.
     pub(crate) fn shared(software: bool) -> Result<Gpu, GpuFault> {
         static FOUND: Mutex<Option<Found>> = Mutex::new(None);
         let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
@@ -141,8 +143,9 @@ impl Gpu {
         }
     }
 
-    /// Runs `work` and turns into an error what the device would report as uncaptured (validation, memory), what [`Gpu::make`] refused, and
-    /// what it could not do because the device is lost, which wgpu keeps to itself. In a browser what the device reports is in its console.
+    /// Runs `work` and returns as an error what would otherwise be an uncaptured error of the device (validation,
+    /// memory), what [`Gpu::make`] refused, and failures due to a lost device, which wgpu does not report itself. In a
+    /// browser, device errors appear in its console instead.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
         let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
         let scopes = (!IN_BROWSER).then(|| filters.map(|filter| self.device().push_error_scope(filter)));
@@ -151,7 +154,7 @@ impl Gpu {
         let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
             [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
         });
-        // Of several the first cause: what was refused or did not fit is then missed by what comes after.
+        // The first cause matters: whatever was refused or did not fit causes the errors after it.
         let refused = REFUSED.take().map(GpuFault::Limit);
         let error = refused
             .or_else(|| errors.into_iter().flatten().next().map(GpuFault::from))
@@ -163,13 +166,13 @@ impl Gpu {
         }
     }
 
-    /// Fails if [`Gpu::make`] refused something since [`Gpu::checked`] began: what would use it must not run.
+    /// Fails if [`Gpu::make`] refused a buffer since [`Gpu::checked`] began, because work that uses it must not run.
     pub(crate) fn refused() -> Result<(), GpuFault> {
         REFUSED.get().map_or(Ok(()), |excess| Err(GpuFault::Limit(excess)))
     }
 
-    /// Whether the device is lost. wgpu tells it to a callback, of which a device has one, and that is its owner's; but a lost device also
-    /// refuses at once to map.
+    /// Whether the device is lost. wgpu reports this to a callback, but a device has only one, which belongs to its
+    /// owner. A lost device also fails to map a buffer, and does so at once, so this maps a small one.
     pub(crate) fn is_lost(&self) -> bool {
         if IN_BROWSER {
             return false;
@@ -190,24 +193,24 @@ impl Gpu {
         is_lost
     }
 
-    /// Why something could not be mapped.
+    /// The error for something that could not be mapped.
     pub(crate) fn unmapped(&self, thing: &str) -> GpuFault {
         if self.is_lost() || IN_BROWSER { GpuFault::Lost } else { format!("{thing} could not be mapped").into() }
     }
 
-    /// The most bytes that a storage buffer may have, by the name of the limit.
+    /// The largest storage buffer (bytes), with the name of the limit that decides.
     fn most_bytes(&self) -> (&'static str, u64) {
         let wgpu::Limits { max_storage_buffer_binding_size, max_buffer_size, .. } = self.device().limits();
         let limits = [("max_storage_buffer_binding_size", max_storage_buffer_binding_size), ("max_buffer_size", max_buffer_size)];
         if limits[0].1 < limits[1].1 { limits[0] } else { limits[1] }
     }
 
-    /// The most bytes that a table may have.
+    /// The largest table (bytes).
     pub(crate) fn most_table_bytes(&self) -> usize {
         usize::try_from(self.most_bytes().1).unwrap_or(usize::MAX)
     }
 
-    /// Fails if the device is lost, cannot do what every stage needs, or has no room for a storage buffer of `bytes`.
+    /// Fails if the device is lost, lacks what every stage needs, or cannot hold a storage buffer of `bytes`.
     pub(crate) fn meets(&self, thing: &'static str, bytes: u64) -> Result<(), GpuFault> {
         let limits = self.device().limits();
         let (limit, allowed) = self.most_bytes();
@@ -237,36 +240,36 @@ impl Gpu {
         }
     }
 
-    /// Bytes of memory that a workgroup has.
+    /// Workgroup memory (bytes).
     pub(crate) fn workgroup_memory(&self) -> usize {
         self.device().limits().max_compute_workgroup_storage_size as usize
     }
 
-    /// A storage buffer of `size` bytes, zero.
+    /// A storage buffer of `size` bytes, all zero.
     pub(crate) fn buffer(&self, label: &'static str, size: u64) -> wgpu::Buffer {
         self.buffer_for(label, size, wgpu::BufferUsages::empty())
     }
 
-    /// A storage buffer of `size` bytes, zero, that a renderer may use as well.
+    /// A storage buffer of `size` bytes, all zero, that a renderer may use too.
     pub(crate) fn buffer_for(&self, label: &'static str, size: u64, renderer: wgpu::BufferUsages) -> wgpu::Buffer {
         use wgpu::BufferUsages;
         self.make(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | renderer)
     }
 
-    /// A storage buffer with these values; an item of zeros if there are none.
+    /// A storage buffer with these values; a single zero item if there are none.
     pub(crate) fn filled<T: Pod>(&self, label: &'static str, values: &[T]) -> wgpu::Buffer {
         let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);
         self.write(&buffer, 0, values);
         buffer
     }
 
-    /// A buffer to map and read.
+    /// A buffer to map for reading.
     pub(crate) fn staging(&self, label: &'static str, size: u64) -> wgpu::Buffer {
         self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    /// A buffer of any kind. One that is larger than the device takes is not made: [`Gpu::checked`] says so, and what stands for it is
-    /// never used.
+    /// Creates a buffer. If it exceeds the device's limits, a small substitute is returned, and [`Gpu::checked`] fails
+    /// before anything uses it.
     pub(crate) fn make(&self, label: &'static str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
         let (limit, allowed) = match usage.contains(wgpu::BufferUsages::STORAGE) {
@@ -281,12 +284,12 @@ impl Gpu {
         self.device().create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
 
-    /// Writes values from byte `start` of a buffer on, before what is submitted next.
+    /// Writes values at byte `start` of a buffer, ahead of the next submission.
     pub(crate) fn write<T: Pod>(&self, buffer: &wgpu::Buffer, start: usize, values: &[T]) {
         self.queue().write_buffer(buffer, start as u64, bytemuck::cast_slice(values));
     }
 
-    /// The pipeline of an entry point, compiled when it is first asked for.
+    /// The pipeline of an entry point, compiled on first use.
     pub(crate) fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
         let device = self.device();
         let constants = entry.constants.iter().map(|(name, value)| (*name, value.to_bits())).collect();
@@ -304,7 +307,7 @@ impl Gpu {
                 entry_point: Some(entry.name),
                 compilation_options: wgpu::PipelineCompilationOptions {
                     constants: entry.constants,
-                    // No kernel reads what it has not written there.
+                    // Every kernel writes workgroup memory before it reads it.
                     zero_initialize_workgroup_memory: false,
                 },
                 cache: None,
@@ -313,12 +316,12 @@ impl Gpu {
         pipeline.clone()
     }
 
-    /// An encoder of commands.
+    /// A command encoder.
     pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// Copies buffers into `staging`, one behind the other.
+    /// Copies buffers into `staging`, one after another.
     pub(crate) fn copy_to(&self, staging: &wgpu::Buffer, buffers: &[&wgpu::Buffer]) -> wgpu::SubmissionIndex {
         let mut encoder = self.encoder();
         let mut offset = 0;
@@ -329,7 +332,7 @@ impl Gpu {
         self.queue().submit([encoder.finish()])
     }
 
-    /// Copies buffers into `staging`, one behind the other, waits, and shows the bytes to `look`.
+    /// Copies buffers into `staging`, one after another, waits, and passes the bytes to `look`.
     pub(crate) fn read<T>(
         &self,
         staging: &wgpu::Buffer,
@@ -343,7 +346,7 @@ impl Gpu {
             self.copy_to(staging, buffers);
             let (send, receive) = std::sync::mpsc::channel();
             staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
-                // The receiver waits below; if it gave up there is nobody to tell.
+                // The receiver waits below. If it has given up, nobody needs the message.
                 let _ = send.send(mapped);
             });
             self.wait()?;
@@ -357,7 +360,7 @@ impl Gpu {
         })
     }
 
-    /// Waits for what was submitted.
+    /// Waits for everything submitted.
     pub(crate) fn wait(&self) -> Result<(), GpuFault> {
         let begin = Instant::now();
         while begin.elapsed() < AWAKE {
@@ -369,7 +372,7 @@ impl Gpu {
         self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
     }
 
-    /// Sees what is done, and calls back whoever asked.
+    /// Runs the callbacks of completed work.
     pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<wgpu::PollStatus, GpuFault> {
         // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
         let poll = || self.device().poll(how);

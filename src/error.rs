@@ -1,21 +1,21 @@
-//! What can go wrong, an enum for each operation. Every message names the thing, its value and the way out.
+//! The crate's errors: one enum for each operation. Every message names what is wrong, its value and a remedy.
 
 use glam::Vec3;
 
-/// Why [`Deformer::new`](crate::Deformer::new) refused.
+/// Why [`Deformer::new`](crate::Deformer::new) failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
-    /// A mesh without vertices.
+    /// The mesh has no vertices.
     #[error("the mesh has no vertices; give it at least one")]
     NoVertices,
-    /// More vertices than an index can name exactly.
+    /// The mesh has more vertices than buffers can hold on common GPUs.
     #[error("the mesh has {vertices} vertices, more than {limit}; split it", limit = crate::limits::MAX_VERTICES)]
     TooManyVertices {
         /// Number of vertices.
         vertices: usize,
     },
-    /// A vertex at NaN or infinity, or so far out that its square overflows.
+    /// A vertex is not finite, or so far from the origin that squares overflow.
     #[error("vertex {vertex} is at {position}; positions must be finite and within 1e15 m")]
     Position {
         /// The vertex.
@@ -23,35 +23,35 @@ pub enum BuildError {
         /// Its position.
         position: Vec3,
     },
-    /// A triangle that names a vertex the mesh lacks.
+    /// A triangle refers to a vertex that does not exist.
     #[error("triangle {triangle} names vertex {index}, but the mesh has {vertices} vertices (numbered from 0)")]
     Index {
-        /// The triangle.
+        /// Index of the triangle.
         triangle: usize,
-        /// The index it gives.
+        /// The vertex index in it.
         index: u32,
         /// Number of vertices.
         vertices: usize,
     },
-    /// A pin on a vertex the mesh lacks.
+    /// A pin refers to a vertex that does not exist.
     #[error("pinned[{slot}] = {index}, but the mesh has {vertices} vertices (numbered from 0)")]
     Pin {
-        /// Place in the list.
+        /// Position in the list.
         slot: usize,
-        /// The index it gives.
+        /// The vertex index there.
         index: u32,
         /// Number of vertices.
         vertices: usize,
     },
-    /// A vertex pinned twice, so that its target would not be one.
+    /// A vertex is pinned twice, which would give it two targets.
     #[error("pinned[{slot}] = {index} is pinned already; name each vertex once")]
     PinTwice {
-        /// Place of the second mention.
+        /// Position of the second mention in the list.
         slot: usize,
         /// The vertex.
         index: u32,
     },
-    /// A list in the options that is not one value a thing.
+    /// A list in the options has the wrong length.
     #[error("{name} has {given} values, but the mesh has {expected} {things}; give one for each")]
     Length {
         /// The option.
@@ -60,36 +60,36 @@ pub enum BuildError {
         given: usize,
         /// The length it must have.
         expected: usize,
-        /// What it counts.
+        /// What it must have one value for: `vertices` or `edges`.
         things: &'static str,
     },
-    /// A number in the options out of its range.
+    /// A number in the options is out of its range.
     #[error("{name} = {value}; {remedy}")]
     Value {
-        /// The option, with its index where it is a list.
+        /// The option, with an index if it is a list.
         name: String,
-        /// What was given.
+        /// The value given.
         value: String,
-        /// What it must be.
+        /// The values it may have.
         remedy: &'static str,
     },
-    /// A step of a run that [`tune`](crate::tune()) needs failed.
+    /// A step of [`tune`](crate::tune()) failed.
     #[error("frame {frame}: {error}")]
     Step {
-        /// The frame, numbered from 1.
+        /// The frame, counted from 1; 0 if the initial state could not be set.
         frame: u32,
-        /// Why.
+        /// The step's error.
         error: StepError,
     },
-    /// No adapter for the backend that was asked for.
+    /// There is no GPU for the requested backend.
     #[error("no GPU for {backend}: {reason}; install a Vulkan, Metal or DX12 driver, or ask for the CPU")]
     NoGpu {
         /// The backend.
         backend: &'static str,
-        /// What the driver or the build said.
+        /// The reason given by the driver, or that the build has no GPU support.
         reason: String,
     },
-    /// The device was lost before or while the cloth was built on it.
+    /// The device was lost before or while the cloth was created on it.
     #[error("no GPU for {backend}: {gpu} was lost; make a new device, or ask for the CPU")]
     GpuLost {
         /// The backend.
@@ -97,53 +97,53 @@ pub enum BuildError {
         /// The device.
         gpu: String,
     },
-    /// The device has no memory left.
-    #[error("no GPU for {backend}: out of memory ({reason}); free some, split the mesh, or ask for the CPU")]
+    /// The device is out of memory.
+    #[error("no GPU for {backend}: out of memory ({reason}); free some memory, split the mesh, or ask for the CPU")]
     GpuMemory {
-        /// The backend.
+        /// The driver's message.
         backend: &'static str,
-        /// What the driver said.
+        /// The driver's message.
         reason: String,
     },
-    /// The device does not take so much.
+    /// The cloth exceeds a limit of the device.
     #[error(
         "no GPU for {backend}: {thing}: {needed}, but {limit} of the device is {allowed}; request a device with more, split the mesh, or ask for the CPU"
     )]
     GpuLimit {
         /// The backend.
         backend: &'static str,
-        /// What is too much.
+        /// What exceeds it.
         thing: &'static str,
-        /// How much it is: bytes of a buffer, or a number.
+        /// The amount needed: bytes of a buffer, or a count.
         needed: u64,
-        /// The limit, by its name in `wgpu::Limits`.
+        /// The field of `wgpu::Limits`.
         limit: &'static str,
-        /// What the device has.
+        /// The device's value of that limit.
         allowed: u64,
     },
 }
 
-/// Why [`Deformer::step`](crate::Deformer::step) or a read of the state failed. The state is what it was before.
+/// Why [`Deformer::step`](crate::Deformer::step) or reading the state failed. The state is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// A time step that is no time.
+    /// The time step is not finite or too short.
     #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::limits::MIN_TIME_STEP)]
     TimeStep {
-        /// The time step.
+        /// The time step (s).
         dt: f32,
     },
-    /// An attribute out of its range.
+    /// An attribute is out of its range.
     #[error("{name} = {value} {remedy}")]
     Attribute {
-        /// The attribute.
+        /// The attribute, with an index if it is a list.
         name: String,
-        /// What was given.
+        /// The value given.
         value: String,
-        /// What it must be.
+        /// The values it may have.
         remedy: String,
     },
-    /// Not one target for each pin.
+    /// The number of pin targets is not the number of pins.
     #[error(
         "pin_targets has {given} positions, but {pinned} vertices are pinned; give one for each, in the order of Options::pinned"
     )]
@@ -153,7 +153,7 @@ pub enum StepError {
         /// Number of pins.
         pinned: usize,
     },
-    /// A state that is not one value for each vertex, or not finite.
+    /// A list passed to `set_state` has the wrong length, or a value that is not finite.
     #[error("{name}: {problem}; give a finite vector, none beyond 1e15, for each of the mesh's {vertices} vertices")]
     State {
         /// `positions` or `velocities`.
@@ -163,167 +163,171 @@ pub enum StepError {
         /// Number of vertices.
         vertices: usize,
     },
-    /// The tolerance asks for more substeps than a step takes.
+    /// The step would take more substeps than the limit.
     #[error(
         "the step needs {needed} substeps (times iterations), more than {limit}; use a shorter dt, a larger strain tolerance or Quality::Substeps",
         limit = crate::limits::MAX_SUBSTEPS
     )]
     TooManySubsteps {
-        /// Substeps that the closed form asks for.
+        /// Number of substeps the step needs, times the iterations of a relaxation.
         needed: f64,
     },
-    /// The motion ran away during a step; the state is that of the step before.
+    /// The motion became unstable during a step. The state is that of the last good step.
     #[error("unstable: {cause}, in step {frame}; {remedy}")]
     Unstable {
-        /// The first vertex out of bounds, the first that is too fast, or an end of the edge.
+        /// The first vertex out of bounds, the first that is too fast, or an end of the overlong edge.
         vertex: usize,
         /// What went wrong.
         cause: Instability,
-        /// The step, counted from 1 since the cloth was made, reset or put somewhere.
+        /// The step, counted from 1 since the cloth was created, reset or given a state.
         frame: u32,
-        /// What helps.
+        /// What to change.
         remedy: String,
     },
-    /// The device was lost, and with it the state of every cloth on it; those elsewhere go on. Found at once by what waits for the device or
-    /// reads from it, and by a step at most sixteen steps later.
+    /// The device was lost, and with it the state of every cloth on it; cloths on other devices are not affected.
+    /// Operations that wait for the device or read from it report this at once, steps at most sixteen steps later.
     #[error("{gpu} was lost, and the cloth's state with it; make a new Deformer on a new device, or on the CPU")]
     GpuLost {
         /// The device.
         gpu: String,
     },
-    /// The device has no memory left for what the step is the first to need.
-    #[error("the GPU is out of memory ({reason}); free some and make a new Deformer, or ask for the CPU")]
+    /// The device has no memory left for something that this step is the first to need.
+    #[error("the GPU is out of memory ({reason}); free some memory and make a new Deformer, or ask for the CPU")]
     GpuMemory {
-        /// What the driver said.
+        /// The driver's message.
         reason: String,
     },
-    /// What the step is the first to need is more than the device takes.
+    /// Something that this step is the first to need exceeds a limit of the device.
     #[error("{thing}: {needed}, but {limit} of the GPU is {allowed}; make a new Deformer on a device with more, or on the CPU")]
     GpuLimit {
-        /// What is too much.
+        /// What exceeds it.
         thing: &'static str,
-        /// How much it is: bytes of a buffer, or a number.
+        /// The amount needed: bytes of a buffer, or a count.
         needed: u64,
-        /// The limit, by its name in `wgpu::Limits`.
+        /// The field of `wgpu::Limits`.
         limit: &'static str,
-        /// What the device has.
+        /// The device's value of that limit.
         allowed: u64,
     },
-    /// More of the cloth is in one place than contact can look at.
+    /// So much of the cloth is in one place that contact cannot process all candidate pairs.
     #[error(
-        "contact: {pairs} pairs of groups of triangles are near one another, as if all cloth were in one place; spread it out, or lower contact.thickness"
+        "contact: {pairs} pairs of groups of triangles are close to each other, as if the whole cloth were in one place; spread it out, or lower contact.thickness"
     )]
     Crowded {
-        /// Pairs of groups of a few triangles.
+        /// Number of candidate pairs of groups of a few triangles each.
         pairs: usize,
     },
-    /// The GPU refused the work.
+    /// The GPU failed for another reason.
     #[error("the GPU failed: {reason}; make a new Deformer, or ask for the CPU")]
     Gpu {
-        /// What the driver said.
+        /// The driver's message.
         reason: String,
     },
 }
 
-/// How a motion ran away. The bounds are eight times what everything in the scene together explains, so that a wild motion passes
-/// none: see [`StepError::Unstable`].
+/// How a motion became unstable: see [`StepError::Unstable`]. The bounds on energy and length are eight times what
+/// everything in the scene together can explain, so that even a violent motion stays within them.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Instability {
-    /// A vertex is farther out than 1e15 m, or nowhere.
-    #[error("vertex {vertex} left all bounds (1e15 m, or not a number)")]
+    /// A vertex is beyond 1e15 m, or its position is not a number.
+    #[error("vertex {vertex} is beyond 1e15 m or not a number")]
     NotFinite {
         /// The first such vertex.
         vertex: usize,
     },
-    /// The cloth has more kinetic energy than gravity, air, pins, colliders, its elasticity and what it was given can have brought.
+    /// The cloth has more kinetic energy than gravity, air, pins, colliders, elasticity and its initial state can have
+    /// given it.
     #[error(
-        "the cloth, vertex {vertex} among others, moves faster than {speed} m/s (root mean square), eight times what gravity, wind, pins, colliders and elasticity explain"
+        "the cloth, vertex {vertex} among others, moves faster than {speed} m/s (root mean square), eight times what gravity, wind, pins, colliders and elasticity can explain"
     )]
     Energy {
-        /// The first vertex that is faster.
+        /// The first vertex faster than the bound.
         vertex: usize,
-        /// The bound on the cloth's speed (m/s): the root of twice its kinetic energy over its mass.
+        /// The bound on the cloth's speed (m/s), the root of twice its kinetic energy over its mass.
         speed: f32,
     },
-    /// An edge is longer than all of the cloth, many times over. A step looks at a few of the edges, the next at the next, so that every one is
-    /// seen once in 128 steps.
-    #[error("edge {}-{} is longer than {length} m, eight times the cloth with all that its weight and speed stretch it by", ends[0], ends[1])]
+    /// An edge is many times longer than the whole cloth. Each step checks some of the edges, so that every edge is
+    /// checked once in 128 steps.
+    #[error("edge {}-{} is longer than {length} m, eight times the size of the cloth stretched by its weight and speed", ends[0], ends[1])]
     Edge {
-        /// Its ends.
+        /// The two ends of the edge.
         ends: [u32; 2],
         /// The bound on its length (m).
         length: f32,
     },
 }
 
-/// Why a [`Snapshot`](crate::Snapshot) cannot be gone on from. The state is what it was before.
+/// Why a [`Snapshot`](crate::Snapshot) could not be restored. The state is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StateError {
-    /// Bytes that do not begin as a snapshot does.
-    #[error("these bytes are no snapshot; give those of Snapshot::to_bytes")]
+    /// The bytes do not begin like a snapshot.
+    #[error("these bytes are not a snapshot; pass what Snapshot::to_bytes returned")]
     Foreign,
-    /// A snapshot of another version of the form.
-    #[error("the snapshot has form {found}, but this version of the crate reads form {known}; use the version that wrote it")]
+    /// The snapshot was written in another version of the format.
+    #[error(
+        "the snapshot has format version {found}, but this version of the crate reads version {known}; use the version of the crate that wrote it"
+    )]
     Version {
-        /// Its form.
+        /// Its format version.
         found: u32,
-        /// The form that is read here.
+        /// The format version that this crate reads.
         known: u32,
     },
-    /// A snapshot that was cut, lengthened or altered since it was made.
-    #[error("the snapshot was cut or altered; take another copy, or an earlier one")]
+    /// The snapshot was truncated, extended or altered after it was taken.
+    #[error("the snapshot was truncated or altered; use another copy, or an earlier snapshot")]
     Altered,
-    /// A snapshot of a cloth that was made of another mesh or with other options.
+    /// The snapshot is of a cloth with another mesh or other options.
     #[error(
-        "the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options that it was taken with"
+        "the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options of that cloth"
     )]
     Other {
-        /// What differs first: `mesh`, or the name of an option.
+        /// The first difference: `mesh`, or the name of an option.
         what: &'static str,
     },
-    /// The processor computes on another number of lanes at once, and so rounds differently.
+    /// The snapshot was taken on a processor with another SIMD width, which rounds differently.
     #[error(
-        "the snapshot was taken on a processor with {taken} lanes, and this one has {here}, which gives other bits; restore it on one with {taken}"
+        "the snapshot was taken on a processor with {taken} SIMD lanes, and this one has {here}, which rounds differently; restore it on a processor with {taken}"
     )]
     Lanes {
-        /// Lanes where it was taken.
+        /// SIMD lanes where it was taken.
         taken: u32,
-        /// Lanes here.
+        /// SIMD lanes here.
         here: u32,
     },
-    /// The GPU did not take it.
+    /// The GPU did not accept the state.
     #[error(transparent)]
     Step(#[from] StepError),
 }
 
-/// Why [`Deformer::set_fabric`](crate::Deformer::set_fabric), `set_mass` or `set_pinned` refused. The cloth is what it was before.
+/// Why [`Deformer::set_fabric`](crate::Deformer::set_fabric), `set_mass` or `set_pinned` failed. The cloth is
+/// unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChangeError {
-    /// What was given is out of its range.
+    /// A value is out of its range.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// The state could not be read from the GPU, or the GPU has no room.
+    /// The state could not be read from the GPU, or the GPU has no memory left.
     #[error(transparent)]
     Step(#[from] StepError),
 }
 
-/// Why [`Deformer::warp`](crate::Deformer::warp) refused. The cloth is where it was before.
+/// Why [`Deformer::warp`](crate::Deformer::warp) failed. The cloth is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WarpError {
-    /// A motion that does more than turn and move.
+    /// The motion is more than a rotation and a translation.
     #[error("motion {problem}: {motion}; give a rotation and a translation")]
     NotRigid {
-        /// What it does besides.
+        /// What else it does: scale, shear or mirror.
         problem: &'static str,
         /// The motion.
         motion: Box<glam::Affine3A>,
     },
-    /// A motion to where positions are no longer computed with.
-    #[error("motion takes vertex {vertex} beyond 1e15 m; move it less far")]
+    /// The motion moves a vertex beyond the range of valid positions.
+    #[error("motion takes vertex {vertex} beyond 1e15 m; use a smaller translation")]
     TooFar {
         /// The vertex.
         vertex: usize,

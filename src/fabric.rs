@@ -1,45 +1,47 @@
-//! Fabrics: what the cloth is made of, in SI units.
+//! Fabrics: the material of the cloth, in SI units.
 
-/// A fabric: the numbers a laboratory measures, in SI units, independent of the mesh and of the time step.
+/// A fabric, described by quantities that a laboratory measures, in SI units, independent of mesh and time step.
 ///
-/// The presets are set inside the range measured on several hundred garment fabrics (areal density 5/50/95 %:
-/// 0.031/0.197/0.488 kg/m²; bending rigidity along the warp 1.1e-6/1.4e-5/1.1e-4 N m; membrane stiffness 1..10 kN/m
-/// woven, 50..500 N/m knitted). A stiffness above 5 kN/m is hardly visible and costs substeps. Shear has no number of its
-/// own: [`Options::edge_scale`](crate::Options::edge_scale) sets it.
+/// The presets lie within the range measured on several hundred garment fabrics (areal density at the 5th, 50th and
+/// 95th percentile: 0.031, 0.197 and 0.488 kg/m²; bending rigidity along the warp: 1.1e-6, 1.4e-5 and 1.1e-4 N m;
+/// membrane stiffness 1 to 10 kN/m woven, 50 to 500 N/m knitted). Stiffness above 5 kN/m is hardly visible and costs
+/// substeps. Shear has no parameter here: use [`Options::edge_scale`](crate::Options::edge_scale).
 ///
-/// A plain struct, to be written with `..Fabric::default()` or from a preset, `Fabric { damping: 0.2, ..Fabric::SILK }`, which
-/// the next version's fields do not break.
+/// Write `Fabric { .., ..Fabric::default() }` or start from a preset, `Fabric { damping: 0.2, ..Fabric::SILK }`, so
+/// that fields added later do not break your code.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fabric {
     /// Areal density (kg/m²); above 0.
     pub density: f32,
-    /// Membrane stiffness K (N/m): tension per width and strain. [`f32::INFINITY`]: inextensible. Above 0.
+    /// Membrane stiffness K (N/m): tension per width and strain, above 0. [`f32::INFINITY`] means inextensible.
     pub stretch: f32,
-    /// Bending rigidity B (N m): moment per width and curvature, from a flat rest shape, as cloth is cut. 0: no bending term,
-    /// at no cost.
+    /// Bending rigidity B (N m): moment per width and curvature. The rest shape is flat, as cloth is cut. 0: no bending
+    /// term, at no cost.
     pub bending: f32,
-    /// Retardation time of bending (s) (Kelvin-Voigt: the moment is `B (kappa + damping dkappa/dt)`), measured against the
-    /// cloth's own rotation: it stills folds without slowing the cloth's fall or its turning. What swings as a whole, a
-    /// corner that hangs free, is left to the air ([`Attributes::damping`](crate::Attributes::damping)). 0: undamped, at no
-    /// cost. What counts is `damping * bending / density`: 0.06 s at 1e-4 N m and 0.2 kg/m² stills a dropped towel in
-    /// about two seconds.
+    /// Retardation time of bending (s). The moment is `B (kappa + damping dkappa/dt)` (Kelvin-Voigt), with rates
+    /// measured relative to the local rotation of the cloth, so it damps folding without slowing the fall or the
+    /// rotation of the cloth. Swinging as a whole, such as that of a free corner, is damped by the air instead
+    /// ([`Attributes::damping`](crate::Attributes::damping)). 0: undamped, at no cost. The effect depends on
+    /// `damping * bending / density`: with 0.06 s, 1e-4 N m and 0.2 kg/m², a dropped towel comes to rest in about two
+    /// seconds.
     ///
-    /// A time, not a rate: a rate would make 0 mean infinitely damped.
+    /// This is a time and not a rate, because with a rate 0 would mean infinite damping.
     pub damping: f32,
 }
 
 impl Fabric {
-    /// A towel: heavy (between the median and the 95 % of density) and thick (near the 95 % of bending), quick to settle.
-    /// The main example's cloth.
+    /// A towel: heavy (between the median and the 95th percentile of density), thick (near the 95th percentile of
+    /// bending) and strongly damped. Used by the main example.
     pub const TOWEL: Fabric = Fabric { density: 0.4, stretch: 5000.0, bending: 1e-4, damping: 0.12 };
     /// Plain woven cotton: the median of density and of bending along the warp.
     pub const COTTON: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1.4e-5, damping: 0.06 };
-    /// Light woven silk: density and bending between the 5 % and the median.
+    /// Light woven silk: density and bending between the 5th percentile and the median.
     pub const SILK: Fabric = Fabric { density: 0.06, stretch: 3000.0, bending: 3e-6, damping: 0.06 };
-    /// Denim: just inside the 95 % of density, at that of bending along the warp, the stiffest woven stretch.
+    /// Denim: density just inside the 95th percentile, bending along the warp at the 95th percentile, and the upper end
+    /// of the stretch stiffness of woven fabrics.
     pub const DENIM: Fabric = Fabric { density: 0.45, stretch: 10_000.0, bending: 1.1e-4, damping: 0.06 };
-    /// A knitted jersey: median density, bending between the 5 % and the median, stretch in the middle of the knits', more
-    /// than ten times as soft as a woven cloth's.
+    /// A knitted jersey: median density, bending between the 5th percentile and the median, and stretch in the middle
+    /// of the range of knits, more than ten times softer than woven cloth.
     pub const JERSEY: Fabric = Fabric { density: 0.2, stretch: 300.0, bending: 5e-6, damping: 0.06 };
 
     /// Every preset with its name in lower case.
@@ -53,7 +55,7 @@ impl Fabric {
 }
 
 impl Default for Fabric {
-    /// A median fabric that only resists stretching: no bending, no damping, nothing the scene did not ask for.
+    /// A fabric of median density that resists only stretching: no bending and no damping.
     fn default() -> Fabric {
         Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 }
     }

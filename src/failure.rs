@@ -1,23 +1,24 @@
-//! What an engine reports when a step or a read did not work out.
+//! Failures of a step or a read, as an engine reports them.
 
 /// Why a step or a read failed.
 #[derive(Debug, Clone)]
 pub(crate) enum Failure {
-    /// In this step since the state was last set; the cloth is as it was before it.
+    /// The motion became unstable in this step, counted since the state was last set. The cloth is as it was before the
+    /// step.
     Unstable { cause: Cause, step: u32 },
-    /// So many pairs of groups of triangles are too near for contact to look at.
+    /// Contact found this many candidate pairs of groups of triangles, more than it can process.
     Crowded(usize),
     #[cfg(feature = "gpu")]
     Gpu(crate::gpu_fault::GpuFault),
 }
 
-/// What a watch found, by the cloth's own numbers.
+/// What the stability check found, with indices in the solver's order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
     /// This vertex is out of bounds.
     Lost(usize),
-    /// The cloth moves faster than anything explains, this vertex among others.
+    /// The cloth has more kinetic energy than the scene explains; this vertex is among the fast ones.
     Energy(usize),
-    /// This edge is too long, by its place in `Cloth::links`.
+    /// This edge, an index of `Cloth::links`, is too long.
     Edge(usize),
 }

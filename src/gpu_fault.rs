@@ -1,25 +1,25 @@
-//! What can go wrong on a device, whatever was asked of it.
+//! Failures of a GPU device.
 
 /// Why the GPU did not do what it was asked.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum GpuFault {
-    /// The device is gone, and with it all that was on it.
+    /// The device is lost, and with it everything stored on it.
     Lost,
-    /// Its memory is full.
+    /// The device is out of memory.
     Memory(String),
-    /// It does not take so much.
+    /// The work exceeds a limit of the device.
     Limit(Excess),
     Other(String),
 }
 
-/// Something that is more than a device takes.
+/// Something that exceeds a limit of the device.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Excess {
-    /// What.
+    /// What exceeds it.
     pub thing: &'static str,
-    /// How much that is, in bytes or in number.
+    /// The amount needed: bytes, or a count.
     pub needed: u64,
-    /// The device's limit, by its name in `wgpu::Limits`, and what it is.
+    /// The field of `wgpu::Limits`, and the device's value of it.
     pub limit: &'static str,
     pub allowed: u64,
 }

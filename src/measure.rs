@@ -1,4 +1,4 @@
-//! Figures of a state, for the caller to judge it by.
+//! Strain, energy and penetration of a state.
 
 use glam::{DVec3, Vec3};
 
@@ -7,7 +7,7 @@ use crate::kernels::statistics::{StrainGauge, WHOLE};
 use crate::model::cloth::Cloth;
 use crate::options::Quality;
 
-/// Figures of the current state.
+/// Strain, energy and penetration of the current state.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Measure {
@@ -15,20 +15,24 @@ pub struct Measure {
     pub mean_strain: f32,
     /// Maximum over the edges of `max(0, l/l0 - 1)`.
     pub max_strain: f32,
-    /// What 99 per cent of the cloth's area does not exceed of `max(0, l/l0 - 1)`, each edge counted with the area of its triangles; edges
-    /// that [`Options::edge_scale`](crate::Options::edge_scale) softens below a half are left out.
+    /// The stretch `max(0, l/l0 - 1)` that 99 percent of the cloth's area does not exceed, each edge weighted by the
+    /// area of its triangles. Edges that [`Options::edge_scale`](crate::Options::edge_scale) softens to less than half
+    /// are left out.
     pub stretch_share: f32,
-    /// Kinetic energy (J), of the velocities half a substep back (leapfrog).
+    /// Kinetic energy (J). Velocities are those of half a substep ago (leapfrog).
     pub kinetic_energy: f64,
-    /// Potential energy (J): gravity (0 at rest), stretch (none if inextensible) and bending. Below the resolved substep the
-    /// stretch that one sweep leaves is counted at the full stiffness, and may be most of it.
+    /// Potential energy (J) of gravity (0 at rest), stretch (0 if inextensible) and bending. With substeps that do not
+    /// resolve the stiffness, the stretch that one sweep leaves is counted at the full stiffness, and may be most of
+    /// the sum.
     pub potential_energy: f64,
-    /// Depth (m) of the deepest vertex in the last step's colliders, 0 if none is inside; meshes have no inside.
+    /// Depth (m) of the deepest vertex inside the last step's colliders, 0 if none is inside. Mesh colliders have no
+    /// inside.
     pub penetration: f32,
 }
 
 impl Measure {
-    /// Measures the state `x` (m), `v` (m/s), in the cloth's order and local coordinates, in double precision.
+    /// Measures, in double precision, the state `x` (m) and `v` (m/s), given in the cloth's order and local
+    /// coordinates.
     pub(crate) fn new(cloth: &Cloth, bending: f64, x: &[DVec3], v: &[DVec3], gravity: Vec3, colliders: &[Collider]) -> Measure {
         let gravity = gravity.as_dvec3();
         let (mut kinetic, mut potential) = (0.0, 0.0);
@@ -66,7 +70,7 @@ impl Measure {
     }
 }
 
-/// The stretch that 99 per cent of the area does not exceed.
+/// The stretch that 99 percent of the area does not exceed.
 fn stretch_share(cloth: &Cloth, x: &[DVec3]) -> f64 {
     let stretch = |gauge: &StrainGauge| {
         let [a, b] = gauge.ends.map(|vertex| x[vertex as usize]);

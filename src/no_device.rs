@@ -1,7 +1,8 @@
-//! What stands for a device in a build without the `gpu` feature.
+//! Stands in for the GPU device in builds without the `gpu` feature.
 
-/// A wgpu device to compute on: none in a build without the `gpu` feature, so that [`Options::gpu`](crate::Options::gpu) is
-/// always `None`. It is there so that what is written of [`Options`](crate::Options) compiles in both builds.
+/// A wgpu device. In a build without the `gpu` feature there is none: this type has no values, so
+/// [`Options::gpu`](crate::Options::gpu) is always `None`, and code that sets [`Options`](crate::Options) compiles in
+/// both builds.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Gpu {}

@@ -1,4 +1,4 @@
-//! What is fixed when a cloth is made, and what a step reports.
+//! The settings a cloth is created with, and the report that each step returns.
 
 use crate::device::Gpu;
 use crate::error::BuildError;
@@ -6,72 +6,80 @@ use crate::fabric::Fabric;
 use crate::kernels::statistics::SLOW;
 use crate::limits::MAX_SUBSTEPS;
 
-/// Where the work is done. All three give the same motion.
+/// The processor that runs the simulation. All backends compute the same motion, up to rounding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Backend {
-    /// A real GPU if there is one and the mesh is large enough to gain from it, else the CPU.
+    /// A hardware GPU if there is one and the mesh has at least 16384 vertices, otherwise the CPU. [`Options::contact`]
+    /// and [`Quality::Budget`] always select the CPU, because the GPU does not support them.
     #[default]
     Auto,
-    /// Rayon's threads: the cloth in tiles, edges in the order of their colors, the same bits on any number of threads.
+    /// The threads of the current rayon pool. The result is bit for bit the same on any number of threads.
     Cpu,
-    /// Forces that differ from vertex to vertex on the GPU, edges and contact on the CPU, every substep: as the 2013 plug-in did it.
+    /// The GPU computes the forces that differ between vertices (wind, bending, springs); the CPU solves edges and
+    /// contact. Data goes back and forth in every substep, as in the 2013 plug-in.
     Hybrid,
-    /// Everything on the GPU; read back when asked for.
+    /// The GPU does everything. Positions are read back only when they are asked for.
     Gpu,
 }
 
-/// How the edges hold together.
+/// The solver for the edges of the mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Method {
-    /// Small-step XPBD, one sweep a substep, second order in the substep: see "How it works".
+    /// XPBD with small steps (Macklin et al. 2019): one sweep over the edges per substep, second-order accurate in the
+    /// substep. See "How it works" on the [front page](crate).
     #[default]
     SmallSteps,
-    /// Position Verlet and Jakobsen relaxation (2001), the 2013 plug-in's own: stiffness depends on iterations and step,
-    /// not on [`Fabric::stretch`]. One substep in 1/60 s under [`Quality::Strain`].
+    /// Position Verlet with Jakobsen's relaxation (2001), as in the 2013 plug-in. Stiffness depends on the iterations
+    /// and the length of the substep, not on [`Fabric::stretch`]. With [`Quality::Strain`] it takes one substep per
+    /// 1/60 s.
     Relaxation {
-        /// Sweeps a substep.
+        /// Sweeps over the edges per substep.
         iterations: u32,
     },
-    /// Explicit leapfrog springs: accurate when resolved, unstable past the explicit limit.
+    /// Springs integrated by explicit leapfrog: accurate when the substeps resolve the stiffness, unstable above the
+    /// explicit limit ([`Warning::ExplicitLimit`]).
     Springs,
 }
 
-/// How finely a step is divided.
+/// How many substeps a step is divided into.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Quality {
-    /// This many substeps in 1/60 s, which gives the substep its length. A step of another `dt` takes as many as keep them no longer:
-    /// `ceil(60 dt n)`. Cloth that is too stiff for its substeps is as stretchy as they make it, and so it is equally stretchy in steps
-    /// of any length.
+    /// A fixed number of substeps per 1/60 s. A step of length `dt` takes `ceil(60 dt n)`, so that its substeps are
+    /// never longer than those of a step of 1/60 s. Cloth that is too stiff for its substeps stretches as much as the
+    /// substep's length lets it; keeping that length makes it stretch equally whatever `dt` is.
     Substeps(u32),
-    /// 99 per cent of the cloth's area is stretched by at most this much beyond the fabric's own, in every step:
-    /// [`Quality::Hold`] with that share.
+    /// In every step, 99 percent of the cloth's area is stretched by at most this much beyond what the fabric itself
+    /// yields under its load. Short for [`Quality::Hold`] with a share of 0.99.
     Strain(f32),
-    /// As few substeps as hold most of the cloth's area to a stretch, chosen anew in every step: before it from what acts on the cloth
-    /// (gravity, wind, how fast it moves, how pins and colliders are moved), by the law `S = S* sqrt(2 sigma f / (K stretch))`, `S*`
-    /// the substeps that resolve the stiffness K; after it by what was measured, which corrects the factor f. At least 5 in 1/60 s, at
-    /// most 1.4 `S*`. Where that was not enough in a step, [`Warning::StrainMissed`] says by how much, and why.
+    /// As few substeps as keep the stretch of most of the cloth's area below a bound, chosen anew for every step.
+    /// Before the step the number is predicted from what acts on the cloth (gravity, wind, its speed, how pins and
+    /// colliders move) by the law `S = S* sqrt(2 sigma f / (K stretch))`, where `S*` is the number that resolves the
+    /// stiffness K and sigma is the membrane stress. After the step the factor f is corrected from the measured
+    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`. If a step exceeded the bound,
+    /// [`Warning::StrainMissed`] says by how much, and why.
     ///
-    /// The choice is the same on any number of threads. On the GPU what is measured is three steps old: a step never waits for another
-    /// that was submitted since. [`StepReport::in_a_sixtieth`], given to [`Quality::Substeps`], repeats a step bit for bit.
-    /// For [`Method::SmallSteps`].
+    /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step
+    /// never waits for one that was submitted shortly before. Pass [`StepReport::in_a_sixtieth`] to
+    /// [`Quality::Substeps`] to repeat a step bit for bit. Only for [`Method::SmallSteps`].
     Hold {
-        /// Stretch, `l/l0 - 1`, beyond the fabric's own under the same load; 0.03 is three per cent.
+        /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
         stretch: f32,
-        /// Share of the area, 0.5 to 1, each edge being counted with the area of its triangles.
+        /// Share of the area that keeps the bound, 0.5 to 1. Each edge counts with the area of its triangles.
         share: f32,
     },
-    /// As many substeps as are done in this time (ms) a step, told from how long those before took, but no more than 1.4 `S*`. No motion is
-    /// repeated by it, for no two runs take the same time; [`StepReport::in_a_sixtieth`] repeats one. Not on the GPU, whose steps are
-    /// submitted and not waited for. [`Deformer::step_all`](crate::Deformer::step_all) times no cloth by itself: one that was never stepped
-    /// alone takes 5 in 1/60 s. For [`Method::SmallSteps`].
+    /// As many substeps as fit into this time (ms) per step, estimated from the time that previous steps took, and at
+    /// most 1.4 `S*` (see [`Quality::Hold`]). Timings differ between runs, so a run cannot be repeated exactly;
+    /// [`StepReport::in_a_sixtieth`] repeats a single step. Not available on the GPU, where a step returns before the
+    /// work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that was
+    /// never stepped by itself takes 5 substeps per 1/60 s. Only for [`Method::SmallSteps`].
     Budget(f32),
 }
 
 impl Quality {
-    /// Share of the area that [`Quality::Strain`] is a promise for.
+    /// Share of the area that [`Quality::Strain`] applies to.
     pub(crate) const MOST_OF_THE_AREA: f32 = 0.99;
 }
 
@@ -81,32 +89,34 @@ impl Default for Quality {
     }
 }
 
-/// Corrections on coarser cloths ahead of each sweep, which keep strain from growing with the number of vertices: see
-/// "How it works". For [`Method::SmallSteps`].
+/// Corrections on coarse versions of the cloth before each sweep, which keep the strain from growing with the number of
+/// vertices. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
-    /// As many as pay: none where the substeps resolve the stiffness or nearly so, the mesh has fewer than 1000 vertices and is short of
-    /// that by less than eight times, or the wind's pressure is ten
-    /// times the cloth's weight (5 m/s for 0.2 kg/m²), where they would show small wrinkles for stretch.
+    /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, if
+    /// a mesh of fewer than 1000 vertices has at least an eighth of the substeps that would, or if the wind's pressure
+    /// is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into small wrinkles.
     #[default]
     Auto,
-    /// None: nothing is built or run.
+    /// No levels are built or run.
     Off,
-    /// This many, or as many as the mesh has; the finest has aggregates of about 16 vertices, each next one of four times as many.
+    /// This many, or as many as the mesh has. The finest level has aggregates of about 16 vertices; each coarser level
+    /// has aggregates four times as large.
     Count(u32),
 }
 
-/// When a cloth falls asleep: it then stays as it is, at no cost, until an attribute changes.
+/// When a cloth is put to sleep. A sleeping cloth stays exactly as it is, at no cost, until an attribute changes.
 ///
-/// A plain struct, to be written with `..Sleep::default()`: slower than 1 mm/s on average and 5 mm/s anywhere, for half a second.
+/// Write `Sleep { .., ..Sleep::default() }`, so that fields added later do not break your code. By default a cloth
+/// sleeps once it has moved more slowly than 1 mm/s on average and 5 mm/s everywhere for half a second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sleep {
-    /// Root of the mean square of the vertices' speeds (m/s), at most 0.01.
+    /// Largest root mean square of the vertices' speeds (m/s), at most 0.01.
     pub mean_speed: f32,
-    /// Speed (m/s) of the fastest vertex.
+    /// Largest speed of any vertex (m/s).
     pub speed: f32,
-    /// How long (s) it must have been so slow, under attributes that did not change.
+    /// Time (s) for which the cloth must have been this slow, under attributes that did not change.
     pub after: f32,
 }
 
@@ -116,22 +126,23 @@ impl Default for Sleep {
     }
 }
 
-/// What holds the cloth near a lone pin, or two side by side, whose few edges carry all that hangs on them: see
-/// "How it works". For [`Method::SmallSteps`].
+/// Direct attachments of the cloth near a lone pin, or a pair of neighboring pins, whose few edges carry everything
+/// that hangs on them. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Tethers {
-    /// Where the substeps do not resolve the stiffness each vertex near a lone pin is kept within its distance along the cloth, by a
-    /// share that fades with it (long range attachments: Kim, Chentanez & Müller 2012). Nothing is built for a cloth without such a pin.
+    /// While the substeps do not resolve the stiffness, each vertex near a lone pin is pulled to within its distance
+    /// from the pin along the cloth, by a share that decreases with that distance (long range attachments: Kim,
+    /// Chentanez and Müller 2012). A cloth without such a pin builds no tethers.
     #[default]
     Auto,
-    /// None: nothing is built or run.
+    /// No tethers are built or run.
     Off,
 }
 
-/// What is fixed when a [`Deformer`](crate::Deformer) is made.
+/// The settings a [`Deformer`](crate::Deformer) is created with.
 ///
-/// A plain struct. Write what differs from the default, and the next version's fields do not break you:
+/// Write only the fields that differ from the default, so that fields added later do not break your code:
 ///
 /// ```
 /// # use cloth_deformer::{Backend, Fabric, Options};
@@ -139,37 +150,42 @@ pub enum Tethers {
 /// # assert!(options.gpu.is_none());
 /// ```
 ///
-/// Its fields are the same with and without the `gpu` feature.
+/// The fields are the same with and without the `gpu` feature.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// Where the work is done.
+    /// The processor that runs the simulation.
     pub backend: Backend,
-    /// How the edges hold together.
+    /// The solver for the edges.
     pub method: Method,
-    /// How finely a step is divided.
+    /// How many substeps a step is divided into.
     pub quality: Quality,
-    /// What carries stress farther than an edge in one substep.
+    /// Coarse levels, which carry stress farther than one edge per substep.
     pub levels: Levels,
-    /// When it stops to move and to cost anything; `None`: never.
+    /// When the cloth is put to sleep; `None`: never.
     pub sleep: Option<Sleep>,
-    /// What holds the cloth near a lone pin.
+    /// Direct attachments of the cloth near a lone pin.
     pub tethers: Tethers,
-    /// What the cloth is made of.
+    /// The material of the cloth.
     pub fabric: Fabric,
-    /// A device of the caller's, for `Deformer::position_buffer`; `None`: one is requested when needed.
-    /// Always `None` in a build without the `gpu` feature, where there is no [`Gpu`].
+    /// The device to use for `Backend::Gpu`, `Hybrid` and `Auto`, for example the renderer's, which can then draw
+    /// `Deformer::position_buffer`. `None`: the crate requests one when it needs it. Without the `gpu` feature this is
+    /// always `None`.
     pub gpu: Option<Gpu>,
-    /// Vertices that move only as [`Attributes::pin_targets`](crate::Attributes::pin_targets) says; each at most once.
+    /// Indices of the vertices that move only as [`Attributes::pin_targets`](crate::Attributes::pin_targets) says; each
+    /// index at most once.
     pub pinned: Vec<u32>,
-    /// Mass of each vertex (kg); `None`: a third of each of its triangles' `density * area`.
+    /// Mass of each vertex (kg). `None`: each triangle gives a third of its `density * area` to each of its vertices.
     pub mass: Option<Vec<f32>>,
-    /// Factor on `fabric.stretch` for each of [`Mesh::edges`](crate::Mesh::edges), 0 or above: below 1 along the diagonals gives soft shear.
+    /// Factor on `fabric.stretch` for each edge of [`Mesh::edges`](crate::Mesh::edges), 0 or above. A factor below 1 on
+    /// the diagonals gives a soft shear.
     ///
-    /// Woven cloth shears at 20..100 N/m. A grid's shear stiffness is a quarter of its diagonals', `scale * stretch / 4`:
-    /// 0.02 along the diagonals makes 25 N/m of 5 kN/m, and the cloth gives way along the bias as fabric does.
+    /// Woven cloth shears at 20 to 100 N/m. The shear stiffness of a grid is a quarter of that of its diagonals,
+    /// `scale * stretch / 4`: with 0.02 on the diagonals a stretch of 5 kN/m has a shear stiffness of 25 N/m, and the
+    /// cloth yields along the bias as fabric does.
     pub edge_scale: Option<Vec<f32>>,
-    /// Contact of the cloth with itself: of each piece of the mesh with itself and with the others, in triangles. `None`: they pass through one
-    /// another. On the CPU alone so far: [`Backend::Auto`] takes it, [`Backend::Gpu`] refuses.
+    /// Contact of the cloth with itself, which includes contact between the pieces of a mesh. `None`: cloth passes
+    /// through cloth. Contact runs on the CPU only: [`Backend::Auto`] then selects the CPU, and [`Backend::Gpu`]
+    /// returns an error.
     pub contact: Option<Contact>,
 }
 
@@ -180,164 +196,169 @@ pub struct Options {
 /// [`Deformer::untangle`](crate::Deformer::untangle) parts it first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// How far apart cloth is held (m), above 0, from itself and from mesh colliders; less from itself where it is finer than that: half the
-    /// distance at rest.
+    /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the cloth
+    /// are closer than twice this at rest, they are held at half of their distance at rest.
     pub thickness: f32,
-    /// Coulomb's coefficient of friction of cloth on cloth, 0 or above.
+    /// Coefficient of Coulomb friction of cloth on cloth, 0 or above.
     pub friction: f32,
 }
 
 impl Default for Contact {
-    /// 5 mm, friction 0.3.
+    /// A thickness of 5 mm and friction 0.3.
     fn default() -> Contact {
         Contact { thickness: 0.005, friction: 0.3 }
     }
 }
 
-/// What one step did, known without reading anything back.
+/// What a step did. Nothing is read back from the GPU for it.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct StepReport {
-    /// Substeps taken.
+    /// Number of substeps taken.
     pub substeps: u32,
-    /// Substeps that 1/60 s would have been given, which is what [`Quality::Substeps`] counts.
+    /// Number of substeps that a step of 1/60 s would have taken, in the unit of [`Quality::Substeps`].
     pub in_a_sixtieth: u32,
-    /// Coarse levels in each of them.
+    /// Coarse levels used in each substep.
     pub levels: u32,
-    /// How the cloth was stretched, if the quality is a promise about it, or the cloth may sleep. On the GPU as it was three steps ago;
-    /// `None` until there is anything.
+    /// How the cloth was stretched, measured if the quality bounds the strain or the cloth may sleep, otherwise `None`.
+    /// On the GPU the measurement is three steps old, and `None` in the first steps.
     pub stretch: Option<Stretch>,
-    /// The cloth slept through the step and is as it was: see [`Options::sleep`].
+    /// The cloth slept through the step and did not change: see [`Options::sleep`].
     pub asleep: bool,
-    /// Pairs of the cloth's features that press on one another at the end of the step.
+    /// Pairs of features of the cloth (vertex and triangle, or two edges) that press on each other at the end of the
+    /// step.
     pub contacts: u32,
-    /// What the caller should know.
+    /// Conditions that the caller should know of.
     pub warnings: Vec<Warning>,
 }
 
-/// How a cloth is stretched: of its edges `max(0, l/l0 - 1)`, each counted with the area of its triangles.
+/// Statistics of the stretch `max(0, l/l0 - 1)` of the edges, each edge weighted by the area of its triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Stretch {
-    /// Mean over the area.
+    /// Mean stretch over the area.
     pub mean: f32,
-    /// What the promised share of the area does not exceed (99 per cent if none is promised), to within a sixteenth.
+    /// Stretch that the promised share of the area does not exceed (99 percent if none is promised), to within a
+    /// sixteenth of its value.
     pub share: f32,
-    /// The worst edge's.
+    /// Stretch of the worst edge.
     pub worst: f32,
 }
 
-/// Why a strain was not kept: see [`Warning::StrainMissed`].
+/// What caused [`Warning::StrainMissed`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
-    /// The cloth's own weight and motion.
+    /// The weight and motion of the cloth itself.
     Motion,
-    /// Pins were jerked.
+    /// Pins that accelerated.
     Pins,
-    /// A collider moved fast beside the cloth.
+    /// A fast collider near the cloth.
     Collider,
-    /// The wind blew.
+    /// The wind.
     Wind,
-    /// So much of the area is at edges that are a hundred times shorter than their triangles.
+    /// Too much of the area belongs to slivers: edges that are a hundred times shorter than their triangles.
     Slivers,
 }
 
-/// An edge that goes through a triangle with which it shares no vertex, by the mesh's vertices.
+/// An edge that passes through a triangle with which it shares no vertex. Indices are those of the mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Crossing {
-    /// The ends of the edge.
+    /// The two ends of the edge.
     pub edge: [u32; 2],
-    /// The corners of the triangle.
+    /// The three corners of the triangle.
     pub triangle: [u32; 3],
 }
 
 impl Crossing {
-    /// The same by other numbers of the vertices.
+    /// The same crossing with every vertex index replaced by `names[index]`.
     pub(crate) fn named(self, names: &[u32]) -> Crossing {
         let name = |vertex: u32| names[vertex as usize];
         Crossing { edge: self.edge.map(name), triangle: self.triangle.map(name) }
     }
 }
 
-/// Something a step met that is worth knowing.
+/// A condition found in a step that the caller should know of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
-    /// Bending was softened at some vertices to stay stable at this substep: by more than a twentieth, their mean over the cloth. Small
-    /// steps meet it only past what sixteen passes over the bending carry; more substeps bring it all.
+    /// The bending stiffness had to be reduced to stay stable with these substeps, by more than 5 percent on average
+    /// over the cloth. [`Method::SmallSteps`] filters bending in up to sixteen passes per substep and warns only if
+    /// those are not enough. More substeps restore the full stiffness.
     BendingLimited {
-        /// Number of vertices.
+        /// Number of vertices with reduced stiffness.
         vertices: usize,
     },
-    /// Explicit springs run past their stability limit: cloth that moves may shake itself to pieces.
+    /// Explicit springs take fewer substeps than their stability limit: cloth that moves may become unstable.
     ExplicitLimit {
-        /// Substeps taken.
+        /// Number of substeps taken.
         substeps: u32,
-        /// Substeps that are stable however the cloth moves.
+        /// Number of substeps that is stable however the cloth moves.
         needed: u32,
     },
-    /// More of the cloth than promised was stretched farther than promised, beyond the fabric's own.
+    /// A larger share of the area than promised was stretched by more than promised.
     StrainMissed {
-        /// How far the promised share of the area was stretched beyond the fabric's own.
+        /// Stretch that the promised share of the area did not exceed, beyond the fabric's own stretch.
         stretch: f32,
-        /// How far it was to be stretched at most.
+        /// The largest stretch that was promised.
         promised: f32,
-        /// What acted most on the cloth in that step.
+        /// What loaded the cloth most in that step.
         cause: Cause,
     },
-    /// Some edges are a hundred times shorter than their triangles: so stiff that few substeps stretch them by many times their
-    /// length, which the strain that [`Quality::Strain`] promises leaves out. Merge their ends, or make the triangles rounder.
+    /// Some edges are a hundred times shorter than their triangles, which makes them so stiff that with few substeps
+    /// they stretch to many times their length. The strain that [`Quality::Strain`] promises leaves them out. Merge
+    /// their ends, or remesh with rounder triangles.
     Slivers {
         /// Number of such edges.
         edges: usize,
-        /// The worst of them, by the mesh's vertices.
+        /// The worst of them, as indices of the mesh.
         worst: [u32; 2],
     },
-    /// A pin is led farther in a substep than an edge is long, which is as far as a sweep carries it on: the edges at it are stretched by more
-    /// than their length while it lasts. Lead it more slowly, or take more substeps; [`Attributes`](crate::Attributes) that jump have
-    /// `set_state`.
+    /// A pin moves farther in a substep than an edge is long, which is as far as one sweep carries its motion. While it
+    /// does so, the edges at it stretch to more than twice their length. Move it more slowly or take more substeps; for
+    /// a jump use [`Deformer::warp`](crate::Deformer::warp) or [`Deformer::set_state`](crate::Deformer::set_state).
     PinOutruns {
-        /// Its place in [`Options::pinned`].
+        /// Its position in the list [`Options::pinned`].
         pin: usize,
         /// Its speed (m/s).
         speed: f32,
-        /// The speed (m/s) of an edge a substep.
+        /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
         carried: f32,
     },
-    /// A collider moves farther in a substep than an edge is long, wherever the cloth is: it tunnels through nothing, but what it meets is
-    /// stretched. Move it more slowly, take more substeps, or say that it was [`teleported`](crate::Collider::teleported).
+    /// A collider moves farther in a substep than an edge is long, wherever the cloth is. It does not tunnel, but cloth
+    /// that it hits is stretched. Move it more slowly, take more substeps, or mark it as
+    /// [`teleported`](crate::Collider::teleported).
     ColliderOutruns {
-        /// Its place in [`Attributes::colliders`](crate::Attributes::colliders).
+        /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
         /// Its speed (m/s).
         speed: f32,
-        /// The speed (m/s) of an edge a substep.
+        /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
         carried: f32,
     },
-    /// Pins or mesh colliders move against one another by more than a third of the thickness in a substep: what is caught between them may be
-    /// gone through. Take more substeps ([`Quality::Strain`] takes up to 256 in 1/60 s for this), a larger
-    /// [`Contact::thickness`], or lead them more slowly.
+    /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so
+    /// that they may pass through cloth that is caught between them. Take more substeps ([`Quality::Strain`] takes up
+    /// to 256 per 1/60 s for this), increase [`Contact::thickness`], or move them more slowly.
     ContactOutruns {
-        /// How fast (m/s) the fastest moves against the middle between the extremes of all their velocities: what moves all of them alike is
-        /// no trouble.
+        /// The largest speed (m/s) of any of them relative to the midpoint of the range of their velocities. A velocity
+        /// that all have in common does not count.
         speed: f32,
-        /// How fast (m/s) it may.
+        /// The largest such speed (m/s) that the substeps resolve.
         resolved: f32,
     },
-    /// Edges and triangles of the cloth and of a mesh collider go through one another, as they did where either appeared. They are let go until
-    /// they part, and then held.
+    /// The cloth and a mesh collider crossed each other when one of them was put in place. Contact ignores the crossing
+    /// parts until they have separated, and holds them from then on.
     BodyCrossings {
-        /// Number of pairs of an edge and a triangle, with all mesh colliders.
+        /// Number of crossing pairs of an edge and a triangle, over all mesh colliders.
         pairs: usize,
-        /// The first such collider, by its place in [`Attributes::colliders`](crate::Attributes::colliders).
+        /// The first such collider, as its position in [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
     },
-    /// Edges go through triangles of the cloth, as they did where the state was set ([`Options::contact`]). They are let go until they part, and
-    /// then held.
+    /// Edges passed through triangles of the cloth when the state was set ([`Options::contact`]). Contact ignores the
+    /// crossing parts until they have separated, and holds them from then on.
     Crossings {
-        /// Number of pairs of an edge and a triangle.
+        /// Number of crossing pairs of an edge and a triangle.
         pairs: usize,
         /// The first of them.
         first: Crossing,
@@ -345,7 +366,7 @@ pub enum Warning {
 }
 
 impl Options {
-    /// Checks what does not depend on the mesh.
+    /// Checks everything that does not depend on the mesh.
     pub(crate) fn check_numbers(&self) -> Result<(), BuildError> {
         let refuse = |name: &str, value: String, remedy| Err(BuildError::Value { name: name.to_owned(), value, remedy });
         match self.quality {

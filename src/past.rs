@@ -1,17 +1,17 @@
-//! What the engines have in common of a motion besides its state: snapshots keep it, and go on from it.
+//! What an engine knows of a motion besides positions and displacements. Snapshots store it.
 
 use crate::contact;
 use crate::kernels::statistics::Statistics;
 use crate::record::recorded;
 
-/// What an engine knows of the motion besides the state.
+/// What an engine knows of a motion besides positions and displacements.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Past {
-    /// Good steps since the state was set; and where the GPU's watch begins among the edges.
+    /// Number of good steps since the state was set, and the edge at which the GPU's next stability check begins.
     pub steps: [u32; 2],
-    /// Statistics of steps that a GPU has taken and not told of yet.
+    /// Statistics of steps that a GPU has taken and not returned yet.
     pub untold: Vec<Statistics>,
-    /// Contact of the cloth with itself.
+    /// State of the cloth's contact with itself.
     pub contact: Option<contact::Past>,
 }
 

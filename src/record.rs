@@ -1,19 +1,20 @@
-//! State as bytes: what of a struct is state is said once, for both ways.
+//! Encoding of the state as bytes. One description of a struct serves both writing and reading.
 //!
-//! Little-endian numbers one after another, without gaps; lists and options begin with how many they have. A struct names its fields with
-//! [`recorded`], which fails to compile when one is added that nobody has decided about.
+//! Numbers are little-endian and follow each other without gaps; lists and options begin with their length. A struct
+//! lists its fields with [`recorded`], which fails to compile if a field is missing from the list, so that nobody can
+//! add state and forget to record it.
 
 use std::collections::VecDeque;
 
 use glam::{Quat, Vec3, Vec4};
 
-/// Bytes on their way out, or in.
+/// Bytes being written (`Out`) or still to be read (`In`).
 pub(crate) enum Tape<'a> {
     Out(Vec<u8>),
     In(&'a [u8]),
 }
 
-/// The bytes are not what they should be.
+/// The bytes cannot be decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Unreadable;
 
@@ -33,11 +34,11 @@ impl Tape<'_> {
     }
 }
 
-/// What can be written to a tape, and read from it into its place.
+/// A value that can be written to a tape, or overwritten with what is read from one.
 pub(crate) trait Recorded {
     fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable>;
 
-    /// As bytes.
+    /// Encodes the value.
     fn to_tape(&mut self) -> Vec<u8> {
         let mut tape = Tape::Out(Vec::new());
         let written = self.record(&mut tape);
@@ -47,7 +48,7 @@ pub(crate) trait Recorded {
         }
     }
 
-    /// From bytes, all of them.
+    /// Decodes a value from all of the bytes.
     fn from_tape(bytes: &[u8]) -> Result<Self, Unreadable>
     where
         Self: Sized + Default,
@@ -61,7 +62,8 @@ pub(crate) trait Recorded {
     }
 }
 
-/// Which fields of a struct are state, and which follow from something else.
+/// Implements [`Recorded`] for a struct. Every field must be listed: state first, then, after `but`, fields that are
+/// computed from elsewhere.
 macro_rules! recorded {
     ($name:ty { $($field:ident),* $(,)? } $(but { $($other:ident),* $(,)? })?) => {
         impl $crate::record::Recorded for $name {
@@ -130,7 +132,7 @@ impl<T: Recorded + Default> Recorded for Vec<T> {
         if let Tape::Out(_) = tape {
             return self.iter_mut().try_for_each(|value| value.record(tape));
         }
-        // One by one: a number that was altered takes no memory.
+        // The list grows value by value, so that an altered count cannot allocate much memory.
         self.clear();
         for _ in 0..count {
             let mut value = T::default();
@@ -171,14 +173,15 @@ impl Recorded for Vec4 {
     }
 }
 
-/// 64-bit FNV-1a (Fowler, Noll and Vo; RFC 9923): two texts of one length that differ in a single byte never have the same.
+/// 64-bit FNV-1a (Fowler, Noll and Vo; RFC 9923). Inputs of equal length that differ in a single byte always have
+/// different hashes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hash(pub u64);
 
 impl Hash {
     pub(crate) const NOTHING: Hash = Hash(0xcbf2_9ce4_8422_2325);
 
-    /// With more bytes.
+    /// The hash with more bytes appended.
     pub(crate) fn with(self, bytes: &[u8]) -> Hash {
         Hash(bytes.iter().fold(self.0, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)))
     }

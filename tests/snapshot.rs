@@ -219,7 +219,7 @@ fn altered_and_cut_bytes_are_refused() {
         assert!(Snapshot::from_bytes(&bytes[..place]).is_err(), "cut to {place} bytes");
     }
     assert!(Snapshot::from_bytes(&[&bytes[..], &[0]].concat()).is_err(), "a byte more");
-    assert!(Snapshot::from_bytes(b"v 0 0 0\n").unwrap_err().to_string().contains("no snapshot"));
+    assert!(Snapshot::from_bytes(b"v 0 0 0\n").unwrap_err().to_string().contains("not a snapshot"));
 }
 
 /// FNV-1a, to make bytes that pass for whole.
@@ -315,5 +315,5 @@ fn serde_takes_the_bytes() {
     let text = serde_json::to_string(&snapshot).unwrap();
     assert_eq!(serde_json::from_str::<Snapshot>(&text).unwrap(), snapshot);
     let refusal = serde_json::from_str::<Snapshot>(&text.replacen("67", "68", 1)).unwrap_err();
-    assert!(refusal.to_string().contains("no snapshot"), "{refusal}");
+    assert!(refusal.to_string().contains("not a snapshot"), "{refusal}");
 }

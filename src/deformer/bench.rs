@@ -1,4 +1,4 @@
-//! What the benches and tests of this repository ask of a deformer; not part of the crate's interface.
+//! Hooks for the benches and tests of this repository; not part of the crate's interface.
 
 use super::Deformer;
 use crate::backend::Engine;
@@ -10,24 +10,24 @@ use crate::{attributes::Attributes, error::StepError, gpu::GpuStats};
 
 #[doc(hidden)]
 impl Deformer {
-    /// Computes on this many numbers at once at most (4, 8 or 16), whatever the processor can, and says how many it is.
+    /// Limits SIMD to this many lanes (4, 8 or 16), whatever the processor supports, and returns the number used.
     pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
         let width = Width::at_most(lanes);
         self.cpu().into_iter().for_each(|cpu| cpu.narrow(width));
         width.lanes()
     }
 
-    /// Whether passes are parallel loops one after another, not a graph of tasks.
+    /// Runs the passes as parallel loops one after another instead of as a task graph.
     pub fn loop_by_loop(&mut self, loops: bool) {
         self.cpu().into_iter().for_each(|cpu| cpu.loop_by_loop = loops);
     }
 
-    /// Steps on this many threads, if the pool has so many, instead of on as many as pay.
+    /// Steps on this many threads, if the pool has that many, instead of on as many as pay off.
     pub fn on_threads(&mut self, threads: usize) {
         self.cpu().into_iter().for_each(|cpu| cpu.on_threads(threads));
     }
 
-    /// What contact of the cloth with itself did in the last step: pairs that press, detections, pairs listed, pairs near.
+    /// Counters of contact in the last step: pressing pairs, detections, listed pairs, near pairs.
     #[must_use]
     pub fn contact_tally(&self) -> [u32; 4] {
         let of = |tally: Tally| [tally.contacts, tally.detections, tally.listed, tally.near];
@@ -45,7 +45,7 @@ impl Deformer {
         }
     }
 
-    /// What the last step asked of the GPU.
+    /// What the last step submitted to the GPU.
     #[cfg(feature = "gpu")]
     #[must_use]
     pub fn gpu_stats(&self) -> Option<GpuStats> {
@@ -55,7 +55,7 @@ impl Deformer {
         }
     }
 
-    /// How many substeps an exchange with the GPU is to be good for, in the hybrid.
+    /// The number of substeps between two exchanges of the hybrid with the GPU.
     #[cfg(feature = "gpu")]
     pub fn exchange_every(&mut self, substeps: u32) {
         if let Engine::Hybrid(hybrid) = &mut self.engine {
@@ -63,7 +63,7 @@ impl Deformer {
         }
     }
 
-    /// Whether the device is to use the hybrid's mapped outbox and inbox themselves.
+    /// Whether the device accesses the hybrid's mapped outbox and inbox directly, without a copy.
     #[cfg(feature = "gpu")]
     pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
         if let Engine::Hybrid(hybrid) = &mut self.engine {
@@ -71,7 +71,7 @@ impl Deformer {
         }
     }
 
-    /// Runs the hybrid's force kernels for a substep this often, and waits. The state stays as it is.
+    /// Runs the hybrid's force kernels of one substep `repeats` times and waits. The state does not change.
     ///
     /// # Errors
     /// As [`Deformer::step`].

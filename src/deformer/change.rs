@@ -1,4 +1,4 @@
-//! What may be changed while the cloth moves, besides the quality: its fabric, its masses, its pins.
+//! Changes of fabric, masses and pins between steps.
 
 use glam::{Vec3, Vec4};
 
@@ -12,11 +12,11 @@ use crate::step::motion::Motion;
 use crate::step::watch::{Led, Watch};
 
 impl Deformer {
-    /// Changes the fabric from the next step on; [`Deformer::reset`] keeps it.
+    /// Changes the fabric from the next step on; [`Deformer::reset`] keeps the change.
     ///
-    /// Positions and velocities stay: cloth that is stretched and made stiffer is let go from there. Coefficients and levels are computed
-    /// anew, in less time than it took to make the cloth; on a GPU only buffers are written, unless the density changes, which changes
-    /// masses ([`Deformer::set_mass`]).
+    /// Positions and velocities stay, so cloth that is stretched and becomes stiffer contracts from where it is.
+    /// Coefficients and coarse levels are recomputed, in less time than building the cloth. On a GPU this only writes
+    /// buffers, unless the density changes, which changes the masses (see [`Deformer::set_mass`]).
     ///
     /// # Errors
     /// If a number is out of its range, or the GPU failed.
@@ -24,27 +24,29 @@ impl Deformer {
         self.change(Options { fabric, ..self.options.clone() })
     }
 
-    /// Changes the mass (kg) of each vertex, in the mesh's order, from the next step on; `None`: by the fabric's density.
-    /// [`Deformer::reset`] keeps it. Velocities stay, not momenta.
+    /// Changes the mass (kg) of each vertex, in the mesh's order, from the next step on; `None` derives the masses from
+    /// the fabric's density. [`Deformer::reset`] keeps the change. Velocities stay, so momentum changes.
     ///
-    /// Takes about half as long as it took to make the cloth, mesh and order being there. On a GPU it waits for the steps so far, reads them back and
-    /// makes new tables; the buffers of `Deformer::surface` and `position_buffer` stay the same.
+    /// This takes about half as long as building the cloth, because mesh and vertex order are kept. On a GPU it waits
+    /// for the submitted steps, reads the state back and uploads new tables; the buffers of `Deformer::surface` and
+    /// `position_buffer` stay the same.
     ///
     /// # Errors
-    /// If there is not a finite mass above 0 for each vertex, or the GPU failed.
+    /// If there is not one finite mass above 0 for each vertex, or the GPU failed.
     pub fn set_mass(&mut self, mass: Option<Vec<f32>>) -> Result<(), ChangeError> {
         self.change(Options { mass, ..self.options.clone() })
     }
 
-    /// Changes which vertices are pinned from the next step on, by the mesh's indices; [`Deformer::reset`] keeps it, and brings them back to
-    /// where they are at rest. A vertex is pinned where it is; one that is let go has the velocity that it was led by, and falls from there.
-    /// From then on [`Attributes::pin_targets`](crate::Attributes::pin_targets) are in the order of this list.
+    /// Changes which vertices are pinned from the next step on, as indices of the mesh; [`Deformer::reset`] keeps the
+    /// change and moves the pins to their rest positions. A vertex is pinned where it is. A released vertex keeps the
+    /// velocity that its pin had. From then on [`Attributes::pin_targets`](crate::Attributes::pin_targets) are in the
+    /// order of this list.
     ///
-    /// Costs as much as [`Deformer::set_mass`], and where an edge comes to lie between two pins, or no longer does, about as much as making the
-    /// cloth: the order of its edges is another.
+    /// This takes as long as [`Deformer::set_mass`]. If an edge between two pins appears or disappears it takes about
+    /// as long as building the cloth, because the edges are colored again.
     ///
     /// # Errors
-    /// If a vertex is not there, or named twice, or the GPU failed.
+    /// If an index is out of range or appears twice, or the GPU failed.
     pub fn set_pinned(&mut self, pinned: Vec<u32>) -> Result<(), ChangeError> {
         self.change(Options { pinned, ..self.options.clone() })
     }
@@ -54,7 +56,7 @@ impl Deformer {
         self.look_back()?;
         let (mut x, mut p) = (Vec::new(), Vec::new());
         if change != Change::Stiffness {
-            // What steps have failed so far on a GPU is told here.
+            // Reports a step that failed on the GPU, if any.
             self.positions()?;
             let read = self.engine.read(|from_x, from_p| {
                 x.extend(from_x.iter().zip(&cloth.rest).map(|(x, rest)| x.truncate().extend(rest.w)));
@@ -76,7 +78,7 @@ impl Deformer {
         Ok(())
     }
 
-    /// Notes where the pins are, and how they were led, of which those that stay know.
+    /// Updates the pins' positions and velocities; pins that stay keep theirs.
     fn repin(&mut self, cloth: &Cloth, x: &[Vec4]) {
         let Motion { pins, pin_velocities, .. } = &self.motion;
         let before = |vertex: &u32| self.cloth.pinned.iter().position(|pin| pin == vertex);

@@ -1,4 +1,4 @@
-//! What contact of triangles asks of a step, and what it warns of.
+//! Requirements of triangle contact on a step, and its warnings.
 
 use super::{Deformer, Taken};
 use crate::attributes::{Attributes, Shape, invalid};
@@ -6,13 +6,14 @@ use crate::error::StepError;
 use crate::options::{Backend, Contact, Quality, Warning};
 use crate::step::substep_count::FRAMES;
 
-/// Substeps in which what is led passes the thickness, at least: then it comes through nothing.
+/// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
+/// through.
 const SUBSTEPS: f64 = 3.0;
-/// Substeps in 1/60 s that contact raises a step to, at most.
+/// Most substeps per 1/60 s that contact may raise a step to.
 const MOST: f64 = 256.0;
 
 impl Deformer {
-    /// How far apart (m) triangles are held, if any can meet in a step.
+    /// The contact thickness (m), or `None` if no triangles can touch in a step.
     pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
         if let (Some(index), Backend::Gpu) = (mesh, self.backend()) {
@@ -23,7 +24,8 @@ impl Deformer {
         Ok(contact.map(|contact| f64::from(contact.thickness)))
     }
 
-    /// Substeps a second that contact asks for where pins and meshes move at `speed` (m/s), if the quality leaves it to the cloth.
+    /// Substeps per second that contact needs while pins and meshes move at `speed` (m/s); 0 if the quality fixes the
+    /// number.
     pub(super) fn resolving_contact(&self, thickness: f64, speed: f64) -> f64 {
         match self.options.quality {
             Quality::Substeps(_) | Quality::Budget(_) => 0.0,
@@ -31,7 +33,7 @@ impl Deformer {
         }
     }
 
-    /// What contact warns of after a step.
+    /// The warnings of contact after a step.
     pub(super) fn contact_warnings(&self, taken: &Taken, attributes: &Attributes) -> Vec<Warning> {
         let mut warnings = Vec::new();
         let Some(contact) = self.engine.contact() else { return warnings };

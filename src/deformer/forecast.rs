@@ -1,4 +1,4 @@
-//! What a step will be, known before it is taken, and what it warns of.
+//! Prediction of a step before it is taken, its warnings, and the translation of failures into errors.
 
 use super::{Deformer, Taken};
 use crate::attributes::Attributes;
@@ -12,36 +12,38 @@ use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::{Division, FRAMES, Rates};
 use crate::step::watch::Led;
 
-/// What a step of some length under some attributes will be, from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
+/// Prediction of a step from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Forecast {
-    /// Substeps that it will take.
+    /// Number of substeps that the step will take.
     pub substeps: u32,
-    /// Coarse levels in each of them, or fewer if the mesh has not so many.
+    /// Coarse levels in each substep. The mesh may have fewer.
     pub levels: u32,
-    /// Substeps that resolve the fabric's stiffness in this step, the 95th percentile of the edges:
-    /// `S* = dt sqrt(k_e (w_i + w_j) / 2)`; infinite if it is inextensible. From there on the cloth is as stiff as its fabric.
+    /// Number of substeps that resolves the fabric's stiffness in this step, `S* = dt sqrt(k_e (w_i + w_j) / 2)` for
+    /// the 95th percentile of the edges; infinite if the fabric is inextensible. With at least this many the cloth is
+    /// as stiff as its fabric.
     pub resolving: f32,
-    /// Substeps that explicit springs need in this step to be stable however the cloth moves, by power iteration on stretch and bending;
-    /// `None` for other methods, which have no such limit.
+    /// Number of substeps that keeps explicit springs stable in this step however the cloth moves, computed by power
+    /// iteration on stretch and bending. `None` for other methods, which have no such limit.
     pub explicit: Option<f32>,
-    /// The stretch beyond the fabric's own that 99 per cent of the area is expected not to exceed in this step: `f (2 sigma/K) (S*/S)²`,
-    /// sigma the stress of what acts on the cloth in it, f as it was measured in the steps before, if the quality is a promise, else 0.3.
-    /// A sheet let go has no speed yet: when it swings through it bears three times as much. 0 for springs, which have no strain beyond
-    /// their own; unknown, and so not a number, for relaxation.
+    /// Predicted stretch, beyond the fabric's own, that 99 percent of the area will not exceed in this step:
+    /// `f (2 sigma/K) (S*/S)²`, where sigma is the membrane stress of what acts on the cloth in this step, and f was
+    /// measured in previous steps if the quality bounds the strain, otherwise 0.3. A sheet that was just released has
+    /// no speed yet; when it swings through its lowest point it carries three times its static stress. 0 for springs,
+    /// which stretch only as their stiffness says; NaN for relaxation, for which there is no law.
     pub strain: f32,
-    /// What the step will warn of.
+    /// The warnings that the step will return.
     pub warnings: Vec<Warning>,
 }
 
 impl Deformer {
-    /// What a step would be, without taking it: its substeps, what they resolve, the strain to expect and what it would warn of.
+    /// Predicts a step without taking it: its substeps, what they resolve, the expected strain and the warnings.
     ///
-    /// Takes less time than building the cloth, and leaves the state alone.
+    /// This takes less time than building the cloth and does not change the state.
     ///
     /// # Errors
-    /// As [`Deformer::step`] before the step is taken; a step of 0 s, which is none, has no forecast either.
+    /// As the checks of [`Deformer::step`]; a step of 0 s has no forecast and is an error too.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
         let Taken { load, controller, division: Division { substeps, length }, levels, .. } = self.taken(dt, attributes)?;
         let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;
@@ -58,24 +60,26 @@ impl Deformer {
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
 
-    /// Substeps in 1/60 s that resolve the stiffness as far as that shows, at least 20.
+    /// Substeps per 1/60 s, at least 20, that resolve the stiffness as far as a resolution is visible: see
+    /// [`Rates::resolving_what_shows`].
     pub(crate) fn resolving_substeps(&self) -> u32 {
         (self.rates.resolving_what_shows(&self.cloth) / FRAMES).ceil().max(20.0) as u32
     }
 
-    /// Substeps in 1/60 s that explicit springs need with these options.
+    /// Substeps per 1/60 s that explicit springs need with these options.
     pub(crate) fn explicit_substeps(&self, options: &Options) -> u32 {
         (Rates::new(&self.cloth, options).explicit() / FRAMES).ceil().min(f64::from(u32::MAX)) as u32
     }
 
-    /// What a step of some substeps warns of, bending being softened at `limited` vertices and this much led this fast.
+    /// The warnings of a step of this many substeps, with bending softened at `limited` vertices and pins and colliders
+    /// moved as in `led`.
     pub(super) fn warnings(&self, dt: f32, substeps: u32, limited: usize, led: Led) -> Vec<Warning> {
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });
         let Slivers { edges, worst, .. } = self.cloth.slivers;
         let slivers = (edges > 0).then_some(Warning::Slivers { edges, worst });
-        // A sweep hands on what it is pulled by from edge to edge, an edge's length in a substep.
+        // A sweep passes a pull on by one edge length per substep.
         let carried = f64::from(self.cloth.longest) * f64::from(substeps) / f64::from(dt);
         let outrun = |speed: f64| (speed > carried).then_some([speed as f32, carried as f32]);
         let pin = outrun(led.pin.1).filter(|_| self.options.method != Method::Springs);
@@ -85,7 +89,7 @@ impl Deformer {
         [limited, needed, slivers, pin, collider].into_iter().flatten().collect()
     }
 
-    /// A failure in the caller's terms.
+    /// Translates a failure into the caller's terms: the mesh's vertex indices, units and a remedy.
     pub(super) fn failed(&self, failure: Failure) -> StepError {
         match failure {
             Failure::Unstable { cause, step } => {
@@ -118,9 +122,9 @@ impl Deformer {
         }
     }
 
-    /// What helps against an instability.
+    /// The remedy for an instability.
     fn remedy(&self, cause: Instability) -> String {
-        // In 1/60 s, as Quality counts.
+        // Substeps per 1/60 s, the unit of `Quality::Substeps`.
         let h = self.coefficients.as_ref().map_or(0.0, |used| f64::from(used.length.h));
         let (substeps, needed) = ((1.0 / (60.0 * h)).round(), (self.rates.explicit() / 60.0).ceil());
         match (self.options.method, cause) {

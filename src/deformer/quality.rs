@@ -1,4 +1,4 @@
-//! How a promise about strain is kept: what decides on the substeps of the next step, and how the last one is judged.
+//! How a bound on strain is kept: choosing the substeps of the next step, and learning from the last one.
 
 use super::{Deformer, Taken};
 use crate::error::BuildError;
@@ -9,10 +9,10 @@ use crate::step::load::Load;
 use crate::step::substep_count::FRAMES;
 
 impl Deformer {
-    /// Changes the quality from the next step on. What the cloth has been learned to do is kept.
+    /// Changes the quality from the next step on. What was learned from the motion so far is kept.
     ///
     /// # Errors
-    /// If a number of it is out of its range; the quality is then as it was.
+    /// If a number in it is out of its range; the quality is then unchanged.
     pub fn set_quality(&mut self, quality: Quality) -> Result<(), BuildError> {
         let options = Options { quality, ..self.options.clone() };
         options.check_numbers()?;
@@ -22,22 +22,22 @@ impl Deformer {
         Ok(())
     }
 
-    /// What is promised about strain, if the method can keep it.
+    /// The bound on strain, if the quality has one and the method can keep it.
     pub(super) fn promise(&self) -> Option<Promise> {
         Promise::of(self.options.quality).filter(|_| self.options.method == Method::SmallSteps)
     }
 
-    /// Whether statistics are wanted after a step.
+    /// Whether a step needs statistics.
     pub(super) fn is_observed(&self) -> bool {
         self.promise().is_some() || self.options.sleep.is_some()
     }
 
-    /// What decides on a step of `dt` (s).
+    /// The controller that chooses the substeps of a step of `dt` (s).
     pub(super) fn controlled(&self, dt: f32, load: &Load) -> Controller {
         match (self.promise(), self.options.quality) {
             (Some(promise), _) => self.controller.next(&self.rates, &self.cloth, promise, load, dt),
             (None, Quality::Budget(time)) => {
-                // Counted in 1/60 s, as all qualities are.
+                // The controller counts substeps per 1/60 s.
                 let steps = f64::from(dt) * FRAMES;
                 let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
                 let most = most(&self.rates, &self.cloth);
@@ -47,14 +47,14 @@ impl Deformer {
         }
     }
 
-    /// Forgets what was learned from the motion, and wakes the cloth.
+    /// Discards what was learned from the motion, and wakes the cloth.
     pub(super) fn forget(&mut self) {
         (self.controller, self.seen) = (Controller::default(), None);
         self.unjudged.clear();
         self.wake();
     }
 
-    /// Judges the step that there are new statistics of, and learns from it.
+    /// Evaluates the oldest step whose statistics had not arrived, and learns from it.
     pub(super) fn judged(&mut self, taken: Taken, seen: Option<&Statistics>, warnings: &mut Vec<Warning>) -> Option<Stretch> {
         self.controller = taken.controller;
         if !self.is_observed() {
@@ -73,7 +73,7 @@ impl Deformer {
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
     }
 
-    /// Learns from a step; warns if it broke the promise.
+    /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
     fn learned(&mut self, taken: &Taken, promise: Promise, seen: &Statistics) -> Option<Warning> {
         let Taken { dt, load, division, .. } = taken;
         let excess = excess(&self.cloth, load, seen, promise.share);

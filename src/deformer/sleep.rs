@@ -1,36 +1,36 @@
-//! A cloth that has come to rest sleeps until something changes.
+//! Sleep: a cloth that has come to rest is not stepped until something changes.
 
 use super::Deformer;
 use crate::attributes::Attributes;
 use crate::kernels::statistics::Statistics;
 use crate::record::recorded;
 
-/// For how long a cloth has been still, and under what.
+/// How long a cloth has been still, and under which attributes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stillness {
-    /// What acted on it in the last step.
+    /// The attributes of the last step.
     attributes: Attributes,
-    /// For how long (s) those have not changed and it has hardly moved.
+    /// Time (s) for which the attributes have not changed and the cloth has hardly moved.
     time: f32,
 }
 
 recorded!(Stillness { attributes, time });
 
 impl Deformer {
-    /// Whether the cloth would sleep through a step under `attributes`.
+    /// Whether the cloth sleeps through a step under `attributes`.
     pub(super) fn sleeps(&self, attributes: &Attributes) -> bool {
         let Some(sleep) = self.options.sleep else { return false };
         self.still.time > sleep.after && self.still.attributes == *attributes
     }
 
-    /// Notes a step of `dt` (s), and how fast the cloth moves.
+    /// Records a step of `dt` (s) and whether the cloth moved in it.
     pub(super) fn watch_for_sleep(&mut self, dt: f32, attributes: &Attributes, seen: Option<&Statistics>) {
         let Some(sleep) = self.options.sleep else { return };
         let moves = |seen: &Statistics| seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
         let Stillness { attributes: last, time } = &mut self.still;
         *time = if last != attributes || seen.is_none_or(moves) { 0.0 } else { *time + dt };
         if last != attributes {
-            // A list keeps its memory: a step allocates nothing.
+            // The lists keep their memory, because a step must not allocate.
             let mut colliders = std::mem::take(&mut last.colliders);
             colliders.clone_from(&attributes.colliders);
             let mut pin_targets = last.pin_targets.take();
@@ -42,7 +42,7 @@ impl Deformer {
         }
     }
 
-    /// Wakes it.
+    /// Wakes the cloth.
     pub(super) fn wake(&mut self) {
         self.still.time = 0.0;
     }

@@ -1,4 +1,4 @@
-//! The motion as it stands, to go on from later: what a snapshot holds, and how it is read.
+//! Snapshots: their content, their encoding, and how a motion continues from one.
 
 use std::collections::VecDeque;
 
@@ -19,19 +19,19 @@ use crate::step::pace::Pace;
 use crate::step::substep_count::Division;
 use crate::step::watch::{Led, Watch};
 
-/// How a snapshot begins, and which form it has.
+/// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
 const VERSION: u32 = 1;
-/// Bytes of the name, the version, and of the hash at the end.
+/// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
 
-/// A motion as it stood: everything that its next steps follow from. Made by [`Deformer::snapshot`].
+/// The state of a motion: everything that its next steps depend on. Created by [`Deformer::snapshot`].
 ///
-/// What it is of, the mesh and the options, is not in it, only hashes of them; 24 bytes a vertex are, and a few thousand besides (with
-/// [`Options::contact`] 52 bytes a vertex more, and 24 a pair that is listed). As bytes it may be kept in a file and go on elsewhere: numbers
-/// are little-endian, and the hash at the end tells a file that was cut or altered. With the `serde` feature it is
-/// `Serialize` and `Deserialize`, as those bytes.
+/// A snapshot does not contain the mesh and the options, only hashes of them. It takes 24 bytes per vertex and a few
+/// thousand bytes more; with [`Options::contact`] 52 more bytes per vertex and 24 per listed pair. Its bytes can be
+/// stored in a file and restored elsewhere: numbers are little-endian, and a hash at the end detects truncated or
+/// altered files. With the `serde` feature it implements `Serialize` and `Deserialize` as those bytes.
 ///
 /// ```
 /// # use cloth_deformer::{Attributes, Backend, Deformer, Mesh, Options, Snapshot};
@@ -50,7 +50,7 @@ const END: usize = size_of::<u64>();
 /// ```
 #[derive(Clone, PartialEq, Eq)]
 pub struct Snapshot {
-    /// As [`Snapshot::to_bytes`] gives them; they were made here, or read once.
+    /// Encoded and verified: either made here or decoded once.
     bytes: Vec<u8>,
 }
 
@@ -61,17 +61,17 @@ impl std::fmt::Debug for Snapshot {
 }
 
 impl Snapshot {
-    /// As bytes: what [`Snapshot::from_bytes`] takes.
+    /// The bytes for [`Snapshot::from_bytes`].
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         self.bytes.clone()
     }
 
-    /// From bytes.
+    /// Reads the bytes from [`Snapshot::to_bytes`].
     ///
     /// # Errors
-    /// [`StateError::Foreign`], [`StateError::Version`] or [`StateError::Altered`] if they are not what [`Snapshot::to_bytes`] of this
-    /// version of the form gave, to the last byte.
+    /// [`StateError::Foreign`], [`StateError::Version`] or [`StateError::Altered`] if they are not exactly the bytes
+    /// that [`Snapshot::to_bytes`] returned, in this version of the format.
     pub fn from_bytes(bytes: &[u8]) -> Result<Snapshot, StateError> {
         decode(bytes)?;
         Ok(Snapshot { bytes: bytes.to_vec() })
@@ -100,20 +100,20 @@ fn decode(bytes: &[u8]) -> Result<Content, StateError> {
     Content::from_tape(content).map_err(|_| StateError::Altered)
 }
 
-/// What a snapshot holds.
+/// The content of a snapshot.
 #[derive(Debug, Default)]
 struct Content {
-    /// Of what it is, a hash for each of [`Deformer::identity`].
+    /// The hashes of mesh and options: see [`Deformer::identity`].
     identity: Vec<u64>,
-    /// Lanes that the processor computed on; none if it had no part.
+    /// SIMD lanes of the processor; `None` if it computed nothing.
     lanes: Option<u32>,
     state: State,
 }
 
-/// All that the next step depends on.
+/// Everything that the next step depends on.
 #[derive(Debug, Default)]
 struct State {
-    /// Positions (m) and displacements (m), in the cloth's order.
+    /// Positions (m) and displacements (m), in the solver's vertex order.
     x: Vec<Vec3>,
     p: Vec<Vec3>,
     engine: Past,
@@ -142,19 +142,22 @@ impl Default for Taken {
 }
 
 impl Deformer {
-    /// The motion as it stands: steps that follow [`Deformer::restore`] are the same, bit for bit, as those that follow this.
+    /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that
+    /// follow this call.
     ///
-    /// That holds for the same version of the crate and the same steps (`dt`, attributes), on any number of threads, for
-    /// [`Backend::Cpu`](crate::Backend::Cpu) and `Hybrid` on any processor with as many lanes (sixteen with AVX-512, eight with AVX2, four
-    /// elsewhere: [`StateError::Lanes`] tells), for `Gpu` and `Hybrid` on the same kind of GPU. [`Quality::Budget`](crate::Quality::Budget)
-    /// goes by the clock, and repeats nothing.
+    /// This holds for the same version of the crate and the same steps (`dt` and attributes), on any number of threads.
+    /// With [`Backend::Cpu`](crate::Backend::Cpu) and `Hybrid` the processor must have the same number of SIMD lanes
+    /// (sixteen with AVX-512, eight with AVX2, four otherwise; [`StateError::Lanes`] reports a mismatch), with `Gpu`
+    /// and `Hybrid` the same kind of GPU. [`Quality::Budget`](crate::Quality::Budget) depends on the clock and never
+    /// repeats.
     ///
-    /// Takes about as long as a step of few substeps; on a GPU it waits for the steps so far and reads them back.
+    /// This takes about as long as a step of few substeps. On a GPU it waits for the submitted steps and reads the
+    /// state back.
     ///
     /// # Errors
     /// As [`Deformer::positions`].
     pub fn snapshot(&mut self) -> Result<Snapshot, StepError> {
-        // A step that failed on the GPU is told of here, and its state gone back from.
+        // Reports a step that failed on the GPU, if any, and returns to the state before it.
         self.look_back()?;
         self.positions()?;
         let (mut x, mut p) = (Vec::new(), Vec::new());
@@ -183,11 +186,13 @@ impl Deformer {
         Ok(Snapshot::encode(Content { identity, lanes, state }))
     }
 
-    /// Goes on from a snapshot of this cloth, or of another that was made of the same mesh and options. Costs about as much as taking it.
+    /// Continues from a snapshot of this cloth, or of another one with the same mesh and options. Takes about as long
+    /// as making the snapshot.
     ///
     /// # Errors
-    /// [`StateError::Other`] if the mesh or an option differs, [`StateError::Lanes`] if the processor would compute other bits,
-    /// [`StateError::Altered`] if the content is impossible; [`StateError::Step`] if the GPU was lost. The state is then as it was.
+    /// [`StateError::Other`] if the mesh or an option differs, [`StateError::Lanes`] if the processor rounds
+    /// differently, [`StateError::Altered`] if the content is impossible, and [`StateError::Step`] if the GPU was lost.
+    /// The state is then unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StateError> {
         let Content { identity, lanes, state } = decode(&snapshot.bytes)?;
         let own = self.identity();
@@ -223,7 +228,7 @@ impl Deformer {
         Ok(())
     }
 
-    /// Whether a state can be one of this cloth.
+    /// Whether a state can belong to this cloth.
     fn fits(&self, state: &State) -> bool {
         let (vertices, pins) = (self.cloth.rest.len(), self.cloth.pinned.len());
         let State { x, p, engine, motion, unjudged, seen, .. } = state;
@@ -238,9 +243,9 @@ impl Deformer {
             && seen.iter().chain(&engine.untold).all(counts)
     }
 
-    /// Hashes of what the state is of, and what each is called.
+    /// Hashes of the mesh and of each option that the state depends on, with their names.
     fn identity(&self) -> [(&'static str, Hash); 12] {
-        // What options there are more decide here whether a motion can go on without them.
+        // Listing every field makes the author of a new option decide here whether a state depends on it.
         let Options { backend: _, gpu: _, mass: _, method, quality, levels, sleep, tethers, fabric, pinned, edge_scale, contact } =
             &self.options;
         let said = |value: &dyn std::fmt::Debug| Hash::NOTHING.with(format!("{value:?}").as_bytes());
@@ -279,7 +284,7 @@ impl<'de> serde::Deserialize<'de> for Snapshot {
     }
 }
 
-/// Takes bytes, or where a form has no bytes, a list of numbers.
+/// Accepts bytes, or a sequence of numbers in formats without bytes.
 #[cfg(feature = "serde")]
 struct BytesVisitor;
 

@@ -1,4 +1,4 @@
-//! The state as the caller has it: read from wherever it is, in the mesh's order, and set.
+//! Reading and setting the state, in the mesh's vertex order.
 
 use glam::{DVec3, Vec3, Vec4};
 
@@ -17,17 +17,18 @@ use crate::options::Crossing;
 use crate::step::motion::Motion;
 
 impl Deformer {
-    /// Positions (m), one per vertex, in the mesh's order. Reads back from the GPU when they changed.
+    /// Positions (m), one per vertex, in the mesh's order. Reads them back from the GPU if they changed.
     ///
     /// # Errors
-    /// If the GPU was lost, or the motion left the finite numbers since the last look.
+    /// If the GPU was lost, or a step since the last read became unstable.
     pub fn positions(&mut self) -> Result<&[Vec3], StepError> {
         self.show()?;
         Ok(&self.positions)
     }
 
-    /// Asks for the positions after the steps so far, without waiting: more steps may be queued behind, and
-    /// [`Deformer::requested_positions`] has them once they are there. What was asked for before and not taken is dropped.
+    /// Requests the positions after the steps so far, without waiting for them. More steps may be queued meanwhile;
+    /// [`Deformer::requested_positions`] returns the positions once they have arrived. A previous request that was not
+    /// taken is dropped.
     ///
     /// # Errors
     /// As [`Deformer::positions`].
@@ -42,8 +43,8 @@ impl Deformer {
         Ok(())
     }
 
-    /// The positions (m) last asked for, one per vertex, in the mesh's order, once; `None` until they have arrived, and if
-    /// none were asked for. Never waits.
+    /// The positions (m) last requested, one per vertex, in the mesh's order. Each request is returned once; `None`
+    /// before it has arrived, or if there was none. Never waits.
     ///
     /// # Errors
     /// As [`Deformer::positions`].
@@ -56,7 +57,7 @@ impl Deformer {
         match arrived {
             Ok(arrived) => self.arrived |= arrived,
             Err(failure) => {
-                // The same failure is found where the state is read, which also says what the next step starts from.
+                // Reading the state finds the same failure, and resets where the next step starts from.
                 self.show()?;
                 return Err(self.failed(failure));
             }
@@ -64,7 +65,7 @@ impl Deformer {
         Ok(std::mem::take(&mut self.arrived).then_some(&*self.requested))
     }
 
-    /// Velocities (m/s), one per vertex, in the mesh's order, half a substep back (leapfrog).
+    /// Velocities (m/s), one per vertex, in the mesh's order, as of half a substep ago (leapfrog).
     ///
     /// # Errors
     /// As [`Deformer::positions`].
@@ -73,11 +74,11 @@ impl Deformer {
         Ok(&self.velocities)
     }
 
-    /// Puts the cloth somewhere else: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are
-    /// held where this puts them; the rest shape stays the mesh's.
+    /// Sets the state: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are held where
+    /// this puts them. The rest shape does not change.
     ///
     /// # Errors
-    /// If a list has another length, or a value is not finite or beyond 1e15; the state is then as it was.
+    /// If a list has the wrong length, or a value is not finite or beyond 1e15; the state is then unchanged.
     pub fn set_state(&mut self, positions: &[Vec3], velocities: &[Vec3]) -> Result<(), StepError> {
         let vertices = self.cloth.rest.len();
         for (name, list) in [("positions", positions), ("velocities", velocities)] {
@@ -116,14 +117,15 @@ impl Deformer {
         let cloth = &self.cloth;
         let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
-        // A mesh has no inside.
+        // A mesh collider has no inside.
         let solid = self.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
         let colliders: Vec<Collider> = solid.map(|collider| collider.relative_to(cloth.origin)).collect();
         Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.gravity, &colliders))
     }
 
-    /// Edges of the cloth that go through triangles of it: found in
-    /// double precision for this alone, with contact or without, in time that grows with the vertices times those across the cloth.
+    /// The edges of the cloth that pass through its triangles, computed in double precision, whether
+    /// [`Options::contact`](crate::Options::contact) is set or not. The time grows as the power 1.5 of the number of
+    /// vertices.
     ///
     /// # Errors
     /// As [`Deformer::positions`].
@@ -139,8 +141,8 @@ impl Deformer {
         Ok(found.iter().map(crossing).collect())
     }
 
-    /// Waits until the steps so far are done, without reading anything back: for timing, and for renderers that share
-    /// `Deformer::position_buffer` with another queue. The CPU is always done.
+    /// Waits until all submitted steps are done, without reading anything back: for timing, and for renderers that use
+    /// `Deformer::position_buffer` on another queue. On the CPU it returns at once.
     ///
     /// # Errors
     /// If the GPU was lost.
@@ -152,8 +154,9 @@ impl Deformer {
         }
     }
 
-    /// The positions on the GPU, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): a `vec4<f32>` a vertex, xyz (m) less
-    /// [`Deformer::origin`], in the order of [`Deformer::vertex_order`]. `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
+    /// The positions on the GPU, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): one
+    /// `vec4<f32>` per vertex, whose xyz is the position (m) minus [`Deformer::origin`], in the order of
+    /// [`Deformer::vertex_order`]. `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
     /// [`Deformer::surface`] has normals and indices as well.
     #[cfg(feature = "gpu")]
     #[must_use]
@@ -164,15 +167,15 @@ impl Deformer {
         }
     }
 
-    /// The cloth as a renderer on the same device draws it: positions, normals and indices, nothing through the CPU.
-    /// `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
+    /// The buffers that a renderer on the same device draws the cloth from: positions, normals and indices, without a
+    /// copy through the CPU. `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
     ///
-    /// Submits the normals' computation behind the steps so far, so call it each frame; what is drawn from the buffers
-    /// must be submitted to the same queue, after this and before the next step. The first call builds what it needs; a
-    /// cloth that is never drawn pays nothing.
+    /// Call it in each frame: it submits the computation of the normals after the steps so far. Submit the draw to the
+    /// same queue, after this call and before the next step. The first call builds what it needs, so a cloth that is
+    /// never drawn pays nothing.
     ///
     /// # Errors
-    /// If the GPU was lost, or has no room.
+    /// If the GPU was lost, or has no memory left.
     #[cfg(feature = "gpu")]
     pub fn surface(&mut self) -> Result<Option<Surface>, StepError> {
         match &mut self.engine {
@@ -184,7 +187,7 @@ impl Deformer {
         }
     }
 
-    /// Fails if the GPU has told by now that a step before failed, and goes back to the state that it has.
+    /// Fails if the GPU has reported by now that a previous step failed, and reads the state it returned to.
     pub(super) fn look_back(&mut self) -> Result<(), StepError> {
         let told = self.engine.told();
         if told.map_err(|failure| self.failed(failure))? {
@@ -194,7 +197,7 @@ impl Deformer {
         Ok(())
     }
 
-    /// Brings `positions` and `velocities` up to date.
+    /// Updates `positions`, `velocities` and `local`.
     fn show(&mut self) -> Result<(), StepError> {
         if self.shown {
             return Ok(());
@@ -213,7 +216,7 @@ impl Deformer {
             }
         });
         if let Err(failure) = read {
-            // The GPU has gone back to its last good state, and what the next step starts from goes with it.
+            // The GPU has returned to its last good state, and the next step starts from there.
             self.motion = Motion::after(cloth, &self.local, last_h);
             return Err(self.failed(failure));
         }

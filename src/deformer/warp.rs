@@ -1,4 +1,4 @@
-//! The whole cloth moved at once, without a kick.
+//! Moving the whole cloth at once without accelerating it.
 
 use glam::{Affine3A, Vec4};
 
@@ -8,18 +8,19 @@ use crate::kernels::rigid::Rigid;
 use crate::limits::MAX_POSITION;
 
 impl Deformer {
-    /// Moves the cloth and its pins rigidly, as if the world had moved: a character is teleported, or a scene is put elsewhere. Positions go where
-    /// `motion` takes them (m, in the world), velocities turn with them, and nothing is stretched or kicked; the next step goes on as it would
-    /// have, with what acts on the cloth moved along.
+    /// Moves the cloth and its pins rigidly, as for a character that is teleported. `motion` maps world positions (m)
+    /// to world positions; velocities rotate with it. Nothing is stretched or accelerated, and the next step continues
+    /// as it would have if everything else had moved along.
     ///
-    /// Colliders are not moved: those of the next step arrive where they are, without a velocity. [`Attributes::pin_targets`](crate::Attributes::pin_targets)
-    /// of the next step are to be where the pins are now, or near. The rest shape stays, and with it where [`Deformer::reset`] goes back to.
+    /// Colliders are not moved: those of the next step are taken as placed where they are, without a velocity. The
+    /// [`Attributes::pin_targets`](crate::Attributes::pin_targets) of the next step must be at or near the new
+    /// positions of the pins. The rest shape, to which [`Deformer::reset`] returns, stays where it is.
     ///
-    /// Takes less than a step; on a GPU it waits for the steps so far, reads them back and writes them.
+    /// This takes less time than a step. On a GPU it waits for the submitted steps, reads the state back and writes it.
     ///
     /// # Errors
-    /// [`WarpError::NotRigid`] if the motion scales, shears or mirrors by more than rounding, [`WarpError::TooFar`] if a vertex would be beyond 1e15 m, and
-    /// as [`Deformer::positions`]; the cloth is then where it was.
+    /// [`WarpError::NotRigid`] if the motion scales, shears or mirrors by more than rounding, [`WarpError::TooFar`] if
+    /// a vertex would be beyond 1e15 m, and those of [`Deformer::positions`]. The cloth is then unchanged.
     pub fn warp(&mut self, motion: Affine3A) -> Result<(), WarpError> {
         let rigid = Rigid::new(motion, self.cloth.origin);
         let rigid = rigid.map_err(|problem| WarpError::NotRigid { problem, motion: Box::new(motion) })?;

@@ -1,9 +1,9 @@
-//! Guides: a page each, for who wants to get something done.
+//! Guides, one page per task.
 //!
 //! - [`first_cloth`]: from a mesh to frames.
-//! - [`moving_characters`]: colliders and pins that are led.
+//! - [`moving_characters`]: moving colliders and pins.
 //! - [`frame_rates`]: steps of any length, pausing, teleporting, saving.
-//! - [`which_method`]: how many substeps, and of what.
+//! - [`which_method`]: which method, and how many substeps.
 //! - [`when_it_goes_wrong`]: what warnings and errors mean.
 
 #[doc = include_str!("first_cloth.md")]

@@ -1,4 +1,4 @@
-//! Files that are replaced atomically: complete or not at all.
+//! Files that are replaced atomically: they are written completely or not at all.
 
 use std::{
     fs::{self, File, OpenOptions, Permissions},
@@ -7,27 +7,27 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-/// Writes `bytes` to `path`, completely or not at all: on an error, what was at `path` is as it was.
+/// Writes `bytes` to `path`, completely or not at all: on an error, whatever was at `path` is unchanged.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(bytes)?;
     file.finish()
 }
 
-/// A file in the making, for what is too long to be held. Until it is finished, what was at its path is as it was;
-/// dropped before, it leaves no trace.
+/// A file being written, for content too long to keep in memory. Until [`AtomicFile::finish`], whatever was at its path
+/// is unchanged; dropped before that, it leaves nothing behind.
 ///
-/// The bytes go to a new file in the same folder, which then takes the name: a rename inside one file system is atomic.
-/// It is not synced, so the promise holds for a full disk and for a process that ends midway, not for a power cut; a
-/// sync would cost more than the frame it saves.
+/// The bytes go to a new file in the same folder, which is then renamed, because a rename within a file system is
+/// atomic. The file is not synced, so this guards against a full disk and a process that ends early, but not against a
+/// power failure; a sync would take longer than the frame that is saved.
 #[derive(Debug)]
 pub(crate) struct AtomicFile {
     file: Option<BufWriter<File>>,
-    /// `None` for a pipe or a device, which is written to as it is.
+    /// `None` for a pipe or a device, which is written to directly.
     replacement: Option<Replacement>,
 }
 
-/// Which file is to take which name.
+/// Which file replaces which.
 #[derive(Debug)]
 struct Replacement {
     temporary: PathBuf,
@@ -37,7 +37,7 @@ struct Replacement {
 
 impl AtomicFile {
     pub(crate) fn create(path: &Path) -> io::Result<AtomicFile> {
-        // A link is followed, not replaced. What has no file behind it yet is written where it says.
+        // A symbolic link is followed, not replaced. A path that does not resolve is used as given.
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
         let existing = fs::metadata(&target).ok();
         if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
@@ -50,9 +50,9 @@ impl AtomicFile {
         Ok(AtomicFile { file: Some(BufWriter::new(file)), replacement: Some(Replacement { temporary, target, permissions }) })
     }
 
-    /// Puts the file in its place.
+    /// Renames the file to its final path.
     pub(crate) fn finish(mut self) -> io::Result<()> {
-        // Closed at the end of this: Windows does not rename an open file.
+        // The file is closed at the end of this block, because Windows cannot rename an open file.
         if let Some(mut file) = self.file.take() {
             file.flush()?;
             if let Some(permissions) = self.replacement.as_mut().and_then(|replacement| replacement.permissions.take()) {
@@ -80,25 +80,25 @@ impl Write for AtomicFile {
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         if let Some(file) = self.file.take() {
-            // Without writing what is still in the buffer.
+            // Drops the file without writing what is still in the buffer.
             drop(file.into_parts());
         }
         if let Some(replacement) = &self.replacement {
-            // Of two errors the first is the one to tell.
+            // The caller has already seen the first error, which matters more.
             _ = fs::remove_file(&replacement.temporary);
         }
     }
 }
 
-/// A new, empty file in the folder of `target`, under a name that no other call takes: not `target`'s with an ending,
-/// which could be too long.
+/// Creates a new, empty file in the folder of `target`, under a name that no other call uses. The name is not that of
+/// `target` with a suffix, which could be too long for the file system.
 fn sibling(target: &Path) -> io::Result<(File, PathBuf)> {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     loop {
         let name = format!(".cloth-deformer-{}-{}.tmp", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
         let path = target.with_file_name(name);
         match OpenOptions::new().write(true).create_new(true).open(&path) {
-            // Left by a process that was killed and had this number.
+            // Left behind by a killed process with the same process id.
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             opened => return opened.map(|file| (file, path)),
         }

@@ -1,4 +1,4 @@
-//! What point caches are written as, byte by byte.
+//! The file formats of point caches.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -7,35 +7,38 @@ use glam::{Vec2, Vec3};
 
 use crate::io::pc2_error::Pc2Error;
 
-/// What a point cache is written as. Positions are written as they are, meters with y up; vertices in the mesh's order.
+/// The file format of a point cache. Positions are written unchanged, in meters with y up; vertices are in the mesh's
+/// order.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum CacheForm {
-    /// PC2, for Blender's Mesh Cache modifier and its kin. Little-endian: `POINTCACHE2` and a zero (12 bytes), the version 1 (`i32`), vertices
-    /// (`i32`), the first sample's frame (`f32`), frames from sample to sample (`f32`), samples (`i32`), then for each sample three `f32` a
-    /// vertex. The file says neither units nor axes.
+    /// PC2, as read by Blender's Mesh Cache modifier and others. Little-endian: `POINTCACHE2` and a zero byte (12
+    /// bytes), the version 1 (`i32`), the number of vertices (`i32`), the frame of the first sample (`f32`), frames per
+    /// sample (`f32`), the number of samples (`i32`), then for each sample three `f32` per vertex. The file contains
+    /// neither units nor axes.
     Pc2,
-    /// MDD, as `LightWave` has it. Big-endian: samples (`i32`), vertices (`i32`), the time of each sample (`f32`, s), then for each sample
-    /// three `f32` a vertex.
+    /// MDD, as defined by `LightWave`. Big-endian: the number of samples (`i32`), the number of vertices (`i32`), the
+    /// time of each sample (`f32`, s), then for each sample three `f32` per vertex.
     Mdd {
-        /// Samples a second.
+        /// Samples per second.
         fps: f32,
     },
-    /// USD as text: a `Mesh` whose points have a time sample for each frame, with its units, axis, rate and extent.
+    /// USD as text (usda): a `Mesh` whose points have a time sample for each frame, with units, up axis, frame rate and
+    /// extent.
     Usda {
-        /// Frames a second.
+        /// Frames per second.
         fps: f32,
-        /// The corners of each polygon: triangles ([`Mesh::triangles`](crate::Mesh::triangles)), or what the file had
-        /// ([`ObjTemplate::polygons`](crate::ObjTemplate::polygons)).
+        /// The corners of each polygon: triangles ([`Mesh::triangles`](crate::Mesh::triangles)), or the polygons of the
+        /// input file ([`ObjTemplate::polygons`](crate::ObjTemplate::polygons)).
         faces: Vec<Vec<u32>>,
-        /// Texture coordinates of each corner of each polygon, one after another
+        /// Texture coordinates of all corners of all polygons, in order
         /// ([`ObjTemplate::texture_coordinates`](crate::ObjTemplate::texture_coordinates)); empty: none.
         texture: Vec<Vec2>,
     },
 }
 
 impl CacheForm {
-    /// What comes ahead of the first sample.
+    /// The bytes before the first sample.
     pub(super) fn header(&self, vertices: usize, samples: usize) -> Result<Vec<u8>, Pc2Error> {
         let count = |things, count: usize| i32::try_from(count).map_err(|_| Pc2Error::TooMany { things, count });
         let (few_vertices, few_samples) = (count("vertices", vertices)?, count("samples", samples)?);
@@ -80,7 +83,7 @@ impl CacheForm {
         }
     }
 
-    /// Writes sample number `sample`, from 1.
+    /// Writes one sample; samples are counted from 1.
     pub(super) fn write_sample(&self, file: &mut impl Write, sample: usize, positions: &[Vec3]) -> io::Result<()> {
         let mut numbers = positions.iter().flat_map(Vec3::to_array);
         match self {
@@ -97,7 +100,7 @@ impl CacheForm {
         }
     }
 
-    /// What comes behind the last sample, given the box around each.
+    /// The bytes after the last sample. `boxes` are the bounding boxes of the samples.
     pub(super) fn footer(&self, boxes: &[[Vec3; 2]]) -> Vec<u8> {
         let CacheForm::Usda { .. } = self else { return Vec::new() };
         let mut text = "    }\n    float3[] extent.timeSamples = {\n".to_owned();
@@ -109,7 +112,7 @@ impl CacheForm {
     }
 }
 
-/// The corners of the box around some positions.
+/// The lowest and the highest corner of the bounding box.
 pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
     let first = positions.first().copied().unwrap_or_default();
     positions.iter().fold([first; 2], |[low, high], &x| [low.min(x), high.max(x)])

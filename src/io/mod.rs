@@ -1,4 +1,4 @@
-//! Meshes and frames, in and out.
+//! Reading and writing meshes and point caches.
 
 pub(crate) mod atomic_file;
 pub(crate) mod cache_form;

@@ -1,11 +1,11 @@
-//! Meshes in and out of Wavefront OBJ.
+//! Reading and writing meshes as Wavefront OBJ.
 //!
-//! Reading goes through `tobj`, which is made for rendering: it numbers vertices anew in the order that faces use them,
-//! drops the unused, splits at every `o`, `g` and known `usemtl`, takes a polyline (`l 1 2 3`) for a triangle, and passes
-//! over a face with two corners. A cloth needs the file's own vertices, so `tobj` sees only the file's `v` and `f`
-//! statements, and ahead of them one polygon through all vertices in the file's order. Numbering by first use is then the
-//! file's numbering, nothing is unused, and groups and seams have nothing to split; the polygon's triangles come first
-//! and are cut off. (Indices hidden in vertex colors would do as well, up to 2^24, at the price of a search afterwards.)
+//! Reading uses `tobj`, which is made for rendering: it renumbers vertices in the order in which faces use them, drops
+//! unused ones, splits at every `o`, `g` and known `usemtl`, turns a polyline (`l 1 2 3`) into a triangle, and skips
+//! faces with two corners. A cloth needs the file's own vertices. Therefore `tobj` is given only the file's `v` and `f`
+//! statements, preceded by one polygon through all vertices in the file's order. Numbering by first use is then the
+//! file's numbering, no vertex is unused, and there are no groups to split at; the triangles of that polygon come first
+//! and are removed. (Hiding indices in vertex colors would work too, up to 2^24, but needs a search afterwards.)
 //!
 //! `tobj`'s errors name no line, and it accepts NaN and 1e999, so each statement is checked before it is passed on.
 
@@ -23,21 +23,21 @@ use crate::io::atomic_file;
 use crate::limits::{MAX_OBJ_BYTES, MAX_VERTICES};
 use crate::model::mesh::Mesh;
 
-/// Why an OBJ could not be read or written. One line: file, line, what is wrong, what to do.
+/// Why an OBJ could not be read or written. The message is one line: file, line, what is wrong, what to do.
 ///
-/// Vertices and faces of a text are counted from 1, as the file itself counts.
+/// Vertices and faces of a file are counted from 1, as in the file itself.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObjError {
-    /// The file is not there, is a folder or a device, or may not be read.
+    /// The file does not exist, is a folder or a device, or may not be read.
     #[error("{}: cannot be read: {reason}; check the path", .file.display())]
     Read {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         reason: io::Error,
     },
-    /// More bytes than the largest mesh takes; no more than those are read.
+    /// The file is longer than any valid mesh. Reading stops at the limit.
     #[error(
         "{}: has more than {limit} bytes, the most for a mesh of {most} vertices; leave out all but `v` and `f`, or split it",
         .file.display(), limit = MAX_OBJ_BYTES, most = MAX_VERTICES
@@ -46,69 +46,70 @@ pub enum ObjError {
         /// The file.
         file: PathBuf,
     },
-    /// The file could not be written. What was there before still is.
+    /// The file could not be written. Whatever was there before is unchanged.
     #[error("{}: cannot be written: {reason}; check the folder and the space left", .file.display())]
     Write {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         reason: io::Error,
     },
-    /// A text without a vertex.
+    /// The text has no vertex.
     #[error("{}no vertices; give at least one line `v x y z`", Location(.file.as_ref(), None))]
     NoVertices {
-        /// The file, if the text came from one.
+        /// The file, if the text was read from one.
         file: Option<PathBuf>,
     },
-    /// More vertices than a mesh may have.
+    /// The text has more vertices than a mesh may have.
     #[error("{}more than {most} vertices, the most that a mesh may have; split it", Location(.file.as_ref(), None), most = MAX_VERTICES)]
     TooManyVertices {
-        /// The file, if the text came from one.
+        /// The file, if the text was read from one.
         file: Option<PathBuf>,
     },
-    /// A `v` statement that is no position.
+    /// A `v` statement is not a position.
     #[error("{}vertex {vertex} {problem}", Location(.file.as_ref(), Some(*.line)))]
     Vertex {
-        /// The file, if the text came from one.
+        /// The file, if the text was read from one.
         file: Option<PathBuf>,
-        /// The line, from 1.
+        /// The line, counted from 1.
         line: usize,
-        /// The vertex, from 1.
+        /// The vertex, counted from 1.
         vertex: usize,
         /// What is wrong with it, and what to do.
         problem: String,
     },
-    /// An `f` statement that is no face of these vertices.
+    /// An `f` statement is not a face of the vertices so far.
     #[error("{}face {face} {problem}", Location(.file.as_ref(), Some(*.line)))]
     Face {
-        /// The file, if the text came from one.
+        /// The file, if the text was read from one.
         file: Option<PathBuf>,
-        /// The line, from 1.
+        /// The line, counted from 1.
         line: usize,
-        /// The face, from 1.
+        /// The face, counted from 1.
         face: usize,
         /// What is wrong with it, and what to do.
         problem: String,
     },
-    /// The parser refused a text in which every line is in order: a defect to report, not one of the file.
+    /// The parser rejected a text although every line is valid. This is a defect of the crate, not of the file; please
+    /// report it.
     #[error("{}the OBJ parser failed: {reason}; please report the file", Location(.file.as_ref(), None))]
     Parser {
-        /// The file, if the text came from one.
+        /// The file, if the text was read from one.
         file: Option<PathBuf>,
-        /// What it said.
+        /// The parser's message.
         reason: String,
     },
-    /// A mesh that would make a file nobody can read. Nothing was written.
+    /// The mesh would make an OBJ file that cannot be read back. Nothing was written.
     #[error("{}{problem}", Location(.file.as_ref(), None))]
     Mesh {
-        /// The file that was to be written, if any.
+        /// The file to be written, if any.
         file: Option<PathBuf>,
         /// What is wrong with the mesh, and what to do. Vertices and triangles are counted from 0, as in [`Mesh`].
         problem: String,
     },
 }
 
-/// `file:line: `, as compilers say it, or what is known of it.
+/// Formats as much as is known of `file:line: `, as compilers do.
 struct Location<'a>(Option<&'a PathBuf>, Option<usize>);
 
 impl fmt::Display for Location<'_> {
@@ -123,25 +124,27 @@ impl fmt::Display for Location<'_> {
 }
 
 impl Mesh {
-    /// Reads the OBJ file at `path`; see [`Mesh::parse_obj`]. Bytes that are not UTF-8 are harmless in names and comments.
+    /// Reads the OBJ file at `path`; see [`Mesh::parse_obj`]. Bytes that are not UTF-8 are allowed in names and
+    /// comments.
     ///
-    /// It may be a pipe, but no device, and has an end: 4 GiB are enough for the 2^24 vertices that a mesh may have.
+    /// The path may be a pipe but not a device. At most 4 GiB are read, enough for the 2^24 vertices that a mesh may
+    /// have.
     ///
     /// # Errors
-    /// [`ObjError::Read`] or [`ObjError::TooLong`], or what [`Mesh::parse_obj`] says, with the file's name.
+    /// [`ObjError::Read`] or [`ObjError::TooLong`], or the errors of [`Mesh::parse_obj`] with the file's name.
     pub fn load_obj(path: impl AsRef<Path>) -> Result<Mesh, ObjError> {
         let path = path.as_ref();
         parse(&String::from_utf8_lossy(&read_file(path)?), Some(path))
     }
 
-    /// Reads the text of an OBJ: its `v` lines are the vertices (m), in their order, used or not; its `f` lines are the
-    /// triangles, in their order, polygons cut into a fan from their first corner.
+    /// Parses the text of an OBJ. Its `v` lines are the vertices (m) in their order, used or not; its `f` lines are the
+    /// triangles in their order, with polygons split into a fan from their first corner.
     ///
-    /// Corners are joined by position alone: seams of texture and normals, objects and groups do not cut the cloth.
-    /// Indices may be negative (counted back from the face's line), lines continued by `\` and commented by `#`. After
-    /// `x y z` a single number is a weight that divides them, as in `tobj`; three or four are a color, and ignored.
-    /// So is every statement but `v` and `f`: materials need not exist, and polylines (`l`) and points (`p`) are no faces.
-    /// A text without faces is a mesh of loose points.
+    /// Corners are joined by position index alone: texture and normal seams, objects and groups do not cut the cloth.
+    /// Indices may be negative (counted back from the face's line), lines may be continued by `\` and commented with
+    /// `#`. A single number after `x y z` is a weight that divides them, as in `tobj`; three or four numbers are a
+    /// color and are ignored. All statements but `v` and `f` are ignored: materials need not exist, and polylines (`l`)
+    /// and points (`p`) are not faces. A text without faces is a mesh of unconnected points.
     ///
     /// ```
     /// let mesh = cloth_deformer::Mesh::parse_obj("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nf 1 2 3 4\n")?;
@@ -150,8 +153,8 @@ impl Mesh {
     /// ```
     ///
     /// # Errors
-    /// If there is no vertex, a position is not three finite numbers, or a face has fewer than three corners or names a
-    /// vertex that is not there. Nothing is repaired.
+    /// If there is no vertex, a position is not three finite numbers, or a face has fewer than three corners or refers
+    /// to a vertex that does not exist. Nothing is repaired.
     pub fn parse_obj(text: &str) -> Result<Mesh, ObjError> {
         parse(text, None)
     }
@@ -159,32 +162,33 @@ impl Mesh {
     /// Writes the mesh to an OBJ file, completely or not at all; see [`Mesh::write_obj`].
     ///
     /// # Errors
-    /// As [`Mesh::write_obj`], or [`ObjError::Write`]. What was at `path` is then as it was.
+    /// As [`Mesh::write_obj`], or [`ObjError::Write`]. Whatever was at `path` is then unchanged.
     pub fn save_obj(&self, path: impl AsRef<Path>) -> Result<(), ObjError> {
         let path = path.as_ref();
         let text = write(self, Some(path))?;
         atomic_file::write(path, text.as_bytes()).map_err(|reason| ObjError::Write { file: path.to_owned(), reason })
     }
 
-    /// The mesh as the text of an OBJ: a line `v x y z` for each vertex, a line `f a b c` for each triangle, both in their
-    /// order. Numbers are the shortest decimals that read back bit for bit, without exponents.
+    /// The mesh as the text of an OBJ: a line `v x y z` for each vertex and a line `f a b c` for each triangle, both in
+    /// their order. Numbers are the shortest decimals without exponents that read back bit for bit.
     ///
     /// # Errors
-    /// [`ObjError::Mesh`] if [`Mesh::parse_obj`] would refuse the text.
+    /// [`ObjError::Mesh`] if [`Mesh::parse_obj`] would reject the text.
     pub fn write_obj(&self) -> Result<String, ObjError> {
         write(self, None)
     }
 }
 
-/// The bytes of a file.
+/// Reads a file.
 pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, ObjError> {
     let bytes = read(path).map_err(|reason| ObjError::Read { file: path.to_owned(), reason })?;
     bytes.ok_or_else(|| ObjError::TooLong { file: path.to_owned() })
 }
 
-/// The bytes of a file; none if they are more than an OBJ may have.
+/// Reads a file; `None` if it has more bytes than an OBJ may have.
 fn read(path: &Path) -> io::Result<Option<Vec<u8>>> {
-    // What is no file says nothing of its length. Devices are not even opened: to some that alone means something.
+    // Only the length of a regular file is known beforehand. A device is not even opened, because opening alone has an
+    // effect on some.
     let found = fs::metadata(path)?;
     if is_device(&found) {
         return Err(io::Error::other("it is a device, not a file or a pipe"));
@@ -206,14 +210,14 @@ fn is_device(_: &fs::Metadata) -> bool {
     false
 }
 
-/// All that there is to read; none if it is more than so many bytes.
+/// Reads everything; `None` if there are more than `limit` bytes.
 fn up_to(limit: u64, from: impl Read) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     from.take(limit + 1).read_to_end(&mut bytes)?;
     Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }
 
-/// A `v` or `f` statement and the line it begins on.
+/// A `v` or `f` statement and the line on which it begins.
 struct Statement<'a> {
     line: usize,
     text: Cow<'a, str>,
@@ -227,7 +231,7 @@ impl Statement<'_> {
 
 pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     let file = file.map(Path::to_owned);
-    // Found twice rather than kept: a list of them would be longer than the text.
+    // The statements are found twice, because a list of them would be longer than the text.
     let vertices = statements(text).filter(Statement::is_vertex).take(MAX_VERTICES + 1).count();
     if vertices == 0 {
         return Err(ObjError::NoVertices { file });
@@ -262,7 +266,7 @@ pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
         }
     }
 
-    // Not `single_index`: that would split vertices at seams.
+    // Not `single_index`, which would split vertices at seams.
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
     let loaded = tobj::load_obj_buf(&mut source.as_bytes(), &options, |_| Err(tobj::LoadError::OpenFileFailed));
     let models = match loaded {
@@ -280,11 +284,12 @@ pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     }
 }
 
-/// The text's `v` and `f` statements without comments, continued lines joined.
+/// The text's `v` and `f` statements, without comments and with continued lines joined.
 ///
-/// Only these are continued: a path or comment may end in `\` and must not swallow the vertex on the next line.
+/// Only these statements are continued: a path or a comment may end in `\` and must not swallow the vertex on the next
+/// line.
 fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
-    // `tobj` would take a byte order mark for a part of the first word, and lose that vertex.
+    // `tobj` would read a byte order mark as part of the first word, and lose that vertex.
     let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines().zip(1..);
     std::iter::from_fn(move || {
         let is_statement = |&(line, _): &(&str, usize)| {
@@ -304,12 +309,12 @@ fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     })
 }
 
-/// A line without its comment and the space around it.
+/// A line without its comment and the surrounding space.
 pub(super) fn bare(line: &str) -> &str {
     line.split('#').next().unwrap_or_default().trim()
 }
 
-/// What `tobj` shall see of a vertex: x, y, z and the weight that divides them.
+/// The numbers of a vertex to pass to `tobj`: x, y, z and the weight that divides them.
 fn check_vertex<'a>(words: &[&'a str]) -> Result<[&'a str; 4], String> {
     let number = |word: &str| word.parse::<f32>().ok();
     let (&[x, y, z], after) = match words.split_first_chunk() {
@@ -332,7 +337,7 @@ fn check_vertex<'a>(words: &[&'a str]) -> Result<[&'a str; 4], String> {
     }
 }
 
-/// `before`: vertices ahead of the face, from which negative indices count back.
+/// `before` is the number of vertices before the face, from which negative indices count back.
 fn check_face(corners: &[&str], before: usize, vertices: usize) -> Result<(), String> {
     if corners.len() < 3 {
         return Err(format!("has {} corners; give it three or more", corners.len()));
@@ -340,7 +345,7 @@ fn check_face(corners: &[&str], before: usize, vertices: usize) -> Result<(), St
     corners.iter().try_for_each(|corner| {
         let mut parts = corner.split('/');
         let index = parts.next().and_then(|part| part.parse::<isize>().ok());
-        // Texture and normal are not looked up, so they need only be numbers.
+        // Texture and normal indices are not looked up, so they only need to be numbers.
         let rest = parts.clone().count() <= 2 && parts.all(|part| part.is_empty() || part.parse::<isize>().is_ok());
         match index.filter(|_| rest) {
             None => Err(format!("has the corner `{}`; write it as v, v/vt, v//vn or v/vt/vn", short(corner))),
@@ -356,7 +361,7 @@ fn check_face(corners: &[&str], before: usize, vertices: usize) -> Result<(), St
     })
 }
 
-/// A word from a file that may be anything, fit for an error of one line.
+/// A word from a file, which may contain anything, made fit for an error message of one line.
 fn short(word: &str) -> String {
     const LIMIT: usize = 32;
     let cut = word.chars().nth(LIMIT).map_or("", |_| "...");

@@ -1,28 +1,29 @@
-//! The normals of an OBJ, which turn with the polygons that they are on.
+//! Updates the normals of an OBJ by rotating them with the polygons that use them.
 
 use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-/// Normals that are as near as this at a vertex are one.
+/// Normals at a vertex whose components agree to this precision count as the same normal.
 const SAME: f32 = 1e-3;
 
-/// A face as the file has it.
+/// A face as written in the file.
 pub(super) struct Face<'a> {
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
     pub corners: Vec<&'a str>,
-    /// Vertices, texture coordinates and normals ahead of it, from which negative numbers count back.
+    /// Number of vertices, texture coordinates and normals before it, from which negative indices count back.
     pub before: [usize; 3],
 }
 
 impl Face<'_> {
-    /// Its vertices, from 0; the face was checked.
+    /// Its vertices, from 0. The face was validated before.
     pub(super) fn vertices(&self) -> Vec<u32> {
         self.corners.iter().filter_map(|corner| self.named(corner, 0, usize::MAX)).collect()
     }
 
-    /// What a corner names as its vertex (0), its texture coordinate (1) or its normal (2), from 0.
+    /// The index, from 0, of a corner's vertex (`which` = 0), texture coordinate (1) or normal (2), if it has one below
+    /// `count`.
     pub(super) fn named(&self, corner: &str, which: usize, count: usize) -> Option<u32> {
         let number = corner.split('/').nth(which)?.parse::<isize>().ok()?;
         let index = if number < 0 { self.before[which].checked_add_signed(number)? } else { number.checked_sub(1)? as usize };
@@ -30,23 +31,24 @@ impl Face<'_> {
     }
 }
 
-/// The normals of a file and the polygons' corners that have them.
+/// The normals of a file, and the corners of polygons that use them.
 #[derive(Debug, Clone)]
 pub(super) struct Normals {
-    /// Where in the file each is, and as it came.
+    /// The place of each normal in the file, and its value there.
     places: Vec<Range<usize>>,
     given: Vec<Vec3>,
-    /// How each polygon lies at rest.
+    /// The frame and twice the area of each polygon at rest: see [`frame`].
     rest: Vec<(Mat3, f32)>,
-    /// Which normal, polygon and shared direction each corner has.
+    /// Normal, polygon and direction of each corner. Corners that had the same normal at the same vertex share a
+    /// direction.
     corners: Vec<[u32; 3]>,
-    /// Number of directions: of a normal at a vertex.
+    /// Number of directions.
     directions: usize,
     is_shared: bool,
 }
 
 impl Normals {
-    /// Of faces and their vertices. Corners without a normal have none here.
+    /// `polygons` are the vertices of `faces`. Corners without a normal are skipped.
     pub(super) fn new(
         positions: &[Vec3],
         normals: Vec<(Range<usize>, Vec3)>,
@@ -80,8 +82,8 @@ impl Normals {
         self.is_shared
     }
 
-    /// As they are where the vertices are at `positions` (m): each the mean, by area, of what it would be if it had turned with one
-    /// polygon.
+    /// The normals for vertices at `positions` (m). Each is the area-weighted mean of what it would be if it had
+    /// rotated with each polygon that uses it.
     pub(super) fn turned(&self, polygons: &[Vec<u32>], positions: &[Vec3]) -> Vec<Vec3> {
         let turn = |(polygon, (rest, rest_area)): (&Vec<u32>, &(Mat3, f32))| {
             let (now, area) = frame(polygon, positions);
@@ -102,10 +104,11 @@ impl Normals {
     }
 }
 
-/// How a polygon lies: its first side, across it and its normal, as columns; and twice its area (m²). Nothing turns one without area.
+/// The orientation of a polygon, as the columns first side, perpendicular in its plane, and normal; and twice its area
+/// (m²). A polygon without area has the identity.
 fn frame(polygon: &[u32], positions: &[Vec3]) -> (Mat3, f32) {
     let at = |corner: usize| positions[polygon[corner % polygon.len()] as usize];
-    // Newell's method: the same for any polygon, flat or not.
+    // Newell's method, which works for any polygon, planar or not.
     let area: Vec3 = (0..polygon.len()).map(|corner| (at(corner) - at(0)).cross(at(corner + 1) - at(0))).sum();
     let Some(normal) = area.try_normalize() else { return (Mat3::IDENTITY, 0.0) };
     let side = (0..polygon.len()).find_map(|corner| (at(corner + 1) - at(corner)).reject_from(normal).try_normalize());

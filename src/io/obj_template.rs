@@ -1,4 +1,4 @@
-//! An OBJ that keeps all it came with, written again with other positions.
+//! Writes an OBJ again with other positions and everything else as it was.
 
 use std::ops::Range;
 use std::path::Path;
@@ -10,14 +10,15 @@ use crate::io::obj::{self, ObjError};
 use crate::io::obj_normals::{Face, Normals};
 use crate::model::mesh::Mesh;
 
-/// An OBJ file as it came in, to be written again with other positions: polygons, texture coordinates, objects, groups, smoothing,
-/// materials, comments and their order stay as they are, byte for byte. What follows `x y z` in a `v` line stays too if it is a color; a weight goes,
-/// for positions are divided by it.
+/// An OBJ file that can be written again with other positions. Polygons, texture coordinates, objects, groups,
+/// smoothing, materials, comments and their order are kept byte for byte. A color after `x y z` in a `v` line is kept
+/// too; a weight is removed, because positions are already divided by it.
 ///
-/// Normals (`vn`) turn with the polygons that they are on, and hard edges stay hard: at each vertex the polygons that had one normal there
-/// share one. Where the file gives one normal to several vertices (exporters merge those of a flat sheet) faces would have to name others for it to
-/// be right at each; they stay as they are, and it is the mean: [`ObjTemplate::shares_normals`] tells. Let the program that reads them make
-/// normals anew, or export without.
+/// Normals (`vn`) rotate with the polygons that use them, and hard edges stay hard: at each vertex, polygons that
+/// shared a normal still share one. If the file uses one normal at several vertices (exporters merge the equal normals
+/// of a flat sheet), it could only be right at each of them if faces referred to other normals. Faces are not changed,
+/// so such a normal becomes the mean; [`ObjTemplate::shares_normals`] tells. In that case recompute the normals in the
+/// program that reads the file, or export without normals.
 ///
 /// ```
 /// use cloth_deformer::{ObjTemplate, glam::Vec3};
@@ -33,7 +34,7 @@ pub struct ObjTemplate {
     mesh: Mesh,
     polygons: Vec<Vec<u32>>,
     texture: Vec<Vec2>,
-    /// Where the numbers of each `v` and each `vn` are.
+    /// The place in the file of the numbers of each `v`, and of each `vn`.
     vertices: Vec<Range<usize>>,
     normals: Option<Normals>,
 }
@@ -48,7 +49,7 @@ impl ObjTemplate {
         ObjTemplate::new(obj::read_file(path)?, Some(path))
     }
 
-    /// Reads the bytes of an OBJ.
+    /// Parses the bytes of an OBJ.
     ///
     /// # Errors
     /// As [`Mesh::parse_obj`].
@@ -58,7 +59,8 @@ impl ObjTemplate {
 
     fn new(bytes: Vec<u8>, file: Option<&Path>) -> Result<ObjTemplate, ObjError> {
         let mesh = obj::parse(&String::from_utf8_lossy(&bytes), file)?;
-        // Bytes that are no ASCII are in names and comments; without them places in the text are places in the file.
+        // Bytes other than ASCII occur in names and comments. Replacing each with one byte keeps offsets in the text
+        // equal to offsets in the file.
         let text: String = bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
         let (mut vertices, mut texture, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mark = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
@@ -75,42 +77,42 @@ impl ObjTemplate {
             }
         }
         let polygons: Vec<Vec<u32>> = faces.iter().map(Face::vertices).collect();
-        // Spaces that are no ASCII are spaces to the parser, and here a part of a word.
+        // Unicode spaces separate words for the parser but not here, so the number of vertices may differ.
         let is_plain = |place: &Range<usize>| bytes[place.clone()].is_ascii();
         let are_whole = polygons.iter().zip(&faces).all(|(polygon, face)| polygon.len() == face.corners.len());
         if vertices.len() != mesh.positions.len() || !vertices.iter().all(is_plain) || !are_whole {
-            let reason = "its numbers are not told apart by plain spaces".to_owned();
+            let reason = "its numbers are not separated by plain spaces".to_owned();
             return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
         }
         let coordinate = |face: &Face<'_>, corner: &str| texture[face.named(corner, 1, texture.len())? as usize];
         let corners = faces.iter().flat_map(|face| face.corners.iter().map(move |corner| (face, corner)));
         let of_corners: Option<Vec<Vec2>> = corners.map(|(face, corner)| coordinate(face, corner)).collect();
-        // One that is none leaves all as they are.
+        // A normal that is not three finite numbers leaves all normals unchanged.
         let normals: Option<Vec<_>> = normals.into_iter().collect();
         let normals = normals.filter(|normals| !normals.is_empty());
         let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces, &polygons));
         Ok(ObjTemplate { bytes, mesh, polygons, texture: of_corners.unwrap_or_default(), vertices, normals })
     }
 
-    /// The mesh that it came with.
+    /// The mesh as read from the file.
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 
-    /// The corners of each polygon, from 0, in the file's order: what [`Mesh::triangles`] are cut from.
+    /// The vertices of each polygon, from 0, in the file's order. [`Mesh::triangles`] are cut from these.
     #[must_use]
     pub fn polygons(&self) -> &[Vec<u32>] {
         &self.polygons
     }
 
-    /// Texture coordinates of each corner of each of [`ObjTemplate::polygons`], one after another; empty if any has none.
+    /// Texture coordinates of all corners of all [`ObjTemplate::polygons`], in order; empty if any corner has none.
     #[must_use]
     pub fn texture_coordinates(&self) -> &[Vec2] {
         &self.texture
     }
 
-    /// Whether any normal is that of several vertices, and so cannot be right at each when the cloth moves.
+    /// Whether a normal is used at several vertices, and thus cannot be right at each of them when the cloth moves.
     #[must_use]
     pub fn shares_normals(&self) -> bool {
         self.normals.as_ref().is_some_and(Normals::are_shared)
@@ -119,7 +121,7 @@ impl ObjTemplate {
     /// The file with other positions (m), one per vertex.
     ///
     /// # Errors
-    /// [`ObjError::Mesh`] if there is not a finite position for each vertex.
+    /// [`ObjError::Mesh`] unless there is one finite position for each vertex.
     pub fn write(&self, positions: &[Vec3]) -> Result<Vec<u8>, ObjError> {
         self.written(positions, None)
     }
@@ -127,7 +129,7 @@ impl ObjTemplate {
     /// Writes the file with other positions (m), one per vertex, to `path`, completely or not at all.
     ///
     /// # Errors
-    /// As [`ObjTemplate::write`], or [`ObjError::Write`]. What was at `path` is then as it was.
+    /// As [`ObjTemplate::write`], or [`ObjError::Write`]. Whatever was at `path` is then unchanged.
     pub fn save(&self, positions: &[Vec3], path: impl AsRef<Path>) -> Result<(), ObjError> {
         let path = path.as_ref();
         let bytes = self.written(positions, Some(path))?;
@@ -160,8 +162,8 @@ impl ObjTemplate {
     }
 }
 
-/// The words of each `v`, `vt`, `vn` and `f` statement and where they are, from a byte on. As the parser has it, `v` and `f` lines are continued by `\`,
-/// and no others.
+/// The words of each `v`, `vt`, `vn` and `f` statement, with their places, from byte `from` on. As in the parser, only
+/// `v` and `f` lines are continued by `\`.
 fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
     let mut lines = text[from..].lines().map(obj::bare);
     let place = |word: &str| {
@@ -186,13 +188,13 @@ fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>
     })
 }
 
-/// The three numbers of a `vn` statement and their place; none if it has no three.
+/// The three numbers of a `vn` statement and their place, or `None` if it does not have three numbers.
 fn numbers(words: &[(Range<usize>, &str)]) -> Option<(Range<usize>, Vec3)> {
     let [first, _, last] = words.get(1..)? else { return None };
     Some((first.0.start..last.0.end, Vec3::new(number(words, 1)?, number(words, 2)?, number(words, 3)?)))
 }
 
-/// A word of a statement that is a finite number.
+/// A word of a statement as a finite number.
 fn number(words: &[(Range<usize>, &str)], word: usize) -> Option<f32> {
     words.get(word)?.1.parse::<f32>().ok().filter(|number| number.is_finite())
 }

@@ -1,9 +1,9 @@
-//! What can go wrong with a point cache that is written.
+//! Errors in writing a point cache.
 
 use std::io;
 use std::path::PathBuf;
 
-/// Why a point cache could not be written. What was at its path is as it was.
+/// Why a point cache could not be written. Whatever was at its path is unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Pc2Error {
@@ -12,45 +12,45 @@ pub enum Pc2Error {
     Write {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         reason: io::Error,
     },
-    /// More vertices or samples than the file's header can count.
+    /// More vertices or samples than the file's header can express.
     #[error("{count} {things} are too many for a point cache, which counts to 2147483647; split it")]
     TooMany {
         /// `vertices` or `samples`.
         things: &'static str,
-        /// How many there are.
+        /// Their number.
         count: usize,
     },
-    /// A form that says what cannot be.
+    /// The [`CacheForm`](crate::CacheForm) has invalid content.
     #[error("{problem}")]
     Form {
         /// What is wrong with it, and what to do.
         problem: String,
     },
-    /// A sample that is not one finite position for each vertex.
+    /// A sample is not one finite position for each vertex.
     #[error("sample {sample} has {problem}; give a finite position for each of the cache's {vertices} vertices")]
     Sample {
-        /// The sample, from 1.
+        /// The sample, counted from 1.
         sample: usize,
         /// What is wrong with it.
         problem: String,
         /// Number of vertices.
         vertices: usize,
     },
-    /// A write failed in the middle of a sample: what came of the file is no point cache, and cannot become one.
+    /// A write failed within a sample. What has been written is not a valid point cache and cannot become one.
     #[error("{}: sample {sample} was cut short when it could not be written; begin the cache anew", .file.display())]
     CutShort {
         /// The file.
         file: PathBuf,
-        /// The sample, from 1.
+        /// The sample, counted from 1.
         sample: usize,
     },
-    /// Not as many samples as were announced.
+    /// The number of samples is not the number announced.
     #[error("the cache was to hold {expected} samples, not {given}; write as many as PointCache::create was told")]
     Samples {
-        /// Number of samples given, the one refused included.
+        /// Number of samples given, including the one that was refused.
         given: usize,
         /// Number of samples announced.
         expected: usize,

@@ -1,4 +1,4 @@
-//! Point caches in: PC2 files, sample by sample.
+//! Reading PC2 point caches, sample by sample.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-/// Bytes ahead of the first sample, and of a position.
+/// Bytes of the header, and of one position.
 const HEADER: usize = 32;
 const POSITION: u64 = 12;
 
@@ -14,15 +14,15 @@ const POSITION: u64 = 12;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Pc2ReadError {
-    /// The file is not there, or may not be read.
+    /// The file does not exist or may not be read.
     #[error("{}: cannot be read: {reason}; check the path", .file.display())]
     Read {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         reason: io::Error,
     },
-    /// The file is no PC2 of version 1, or was cut.
+    /// The file is not a PC2 of version 1, or is truncated.
     #[error("{}: {problem}", .file.display())]
     Content {
         /// The file.
@@ -30,19 +30,20 @@ pub enum Pc2ReadError {
         /// What is wrong with it, and what to do.
         problem: String,
     },
-    /// No such sample.
+    /// The sample does not exist.
     #[error("{}: has {samples} samples, numbered from 0; there is no sample {sample}", .file.display())]
     Sample {
         /// The file.
         file: PathBuf,
-        /// The sample asked for.
+        /// The sample requested, counted from 0.
         sample: usize,
-        /// Samples that there are.
+        /// Number of samples in the file.
         samples: usize,
     },
 }
 
-/// A PC2 file that is read sample by sample, in any order: what [`PointCache`](crate::PointCache) and other programs write.
+/// Reads a PC2 file sample by sample, in any order. PC2 is written by [`PointCache`](crate::PointCache) and by other
+/// programs.
 ///
 /// ```
 /// # use cloth_deformer::{Mesh, PointCache, PointCacheReader, glam::Vec3};
@@ -72,10 +73,10 @@ pub struct PointCacheReader {
 }
 
 impl PointCacheReader {
-    /// Opens the file at `path` and reads what it says of itself.
+    /// Opens the file at `path` and reads its header.
     ///
     /// # Errors
-    /// If it cannot be read, is no PC2 of version 1, or has not as many bytes as its samples take.
+    /// If it cannot be read, is not a PC2 of version 1, or its length does not match the number of samples.
     pub fn open(path: impl AsRef<Path>) -> Result<PointCacheReader, Pc2ReadError> {
         let path = path.as_ref().to_path_buf();
         let refuse = |reason| Pc2ReadError::Read { file: path.clone(), reason };
@@ -125,16 +126,16 @@ impl PointCacheReader {
         self.samples
     }
 
-    /// The frame that a sample is at.
+    /// The frame of a sample.
     #[must_use]
     pub fn frame(&self, sample: usize) -> f32 {
         self.start + self.rate * sample as f32
     }
 
-    /// Reads sample number `sample`, from 0: positions, one per vertex, as the file has them.
+    /// Reads one sample, counted from 0: positions, one per vertex, unchanged.
     ///
     /// # Errors
-    /// If there is no such sample, it cannot be read, or a position is not finite; `positions` are then as they were.
+    /// If the sample does not exist or cannot be read, or a position is not finite; `positions` is then unchanged.
     pub fn read(&mut self, sample: usize, positions: &mut Vec<Vec3>) -> Result<(), Pc2ReadError> {
         if sample >= self.samples {
             return Err(Pc2ReadError::Sample { file: self.path.clone(), sample, samples: self.samples });

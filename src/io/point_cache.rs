@@ -1,4 +1,5 @@
-//! Point caches out: the positions of a mesh frame by frame in one file, in the forms of [`cache_form`](crate::io::cache_form).
+//! Writing point caches: the positions of a mesh, frame by frame, in one file of a format in
+//! [`cache_form`](crate::io::cache_form).
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -9,8 +10,8 @@ use crate::io::atomic_file::AtomicFile;
 use crate::io::cache_form::{CacheForm, bounds};
 use crate::io::pc2_error::Pc2Error;
 
-/// A point cache in the making: created for a number of samples, given them one by one, and finished. Until it is finished
-/// what was at its path stays as it was; dropped before, it leaves no trace.
+/// Writes a point cache: create it for a number of samples, push each sample, and finish it. Until it is finished,
+/// whatever was at its path is unchanged; dropped before that, it leaves nothing behind.
 ///
 /// ```
 /// # use cloth_deformer::{Attributes, Backend, Deformer, Mesh, Options, PointCache};
@@ -32,28 +33,29 @@ pub struct PointCache {
     path: PathBuf,
     file: AtomicFile,
     form: CacheForm,
-    /// Corners of the box around each sample (m), where the form wants it.
+    /// Bounding box of each sample (m), if the format needs it.
     boxes: Vec<[Vec3; 2]>,
     vertices: usize,
     samples: usize,
-    /// Samples given so far; whether the next was cut short.
+    /// Number of samples written, and whether a write failed within the next one.
     given: usize,
     cut_short: bool,
 }
 
 impl PointCache {
-    /// Begins a PC2 file of so many samples of so many vertices, the first at frame 1, then one a frame.
+    /// Begins a PC2 file for `samples` samples of `vertices` vertices, one per frame, the first at frame 1.
     ///
     /// # Errors
-    /// If the file cannot be made, or a number is beyond what a point cache can say.
+    /// If the file cannot be created, or a number is too large for the format.
     pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
         PointCache::create_as(CacheForm::Pc2, path, vertices, samples)
     }
 
-    /// Begins a cache of so many samples of so many vertices, one a frame from frame 1 on.
+    /// Begins a point cache in a given format for `samples` samples of `vertices` vertices, one per frame, the first at
+    /// frame 1.
     ///
     /// # Errors
-    /// As [`PointCache::create`], or if the form's own numbers are out of their range.
+    /// As [`PointCache::create`], or if the format's parameters are invalid.
     pub fn create_as(form: CacheForm, path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
         let path = path.as_ref().to_path_buf();
         let header = form.header(vertices, samples)?;
@@ -67,9 +69,9 @@ impl PointCache {
     /// Writes the next sample: positions (m), one per vertex, in the mesh's order.
     ///
     /// # Errors
-    /// If there are more samples than announced, not one position for each vertex, one that is not finite, or no space
-    /// left. What is refused is not written, and another sample may be given in its place; what the system could not write
-    /// may be there in part, so from then on every call is an error.
+    /// If there are more samples than announced, the number of positions is wrong, one is not finite, or writing fails.
+    /// A refused sample is not written, and another one may be pushed in its place. A failed write may leave part of a
+    /// sample, so every call after it fails.
     pub fn push(&mut self, positions: &[Vec3]) -> Result<(), Pc2Error> {
         self.check_whole()?;
         let sample = self.given + 1;
@@ -95,10 +97,10 @@ impl PointCache {
         Ok(())
     }
 
-    /// Puts the file in its place.
+    /// Completes the file and moves it to its path.
     ///
     /// # Errors
-    /// If samples are missing, one was cut short, or the system refuses.
+    /// If samples are missing, a write failed before, or the file cannot be moved.
     pub fn finish(mut self) -> Result<(), Pc2Error> {
         self.check_whole()?;
         if self.given < self.samples {

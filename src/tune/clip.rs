@@ -1,4 +1,4 @@
-//! A scene played to be compared: where the cloth is at some times, and what a frame takes.
+//! One run of a scene, recorded for comparison: the state at some frames, and the time per frame.
 
 use glam::Vec3;
 use web_time::Instant;
@@ -10,12 +10,12 @@ use crate::error::{BuildError, StepError};
 use crate::model::mesh::Mesh;
 use crate::options::Options;
 
-/// A frame (s).
+/// Length of a frame (s).
 const FRAME: f32 = 1.0 / 60.0;
-/// Frames that a search looks at, and as many others between them that it is checked on.
+/// Number of frames that the search compares; as many others, in between, verify the result.
 pub(super) const LOOKS: usize = 12;
 
-/// The scene: the cloth, what acts on it by the frame, and for how long.
+/// The scene: the cloth, what acts on it in each frame, and the number of frames.
 pub(super) struct Scene<'a> {
     pub mesh: &'a Mesh,
     pub options: &'a Options,
@@ -23,7 +23,7 @@ pub(super) struct Scene<'a> {
     pub frames: u32,
 }
 
-/// The state at some time.
+/// The state at one frame.
 #[derive(Debug, Clone)]
 pub(super) struct Look {
     pub positions: Vec<Vec3>,
@@ -34,20 +34,21 @@ pub(super) struct Look {
 /// A run of the scene.
 #[derive(Debug, Clone)]
 pub(super) struct Clip {
-    /// Those that a search goes by and those that it is checked on, in turn.
+    /// Frames for verification and frames for the search, alternately.
     pub looks: Vec<Look>,
-    /// What 99 per cent of the area did not exceed of stretch, in each frame.
+    /// For each frame, the stretch that 99 percent of the area did not exceed.
     pub stretch: Vec<f32>,
-    /// Time of a frame (ms): its substeps, the mean, by what one takes when nothing else is in its way, the lower quartile.
+    /// Time per frame (ms): the mean number of substeps times the lower quartile of the time per substep, which leaves
+    /// out what else the machine was doing.
     pub milliseconds: f64,
-    /// Substeps of a frame, the mean.
+    /// Mean number of substeps per frame.
     pub substeps: f64,
-    /// Most coarse levels in use.
+    /// Largest number of coarse levels used.
     pub levels: u32,
 }
 
 impl Scene<'_> {
-    /// Whether it has a term of [`Setting::terms`].
+    /// Whether the scene has the given term of [`Setting::terms`].
     pub(super) fn has(&self, term: usize) -> bool {
         let fabric = self.options.fabric;
         match term {
@@ -57,7 +58,7 @@ impl Scene<'_> {
         }
     }
 
-    /// Frames whose states are compared, of which there are twice [`LOOKS`] if the scene has so many.
+    /// The frames whose states are compared: twice [`LOOKS`], or all if the scene has fewer.
     fn looks(&self) -> Vec<u32> {
         let count = 2 * LOOKS as u32;
         let mut looks: Vec<u32> = (1..=count).map(|k| (self.frames * k).div_ceil(count)).collect();
@@ -65,7 +66,7 @@ impl Scene<'_> {
         looks
     }
 
-    /// Plays the scene with a setting. Each free vertex starts up to `nudge` (m) off where it should.
+    /// Runs the scene with a setting. Each free vertex starts up to `nudge` (m) off in each coordinate.
     pub(super) fn play(&self, setting: &Setting, nudge: f32) -> Result<Clip, BuildError> {
         let failed = |frame| move |error| BuildError::Step { frame, error };
         let mut cloth = Deformer::new(self.mesh, setting.options(self.options))?;
@@ -98,7 +99,7 @@ impl Scene<'_> {
         let mut positions = cloth.positions()?.to_vec();
         let still = vec![Vec3::ZERO; positions.len()];
         for (k, x) in positions.iter_mut().enumerate().filter(|(k, _)| !self.options.pinned.contains(&(*k as u32))) {
-            // Some number or other, the same in every search.
+            // An arbitrary displacement that is the same in every search.
             let wave = |f: f32| (f * k as f32).sin();
             *x += nudge * Vec3::new(wave(1.3), wave(2.1), wave(3.7));
         }
@@ -113,14 +114,14 @@ fn speed(velocities: &[Vec3]) -> f64 {
 }
 
 impl Clip {
-    /// Those of its looks that a search goes by, or those that it is checked on.
+    /// The frames that the search compares, or those that verify the result.
     pub(super) fn part(&self, checked: bool) -> impl Iterator<Item = &Look> {
-        // The last frame is one of those that are gone by.
+        // The last frame is one that the search compares.
         let odd = usize::from(checked) ^ 1;
         self.looks.iter().enumerate().filter(move |(index, _)| index % 2 == odd).map(|(_, look)| look)
     }
 
-    /// The stretch that one frame in a hundred exceeds, at most.
+    /// The stretch that at most one frame in a hundred exceeds.
     pub(super) fn stretch(&self) -> f64 {
         let mut sorted = self.stretch.clone();
         sorted.sort_by(|a, b| b.total_cmp(a));

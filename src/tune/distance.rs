@@ -1,24 +1,27 @@
-//! How far two runs of a scene are apart.
+//! The distance between two runs of a scene.
 
 use glam::Vec3;
 
 use super::clip::{Clip, Look};
 
-/// How long (s) a difference in speed is counted for, where motion is compared by its statistics.
+/// Time (s) by which a difference in speed is multiplied to count as a distance, where motions are compared by their
+/// statistics.
 const COUNTED: f64 = 0.1;
 
 /// What is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Distance {
-    /// Each vertex with itself.
+    /// The positions of each vertex.
     Vertices,
-    /// Where there is cloth and how fast it moves, whichever part of it: of a motion that no two runs repeat there is no more to compare.
+    /// Where there is cloth and how fast it moves, whichever part of the cloth it is. For chaotic motion nothing else
+    /// is comparable.
     Spread,
 }
 
 impl Distance {
-    /// The distance (mm) in the frames that a search goes by, or those that it is checked on: the largest, or of statistics, which one
-    /// frame says little about, the root mean square.
+    /// The distance (mm) over the frames that the search compares, or those that verify the result. For positions it is
+    /// the largest of any frame; for statistics, of which a single frame says little, the root mean square over the
+    /// frames.
     pub(super) fn between(self, a: &Clip, b: &Clip, checked: bool) -> f64 {
         let pairs = || a.part(checked).zip(b.part(checked));
         1e3 * match self {
@@ -37,7 +40,8 @@ fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
     (sum / a.len().max(1) as f64).sqrt()
 }
 
-/// The distance (m) by which coordinates, each axis sorted for itself, differ, and the way that a difference in speed makes.
+/// Distance (m) of two states as distributions: the coordinates along each axis are sorted before they are compared,
+/// and the difference in speed counts for [`COUNTED`] seconds.
 fn spread(a: &Look, b: &Look) -> f64 {
     let sorted = |look: &Look, axis: usize| {
         let mut values: Vec<f32> = look.positions.iter().map(|x| x[axis]).collect();

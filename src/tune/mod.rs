@@ -1,11 +1,12 @@
-//! What a scene needs: the cheapest method, substeps, levels and terms that keep a tolerance, found by playing it.
+//! Finds the cheapest method, substeps, levels and terms that keep a tolerance in a scene, by simulating it.
 //!
-//! A run that resolves the stiffness is what the others are compared with; the same once more, with more substeps and each vertex moved by ten
-//! micrometers, shows how far that itself can be trusted. Where the two part by more than half of the tolerance the motion is chaotic: no
-//! setting repeats it, and runs are compared by where there is cloth and how fast it moves. Then each term that the scene has is left out
-//! once, and those that together make less than half of the tolerance are dropped. Then substeps are halved, for each kind of solver
-//! that could still be cheaper, until the tolerance is missed, and one is tried between. What is chosen is checked on frames that
-//! the search did not look at.
+//! A run that resolves the stiffness is the reference. A second such run, with more substeps and every vertex displaced
+//! by up to ten micrometers, shows how far the reference can be trusted. If the two differ by more than half of the
+//! tolerance the motion is chaotic: no setting repeats it, and runs are compared by where there is cloth and how fast
+//! it moves. Then each term of the scene is left out once, and the terms that together change the motion by less than
+//! half of the tolerance are dropped. Then, for each kind of solver that could still be cheaper, the number of substeps
+//! is halved until the tolerance is missed, and one number in between is tried. The result is verified on frames that
+//! the search did not use.
 
 mod clip;
 mod distance;
@@ -20,17 +21,17 @@ use crate::options::{Levels, Method, Options, Quality, Tethers};
 use clip::Scene;
 use search::Search;
 
-/// What a run may be off by.
+/// The error that a run may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Tolerance {
-    /// Root mean square distance (mm) of the vertices from where a resolved run has them, in the worst frame.
+    /// Root mean square distance (mm) of the vertices from those of a resolved run, in the worst frame.
     Position(f32),
-    /// Stretch that 99 per cent of the cloth's area is not to exceed, in all but one frame of a hundred.
+    /// Stretch that 99 percent of the cloth's area may not exceed, in all but one frame of a hundred.
     Strain(f32),
 }
 
-/// What a search varies.
+/// The settings that a search varies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Setting {
@@ -42,7 +43,7 @@ pub struct Setting {
     pub levels: Levels,
     /// [`Options::tethers`].
     pub tethers: Tethers,
-    /// Whether the fabric's bending, its damping and the air count; each only if the scene has it.
+    /// Whether the fabric's bending, its damping and the air are computed; each applies only if the scene has it.
     pub terms: [bool; 3],
 }
 
@@ -50,49 +51,49 @@ pub struct Setting {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Trial {
-    /// With what.
+    /// The settings of the run.
     pub setting: Setting,
-    /// Substeps of a frame, the mean.
+    /// Mean number of substeps per frame.
     pub substeps: f32,
-    /// Most coarse levels that were in use.
+    /// Largest number of coarse levels used.
     pub levels: u32,
-    /// Error, as the tolerance counts it: mm or strain; infinite if the run could not be finished.
+    /// Error in the unit of the tolerance, mm or strain; infinite if the run failed.
     pub error: f32,
-    /// The same on frames that the search does not go by.
+    /// The same error on the frames that the search does not use.
     pub checked: f32,
-    /// Time of a frame of 1/60 s (ms), as long as nothing else is in its way.
+    /// Time per frame of 1/60 s (ms) on an otherwise idle machine.
     pub milliseconds: f32,
 }
 
-/// What a term of the scene is worth.
+/// The cost and the effect of a term of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Term {
     /// `bending`, `damping` or `air`.
     pub name: &'static str,
-    /// What the cloth is off by (mm) without it.
+    /// Error of the cloth (mm) without it.
     pub error: f32,
-    /// What a frame is shorter by (ms) without it, at an eighth of the resolved substeps.
+    /// Time saved per frame (ms) without it, at an eighth of the substeps that resolve the stiffness.
     pub milliseconds: f32,
-    /// Whether it was dropped.
+    /// Whether the search left it out.
     pub dropped: bool,
 }
 
-/// What a search found.
+/// The result of a search.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Tuned {
-    /// The cheapest run that kept the tolerance, also in the frames that it was checked on.
+    /// The cheapest run that kept the tolerance, also in the frames that verify it.
     pub best: Trial,
-    /// The options for it. [`Setting::attributes`] says whether the scene's air is to be left out.
+    /// The options of that run. [`Setting::attributes`] says whether the scene's air can be left out.
     pub options: Options,
-    /// The run that resolves the stiffness; its error (mm) is how far it can be trusted. None where strain is asked for.
+    /// The reference run, whose error (mm) says how far it can be trusted. `None` if the tolerance is a strain.
     pub resolved: Option<Trial>,
-    /// Whether no two runs repeat the motion, so that its statistics were compared.
+    /// Whether the motion is chaotic, so that statistics of runs were compared instead of positions.
     pub chaotic: bool,
     /// The terms that the scene has.
     pub terms: Vec<Term>,
-    /// All that was tried.
+    /// All runs that were tried.
     pub trials: Vec<Trial>,
 }
 
@@ -106,7 +107,7 @@ impl Setting {
         Setting { quality: Quality::Substeps(count), ..self }
     }
 
-    /// These options with the setting.
+    /// These options with the setting applied.
     #[must_use]
     pub fn options(&self, options: &Options) -> Options {
         let &Setting { method, quality, levels, tethers, terms: [bending, damping, _] } = self;
@@ -116,7 +117,7 @@ impl Setting {
         Options { method, quality, levels, tethers, fabric, ..options.clone() }
     }
 
-    /// These attributes with the setting: without air if that does not count.
+    /// These attributes with the setting applied: without air if the setting leaves it out.
     #[must_use]
     pub fn attributes(&self, attributes: Attributes) -> Attributes {
         let air_density = if self.terms[2] { attributes.air_density } else { 0.0 };
@@ -124,7 +125,7 @@ impl Setting {
     }
 }
 
-/// As fields to paste into [`Options`].
+/// Formats the setting as fields to paste into [`Options`].
 impl Display for Setting {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Setting { method, quality, levels, tethers, terms: [bending, damping, air] } = self;
@@ -141,15 +142,14 @@ impl Display for Setting {
     }
 }
 
-/// Finds the cheapest method, substeps, coarse levels and terms that keep a tolerance in a scene: `mesh` with `options`, under
-/// `attributes` of each frame of 1/60 s, numbered from 1, for some `frames`.
+/// Finds the cheapest method, number of substeps, coarse levels and terms that keep a tolerance in a scene of `mesh`
+/// with `options` over `frames` frames of 1/60 s. `attributes` returns the attributes of each frame, counted from 1.
 ///
-/// Plays the scene up to 20 times, one of them resolved, which is what takes the time: some three times what the resolved run does.
-/// Times are of this machine, as busy as it is.
+/// The scene is simulated up to 20 times, two of them with the stiffness resolved. These take most of the time: expect
+/// about three times that of one resolved run. Times are measured on this machine under its current load.
 ///
-/// # Errors
-/// As [`Deformer::new`](crate::Deformer::new); if the tolerance is no number above 0 or there are no frames; and if a step of the resolved run fails, with its
-/// frame.
+/// As [`Deformer::new`](crate::Deformer::new). Also if the tolerance is not a finite number above 0, if there are no
+/// frames, or if a step of a resolved run fails, with its frame.
 pub fn tune(
     mesh: &Mesh,
     options: &Options,

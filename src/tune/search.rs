@@ -1,4 +1,4 @@
-//! The search: the resolved run, terms, substeps, and the kinds of solvers.
+//! The search: the reference run, the terms, the number of substeps, and the kinds of solvers.
 
 use super::clip::{Clip, Scene};
 use super::distance::Distance;
@@ -7,15 +7,17 @@ use crate::deformer::Deformer;
 use crate::error::{BuildError, StepError};
 use crate::options::{Levels, Method, Quality};
 
-/// Runs of the scene, at most.
+/// Most runs of the scene.
 const MOST_CLIPS: usize = 20;
-/// Substeps of the second run over those of the first that both should resolve the scene, and how far (m) its vertices start off.
+/// Number of substeps of the second reference run relative to the first, and the displacement (m) of its vertices at
+/// the start.
 const AGAIN: f64 = 1.42;
 const NUDGE: f32 = 1e-5;
-/// Share of the resolved substeps at which terms are left out, and the fewest substeps that says anything.
+/// Share of the resolved substeps at which terms are left out, and the fewest substeps that give a meaningful result.
 const SHARE: f64 = 0.125;
 const FEWEST: u32 = 5;
-/// Iterations of the relaxation that is tried, and its time and that of springs over a sweep without levels, about.
+/// Iterations of the relaxation that is tried, and the approximate time of one of its substeps, and of one with
+/// springs, relative to a substep of small steps without levels.
 const ITERATIONS: u32 = 4;
 const OF_RELAXATION: f64 = 2.2;
 const OF_SPRINGS: f64 = 0.7;
@@ -23,20 +25,20 @@ const OF_SPRINGS: f64 = 0.7;
 /// The names of [`Setting::terms`].
 const TERMS: [&str; 3] = ["bending", "damping", "air"];
 
-/// What is known before kinds of solvers are compared.
+/// What is known before the kinds of solvers are compared.
 struct Found {
     resolved: Option<Trial>,
     chaotic: bool,
     terms: Vec<Term>,
-    /// Small steps with the terms that are left.
+    /// Small steps with the terms that were not dropped.
     plain: Setting,
 }
 
-/// What errors are measured by.
+/// How the error of a run is measured.
 enum Judge {
-    /// Against the resolved run.
+    /// By its distance from the reference run.
     Position(Distance, Clip),
-    /// By the clip itself.
+    /// By its own stretch.
     Strain,
 }
 
@@ -51,7 +53,7 @@ impl Judge {
 
 pub(super) struct Search<'a> {
     scene: Scene<'a>,
-    /// What is left of the tolerance.
+    /// The tolerance, less the uncertainty of the reference.
     tolerance: f64,
     judge: Judge,
     trials: Vec<Trial>,
@@ -83,7 +85,7 @@ impl<'a> Search<'a> {
         Ok(self.choose(found))
     }
 
-    /// Plays the resolved run twice, sees what can be compared, and drops the terms that are not worth their time.
+    /// Makes both reference runs, decides how runs are compared, and drops the terms whose effect is too small.
     fn look_at_position(&mut self, plain: Setting, count: u32) -> Result<Found, BuildError> {
         let resolved = Setting { levels: Levels::Off, ..plain.with_substeps(count) };
         let clip = self.scene.play(&resolved, 0.0)?;
@@ -119,13 +121,13 @@ impl<'a> Search<'a> {
         let mut plain = plain;
         terms.sort_by(|a, b| a.1.error.total_cmp(&b.1.error));
         for (term, Term { error, dropped, .. }) in &mut terms {
-            // Damping is that of bending, and goes with it.
+            // Damping acts on bending and is dropped with it.
             let gone = *term == 1 && !plain.terms[0];
             left -= if gone { 0.0 } else { f64::from(*error).powi(2) };
             *dropped = gone || left >= 0.0;
             plain.terms[*term] = !*dropped;
         }
-        // What is little by itself may be too much together with what the substeps leave.
+        // Terms that are negligible one by one may not be so together with the error that the substeps leave.
         if self.keeps(&trial) && !self.try_out(Setting { terms: plain.terms, ..eighth })? {
             plain.terms = [true; 3];
             terms.iter_mut().for_each(|(_, term)| term.dropped = false);
@@ -138,8 +140,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Halves the substeps from some number on until the tolerance is missed, or doubles them until it is kept, as by `most` it is; then
-    /// tries between the two.
+    /// Halves the number of substeps, beginning at `from`, until the tolerance is missed, or doubles it until it is
+    /// kept, at most to `most`. Then tries a number between the two.
     fn descend(&mut self, setting: Setting, from: u32, most: u32) -> Result<(), BuildError> {
         let (mut kept, mut missed) = (from.clamp(FEWEST.min(most), most), 0);
         while kept < most && !self.try_out(setting.with_substeps(kept))? {
@@ -158,17 +160,17 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// The promise about strain, and even substeps about as many.
+    /// Tries the bound on strain itself, and fixed numbers of substeps near what it took.
     fn descend_strain(&mut self, plain: Setting, strain: f32, most: u32) -> Result<(), BuildError> {
         self.try_out(Setting { quality: Quality::Strain(strain), ..plain })?;
         let mean = self.trials.last().map_or(f32::from(20_u8), |trial| trial.substeps);
         self.descend(plain, mean.ceil().max(1.0) as u32, most.max(2 * mean as u32))
     }
 
-    /// Other kinds of solvers, at the most substeps with which they could still be cheaper.
+    /// Tries other kinds of solvers, beginning with the most substeps with which they could still be cheaper.
     fn try_other_kinds(&mut self, plain: Setting, cloth: &Deformer) -> Result<(), BuildError> {
         let Some(best) = self.best() else { return Ok(()) };
-        // What a substep without levels takes, from the run that took most of them.
+        // The time of a substep without levels, from the run with the most such substeps.
         let bare = self.trials.iter().filter(|trial| trial.levels == 0 && trial.substeps > 0.0 && trial.error.is_finite());
         let Some(bare) = bare.max_by(|a, b| a.substeps.total_cmp(&b.substeps)).copied() else { return Ok(()) };
         let sweep = f64::from(bare.milliseconds / bare.substeps);
@@ -187,7 +189,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Halves the substeps for as long as the tolerance is kept.
+    /// Halves the number of substeps for as long as the tolerance is kept.
     fn halve(&mut self, setting: Setting, from: u32) -> Result<(), BuildError> {
         let mut count = from;
         while count > 0 && self.try_out(setting.with_substeps(count))? {
@@ -196,7 +198,8 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Plays a setting, unless it was or there were too many; whether it keeps the tolerance.
+    /// Runs a setting, unless it was run before or the limit of runs is reached. Returns whether it keeps the
+    /// tolerance.
     fn try_out(&mut self, setting: Setting) -> Result<bool, BuildError> {
         if let Some(trial) = self.trials.iter().find(|trial| trial.setting == setting) {
             return Ok(self.keeps(trial));
@@ -222,13 +225,14 @@ impl<'a> Search<'a> {
         f64::from(trial.error) <= self.tolerance
     }
 
-    /// The cheapest so far that keeps the tolerance.
+    /// The cheapest run so far that keeps the tolerance.
     fn best(&self) -> Option<Trial> {
         let kept = self.trials.iter().filter(|trial| self.keeps(trial));
         kept.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds)).copied()
     }
 
-    /// The cheapest that keeps the tolerance in the frames that it is checked on too; if there is none, the one that is off the least.
+    /// The cheapest run that keeps the tolerance in the verifying frames too; if there is none, the one with the
+    /// smallest error.
     fn choose(self, Found { resolved, chaotic, terms, .. }: Found) -> Tuned {
         let verified = |trial: &&Trial| self.keeps(trial) && f64::from(trial.checked) <= self.tolerance;
         let best = self.trials.iter().filter(verified).min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
@@ -239,7 +243,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A run, unless the setting cannot hold the motion together.
+/// The run, or `None` if it became unstable or would have needed too many substeps.
 fn finished(played: Result<Clip, BuildError>) -> Result<Option<Clip>, BuildError> {
     match played {
         Ok(clip) => Ok(Some(clip)),
