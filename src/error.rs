@@ -279,9 +279,7 @@ pub enum StateError {
     #[error("the snapshot was truncated or altered; use another copy, or an earlier snapshot")]
     Altered,
     /// The snapshot is of a cloth with another mesh or other options.
-    #[error(
-        "the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options of that cloth"
-    )]
+    #[error("the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options of that cloth")]
     Other {
         /// The first difference: `mesh`, or the name of an option.
         what: &'static str,
