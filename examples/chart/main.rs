@@ -6,7 +6,7 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::fmt::{Display, Write as _};
+use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use cloth_deformer::{Backend, Deformer, Levels, Mesh, Method, Options};
 
 use crate::arguments::Arguments;
-use crate::command::say;
+use crate::command::{Failure, say};
 use crate::draw::{Axis, Chart, Curve, Line, Look, Marker};
 use crate::measure::{Effort, Row, Setting};
 use crate::scene::{Scene, Truth};
@@ -37,25 +37,6 @@ mod scene;
 
 fn main() -> ExitCode {
     command::run(Arguments::read(), run)
-}
-
-/// Why the program ends early: an exit code and one line.
-#[derive(Debug)]
-pub(crate) struct Failure {
-    code: u8,
-    message: String,
-}
-
-impl Failure {
-    /// Something the user gave cannot be used.
-    pub(crate) fn input(message: impl Display) -> Failure {
-        Failure { code: 2, message: message.to_string() }
-    }
-
-    /// No such GPU, or it failed.
-    pub(crate) fn gpu(message: impl Display) -> Failure {
-        Failure { code: 4, message: message.to_string() }
-    }
 }
 
 /// The whole program, from top to bottom.
@@ -84,7 +65,7 @@ fn machine(wanted: &[Backend]) -> Result<(Vec<Backend>, String), Failure> {
         // Large enough for `Backend::Auto` to take a GPU, if it is a real one.
         let mesh = Mesh::grid(128, 128, 1.0, 1.0);
         let made = Deformer::new(&mesh, Options { backend, ..Options::default() });
-        made.map(|deformer| deformer.adapter().map(str::to_owned)).map_err(Failure::gpu)
+        made.map(|deformer| deformer.adapter().map(str::to_owned)).map_err(|error| Failure::from(&error))
     };
     let (backends, adapter) = if wanted.is_empty() {
         let found = adapter(Backend::Auto)?;

@@ -4,7 +4,7 @@ use std::fmt::{self, Display};
 use std::time::Instant;
 
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, BuildError, Deformer, Levels, Method, Options, Quality, StepError};
+use cloth_deformer::{Attributes, Backend, Deformer, Levels, Method, Options, Quality, StepError};
 
 use crate::Failure;
 use crate::arguments::{Arguments, BACKENDS};
@@ -164,7 +164,7 @@ impl Trial {
             quality: Quality::Substeps(setting.substeps),
             ..scene.options.clone()
         };
-        let deformer = Deformer::new(&scene.mesh, options).map_err(|error| refused(&error))?;
+        let deformer = Deformer::new(&scene.mesh, options).map_err(|error| Failure::from(&error))?;
         let row = Row {
             scene: scene.name.clone(),
             setting,
@@ -177,9 +177,9 @@ impl Trial {
         let stable = trial.time(frames)?;
         let seconds = start.elapsed().as_secs_f64();
         if stable {
-            let positions = trial.deformer.positions().map_err(|error| failed(&error))?;
+            let positions = trial.deformer.positions().map_err(|error| Failure::from(&error))?;
             let positions: Vec<DVec3> = positions.iter().copied().map(Vec3::as_dvec3).collect();
-            let measure = trial.deformer.measure().map_err(|error| failed(&error))?;
+            let measure = trial.deformer.measure().map_err(|error| Failure::from(&error))?;
             let strain = [measure.mean_strain, measure.max_strain].map(f64::from);
             // Past its limit a cloth may take a while to leave the finite numbers. At twice its length it is none any more.
             let error = truth.map_or(0.0, |truth| rms(&positions, &truth.positions) / scene.extent);
@@ -206,7 +206,7 @@ impl Trial {
         match run {
             Ok(()) => Ok(true),
             Err(StepError::Unstable { .. }) => Ok(false),
-            Err(error) => Err(failed(&error)),
+            Err(error) => Err(Failure::from(&error)),
         }
     }
 
@@ -286,19 +286,5 @@ impl Display for Setting {
             write!(f, " --iterations {iterations}")?;
         }
         write!(f, " --substeps {} --backend {}", self.substeps, self.backend())
-    }
-}
-
-fn refused(error: &BuildError) -> Failure {
-    match error {
-        BuildError::NoGpu { .. } => Failure::gpu(error),
-        _ => Failure::input(error),
-    }
-}
-
-fn failed(error: &StepError) -> Failure {
-    match error {
-        StepError::Gpu { .. } => Failure::gpu(error),
-        _ => Failure::input(error),
     }
 }

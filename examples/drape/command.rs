@@ -1,5 +1,6 @@
-//! What the programs share: reading a command line, and what they say.
+//! What the example programs share: reading a command line, printing lines, and ending with an exit code.
 
+use std::fmt::Display;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -8,12 +9,59 @@ use clap::{
     builder::{PossibleValuesParser, TypedValueParser},
     error::ErrorKind,
 };
+use cloth_deformer::{BuildError, StepError};
 
-use crate::Failure;
+/// Why a program ends early: its exit code, and a message of one line, which is empty if everything has been printed.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    pub(crate) code: u8,
+    pub(crate) message: String,
+}
 
-/// Runs a program with the arguments that were read, or says what help was asked for. Why it ended early is said in one line.
+impl Failure {
+    const INPUT: u8 = 2;
+    pub(crate) const UNSTABLE: u8 = 3;
+    const GPU: u8 = 4;
+
+    /// The user's input cannot be used.
+    pub(crate) fn input(message: impl Display) -> Failure {
+        Failure { code: Failure::INPUT, message: message.to_string() }
+    }
+}
+
+impl From<&BuildError> for Failure {
+    fn from(error: &BuildError) -> Failure {
+        let code = match error {
+            BuildError::NoGpu { .. }
+            | BuildError::GpuLost { .. }
+            | BuildError::GpuMemory { .. }
+            | BuildError::GpuLimit { .. } => Failure::GPU,
+            BuildError::Step { error, .. } => code_of(error),
+            _ => Failure::INPUT,
+        };
+        Failure { code, message: error.to_string() }
+    }
+}
+
+impl From<&StepError> for Failure {
+    fn from(error: &StepError) -> Failure {
+        Failure { code: code_of(error), message: error.to_string() }
+    }
+}
+
+fn code_of(error: &StepError) -> u8 {
+    match error {
+        StepError::Unstable { .. } => Failure::UNSTABLE,
+        StepError::Gpu { .. } | StepError::GpuLost { .. } | StepError::GpuMemory { .. } | StepError::GpuLimit { .. } => {
+            Failure::GPU
+        }
+        _ => Failure::INPUT,
+    }
+}
+
+/// Runs a program with its arguments, or prints the help that was asked for. A failure is printed as one line.
 ///
-/// Returning, rather than leaving from within, drops what is half written: it takes its temporary files along.
+/// Programs return here instead of exiting from within, so that files which are half written are dropped and removed.
 pub(crate) fn run<Arguments>(
     read: Result<Result<Arguments, clap::Error>, Failure>,
     program: impl FnOnce(&Arguments) -> Result<(), Failure>,
@@ -27,26 +75,25 @@ pub(crate) fn run<Arguments>(
         Err(failure) => Some(failure),
     };
     let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
-    // What was said already has no message.
     if !message.is_empty() {
         warn("error", &message);
     }
     ExitCode::from(code)
 }
 
-/// A line on stdout. A reader that went away is no reason to stop.
+/// Prints a line to stdout. A closed pipe is ignored.
 pub(crate) fn say(line: &str) {
     let _ = writeln!(io::stdout(), "{line}");
 }
 
-/// One line on stderr, whatever line breaks a file name or a driver's message brought along.
+/// Prints one line to stderr; line breaks from a file name or a driver's message are replaced by spaces.
 pub(crate) fn warn(kind: &str, message: &str) {
     let line: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     let _ = writeln!(io::stderr(), "{kind}: {}", line.join(" "));
 }
 
-/// The arguments this process was given, or the help that was asked for. What is wrong with them is said in one line,
-/// without the usage that clap adds.
+/// The arguments of this process, or the help if the user asked for it. Errors become one line, without the usage that
+/// clap adds.
 pub(crate) fn read<Arguments: Parser>() -> Result<Result<Arguments, clap::Error>, Failure> {
     match Arguments::try_parse() {
         Ok(arguments) => Ok(Ok(arguments)),
@@ -59,7 +106,7 @@ pub(crate) fn read<Arguments: Parser>() -> Result<Result<Arguments, clap::Error>
     }
 }
 
-/// One of a table's names, for its value.
+/// Parses one of the names of a table into its value.
 pub(crate) fn one_of<T: Clone + Send + Sync + 'static>(table: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
     let names = table.iter().map(|&(name, _)| name);
     PossibleValuesParser::new(names).try_map(move |given| {

@@ -1,6 +1,6 @@
-//! Drapes a cloth and writes every frame as an OBJ file: see `--help`.
+//! Simulates a cloth and writes every frame as an OBJ file: see `--help`.
 //!
-//! With no arguments it plays the scene of the 2013 plug-in, a towel dropped on a sphere over a floor:
+//! Without arguments it runs the scene of the 2013 plug-in, a towel dropped on a sphere over a floor:
 //!
 //! ```text
 //! cargo run --release --example drape -- --preview towel.png --report towel.json
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use cloth_deformer::{BuildError, StepError};
 
 use crate::arguments::{Arguments, Task};
-use crate::command::say;
+use crate::command::{Failure, say};
 use crate::play::play;
 use crate::scene::Scene;
 
@@ -37,60 +37,41 @@ fn main() -> ExitCode {
     command::run(Arguments::read(), run)
 }
 
-/// Why the program ends early: an exit code and one line.
-#[derive(Debug)]
-pub(crate) struct Failure {
-    code: u8,
-    message: String,
-}
-
 impl Failure {
-    /// As `diff` and `cmp` have it.
+    /// The exit code of `diff` and `cmp` for different files.
     const DIFFERENT: u8 = 1;
-    const INPUT: u8 = 2;
-    const UNSTABLE: u8 = 3;
-    const GPU: u8 = 4;
-    /// 128 + SIGINT, as a shell reports it; a request to terminate or a hangup is told by the same.
+    /// 128 + SIGINT, as shells report it; also used for a request to terminate and for a hangup.
     const INTERRUPTED: u8 = 130;
 
     fn new(code: u8, message: impl Display) -> Failure {
         Failure { code, message: message.to_string() }
     }
 
-    /// The same failure, of a part of what was asked for.
+    /// The same failure with its message prefixed by the part that it concerns.
     pub(crate) fn of(self, part: &str) -> Failure {
         Failure { message: format!("{part}: {}", self.message), ..self }
     }
 
-    /// What it says.
+    /// The message.
     pub(crate) fn message(&self) -> &str {
         &self.message
     }
 
-    /// Something the user gave cannot be used.
-    pub(crate) fn input(message: impl Display) -> Failure {
-        Failure::new(Failure::INPUT, message)
-    }
-
     fn build(of: &str, error: &BuildError) -> Failure {
-        match error {
-            BuildError::NoGpu { .. } => Failure::new(Failure::GPU, error),
-            BuildError::Pin { .. } | BuildError::PinTwice { .. } => Failure::input(format_args!("--pin: {error}")),
-            _ => Failure::input(format_args!("{of}: {error}")),
-        }
+        let part = match error {
+            BuildError::NoGpu { .. } => return Failure::from(error),
+            BuildError::Pin { .. } | BuildError::PinTwice { .. } => "--pin",
+            _ => of,
+        };
+        Failure::from(error).of(part)
     }
 
     fn step(frame: u32, error: &StepError) -> Failure {
-        let code = match error {
-            StepError::Unstable { .. } => Failure::UNSTABLE,
-            StepError::Gpu { .. } => Failure::GPU,
-            _ => Failure::INPUT,
-        };
-        Failure::new(code, format_args!("frame {frame}: {error}"))
+        Failure::from(error).of(&format!("frame {frame}"))
     }
 }
 
-/// What the program was asked for.
+/// Does what the arguments ask for.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(Task::Diff { a, b }) = &arguments.task {
         return diff::diff(a, b);
@@ -100,7 +81,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         say(&sweep.count().to_string());
         return Ok(());
     }
-    // A signal ends the program at once until there are files that it must not leave half written.
+    // A signal ends the program at once, until there are files that must not be left half written.
     let interrupted = Arc::new(AtomicBool::new(false));
     let listen = || {
         let flag = Arc::clone(&interrupted);

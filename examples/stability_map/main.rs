@@ -5,7 +5,7 @@
 //! ```
 
 use std::collections::BTreeSet;
-use std::fmt::{Display, Write as _};
+use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use clap::Parser;
 use cloth_deformer::Method;
 
 use crate::cell::{Cell, Label, Outcome};
-use crate::command::say;
+use crate::command::{Failure, say};
 use crate::maps::{Map, Panel};
 
 mod cell;
@@ -47,20 +47,6 @@ struct Arguments {
     /// The maps to make [default: all]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = ["stiffness", "resolution", "bending", "mass", "steps"])]
     maps: Vec<String>,
-}
-
-/// Why the program ends early: an exit code and one line.
-#[derive(Debug)]
-struct Failure {
-    code: u8,
-    message: String,
-}
-
-impl Failure {
-    /// Something the user gave cannot be used.
-    fn input(message: impl Display) -> Failure {
-        Failure { code: 2, message: message.to_string() }
-    }
 }
 
 fn main() -> ExitCode {

@@ -5,14 +5,13 @@
 //! cargo run --release --example tune -- towel --tolerance 3%
 //! ```
 
-use std::fmt::Display;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use cloth_deformer::{Backend, BuildError, Tolerance, Trial, Tuned, tune};
+use cloth_deformer::{Backend, Tolerance, Trial, Tuned, tune};
 
-use crate::command::say;
+use crate::command::{Failure, say};
 use crate::scenes::{Scene, scenes};
 
 #[path = "../drape/command.rs"]
@@ -39,20 +38,6 @@ struct Arguments {
 const BACKENDS: [(&str, Backend); 4] =
     [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
 
-/// Why the program ends early: an exit code and one line.
-#[derive(Debug)]
-pub(crate) struct Failure {
-    code: u8,
-    message: String,
-}
-
-impl Failure {
-    /// Something the user gave cannot be used.
-    pub(crate) fn input(message: impl Display) -> Failure {
-        Failure { code: 2, message: message.to_string() }
-    }
-}
-
 fn tolerance(text: &str) -> Result<Tolerance, String> {
     let number = |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance, as 10mm, or a strain, as 3%".to_owned());
     match (text.strip_suffix("mm"), text.strip_suffix('%')) {
@@ -75,10 +60,8 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(Failure::input(format_args!("scene {}: not one of {}", arguments.scene, names.join(", "))));
     };
     let frames = arguments.frames.unwrap_or(scene.frames);
-    let tuned = tune(&scene.mesh, &scene.options, &scene.script, frames, arguments.tolerance).map_err(|error| match error {
-        BuildError::NoGpu { .. } => Failure { code: 4, message: error.to_string() },
-        error => Failure::input(error),
-    })?;
+    let tuned = tune(&scene.mesh, &scene.options, &scene.script, frames, arguments.tolerance);
+    let tuned = tuned.map_err(|error| Failure::from(&error))?;
     show(&tuned, arguments.tolerance);
     Ok(())
 }
