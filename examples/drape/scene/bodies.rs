@@ -1,24 +1,24 @@
-//! Bodies: meshes from OBJ files, one for the whole run or one for each frame.
+//! Mesh colliders from OBJ files: one file for the whole run, or one for each frame.
 
 use std::fmt;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cloth_deformer::Mesh;
 
 use crate::Failure;
+use crate::receipt::hash;
 
-/// A body that may move.
+/// A mesh collider that may move.
 pub(super) struct Body {
-    /// Files that it was read from.
+    /// The files that it was read from.
     pub(super) files: Vec<PathBuf>,
-    /// From when (s) on it is as in which file.
+    /// Each mesh, with the time (s) from which on it applies.
     meshes: Vec<(f64, Arc<Mesh>)>,
 }
 
 impl Body {
-    /// From a file; or if there are `#` in its name, from numbered ones, for a frame at each of `times` (s).
+    /// Reads one file; or, if its name contains `#`, numbered files, one for the frame at each of `times` (s).
     pub(super) fn load(path: &Path, scale: Option<f32>, times: impl Iterator<Item = f64>) -> Result<Body, Failure> {
         let pattern = path.to_string_lossy();
         let digits = pattern.matches('#').count();
@@ -35,7 +35,7 @@ impl Body {
                 return Err(wrong("no faces; give at least one line `f a b c`"));
             }
             if body.meshes.first().is_some_and(|(_, first)| first.triangles != mesh.triangles) {
-                return Err(wrong("its faces are not those of the first frame, from which the vertices are to move here"));
+                return Err(wrong("its faces differ from those of the first frame, so the vertices cannot move from there"));
             }
             mesh.positions.iter_mut().for_each(|x| *x *= scale.unwrap_or(1.0));
             body.files.push(file);
@@ -44,20 +44,18 @@ impl Body {
         Ok(body)
     }
 
-    /// What it is after `time` (s).
+    /// The mesh at `time` (s).
     pub(super) fn at(&self, time: f64) -> Arc<Mesh> {
         let later = self.meshes.partition_point(|&(begins, _)| begins <= time + 1e-9);
         Arc::clone(&self.meshes[later.max(1) - 1].1)
     }
 }
 
-/// By this a run is known again: the files, and a hash of what is in them.
+/// The text by which `--resume` recognizes a run contains a hash of the vertices.
 impl fmt::Debug for Body {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut hash = DefaultHasher::new();
-        for (_, mesh) in &self.meshes {
-            mesh.positions.iter().for_each(|x| x.to_array().map(f32::to_bits).hash(&mut hash));
-        }
-        write!(f, "Body({} meshes, {:x})", self.meshes.len(), hash.finish())
+        let numbers = self.meshes.iter().flat_map(|(_, mesh)| &mesh.positions).flat_map(|x| x.to_array());
+        let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+        write!(f, "Body({} meshes, {})", self.meshes.len(), hash(&bytes))
     }
 }
