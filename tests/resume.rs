@@ -92,7 +92,7 @@ fn only_the_same_run_is_resumed() {
     let bytes = file(&directory, "run.save");
     for cut in [0, 10, bytes.len() / 2, bytes.len() - 1] {
         fs::write(directory.path().join("cut.save"), &bytes[..cut]).unwrap();
-        fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "cut or altered"]);
+        fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "truncated or altered"]);
     }
     succeeds(&directory, more);
     assert!(directory.path().join(frame(6)).exists());

@@ -10,7 +10,7 @@ use crate::command::say;
 use crate::output::{frame_name, frame_number};
 use crate::receipt::{Inputs, Receipt};
 
-/// Says where two runs differ first. The failure has nothing more to say.
+/// Prints the first difference between two runs. The failure returned in that case has no message.
 pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
     let [last_a, last_b] = [last_frame(a)?, last_frame(b)?];
     for frame in 1..=last_a.max(last_b) {
@@ -18,7 +18,7 @@ pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
         let found = match (x, y) {
             (Some(x), Some(y)) => first_difference(&x, &y),
             (None, None) => None,
-            (found, _) => Some(format!("only {} has it", if found.is_some() { a } else { b }.display())),
+            (found, _) => Some(format!("only {} has this frame", if found.is_some() { a } else { b }.display())),
         };
         if let Some(found) = found {
             say(&format!("frame {frame}: {found}; {}", why(a, b)));
@@ -28,7 +28,7 @@ pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The last frame in a folder.
+/// The number of the last frame in a folder.
 fn last_frame(folder: &Path) -> Result<u32, Failure> {
     let entries = fs::read_dir(folder).map_err(|error| Failure::input(format_args!("{}: {error}", folder.display())))?;
     let frames = entries.flatten().filter_map(|entry| frame_number(entry.file_name().to_str()?));
@@ -36,13 +36,13 @@ fn last_frame(folder: &Path) -> Result<u32, Failure> {
     frames.max().ok_or_else(none)
 }
 
-/// A frame, if it is there.
+/// A frame, or `None` if the file does not exist.
 fn read(folder: &Path, frame: u32) -> Result<Option<Mesh>, Failure> {
     let path = folder.join(frame_name(frame));
     if path.exists() { Mesh::load_obj(path).map(Some).map_err(Failure::input) } else { Ok(None) }
 }
 
-/// In what two meshes differ, if they do.
+/// The first difference between two meshes, if any.
 fn first_difference(x: &Mesh, y: &Mesh) -> Option<String> {
     let [vertices, others] = [x, y].map(|mesh| mesh.positions.len());
     if vertices != others {
@@ -53,13 +53,13 @@ fn first_difference(x: &Mesh, y: &Mesh) -> Option<String> {
     }
     let face = iter::zip(&x.triangles, &y.triangles).position(|(x, y)| x != y);
     let face = face.or((x.triangles.len() != y.triangles.len()).then_some(x.triangles.len().min(y.triangles.len())));
-    face.map(|face| format!("triangle {face} is another"))
+    face.map(|face| format!("triangle {face} differs"))
 }
 
-/// What their receipts say of it.
+/// The differences between the receipts of two runs.
 fn why(a: &Path, b: &Path) -> String {
     let [Some(a), Some(b)] = [a, b].map(Receipt::in_folder) else {
-        return "why is not known, for they have no receipts both; --variant writes them".to_owned();
+        return "the reason is unknown, because they have no receipts, which --variant writes".to_owned();
     };
     let Inputs { version, values, scene, arguments, files, .. } = &a.inputs;
     let other = &b.inputs;
@@ -76,10 +76,10 @@ fn why(a: &Path, b: &Path) -> String {
         (arguments != &other.arguments, "the command line"),
         (files != &other.files, "a file that the scene names"),
     ];
-    reasons.extend(inputs.into_iter().filter(|&(differs, _)| differs).map(|(_, what)| format!("{what} was another")));
+    reasons.extend(inputs.into_iter().filter(|&(differs, _)| differs).map(|(_, what)| format!("{what} differs")));
     let mut compare = |what: &str, a: String, b: String| {
         if a != b {
-            reasons.push(format!("the {what} was {a} and {b}"));
+            reasons.push(format!("the {what} is {a} and {b}"));
         }
     };
     compare("version", version.clone(), other.version.clone());
@@ -87,7 +87,7 @@ fn why(a: &Path, b: &Path) -> String {
     compare("GPU", format!("{:?}", a.adapter), format!("{:?}", b.adapter));
     compare("number of lanes", a.lanes.to_string(), b.lanes.to_string());
     if reasons.is_empty() {
-        return "inputs, version, backend and lanes were the same, and so should the frames be".to_owned();
+        return "inputs, version, backend and lanes are the same, so the frames should be equal".to_owned();
     }
     reasons.join(", ")
 }

@@ -1,4 +1,4 @@
-//! Where the frames go: an OBJ file each, and caches of all.
+//! Writing frames: one OBJ file each, and point caches of all frames.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,16 +12,16 @@ use crate::{
     output::{Outputs, frame_name, frame_number},
 };
 
-/// Files that frames are written to.
+/// The files that frames are written to.
 pub(crate) struct Frames<'a> {
     outputs: &'a Outputs,
-    /// The file that the mesh came in, if it came in one.
+    /// The OBJ file that the mesh was read from, if any.
     template: Option<&'a ObjTemplate>,
-    /// And which argument each is of.
+    /// The caches, each with the option that asked for it.
     caches: Vec<(&'static str, PointCache)>,
 }
 
-/// What a cache of a format is called in `--out`.
+/// The file name in `--out` of a cache of a format.
 pub(crate) fn cache_name(format: Format) -> Option<&'static str> {
     match format {
         Format::Obj => None,
@@ -32,7 +32,8 @@ pub(crate) fn cache_name(format: Format) -> Option<&'static str> {
 }
 
 impl<'a> Frames<'a> {
-    /// Begins all caches. Fails if one could not be written, or a frame that is none of this run's would be taken for one.
+    /// Begins all caches. Fails if one cannot be written, or if the folder has frames of a longer run, which would look
+    /// like a part of this one.
     pub(crate) fn begin(outputs: &'a Outputs, mesh: &Mesh, template: Option<&'a ObjTemplate>) -> Result<Frames<'a>, Failure> {
         let out = &outputs.folder;
         fs::create_dir_all(out).map_err(|error| {
@@ -44,7 +45,7 @@ impl<'a> Frames<'a> {
             if let Some(frame) = later.max() {
                 let (path, frames) = (out.join(frame_name(frame)), outputs.frames);
                 let message = format_args!(
-                    "{} is of a longer run, and would be taken for one of these {frames} frames; remove it and those before, or name another --out",
+                    "{} is from a longer run, and would look like a part of this one of {frames} frames; remove the old frames, or use another --out",
                     path.display()
                 );
                 return Err(Failure::input(message));
@@ -72,12 +73,12 @@ impl<'a> Frames<'a> {
         Ok(Frames { outputs, template, caches })
     }
 
-    /// Whether anything holds all frames.
+    /// Whether there is any cache, which must contain all frames.
     pub(crate) fn has_caches(&self) -> bool {
         !self.caches.is_empty()
     }
 
-    /// Writes a frame.
+    /// Writes a frame to all files.
     pub(crate) fn write(&mut self, frame: u32, shape: &Mesh) -> Result<(), Failure> {
         if self.outputs.writes(Format::Obj) {
             let path = self.outputs.folder.join(frame_name(frame));
@@ -90,12 +91,12 @@ impl<'a> Frames<'a> {
         self.cache(&shape.positions)
     }
 
-    /// Adds a frame to the caches alone.
+    /// Adds a frame to the caches only.
     pub(crate) fn cache(&mut self, positions: &[Vec3]) -> Result<(), Failure> {
         self.caches.iter_mut().try_for_each(|(option, cache)| cache.push(positions).map_err(|error| failed(option, &error)))
     }
 
-    /// Puts the caches in their places.
+    /// Completes the caches and moves them to their paths.
     pub(crate) fn finish(self) -> Result<(), Failure> {
         self.caches.into_iter().try_for_each(|(option, cache)| cache.finish().map_err(|error| failed(option, &error)))
     }

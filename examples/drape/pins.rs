@@ -1,11 +1,11 @@
-//! Which vertices are pinned, by name or by number: `--pin` of every example.
+//! `--pin` of every example: vertices chosen by a rule or by number.
 
 use std::str::FromStr;
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Vec2, Vec3};
 
-/// Which vertices are pinned.
+/// The choice of pinned vertices.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Pin {
     None,
@@ -15,7 +15,7 @@ pub(crate) enum Pin {
 }
 
 impl Pin {
-    /// Numbers of the pinned vertices, each once unless the user's own list repeats itself.
+    /// Indices of the pinned vertices. Each occurs once, unless the user's own list repeats one.
     pub(crate) fn vertices(&self, mesh: &Mesh) -> Vec<u32> {
         match self {
             Pin::None => Vec::new(),
@@ -44,9 +44,9 @@ impl FromStr for Pin {
     }
 }
 
-/// The highest vertices; of a mesh that lies flat, the side of lowest z.
+/// The highest vertices; if the mesh is horizontal, the side with the lowest z.
 fn top(mesh: &Mesh) -> Vec<u32> {
-    // Part of the extent that rounding in a modeler may spread what is level.
+    // Vertices within this share of the extent count as level, because modelers round coordinates.
     const LEVEL: f32 = 1e-4;
     let (low, high) = bounds(mesh);
     let extent = high - low;
@@ -60,7 +60,7 @@ fn top(mesh: &Mesh) -> Vec<u32> {
     (0..).zip(&mesh.positions).filter(|(_, position)| is_top(position)).map(|(vertex, _)| vertex).collect()
 }
 
-/// The vertices nearest the corners of the mesh's bounding rectangle, along its two largest extents.
+/// The vertices nearest to the corners of the mesh's bounding rectangle in the plane of its two largest extents.
 fn corners(mesh: &Mesh) -> Vec<u32> {
     let (low, high) = bounds(mesh);
     let mut axes = [0, 1, 2];
@@ -73,13 +73,13 @@ fn corners(mesh: &Mesh) -> Vec<u32> {
     };
     let rectangle = [low, Vec2::new(high.x, low.y), Vec2::new(low.x, high.y), high];
     let mut vertices: Vec<u32> = rectangle.into_iter().filter_map(nearest).collect();
-    // A small mesh has one vertex nearest to several corners.
+    // In a small mesh one vertex may be nearest to several corners.
     vertices.sort_unstable();
     vertices.dedup();
     vertices
 }
 
-/// The corners of the mesh's bounding box (m); of no mesh, the origin.
+/// The corners of the mesh's bounding box (m); the origin if the mesh is empty.
 pub(crate) fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
     let first = mesh.positions.first().copied().unwrap_or_default();
     mesh.positions.iter().fold((first, first), |(low, high), &position| (low.min(position), high.max(position)))

@@ -1,4 +1,5 @@
-//! What a run was made of and what came of it: by a receipt a variant is known to be done, and `diff` says why two runs differ.
+//! Receipts: the inputs and results of a run. A variant with a matching receipt is not run again, and `diff` explains
+//! differences by them.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,55 +9,56 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Failure, output::Output, report::Report};
 
-/// Its name in a run's folder.
+/// Name of the file in a run's folder.
 pub(crate) const NAME: &str = "receipt.json";
 
-/// The same for the same run on any machine, but for `lanes` and, with a GPU, `adapter` and figures.
+/// A receipt. It is the same for the same run on any machine, except for `lanes` and, with a GPU, `adapter` and the
+/// figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Receipt {
     pub(crate) inputs: Inputs,
     pub(crate) backend: String,
     pub(crate) adapter: Option<String>,
-    /// Numbers that this processor computes at once. Machines of the same lanes make the same bits.
+    /// SIMD lanes of the processor. Machines with the same number compute the same bits.
     pub(crate) lanes: u32,
     pub(crate) figures: Figures,
 }
 
-/// All that a run follows from.
+/// Everything that a run depends on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Inputs {
-    /// Of this program.
+    /// Version of this program.
     pub(crate) version: String,
     pub(crate) variant: u32,
-    /// What the variant's keys are.
+    /// The variant's values of the varied keys.
     pub(crate) values: BTreeMap<String, serde_json::Value>,
     /// Hash of the scene with these values.
     pub(crate) scene: String,
-    /// Hash of what the command line said besides.
+    /// Hash of the other command line arguments.
     pub(crate) arguments: String,
     /// The files that were read.
     pub(crate) files: Vec<InputFile>,
 }
 
-/// A file that was read: its name, wherever it was, and its hash.
+/// A file that was read, by its name without the folder, and its hash.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InputFile {
     name: String,
     hash: String,
 }
 
-/// What came of it.
+/// Results of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Figures {
     frames: usize,
     substeps: u64,
-    /// In the last frame.
+    /// Value of the last frame.
     mean_strain: f32,
-    /// The largest of any frame.
+    /// Largest values of all frames, here and in the next two fields.
     max_strain: f32,
     stretch_share: f32,
     penetration: f32,
-    /// In the last frame (J).
+    /// Energy in the last frame (J).
     energy: f64,
     contacts: u64,
 }
@@ -79,7 +81,7 @@ impl Figures {
 }
 
 impl Receipt {
-    /// The one in a folder; none if there is none that can be read.
+    /// The receipt in a folder, or `None` if there is no readable one.
     pub(crate) fn in_folder(folder: &Path) -> Option<Receipt> {
         serde_json::from_slice(&fs::read(folder.join(NAME)).ok()?).ok()
     }
@@ -91,14 +93,14 @@ impl Receipt {
     }
 }
 
-/// The hash of bytes: FNV-1a of 64 bits (Fowler, Noll and Vo), which tells what has changed, not who wants to deceive.
+/// 64-bit FNV-1a (Fowler, Noll and Vo). It detects changes, but not deliberate forgery.
 pub(crate) fn hash(bytes: &[u8]) -> String {
     let hash =
         bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
     format!("{hash:016x}")
 }
 
-/// Files as a receipt names them.
+/// Names and hashes of files.
 pub(crate) fn input_files(files: &[PathBuf]) -> Result<Vec<InputFile>, Failure> {
     let named = |path: &PathBuf| {
         let bytes = fs::read(path).map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
@@ -108,7 +110,7 @@ pub(crate) fn input_files(files: &[PathBuf]) -> Result<Vec<InputFile>, Failure> 
     files.iter().map(named).collect()
 }
 
-/// How many numbers this processor computes at once, as the library finds it out.
+/// Number of SIMD lanes that the library uses on this processor.
 pub(crate) fn lanes() -> u32 {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {

@@ -1,4 +1,4 @@
-//! Figures of a run: a row for each frame, as JSON and as one line.
+//! Statistics of a run: a row for each frame, as JSON, and a summary in one line.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::{
     arguments::{BACKENDS, METHODS},
 };
 
-/// A run. The order of the fields is the order of the file.
+/// The statistics of a run. The fields appear in the file in this order.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     pub(crate) adapter: Option<String>,
@@ -18,35 +18,35 @@ pub(crate) struct Report {
     method: &'static str,
     vertices: usize,
     edges: usize,
-    // A fixed name of the file, whatever the code calls them.
+    // The name in the file is fixed, although the code uses the American spelling.
     #[serde(rename = "colours")]
     colors: usize,
     pub(crate) frames: Vec<Frame>,
 }
 
-/// One frame.
+/// The statistics of one frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Frame {
     #[serde(rename = "frame")]
     number: u32,
-    /// Duration of `Deformer::step` alone (ms), on the GPU until it is done there; reading back is not part of it.
+    /// Duration of `Deformer::step` alone (ms), on a GPU until the work there is done; without reading back.
     ms: f64,
     pub(crate) substeps: u32,
     pub(crate) mean_strain: f32,
     pub(crate) max_strain: f32,
-    /// What 99 % of the area is stretched by at most.
+    /// Stretch that 99 % of the area does not exceed.
     pub(crate) stretch_share: f32,
-    /// Kinetic and potential energy (J).
+    /// Kinetic plus potential energy (J).
     pub(crate) energy: f64,
-    /// Depth of the deepest vertex in a collider (m).
+    /// Depth of the deepest vertex inside a collider (m).
     pub(crate) penetration: f32,
-    /// Pairs of the cloth's features that press on one another.
+    /// Pairs of features of the cloth that press on each other.
     pub(crate) contacts: u32,
 }
 
 impl Frame {
-    /// Of a step that took so many seconds, substeps and contacts. `None` if a figure is not finite: JSON has no such number, and a stable
-    /// cloth has none either.
+    /// The row of a step that took this many seconds, substeps and contacts. `None` if a value is not finite: JSON
+    /// cannot represent it, and it means that the cloth is unstable.
     pub(crate) fn new(number: u32, seconds: f64, [substeps, contacts]: [u32; 2], measure: Measure) -> Option<Frame> {
         let Measure { mean_strain, max_strain, stretch_share, kinetic_energy, potential_energy, penetration, .. } = measure;
         let energy = kinetic_energy + potential_energy;
@@ -84,7 +84,7 @@ impl Report {
         Ok(text)
     }
 
-    /// The run in one line.
+    /// A summary in one line.
     pub(crate) fn summary(&self, out: &Path) -> String {
         let mut times: Vec<f64> = self.frames.iter().skip(1).map(|frame| frame.ms).collect();
         times.sort_by(f64::total_cmp);
@@ -104,7 +104,7 @@ impl Report {
     }
 }
 
-/// The name a value has on the command line.
+/// The name of a value on the command line.
 fn name_of<T>(table: &[(&'static str, T)], is_it: impl Fn(&T) -> bool) -> &'static str {
     table.iter().find(|(_, value)| is_it(value)).map_or("unknown", |&(name, _)| name)
 }

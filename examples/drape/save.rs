@@ -1,6 +1,7 @@
-//! A run that was cut short goes on: what `--save` keeps, and `--resume` takes.
+//! Interrupting and resuming a run: `--save` writes its state, and `--resume` continues from it.
 //!
-//! A line of JSON, which frame it is and the figures so far, and behind it the bytes of the cloth's [`Snapshot`].
+//! The file is a line of JSON with the frame number and the statistics so far, followed by the bytes of the cloth's
+//! [`Snapshot`].
 
 use std::fs;
 
@@ -13,17 +14,17 @@ use crate::{
     report::Frame,
 };
 
-/// What a run goes on from, besides the cloth.
+/// The state of a run, besides the cloth.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
     /// The last frame that was written.
     pub(crate) frame: u32,
-    /// What acts on the cloth, as text: another scene is not gone on with.
+    /// Text form of everything that acts on the cloth. A run cannot be resumed with another one.
     scene: String,
     pub(crate) frames: Vec<Frame>,
 }
 
-/// Keeps where a run is, if that is wanted after this frame.
+/// Saves the state of the run, if it is wanted after this frame.
 pub(crate) fn save(
     outputs: &Outputs,
     frame: u32,
@@ -43,19 +44,21 @@ pub(crate) fn save(
     Output::reserve(path)?.write(&bytes)
 }
 
-/// Puts the cloth where a saved run was; `None` if there is none to go on with.
+/// Restores the cloth from a saved run; `None` if the run starts from the beginning.
 pub(crate) fn resume(outputs: &Outputs, deformer: &mut Deformer, scene: &str) -> Result<Option<Saved>, Failure> {
     let Some(path) = &outputs.resume else { return Ok(None) };
     let refuse = |why: &dyn std::fmt::Display| Failure::input(format_args!("--resume {}: {why}", path.display()));
-    let bytes = fs::read(path).map_err(|error| refuse(&format_args!("{error}; name what --save wrote")))?;
+    let bytes = fs::read(path).map_err(|error| refuse(&format_args!("{error}; name a file written by --save")))?;
     let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
     let (head, snapshot) = bytes.split_at(end);
-    let saved: Saved = serde_json::from_slice(head).map_err(|_| refuse(&"it is not what --save wrote, or was cut or altered"))?;
+    let saved: Saved =
+        serde_json::from_slice(head).map_err(|_| refuse(&"it was not written by --save, or was truncated or altered"))?;
     if saved.scene != scene {
-        return Err(refuse(&"it was saved with other gravity, wind, colliders or frames a second; give the same"));
+        return Err(refuse(&"it was saved with different gravity, wind, colliders, pins or frames a second; use the same ones"));
     }
     if saved.frame > outputs.frames {
-        let message = format_args!("it was saved after frame {}, and --frames is {}; ask for more", saved.frame, outputs.frames);
+        let message =
+            format_args!("it was saved after frame {}, but --frames is {}; ask for more frames", saved.frame, outputs.frames);
         return Err(refuse(&message));
     }
     let snapshot = Snapshot::from_bytes(snapshot.get(1..).unwrap_or_default()).map_err(|error| refuse(&error))?;
@@ -63,13 +66,14 @@ pub(crate) fn resume(outputs: &Outputs, deformer: &mut Deformer, scene: &str) ->
     Ok(Some(saved))
 }
 
-/// A frame that was written before.
+/// Reads a frame that was written before the run was interrupted.
 pub(crate) fn written(outputs: &Outputs, frame: u32, shape: &mut Mesh) -> Result<(), Failure> {
     let path = outputs.folder.join(crate::output::frame_name(frame));
     let read =
         Mesh::load_obj(&path).map_err(|error| Failure::input(format_args!("--resume needs the frames so far: {error}")))?;
     if read.positions.len() != shape.positions.len() {
-        let message = format_args!("--resume: {} has {} vertices; it is of another mesh", path.display(), read.positions.len());
+        let message =
+            format_args!("--resume: {} has {} vertices and is thus of another mesh", path.display(), read.positions.len());
         return Err(Failure::input(message));
     }
     shape.positions = read.positions;

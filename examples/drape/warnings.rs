@@ -1,16 +1,16 @@
-//! What a run warns of, in a line each.
+//! Formats warnings, one line each.
 
 use cloth_deformer::{Cause, Crossing, Warning};
 
-/// A warning in the words of the command line. `sixtieths`: how many times 1/60 s a step is, by which `--substeps` counts.
+/// Formats a warning in terms of the command line. `sixtieths` is the length of a step in units of 1/60 s, by which `--substeps` counts.
 pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
     match warning {
         Warning::BendingLimited { vertices } => {
-            format!("bending is softened at {vertices} vertices to stay stable; more --substeps would bring it all")
+            format!("bending is softened at {vertices} vertices to stay stable; use more --substeps for its full stiffness")
         }
         Warning::ExplicitLimit { substeps, needed } => {
             let enough = (needed as f32 / sixtieths).ceil();
-            format!("springs are unstable at {substeps} substeps a frame; take --substeps {enough}, or --method small-steps")
+            format!("springs are unstable at {substeps} substeps per frame; use --substeps {enough}, or --method small-steps")
         }
         Warning::Slivers { edges, worst: [a, b] } => {
             format!(
@@ -19,39 +19,39 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         }
         Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
             format!(
-                "{pairs} edges go through triangles where contact begins, the first between vertices {a} and {b} through {c}, {d}, {e}; they are let go until they part"
+                "{pairs} edges pass through triangles at the start of contact, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated"
             )
         }
         Warning::StrainMissed { stretch, promised, cause } => {
             let because = match cause {
-                Cause::Pins => "by pins that are jerked",
+                Cause::Pins => "by accelerated pins",
                 Cause::Collider => "by a fast collider",
                 Cause::Wind => "by the wind",
-                _ => "in its motion",
+                _ => "by its own motion",
             };
             let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
             format!(
-                "the cloth was stretched by {stretch:.1} %, more than the {promised:.1} % it is held to, {because}; move it more slowly, or name more substeps"
+                "the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; move it more slowly, or ask for more --substeps"
             )
         }
         Warning::PinOutruns { pin, speed, carried } => {
             format!(
-                "pin {pin} is led at {speed:.1} m/s, but {carried:.1} m/s is what the substeps carry on; lead it more slowly, or take more"
+                "pin {pin} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps; move it more slowly, or ask for more --substeps"
             )
         }
         Warning::ColliderOutruns { collider, speed, carried } => {
             format!(
-                "collider {collider} moves at {speed:.1} m/s, but {carried:.1} m/s is what the substeps carry on; move it more slowly, or take more"
+                "collider {collider} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps; move it more slowly, or ask for more --substeps"
             )
         }
         Warning::BodyCrossings { pairs, collider } => {
             format!(
-                "{pairs} edges and triangles of the cloth and of bodies go through one another where contact begins, the first of collider {collider}; they are let go until they part"
+                "cloth and mesh colliders cross at the start of contact in {pairs} pairs of an edge and a triangle, the first with collider {collider}; contact ignores them until they have separated"
             )
         }
         Warning::ContactOutruns { speed, resolved } => {
             format!(
-                "pins or bodies move against one another at {speed:.1} m/s, but {resolved:.1} m/s is what contact resolves with these substeps; lead them more slowly, or take more"
+                "pins or mesh colliders move relative to each other at {speed:.1} m/s, faster than the {resolved:.1} m/s that contact resolves with these substeps; move them more slowly, or ask for more --substeps"
             )
         }
         other => format!("{other:?}"),

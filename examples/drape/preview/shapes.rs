@@ -1,12 +1,12 @@
-//! Colliders as they are drawn.
+//! Colliders in the preview picture.
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Collider, Shape};
 
-/// Steps of a ray toward a surface.
+/// Most steps of a ray toward a surface.
 const STEPS: usize = 96;
 
-/// How many `direction`s from `origin` the ray enters the shape, if it does.
+/// The distance along a ray, in units of `direction`, at which it enters the shape, if it does.
 pub(super) fn trace(shape: &Shape, origin: Vec3, direction: Vec3) -> Option<f32> {
     let ball = |center: Vec3, radius: f32| {
         let (a, b) = (direction.length_squared(), direction.dot(origin - center));
@@ -20,7 +20,8 @@ pub(super) fn trace(shape: &Shape, origin: Vec3, direction: Vec3) -> Option<f32>
             (speed < 0.0).then(|| (point - origin).dot(normal) / speed)
         }
         _ => {
-            // Toward a surface that is so far away, as far as it is away (sphere tracing: Hart 1996), from a ball around the shape on.
+            // Sphere tracing (Hart 1996), starting at the bounding sphere: each step advances by the distance from the
+            // surface.
             let (center, radius) = around(shape)?;
             let collider = Collider { shape: shape.clone(), ..Collider::default() };
             let (near, far) = (ball(center, radius)?.max(0.0), 2.0 * radius);
@@ -37,7 +38,7 @@ pub(super) fn trace(shape: &Shape, origin: Vec3, direction: Vec3) -> Option<f32>
     hit.filter(|&t| t > 0.0)
 }
 
-/// A ball that holds a shape of finite size.
+/// A bounding sphere of a shape of finite size.
 fn around(shape: &Shape) -> Option<(Vec3, f32)> {
     match *shape {
         Shape::Sphere { center, radius } => Some((center, radius)),
@@ -53,7 +54,7 @@ pub(super) fn collider_normal(shape: &Shape, at: Vec3) -> Vec3 {
     match *shape {
         Shape::Sphere { center, .. } => at - center,
         Shape::Plane { normal, .. } => normal,
-        // Differences of the distance along each axis.
+        // Central differences of the distance along each axis.
         _ => {
             let collider = Collider { shape: shape.clone(), ..Collider::default() };
             let step = around(shape).map_or(1e-3, |(_, radius)| 1e-3 * radius);
@@ -64,8 +65,8 @@ pub(super) fn collider_normal(shape: &Shape, at: Vec3) -> Vec3 {
     .normalize_or_zero()
 }
 
-/// The collider as it is drawn: cloth that lies on it would flicker through, since its triangles are chords of a ball
-/// (sagitta `edge² / 8r` each way) and coincide with a plane.
+/// The collider as it is drawn, slightly smaller than it is. Otherwise cloth that lies on it would flicker through,
+/// because its triangles are chords of a round surface (sagitta `edge² / 8r` on each side) and coincide with a plane.
 pub(super) fn shrunk(collider: &Collider, edge: f32, scene: f32) -> Collider {
     let gap = 0.002 * scene;
     let smaller = |radius: f32| (radius - gap - edge * edge / (4.0 * radius)).max(0.9 * radius);
@@ -77,7 +78,7 @@ pub(super) fn shrunk(collider: &Collider, edge: f32, scene: f32) -> Collider {
             Shape::TaperedCapsule { a, radius_a: smaller(radius_a), b, radius_b: smaller(radius_b) }
         }
         Shape::RoundedBox { center, half, rotation, radius } => {
-            // A sharp edge has a chord of its own length; round ones are drawn a little rounder.
+            // A sharp edge can be cut by a chord as long as a cloth edge, so round edges are drawn a little rounder.
             let half = (half - gap).max(0.9 * half);
             let radius = (radius + 0.1 * edge).min(half.min_element());
             Shape::RoundedBox { center, half, rotation, radius }
@@ -87,13 +88,13 @@ pub(super) fn shrunk(collider: &Collider, edge: f32, scene: f32) -> Collider {
     Collider { shape, ..*collider }
 }
 
-/// Corners of a box around a shape of finite size, or of the shape itself.
+/// Corners of a box around a shape of finite size, or points of the shape itself.
 pub(super) fn corners(shape: &Shape) -> Vec<Vec3> {
     let signs = |corner: i32| {
         let sign = |bit: i32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
         Vec3::new(sign(0), sign(1), sign(2))
     };
-    // A ball's box is loose at its corners: this one touches the ball along the diagonals too.
+    // The corners of a sphere's bounding box are far from the sphere. These points also touch it along the diagonals.
     let around = |center: Vec3, radius: f32| (0..8).map(move |corner| center + 0.8 * radius * signs(corner));
     match *shape {
         Shape::Sphere { center, radius } => around(center, radius).collect(),

@@ -1,4 +1,4 @@
-//! The air: its velocity at a time, gusts included.
+//! The air: its velocity over time, including gusts.
 
 use cloth_deformer::Attributes;
 use cloth_deformer::glam::{Quat, Vec3};
@@ -10,12 +10,12 @@ use super::keys::Animated;
 const AIR: f32 = 1.225;
 
 impl Wind {
-    /// Air that moves evenly (m/s).
+    /// Air with a constant velocity (m/s).
     pub(super) fn steady(velocity: Vec3) -> Wind {
         Wind { velocity: Animated::still(velocity), density: None, drag: None, lift: None, damping: None, gusts: None }
     }
 
-    /// The air after `time` (s), as attributes that have no air yet.
+    /// The attributes with the air at `time` (s).
     pub(super) fn blow(&self, time: f64, attributes: Attributes) -> Attributes {
         let Wind { velocity, density, drag, lift, damping, gusts } = self;
         let velocity = velocity.at(time);
@@ -32,7 +32,7 @@ impl Wind {
 }
 
 impl Gusts {
-    /// What they make of a velocity (m/s) after `time` (s).
+    /// A velocity (m/s) modified by the gusts at `time` (s).
     fn of(&self, velocity: Vec3, time: f64) -> Vec3 {
         let at = time / f64::from(self.period.map_or(1.0, |period| period.0));
         let swell = 1.0 + self.strength.0 * noise(self.seed, 0, at);
@@ -41,7 +41,8 @@ impl Gusts {
     }
 }
 
-/// Smooth noise from -1 to 1: numbers by chance at whole times, and an even way between them; half of it twice as fast.
+/// Smooth noise from -1 to 1: random values at integers, interpolated smoothly, plus half of the same at twice the
+/// frequency.
 fn noise(seed: u32, channel: u64, at: f64) -> f32 {
     let by_chance = |place: u64| {
         let key = u64::from(seed) << 32 ^ channel << 60 ^ place;

@@ -1,4 +1,4 @@
-//! Colliders: those of a scene file, which may move, and those of the command line.
+//! Colliders of a scene file, which may move, and those of the command line.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::pins::bounds;
 
-/// Frames that are looked through for numbers that keys make of others.
+/// Number of frames for which animated values are checked before the run.
 const LOOKED_AHEAD: usize = 100_000;
 
 /// A collider that may move.
@@ -24,7 +24,7 @@ pub(super) struct Moving {
     id: Option<u64>,
 }
 
-/// Its shape's numbers.
+/// The shape of a collider over time.
 #[derive(Debug)]
 enum Motion {
     Still(Collider),
@@ -36,14 +36,14 @@ enum Motion {
     Mesh(Body),
 }
 
-/// Turned by so many degrees about x, then y, then z.
+/// The rotation by these angles (degrees) about x, then y, then z.
 pub(super) fn turn(degrees: Vec3) -> Quat {
     let Vec3 { x, y, z } = degrees * (std::f32::consts::PI / 180.0);
     Quat::from_euler(EulerRot::ZYX, z, y, x)
 }
 
 impl Moving {
-    /// Where it is after `time` (s), `dt` (s) after the last frame.
+    /// The collider at `time` (s); `dt` (s) is the time since the last frame.
     pub(super) fn at(&self, time: f64, dt: f64) -> Collider {
         let collider = match &self.motion {
             Motion::Still(collider) => collider.clone(),
@@ -63,7 +63,7 @@ impl Moving {
         Collider { id: self.id, ..collider.with_friction(friction) }
     }
 
-    /// Whether a loop that does not close began anew between two times (s).
+    /// Whether a loop whose end differs from its start restarted between two times (s).
     fn jumps(&self, from: f64, to: f64) -> bool {
         match &self.motion {
             Motion::Still(_) | Motion::Mesh(_) => false,
@@ -79,7 +79,7 @@ impl Moving {
         }
     }
 
-    /// One of a scene file.
+    /// Reads a collider of a scene file.
     fn read(
         source: &Source,
         number: usize,
@@ -158,7 +158,8 @@ impl Moving {
             }
         };
         let moving = Moving { motion, friction: friction.map(|friction| friction.0), id: *id };
-        // What keys bring about between them is found now, with a line, not in the middle of a run.
+        // Combinations that arise between keys are checked now, where the line is known, and not in the middle of a
+        // run.
         for time in times.take(LOOKED_AHEAD) {
             match moving.at(time, 0.0).shape {
                 Shape::Plane { normal, .. } if normal.as_dvec3().try_normalize().is_none() => {
@@ -173,18 +174,18 @@ impl Moving {
         Ok(moving)
     }
 
-    /// Files that it was read from.
+    /// The files that it was read from.
     pub(super) fn files(&self) -> &[PathBuf] {
         if let Motion::Mesh(body) = &self.motion { &body.files } else { &[] }
     }
 
-    /// One that stands still.
+    /// A collider that does not move.
     fn still(collider: Collider) -> Moving {
         Moving { motion: Motion::Still(collider), friction: None, id: None }
     }
 }
 
-/// What a shape is called, and the numbers that it has.
+/// The name of a shape, and the names of its values.
 fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
     match shape {
         ShapeName::Sphere => ("a sphere", &["center", "radius"]),
@@ -196,7 +197,7 @@ fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
     }
 }
 
-/// All colliders of a run of so many frames. A shape that the command line names takes the place of the file's of the same shape.
+/// All colliders of a run. Those of a shape on the command line replace those of the same shape in the scene file.
 pub(super) fn colliders(
     arguments: &Arguments,
     scene: Option<(&Source, &File)>,
@@ -245,12 +246,12 @@ pub(super) fn colliders(
     Ok(all)
 }
 
-/// The sphere and the floor of a run without a scene, to the mesh's size: for one whose largest extent is 1 m (or the towel), a sphere of
-/// radius 0.3 m whose top is 0.1 m below the mesh, and a floor that it rests on.
+/// The default sphere and floor of a run without a scene, in proportion to the mesh: for a largest extent of 1 m, and
+/// for the towel, a sphere with a radius of 0.3 m whose top is 0.1 m below the mesh, and the floor that it rests on.
 fn usual(arguments: &Arguments, mesh: &Mesh) -> [Collider; 2] {
     let (low, high) = bounds(mesh);
     let extent = (high - low).max_element();
-    // A mesh of one point has no size to go by.
+    // A mesh of a single point has no size to go by.
     let size = if extent > 0.0 && arguments.mesh.is_some() { extent } else { 1.0 };
     let ground = low.y - 0.7 * size;
     let center = (0.5 * (low + high)).with_y(ground + 0.3 * size);

@@ -1,4 +1,4 @@
-//! Pins of a scene file: which vertices of a cloth they hold, and where they lead them.
+//! Pins of a scene file: the vertices of a cloth that they hold, and how they move.
 
 use std::path::Path;
 
@@ -12,15 +12,15 @@ use super::keys::{Animated, Extent};
 use crate::Failure;
 use crate::pins::{Pin, bounds};
 
-/// How far apart two colors may be, in each channel, to be the same.
+/// Largest difference per channel between colors that count as equal.
 const SAME_COLOR: f32 = 0.02;
 
-/// Pinned vertices that are led together.
+/// Pinned vertices that move together.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// Numbers of vertices in the whole mesh.
+    /// Indices in the combined mesh.
     pub(super) vertices: Vec<u32>,
-    /// Where they are at frame 1 (m).
+    /// Positions at frame 1 (m).
     rest: Vec<Vec3>,
     about: Vec3,
     by: Option<Animated<Vec3>>,
@@ -29,15 +29,16 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Vertices of a whole mesh that stay where they are.
+    /// Vertices of the combined mesh that do not move.
     pub(super) fn still(pin: &Pin, mesh: &Mesh) -> Group {
         let vertices = pin.vertices(mesh);
-        // A vertex that is not there is told of by the deformer.
+        // The deformer reports an index that is out of range.
         let rest = vertices.iter().map(|&vertex| mesh.positions.get(vertex as usize).copied().unwrap_or_default()).collect();
         Group { vertices, rest, about: Vec3::ZERO, by: None, rotate: None, scale: None }
     }
 
-    /// One of a cloth whose own mesh is `piece`, placed, its first vertex being `first` of the whole; `obj` is the file that it is from.
+    /// Reads a pin of a cloth. `piece` is the cloth's own mesh, already placed; its first vertex has the index `first`
+    /// in the combined mesh; `obj` is the file that it was read from.
     pub(super) fn read(
         source: &Source,
         number: usize,
@@ -66,10 +67,10 @@ impl Group {
         };
         let count = piece.positions.len();
         if let Some(vertex) = chosen.iter().find(|&&vertex| vertex as usize >= count) {
-            return Err(wrong(format!("vertex {vertex} is not there; the cloth has {count} vertices, numbered from 0")));
+            return Err(wrong(format!("vertex {vertex} does not exist; the cloth has {count} vertices, numbered from 0")));
         }
         if chosen.is_empty() {
-            return Err(wrong("no vertex is chosen by it".to_owned()));
+            return Err(wrong("it chooses no vertex".to_owned()));
         }
         let rest: Vec<Vec3> = chosen.iter().map(|&vertex| piece.positions[vertex as usize]).collect();
         let (low, high) = bounds(&Mesh { positions: rest.clone(), triangles: Vec::new() });
@@ -83,17 +84,17 @@ impl Group {
         };
         let begins_at_rest = group.at(0.0).zip(&group.rest).all(|(at, rest)| at.distance(*rest) <= 1e-5 * (1.0 + rest.length()));
         if !begins_at_rest {
-            return Err(wrong("at 0 s it is not where the cloth is; its first keys must say move = [0, 0, 0], rotate = [0, 0, 0], scale = [1, 1, 1]".to_owned()));
+            return Err(wrong("at 0 s it would not be where the cloth is; its first keys must be move = [0, 0, 0], rotate = [0, 0, 0], scale = [1, 1, 1]".to_owned()));
         }
         Ok(group)
     }
 
-    /// Whether it is led at all.
+    /// Whether the group moves at all.
     pub(super) fn moves(&self) -> bool {
         self.by.is_some() || self.rotate.is_some() || self.scale.is_some()
     }
 
-    /// Where its vertices are after `time` (s).
+    /// The positions of its vertices at `time` (s).
     pub(super) fn at(&self, time: f64) -> impl Iterator<Item = Vec3> {
         let scale = self.scale.as_ref().map_or(Vec3::ONE, |scale| scale.at(time).0);
         let rotation = turn(self.rotate.as_ref().map_or(Vec3::ZERO, |rotate| rotate.at(time)));
@@ -103,7 +104,8 @@ impl Group {
     }
 }
 
-/// Vertices of an OBJ file that have a color: `v x y z r g b`, or one number more, a weight before or an opacity behind.
+/// Vertices of an OBJ file that have a color: `v x y z r g b`, or with one more number, a weight before the color or an
+/// opacity after it.
 fn colored(obj: &Path, color: Vec3) -> Result<Vec<u32>, Failure> {
     let text = std::fs::read(obj).map_err(|error| Failure::input(format_args!("{}: {error}", obj.display())))?;
     let text = String::from_utf8_lossy(&text);
