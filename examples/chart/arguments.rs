@@ -1,4 +1,4 @@
-//! The command line: what can be said, and what each word means.
+//! The command line.
 
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -14,10 +14,11 @@ use crate::pins::Pin;
 /// Names of the backends.
 pub(crate) const BACKENDS: [(&str, Backend); 3] = [("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
 
-/// Charts error against milliseconds a frame, for every method and backend, and says which setting is the cheapest.
+/// Charts error against time per frame, for every method and backend, and prints the cheapest settings.
 ///
-/// Without a mesh: sheets hung by an edge, against an explicit run in double precision. With one: your mesh, hung by its
-/// edge, against a run of its own refined until halving its step no longer matters. Meters, kilograms, y up.
+/// Without a mesh: sheets hung by an edge, compared with an explicit run in double precision. With a mesh: your mesh,
+/// hung by its edge, compared with its own reference run, refined until halving the time step no longer changes it.
+/// Units are meters and kilograms, y is up.
 #[derive(Debug, Parser)]
 #[command(
     name = "chart",
@@ -31,64 +32,66 @@ pub(crate) struct Arguments {
     #[arg(value_name = "MESH.obj")]
     pub(crate) mesh: Option<PathBuf>,
 
-    /// Directory of the charts; made if it is not there
+    /// Folder for the charts; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "charts")]
     pub(crate) out: PathBuf,
 
-    /// Fewer and cheaper settings, smaller sheets
+    /// Fewer and cheaper settings, and smaller sheets
     #[arg(long)]
     pub(crate) quick: bool,
 
-    /// Where the work is done [default: cpu, and hybrid and gpu if there is a real GPU]
+    /// Backends to run [default: cpu, and hybrid and gpu if there is a hardware GPU]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = one_of(&BACKENDS))]
     pub(crate) backends: Vec<Backend>,
 
-    /// Vertices along a side of the sheets [default: 32,64,128; 32,64 with --quick]
+    /// Vertices per side of the sheets [default: 32,64,128; 32,64 with --quick]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = value_parser!(u32).range(2..=2048))]
     pub(crate) sizes: Vec<u32>,
 
-    /// Sweeps a substep of relaxation, a curve for each
+    /// Numbers of sweeps per substep for relaxation; each is a curve
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "20", value_parser = value_parser!(u32).range(1..=1000))]
     pub(crate) iterations: Vec<u32>,
 
-    /// What your cloth is made of: its density and its stretch
+    /// Fabric of your mesh, of which only density and stretch are used
     #[arg(long, value_name = "NAME", default_value = "cotton", value_parser = PossibleValuesParser::new(Fabric::PRESETS.iter().map(|(name, _)| *name)))]
     pub(crate) fabric: String,
 
-    /// Vertices of your mesh that stay where they are: none; top: the highest, or the side of lowest z if it lies flat;
-    /// corners: the four nearest the corners of its bounding rectangle; or numbers from 0, in the file's order
+    /// Pinned vertices of your mesh: none; top: the highest ones, or the side of lowest z if the mesh is horizontal;
+    /// corners: the four nearest to the corners of its bounding rectangle; or vertex numbers from 0, in the file's
+    /// order
     #[arg(long, value_name = "none|top|corners|INDEX,..", default_value = "top")]
     pub(crate) pin: Pin,
 
-    /// Milliseconds a frame that the strain chart grants each setting
+    /// Time per frame (ms) that each setting may take in the strain chart
     #[arg(long, value_name = "MS", default_value = "4", value_parser = positive)]
     pub(crate) budget: f64,
 
-    /// The date to note [default: today]
+    /// Date to record [default: today]
     #[arg(long, value_name = "YYYY-MM-DD")]
     pub(crate) date: Option<String>,
 }
 
 impl Arguments {
-    /// The arguments this process was given, or the help that was asked for.
+    /// The arguments of this process, or the help if the user asked for it.
     pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
         command::read()
     }
 
-    /// The fabric as far as every method and the reference know it: without bending.
+    /// The fabric without bending, which the reference and some methods do not have.
     pub(crate) fn membrane(&self) -> Fabric {
         let preset = Fabric::PRESETS.iter().find(|(name, _)| *name == self.fabric);
         let fabric = preset.map_or(Fabric::default(), |&(_, fabric)| fabric);
         Fabric { bending: 0.0, damping: 0.0, ..fabric }
     }
 
-    /// Today, or what was given.
+    /// The date to record.
     pub(crate) fn date(&self) -> String {
         let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         self.date.clone().unwrap_or_else(|| civil_date(seconds / 86_400))
     }
 
-    /// The command that was given, with files by their names alone: their places mean nothing elsewhere.
+    /// The command that was given, with files by their names only, because their folders mean nothing on other
+    /// machines.
     pub(crate) fn command() -> String {
         let name = |word: String| match Path::new(&word).file_name() {
             Some(name) if word.contains(std::path::MAIN_SEPARATOR) => name.to_string_lossy().into_owned(),

@@ -1,4 +1,5 @@
-//! The drawing: one log-log chart with markers, line styles and labels that need no color to be told apart.
+//! Draws a chart with two logarithmic axes. Curves differ by markers, line styles and labels, so that they can be told
+//! apart without color.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Pixel = (f64, f64);
-/// Whatever the backend has to complain about.
+/// An error of the drawing backend.
 pub(crate) type Trouble = Box<dyn std::error::Error>;
 
 const SIZE: (u32, u32) = (960, 680);
@@ -23,30 +24,30 @@ const FRONT: RGBColor = RGBColor(214, 206, 184);
 const BAND: RGBColor = RGBColor(240, 240, 240);
 /// Height of most text (px).
 const TEXT: f64 = 14.0;
-/// Height of the figures along the curves (px).
+/// Height of the numbers along the curves (px).
 const SMALL: f64 = 12.0;
 
 /// A chart.
 pub(crate) struct Chart {
-    /// The finding.
+    /// The title, which states the finding.
     pub(crate) title: String,
-    /// Lines under it.
+    /// Lines below the title.
     pub(crate) subtitle: Vec<String>,
     pub(crate) x: Axis,
     pub(crate) y: Axis,
     pub(crate) curves: Vec<Curve>,
-    /// The Pareto front, by rising x.
+    /// The Pareto front, by increasing x.
     pub(crate) front: Vec<(f64, f64)>,
-    /// Below this y nothing means anything, and why.
+    /// The y below which values mean nothing, and why.
     pub(crate) floor: Option<(f64, String)>,
-    /// Lines under the chart.
+    /// Lines below the chart.
     pub(crate) caption: Vec<String>,
 }
 
 /// An axis.
 pub(crate) struct Axis {
     pub(crate) label: String,
-    /// Where its figures are; none: at the decades, or more if there are few.
+    /// Values with a label; empty: at the decades, and more if there are few.
     pub(crate) ticks: Vec<f64>,
 }
 
@@ -54,11 +55,11 @@ pub(crate) struct Axis {
 pub(crate) struct Curve {
     pub(crate) name: String,
     pub(crate) look: Look,
-    /// x, y and a label, in order; at least one.
+    /// x, y and a label, in order; at least one point.
     pub(crate) points: Vec<(f64, f64, String)>,
 }
 
-/// How a curve is told from the others.
+/// The style of a curve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Look {
     pub(crate) marker: Marker,
@@ -73,7 +74,7 @@ pub(crate) enum Marker {
     Diamond,
 }
 
-/// Solid lines have filled markers, the others hollow ones.
+/// Solid lines have filled markers, other lines hollow ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Line {
     Solid,
@@ -92,22 +93,22 @@ impl Marker {
     }
 }
 
-/// From values to pixels.
+/// The mapping from values to pixels.
 struct Frame {
     x: Scale,
     y: Scale,
 }
 
-/// One axis of it.
+/// The mapping of one axis.
 struct Scale {
-    /// Least and greatest value.
+    /// Smallest and largest value.
     range: [f64; 2],
     /// Their pixels.
     pixels: [f64; 2],
 }
 
 impl Scale {
-    /// Covers the values, widened to the next 1, 2 or 5 and a bit.
+    /// Covers the values, extended to the next 1, 2 or 5 and a little more.
     fn covering(values: impl Iterator<Item = f64>, pixels: [f64; 2]) -> Scale {
         let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), v| (low.min(v), high.max(v)));
         let (low, high) = if high > 0.0 { (low, high) } else { (0.1, 10.0) };
@@ -134,7 +135,7 @@ impl Scale {
         lines.filter(|(value, _)| (low * 0.999..=high * 1.001).contains(value)).collect()
     }
 
-    /// Values to write at the axis.
+    /// Values to label on the axis.
     fn ticks(&self, wanted: &[f64]) -> Vec<f64> {
         if !wanted.is_empty() {
             return wanted.to_vec();
@@ -147,7 +148,7 @@ impl Scale {
     }
 }
 
-/// Places that are taken, for labels to keep clear of. A label's box is left, top, right, bottom.
+/// The occupied boxes (left, top, right, bottom), which labels avoid.
 struct Room {
     taken: Vec<[f64; 4]>,
 }
@@ -162,17 +163,18 @@ impl Room {
         }
     }
 
-    /// How much of the box is taken (px²).
+    /// The area of the box that is occupied (px²).
     fn overlap(&self, [l, t, r, b]: [f64; 4]) -> f64 {
         let area = |o: &[f64; 4]| (r.min(o[2]) - l.max(o[0])).max(0.0) * (b.min(o[3]) - t.max(o[1])).max(0.0);
         self.taken.iter().map(area).sum()
     }
 
-    /// The least crowded box of `size` around `anchor`, at one of the distances, the nearest first, and what it overlaps.
+    /// The least occupied box of `size` around `anchor` at one of the distances, nearest first, and the area of it that
+    /// is occupied.
     fn find(&self, anchor: Pixel, size: Pixel, distances: &[f64]) -> ([f64; 4], f64) {
         let mut best = ([0.0; 4], f64::INFINITY);
         for &distance in distances {
-            // To the right, then around.
+            // To the right first, then around.
             for turn in [0, 1, 15, 2, 14, 12, 4, 3, 13, 8, 7, 9, 6, 10, 5, 11] {
                 let angle = f64::from(turn) * std::f64::consts::TAU / 16.0;
                 let (dx, dy) = (angle.cos(), -angle.sin());
@@ -199,7 +201,7 @@ impl Chart {
             canvas.fill(&WHITE)?;
             let points = || self.curves.iter().flat_map(|curve| &curve.points);
             let lowest = points().map(|p| p.1).fold(f64::INFINITY, f64::min);
-            // Room for a word in the band, if it is near.
+            // A short label inside the band, if the band's edge is near.
             let floor = self.floor.as_ref().map(|(floor, _)| *floor).filter(|floor| *floor > 0.3 * lowest);
             let frame = Frame {
                 x: Scale::covering(points().map(|p| p.0).chain(self.x.ticks.iter().copied()), [PLOT[0], PLOT[2]]),
@@ -258,7 +260,7 @@ impl Chart {
         Ok(())
     }
 
-    /// The front as a staircase: what a given time buys.
+    /// The front as a staircase: the smallest error for a given time.
     fn front(&self, canvas: &Canvas<'_>, frame: &Frame) -> Result<(), Trouble> {
         let mut steps: Vec<Pixel> = Vec::new();
         for &(x, y) in &self.front {
@@ -289,7 +291,8 @@ impl Chart {
                 mark(canvas, at(point), curve.look, meaningful)?;
             }
         }
-        // The figures at the ends of the curves and their names, wherever there is room, then as many other figures as fit.
+        // The numbers at the ends of the curves and the curves' names are placed first, then as many other numbers as
+        // fit.
         let ends = |curve: &Curve| BTreeSet::from([0, curve.points.len() - 1]);
         for curve in &self.curves {
             for index in ends(curve) {
@@ -311,7 +314,7 @@ impl Chart {
     }
 }
 
-/// A point's label, if there is room for it.
+/// Places a point's label, if there is room.
 fn figure(canvas: &Canvas<'_>, room: &mut Room, curve: &Curve, index: usize, at: Pixel) -> Result<(), Trouble> {
     let text = &curve.points[index].2;
     let (place, overlap) = room.find(at, (width(text, SMALL), SMALL), &[8.0, 11.0]);
@@ -326,7 +329,7 @@ fn pixel((x, y): Pixel) -> (i32, i32) {
     (x.round() as i32, y.round() as i32)
 }
 
-/// About how wide a text is (px).
+/// Approximate width of a text (px).
 fn width(text: &str, size: f64) -> f64 {
     0.56 * size * text.chars().count() as f64
 }
@@ -351,7 +354,7 @@ fn stroke(canvas: &Canvas<'_>, path: &[Pixel], color: RGBColor, width: u32, line
     Ok(())
 }
 
-/// A marker; an empty gray one where its place means nothing.
+/// Draws a marker; a hollow gray one if its value means nothing.
 fn mark(canvas: &Canvas<'_>, at: Pixel, look: Look, meaningful: bool) -> Result<(), Trouble> {
     let color = if meaningful { look.marker.color() } else { GRAY };
     let inside = if meaningful && look.line == Line::Solid { color } else { WHITE };

@@ -1,4 +1,4 @@
-//! Charts error against milliseconds a frame for every method and backend: see `--help`.
+//! Charts error against time per frame for every method and backend: see `--help`.
 //!
 //! ```text
 //! cargo run --release --example chart                              # sheets hung by an edge
@@ -8,7 +8,6 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -21,6 +20,8 @@ use crate::measure::{Effort, Row, Setting};
 use crate::scene::{Scene, Truth};
 
 mod arguments;
+#[path = "../../src/io/atomic_file.rs"]
+mod atomic_file;
 #[path = "../drape/command.rs"]
 mod command;
 mod draw;
@@ -39,7 +40,7 @@ fn main() -> ExitCode {
     command::run(Arguments::read(), run)
 }
 
-/// The whole program, from top to bottom.
+/// Runs the program from top to bottom.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
     let own = arguments.mesh.as_ref().map(|path| Scene::load(path, arguments)).transpose()?;
     let out = &arguments.out;
@@ -58,11 +59,11 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     chart_strain(&sizes(&[16, 32, 64, 128, 256]), arguments.budget, &effort, &origin, out)
 }
 
-/// The backends to use, and a line about where.
+/// The backends to run, and a line that describes the machine.
 fn machine(wanted: &[Backend]) -> Result<(Vec<Backend>, String), Failure> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let adapter = |backend| {
-        // Large enough for `Backend::Auto` to take a GPU, if it is a real one.
+        // Enough vertices for `Backend::Auto` to select a hardware GPU.
         let mesh = Mesh::grid(128, 128, 1.0, 1.0);
         let made = Deformer::new(&mesh, Options { backend, ..Options::default() });
         made.map(|deformer| deformer.adapter().map(str::to_owned)).map_err(|error| Failure::from(&error))
@@ -79,7 +80,7 @@ fn machine(wanted: &[Backend]) -> Result<(Vec<Backend>, String), Failure> {
     Ok((backends, format!("{cores} CPU threads ({}){adapter}", std::env::consts::ARCH)))
 }
 
-/// Error against time: chart, table, and the settings to choose.
+/// Error against time: writes chart and table, and returns the settings to recommend.
 fn chart_errors(scene: &Scene, effort: &Effort, origin: &[String; 2], out: &Path) -> Result<(), Failure> {
     eprintln!("{}: the reference ..", scene.title);
     let truth = scene.truth(effort.reference)?;
@@ -120,7 +121,7 @@ fn chart_errors(scene: &Scene, effort: &Effort, origin: &[String; 2], out: &Path
     Ok(())
 }
 
-/// Strain against resolution at the same cost.
+/// Strain against resolution at the same time per frame.
 fn chart_strain(sizes: &[u32], budget: f64, effort: &Effort, origin: &[String; 2], out: &Path) -> Result<(), Failure> {
     eprintln!("strain at {budget} ms a frame ..");
     let mut rows = Vec::new();
@@ -145,12 +146,12 @@ fn chart_strain(sizes: &[u32], budget: f64, effort: &Effort, origin: &[String; 2
     save(out, "strain", &chart, &table(&[&head, &origin[0], &origin[1]], &rows, None))
 }
 
-/// The decade of error that the title speaks of: the finest that is reached, up to 1e-3.
+/// The decade of error in the title: the smallest that is reached, down to 1e-3.
 fn headline<'a>(cheapest: &[(i32, &'a Row)]) -> Option<(i32, &'a Row)> {
     cheapest.iter().take(3).next_back().copied()
 }
 
-/// What the chart shows.
+/// The title: the finding of the chart.
 fn finding(scene: &Scene, cheapest: &[(i32, &Row)]) -> String {
     match headline(cheapest) {
         Some((decade, Row { setting, ms, .. })) => {
@@ -160,7 +161,7 @@ fn finding(scene: &Scene, cheapest: &[(i32, &Row)]) -> String {
     }
 }
 
-/// What the same error costs otherwise.
+/// The cost of the same error with other settings.
 fn others(rows: &[Row], cheapest: &[(i32, &Row)]) -> String {
     let Some((decade, best)) = headline(cheapest) else { return String::new() };
     let mut methods: Vec<String> = rows.iter().map(|row| sweeps(&row.setting)).collect();
@@ -178,13 +179,13 @@ fn others(rows: &[Row], cheapest: &[(i32, &Row)]) -> String {
     if costs.is_empty() { String::new() } else { format!("The same: {}.", costs.join("; ")) }
 }
 
-/// Two digits.
+/// Formats a number with two significant digits.
 fn rounded(value: f64) -> String {
     let digits = (1.0 - value.log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.digits$}")
 }
 
-/// Which settings are not in the chart.
+/// Lists the settings that are not in the chart.
 fn lost(rows: &[Row]) -> String {
     let mut ranges: BTreeMap<&str, (u32, u32)> = BTreeMap::new();
     for setting in rows.iter().filter(|row| !row.is_stable()).map(|row| row.setting) {
@@ -214,7 +215,7 @@ fn curves(rows: &[Row], at: impl Fn(&Row) -> (f64, f64)) -> Vec<Curve> {
     curves
 }
 
-/// The method and its sweeps.
+/// The method and its number of sweeps.
 fn sweeps(setting: &Setting) -> String {
     match setting.method {
         Method::Relaxation { iterations } => format!("{} x {iterations}", setting.method()),
@@ -222,7 +223,7 @@ fn sweeps(setting: &Setting) -> String {
     }
 }
 
-/// A curve's name.
+/// The name of a curve.
 fn name(setting: &Setting) -> String {
     format!("{}, {}", sweeps(setting), setting.backend())
 }
@@ -242,7 +243,7 @@ fn look(setting: &Setting) -> Look {
     Look { marker, line }
 }
 
-/// The CSV file. A column without a meaning for the table stays empty.
+/// The CSV file. Columns that do not apply stay empty.
 fn table(heads: &[&str], rows: &[Row], truth: Option<&Truth>) -> String {
     let mut text: String = heads.iter().fold(String::new(), |text, head| text + "# " + head + "\n");
     text += "scene,method,backend,substeps,iterations,ms_median,error,mean_strain,max_strain,reference_error,note\n";
@@ -261,21 +262,12 @@ fn table(heads: &[&str], rows: &[Row], truth: Option<&Truth>) -> String {
     text
 }
 
-/// Puts a chart and its table in their places, each whole or not at all.
+/// Writes a chart and its table, each completely or not at all.
 fn save(out: &Path, name: &str, chart: &Chart, table: &str) -> Result<(), Failure> {
     let svg = chart.svg().map_err(Failure::input)?;
     for (ending, text) in [("csv", table), ("svg", &svg)] {
         let path = out.join(format!("{name}.{ending}"));
-        let written = tempfile::NamedTempFile::new_in(out).and_then(|mut file| {
-            file.write_all(text.as_bytes())?;
-            #[cfg(unix)]
-            {
-                // Temporary files are private; this one becomes a file like any other.
-                use std::os::unix::fs::PermissionsExt;
-                file.as_file().set_permissions(fs::Permissions::from_mode(0o644))?;
-            }
-            file.persist(&path).map_err(|error| error.error)
-        });
+        let written = atomic_file::write(&path, text.as_bytes());
         written.map_err(|error| Failure::input(format_args!("{}: {error}; name a writable --out", path.display())))?;
     }
     Ok(())

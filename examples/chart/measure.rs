@@ -1,4 +1,4 @@
-//! The measuring: every setting on trial, its time, its error and its strain.
+//! Runs every setting and measures its time, error and strain.
 
 use std::fmt::{self, Display};
 use std::time::Instant;
@@ -10,16 +10,16 @@ use crate::Failure;
 use crate::arguments::{Arguments, BACKENDS};
 use crate::scene::{Scene, Truth, rms};
 
-/// A frame (s).
+/// Length of a frame (s).
 const FRAME: f32 = 1.0 / 60.0;
-/// Frames of a timed run, at most; every frame costs the same.
+/// Most frames of a timed run; all frames cost the same.
 const TIMED: u32 = 10;
-/// Vertices below which the default has no levels.
+/// Fewest vertices with which [`Levels::Auto`] uses levels, mostly.
 const LEVELS_FROM: usize = 1000;
-/// Most substeps on trial.
+/// Most substeps to try.
 const MOST: u32 = 5120;
 
-/// What can be chosen.
+/// A setting to try.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Setting {
     pub(crate) method: Method,
@@ -28,16 +28,17 @@ pub(crate) struct Setting {
     pub(crate) substeps: u32,
 }
 
-/// What came of it.
+/// The result of a setting.
 #[derive(Debug, Clone)]
 pub(crate) struct Row {
     pub(crate) scene: String,
     pub(crate) setting: Setting,
-    /// Median time of a frame (ms).
+    /// Median time per frame (ms).
     pub(crate) ms: f64,
-    /// RMS distance from the reference over vertices, in extents; infinite if the run exploded, NaN if there is no reference.
+    /// RMS distance of the vertices from the reference, divided by the extent; infinite if the run became unstable, NaN
+    /// without a reference.
     pub(crate) error: f64,
-    /// Mean and maximum over edges.
+    /// Mean and largest strain of the edges.
     pub(crate) strain: [f64; 2],
 }
 
@@ -46,13 +47,13 @@ pub(crate) struct Row {
 pub(crate) struct Effort {
     methods: Vec<(Method, Levels)>,
     backends: Vec<Backend>,
-    /// Ratio of a setting's substeps to those of the one before.
+    /// Ratio of the substeps of successive settings.
     ratio: f64,
-    /// Longest run on trial (s); a curve ends there.
+    /// Longest run of a setting (s); a curve ends there.
     longest: f64,
-    /// Timed runs of each setting, beside the first.
+    /// Number of timed runs of each setting, besides the first run.
     rounds: u32,
-    /// For the reference's last run (s).
+    /// Time limit of the last reference run (s).
     pub(crate) reference: f64,
 }
 
@@ -66,7 +67,7 @@ impl Effort {
         Effort { methods, backends, ratio, longest, rounds, reference }
     }
 
-    /// Every method on every backend; without levels too where they may run.
+    /// Every method on every backend; small steps also without levels, if the mesh is large enough to have them.
     fn curves(&self, vertices: usize) -> impl Iterator<Item = (Method, Levels, Backend)> {
         let all =
             self.backends.iter().flat_map(|&backend| self.methods.iter().map(move |&(method, levels)| (method, levels, backend)));
@@ -74,20 +75,20 @@ impl Effort {
     }
 }
 
-/// A setting on trial.
+/// A setting being measured.
 struct Trial {
     row: Row,
     deformer: Deformer,
-    /// Of a frame in each run (ms).
+    /// Time per frame in each run (ms).
     times: Vec<f64>,
 }
 
-/// Error, strain and time of every setting of `scene`. A curve ends where its error does: below what the reference can tell, or
+/// Error, strain and time of every setting of `scene`. A curve ends where the error is below that of the reference,
 /// where more substeps no longer help, or where a run takes too long.
 pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Vec<Row>, Failure> {
     let mut trials = Vec::new();
     for (method, levels, backend) in effort.curves(scene.mesh.positions.len()) {
-        // The plug-in of 2013 took one step a frame.
+        // The plug-in of 2013 took one step per frame.
         let (mut count, mut last): (f64, f64) =
             (if matches!(method, Method::Relaxation { .. }) { 1.0 } else { 5.0 }, f64::INFINITY);
         loop {
@@ -103,7 +104,7 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
             last = error;
         }
     }
-    // All settings in turn, so that whatever else this machine does hits all alike.
+    // The settings take turns, so that other load on this machine affects all of them alike.
     for _ in 0..effort.rounds {
         for trial in trials.iter_mut().filter(|trial| trial.row.error.is_finite()) {
             trial.time(truth.frames.min(TIMED))?;
@@ -112,7 +113,7 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
     Ok(trials.into_iter().map(Trial::finished).collect())
 }
 
-/// Strain after two seconds of every method and backend, with as many substeps as take `budget` (ms) a frame.
+/// Strain after two seconds for every method and backend, with as many substeps as fit into `budget` (ms) per frame.
 pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<Row>, Failure> {
     const FRAMES: u32 = 120;
     let mut rows = Vec::new();
@@ -132,9 +133,11 @@ pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<
     Ok(rows)
 }
 
-/// The substeps that take `budget` (ms) a frame: doubled until they take more, then to within a tenth by halving the gap.
+/// The number of substeps that take `budget` (ms) per frame: it is doubled until they take longer, and then found to
+/// within a tenth by bisection.
 ///
-/// Not by proportion: a dispatch has a cost of its own, and where levels switch off twice the substeps may take less time.
+/// The time is not assumed to be proportional: a dispatch has a fixed cost, and where levels switch off, twice the
+/// substeps may take less time.
 fn affordable(scene: &Scene, setting: Setting, budget: f64) -> Result<Option<u32>, Failure> {
     let fits = |substeps| -> Result<bool, Failure> {
         let (mut probe, _) = Trial::first(scene, Setting { substeps, ..setting }, 3, None)?;
@@ -155,7 +158,8 @@ fn affordable(scene: &Scene, setting: Setting, budget: f64) -> Result<Option<u32
 }
 
 impl Trial {
-    /// The first run, which gives error and strain, and the seconds it took. It also warms up, so its time counts only if no other follows.
+    /// Makes the first run, which gives error and strain, and returns its duration (s). It also warms up, so its time
+    /// counts only if no other run follows.
     fn first(scene: &Scene, setting: Setting, frames: u32, truth: Option<&Truth>) -> Result<(Trial, f64), Failure> {
         let options = Options {
             backend: setting.backend,
@@ -181,7 +185,8 @@ impl Trial {
             let positions: Vec<DVec3> = positions.iter().copied().map(Vec3::as_dvec3).collect();
             let measure = trial.deformer.measure().map_err(|error| Failure::from(&error))?;
             let strain = [measure.mean_strain, measure.max_strain].map(f64::from);
-            // Past its limit a cloth may take a while to leave the finite numbers. At twice its length it is none any more.
+            // Beyond its limit a method may take a while to overflow. A cloth stretched to twice its length counts as
+            // unstable.
             let error = truth.map_or(0.0, |truth| rms(&positions, &truth.positions) / scene.extent);
             if error < 1.0 && strain[0] < 1.0 {
                 trial.row.strain = strain;
@@ -191,7 +196,7 @@ impl Trial {
         Ok((trial, seconds))
     }
 
-    /// One more timed run from rest: the steps, and the wait for their result. Whether it stayed finite.
+    /// Makes another timed run from rest: all steps, and waiting for their result. Returns whether it stayed finite.
     fn time(&mut self, frames: u32) -> Result<bool, Failure> {
         let attributes = Attributes::default();
         self.deformer.reset();
@@ -213,20 +218,21 @@ impl Trial {
     fn finished(mut self) -> Row {
         let warm = if self.times.len() > 1 { &mut self.times[1..] } else { &mut self.times[..] };
         warm.sort_by(f64::total_cmp);
-        // What explodes may end early, and has no time.
+        // An unstable run may end early, so its time means nothing.
         self.row.ms = if self.row.strain[0].is_finite() { warm[warm.len() / 2] } else { f64::NAN };
         self.row
     }
 }
 
 impl Row {
-    /// Whether it stayed a cloth.
+    /// Whether the run stayed stable.
     pub(crate) fn is_stable(&self) -> bool {
         self.strain[0].is_finite()
     }
 }
 
-/// The settings that no other one beats in both time and error, by rising time, of those whose error the reference can tell.
+/// The Pareto front: the settings that no other setting beats in both time and error, by increasing time, among those
+/// whose error is above that of the reference.
 pub(crate) fn pareto<'a>(rows: &'a [Row], truth: &Truth) -> Vec<&'a Row> {
     let mut front: Vec<&Row> = rows.iter().filter(|row| row.error.is_finite() && row.error > truth.change).collect();
     front.sort_by(|a, b| a.ms.total_cmp(&b.ms).then(a.error.total_cmp(&b.error)));
@@ -239,7 +245,7 @@ pub(crate) fn pareto<'a>(rows: &'a [Row], truth: &Truth) -> Vec<&'a Row> {
     front
 }
 
-/// For each decade of error that is reached: the decade, and the cheapest setting within it.
+/// For each decade of error that is reached: the decade and the cheapest setting within it.
 pub(crate) fn cheapest<'a>(front: &[&'a Row]) -> Vec<(i32, &'a Row)> {
     let decades = (1..=9).map_while(|decade| {
         let row = front.iter().find(|row| row.error <= 10_f64.powi(-decade))?;
@@ -259,7 +265,7 @@ impl Setting {
         }
     }
 
-    /// Sweeps a substep.
+    /// Sweeps per substep.
     pub(crate) fn iterations(&self) -> u32 {
         match self.method {
             Method::Relaxation { iterations } => iterations,
@@ -274,7 +280,7 @@ impl Setting {
     }
 }
 
-/// As `drape` takes it.
+/// Formats the setting as arguments of `drape`.
 impl Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let method = match self.method {

@@ -1,4 +1,4 @@
-//! The scenes: a cloth, what holds it, and where it should be at the end.
+//! The scenes: a cloth, its pins, and its reference positions.
 
 use std::path::Path;
 use std::time::Instant;
@@ -12,39 +12,42 @@ use crate::hang::hang;
 use crate::pins::bounds;
 use crate::reference::Reference;
 
-/// Change of the reference, in extents, when its step is halved, that is small enough: a tenth of what single precision leaves.
+/// The reference has converged if halving its step changes it by less than this, in extents: a tenth of the error of
+/// single precision.
 const CONVERGED: f64 = 2e-6;
-/// The reference's first try, in steps a frame; it doubles from there. Past its limit it explodes, and that is seen.
+/// First number of steps per frame of the reference; it is doubled from there. With too few steps the run becomes
+/// unstable, which is detected.
 const FIRST_STEPS: u32 = 64;
 
-/// Its last try.
+/// Largest number of steps per frame of the reference.
 const MOST_STEPS: u32 = 1 << 16;
 
-/// A cloth that hangs.
+/// A hanging cloth.
 pub(crate) struct Scene {
-    /// In the names of files.
+    /// Name for files.
     pub(crate) name: String,
-    /// In titles.
+    /// Name for titles.
     pub(crate) title: String,
     pub(crate) mesh: Mesh,
-    /// But for method, backend and quality.
+    /// All options but method, backend and quality.
     pub(crate) options: Options,
     /// The largest side of the mesh's bounding box (m).
     pub(crate) extent: f64,
-    /// Frames after which positions may be compared, ascending; the last that the motion is still predictable at is taken.
+    /// Frames at which positions may be compared, ascending. The last one at which the motion is still predictable is
+    /// used.
     horizons: Vec<u32>,
 }
 
-/// Where the cloth should be.
+/// The reference positions.
 pub(crate) struct Truth {
-    /// After how many frames.
+    /// The frame they belong to.
     pub(crate) frames: u32,
     pub(crate) positions: Vec<DVec3>,
-    /// Change when the reference's step was halved last: RMS over vertices, in extents.
+    /// Change when the reference's step was last halved: RMS over the vertices, in extents.
     pub(crate) change: f64,
-    /// Its steps a frame.
+    /// Steps per frame of the reference.
     pub(crate) steps: u32,
-    /// Whether the motion is predictable until then: halving the step brings the reference closer as it should.
+    /// Whether the motion is predictable until then, that is, halving the step converges as it should.
     pub(crate) predictable: bool,
 }
 
@@ -63,12 +66,12 @@ impl Scene {
         let extent = f64::from((high - low).max_element());
         let pinned = arguments.pin.vertices(&mesh);
         let options = Options { fabric: arguments.membrane(), pinned, ..Options::default() };
-        // What is wrong with the mesh or the pins is the crate's to say.
+        // Building the cloth reports what is wrong with the mesh or the pins.
         Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() })
             .map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
         let options = Options { mass: Some(masses(&mesh, options.fabric.density)), ..options };
         let stem = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy());
-        // Times for a meter of cloth; a swing takes a time of sqrt(extent).
+        // Times for one meter of cloth; the period of a swing is proportional to sqrt(extent).
         let frames = |seconds: f64| (60.0 * seconds * extent.sqrt()).round().clamp(1.0, 600.0) as u32;
         Ok(Scene {
             name: stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect(),
@@ -80,9 +83,9 @@ impl Scene {
         })
     }
 
-    /// Runs the double-precision reference at half the step, and half that, until halving no longer matters or `budget` (s) is
-    /// spent; then takes the latest horizon at which the motion is still predictable: where halving does not matter, or
-    /// at least divides the change by about four, as a method of second order does until chaos sets in.
+    /// Runs the double-precision reference, halving its step until that no longer matters or `budget` (s) is spent.
+    /// Then selects the latest horizon at which the motion is still predictable: where halving does not matter, or at
+    /// least divides the change by about four, as it does for a second-order method until chaos sets in.
     pub(crate) fn truth(&self, budget: f64) -> Result<Truth, Failure> {
         let masses = self.options.mass.as_deref().expect("both kinds of scene set it");
         // The state at each horizon, as far as the run stays finite.
@@ -112,7 +115,7 @@ impl Scene {
             };
             let changes: Vec<f64> = (0..self.horizons.len()).map(change).collect();
             let last = changes.iter().copied().fold(0.0, f64::max);
-            // Twice the steps take twice the time. A run that explodes ends early, and costs little.
+            // Twice the steps take twice the time. A run that becomes unstable ends early and costs little.
             let spent = 2.0 * start.elapsed().as_secs_f64() > budget && last.is_finite();
             if last > CONVERGED && !spent && steps < MOST_STEPS {
                 (states, before) = (finer, changes);
@@ -139,13 +142,14 @@ impl Scene {
     }
 }
 
-/// Root mean square distance (m) over vertices.
+/// Root mean square distance (m) over the vertices.
 pub(crate) fn rms(a: &[DVec3], b: &[DVec3]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
     (sum / a.len().max(1) as f64).sqrt()
 }
 
-/// A third of each triangle's mass to each of its vertices (kg); a vertex of no triangle gets a little, to be able to fall.
+/// Masses of the vertices (kg): a third of that of each of their triangles. A vertex without a triangle gets a small
+/// mass so that it can fall.
 fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
     let mut masses = vec![0.0; mesh.positions.len()];
     for triangle in &mesh.triangles {

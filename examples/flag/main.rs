@@ -1,4 +1,5 @@
-//! A flag in the wind, drawn off-screen from the deformer's own buffers: nothing but the picture passes through the CPU.
+//! A flag in the wind, drawn off-screen from the deformer's own buffers: only the finished picture passes through the
+//! CPU.
 //!
 //! ```text
 //! cargo run --release --example flag -- --frames 130 --out flag.png
@@ -17,17 +18,17 @@ mod scene;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Steps a flag on the GPU and draws the last frame into a PNG file.
+/// Simulates a flag on the GPU and draws the last frame into a PNG file.
 #[derive(Debug, Parser)]
 #[command(name = "flag")]
 struct Arguments {
-    /// Frames of 1/60 s before the picture
+    /// Number of frames of 1/60 s before the picture
     #[arg(long, value_name = "N", default_value = "130")]
     frames: u32,
-    /// The picture
+    /// File for the picture
     #[arg(long, value_name = "FILE.png", default_value = "flag.png")]
     out: PathBuf,
-    /// Height of the picture (pixels); it is half as wide again
+    /// Height of the picture (pixels); its width is one and a half times that
     #[arg(long, value_name = "PIXELS", default_value = "720", value_parser = value_parser!(u32).range(8..=4096))]
     height: u32,
 }
@@ -43,7 +44,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Failure> {
-    // A renderer's device: nothing is asked of it beyond wgpu's defaults. The cloth lives on it too.
+    // The renderer's device, with wgpu's default limits. The cloth uses it too.
     let gpu = request()?;
     let mut flag = scene::flag(Backend::Gpu, Some(gpu.clone()))?;
     for frame in 0..arguments.frames {

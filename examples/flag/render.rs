@@ -1,4 +1,4 @@
-//! Draws the flag, its pole and the sky into a texture, and reads that back as a picture.
+//! Draws the flag, its pole and the sky into a texture, and reads the texture back.
 
 use std::f32::consts::TAU;
 
@@ -10,14 +10,14 @@ use crate::{Failure, scene};
 
 const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Samples a pixel: every adapter has four.
+/// Samples per pixel; every adapter supports four.
 const SAMPLES: u32 = 4;
-/// Toward the sun.
+/// Direction toward the sun.
 pub(crate) const SUN: Vec3 = Vec3::new(-0.55, 0.62, 0.56);
-/// Bytes of a pixel.
+/// Bytes per pixel.
 const PIXEL: u32 = 4;
 
-/// `View` of `flag.wgsl`.
+/// The uniform `View` of `flag.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct View {
@@ -27,7 +27,7 @@ struct View {
     sun: Vec4,
 }
 
-/// Pipelines, and a picture to draw into.
+/// The pipelines, and the textures to draw into.
 #[derive(Debug)]
 pub(crate) struct Painter {
     gpu: Gpu,
@@ -43,7 +43,7 @@ pub(crate) struct Painter {
 }
 
 impl Painter {
-    /// For pictures of `size` (pixels).
+    /// Creates them for pictures of `size` (pixels).
     pub(crate) fn new(gpu: &Gpu, size: [u32; 2]) -> Painter {
         let device = gpu.device();
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
@@ -62,7 +62,7 @@ impl Painter {
         let bound = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &[entry] });
 
         let module = device.create_shader_module(wgpu::include_wgsl!("flag.wgsl"));
-        // The cloth's positions and normals are a vec4 a vertex, of which three are drawn.
+        // Positions and normals of the cloth are one vec4 per vertex, of which three numbers are used.
         let vectors = [0, 1].map(|location| {
             [wgpu::VertexAttribute { format: wgpu::VertexFormat::Float32x3, offset: 0, shader_location: location }]
         });
@@ -99,7 +99,7 @@ impl Painter {
         }
     }
 
-    /// Draws the scene, with a flag or without: RGBA, row by row.
+    /// Draws the scene, with or without a flag: RGBA, row by row.
     pub(crate) fn paint(&self, mut flag: Option<&mut Deformer>) -> Result<Vec<u8>, Failure> {
         let device = self.gpu.device();
         let origin = flag.as_ref().map_or(Vec3::ZERO, |flag| flag.origin());
@@ -117,7 +117,7 @@ impl Painter {
             Some(flag) => flag.surface()?,
             None => None,
         };
-        // What else a vertex has goes in the order of the cloth's buffers.
+        // Per-vertex data of the flag must be in the order of the cloth's buffers.
         let uv = flag.map_or(Vec::new(), |flag| {
             let uv = scene::uv(&scene::mesh());
             flag.vertex_order().iter().map(|&vertex| uv[vertex as usize]).collect()
@@ -168,7 +168,7 @@ impl Painter {
         })
     }
 
-    /// Submits, and copies the picture out: the one thing that passes through the CPU.
+    /// Submits the commands and copies the picture out, the only transfer to the CPU.
     fn read(&self, mut encoder: wgpu::CommandEncoder) -> Result<Vec<u8>, Failure> {
         let [width, height] = self.size;
         let row = (width * PIXEL).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -186,7 +186,7 @@ impl Painter {
         Ok(rows.chunks_exact(row as usize).flat_map(|row| &row[..(width * PIXEL) as usize]).copied().collect())
     }
 
-    /// The picture as a PNG file's bytes.
+    /// Encodes the picture as PNG.
     pub(crate) fn png(&self, pixels: &[u8]) -> Result<Vec<u8>, Failure> {
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, self.size[0], self.size[1]);
@@ -207,7 +207,7 @@ fn layout_of(stride: usize, attributes: &[wgpu::VertexAttribute]) -> wgpu::Verte
     wgpu::VertexBufferLayout { array_stride: stride as u64, step_mode: wgpu::VertexStepMode::Vertex, attributes }
 }
 
-/// The vertex stage `name` and the fragment stage `name_shade`.
+/// A pipeline with the vertex stage `name` and the fragment stage `name_shade`.
 fn pipeline(
     device: &wgpu::Device,
     view: &wgpu::BindGroupLayout,
@@ -225,7 +225,7 @@ fn pipeline(
         label: Some(name),
         layout: Some(&device.create_pipeline_layout(&layout)),
         vertex,
-        // Both sides of a cloth are seen.
+        // Both sides of the cloth are visible.
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
@@ -241,12 +241,12 @@ fn pipeline(
     })
 }
 
-/// A round pole behind the flag's edge, with a knob: positions, normals, indices.
+/// A round pole with a knob behind the flag's edge: positions, normals, indices.
 fn pole() -> (Vec<Vec4>, Vec<Vec4>, Vec<u32>) {
     const SIDES: u32 = 32;
     const RADIUS: f32 = 0.022;
     let top = 0.5 * scene::SIZE.y + 0.06;
-    // Heights, radii and slopes of rings, from below up.
+    // Height, radius and slope of each ring, from bottom to top.
     let mut rings = vec![(-3.0, RADIUS, 0.0), (top, RADIUS, 0.0)];
     rings.extend((0..=12).map(|k| {
         let angle = (k as f32 / 12.0 - 0.5) * 0.5 * TAU;

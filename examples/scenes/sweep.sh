@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# All variants of a sweep as a Slurm array, one a task: sbatch --array="1-$(drape --scene sweep.toml --list)" sweep.sh
-# What is done is not done again, so an array that was cut short is submitted once more.
+# All variants of a sweep as a Slurm array, one variant per task: sbatch --array="1-$(drape --scene sweep.toml --list)" sweep.sh
+# Finished variants are not run again, so an interrupted array can simply be submitted again.
 #SBATCH --job-name=cloth-sweep
 #SBATCH --cpus-per-task=2
 #SBATCH --time=01:00:00

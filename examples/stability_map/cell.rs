@@ -1,23 +1,24 @@
-//! A cell: one sheet, one method, one substep, and the label that it earns.
+//! A cell of a map: one sheet, one method and one substep, and the label that the run gets.
 //!
-//! A cell has two phases. In the first the sheet starts horizontal and at rest, out of its plane by 1e-5 m of seeded noise,
-//! pinned along its top edge, and swings down without damping. In the second it hangs straight down, is jolted by random
-//! velocities (0.1 m/s), and is damped by 1/s. Each takes 1.5 s; 0.5 s and more where the other methods would
-//! take too many sweeps (`LONGEST`), since they fail soon or not at all. The labels, the first that holds:
+//! A cell has two phases. In the first the sheet starts horizontal and at rest, displaced out of its plane by 1e-5 m of
+//! seeded noise, pinned along its top edge, and swings down without damping. In the second it hangs straight down, is
+//! jolted by random velocities (0.1 m/s), and is damped by 1/s. Each phase takes 1.5 s. For methods other than small
+//! steps it may be shortened, to no less than 0.5 s, where it would take too many sweeps (`LONGEST`), because these
+//! methods fail soon or not at all. The label is the first of these that applies:
 //!
 //! - `not finite`: a step failed as unstable, or a position is not a number. The cell ends.
-//! - `gaining energy`: the mechanical energy, averaged over 0.25 s, lies above that of the phase's start by more than 1 % of the
-//!   fall (`m g L/2` for an even sheet). The cell ends. Energy is as in `tests/common/energy.rs`: heights half a substep back,
-//!   as velocities are. Springs count for `Springs`, and for `SmallSteps` at twice the substeps that resolve them and above;
-//!   elsewhere the stretch that a sweep leaves is not backed by stiffness, and what is kinetic and potential in gravity is the
-//!   least that there is. Bending's energy is left out everywhere: it is never negative, and the noise's own is below 1e-3 of
-//!   the fall.
+//! - `gaining energy`: the mechanical energy, averaged over 0.25 s, exceeds that at the start of the phase by more than
+//!   1 % of the fall (`m g L/2` for an even sheet). The cell ends. The energy is that of `tests/common/energy.rs`:
+//!   heights are those of half a substep ago, as velocities are. Springs count for `Springs`, and for `SmallSteps` from
+//!   twice the substeps that resolve them on. With fewer substeps the stretch that a sweep leaves does not correspond
+//!   to a stored energy, so kinetic plus gravitational energy is a lower bound. The energy of bending is left out
+//!   everywhere: it is never negative, and that of the noise is below 1e-3 of the fall.
 //! - `frozen`: after 0.5 s the sheet fell by less than a tenth of what the reference fell.
-//! - `never resting`: over the last 0.25 s of the damped phase of T s the root mean square speed is above 0.1 exp(-T/2) m/s,
-//!   to which linear modes fall at the least (0.047 m/s in 1.5 s), and above twice the reference's. A sheet of so few substeps that
-//!   it sags from where it was hung bounces, and counts.
-//! - `inaccurate`: after 0.5 s it is more than 0.02 m (root mean square over the vertices) from the reference, or its mean strain
-//!   differs by more than 0.01.
+//! - `never resting`: over the last 0.25 s of the damped phase of T s the root mean square speed is above 0.1 exp(-T/2)
+//!   m/s, the speed of the slowest decaying linear mode (0.047 m/s in 1.5 s), and above twice the reference's. A sheet
+//!   with so few substeps that it sags from where it was hung bounces, and gets this label.
+//! - `inaccurate`: after 0.5 s the root mean square distance of the vertices from the reference is more than 0.02 m, or
+//!   the mean strain differs by more than 0.01.
 //! - `stable`: none of these.
 //!
 //! The reference is resolved and in double precision (`truth.rs`).
@@ -31,16 +32,16 @@ use crate::sheet::{G, JOLT, Sheet};
 use crate::theory;
 use crate::truth::{AVERAGED, COMPARED, DAMPED, DAMPING, Truth, mean_height, mean_strain};
 
-/// Gain of energy, in falls.
+/// Allowed gain of energy, in units of the energy of the fall.
 const GAIN: f64 = 0.01;
-/// Share of the reference's fall below which a sheet is frozen.
+/// A sheet that falls by less than this share of the reference's fall is frozen.
 const FROZEN: f64 = 0.1;
-/// Bounds of the error of position (m) and of strain.
+/// Allowed errors of position (m) and of strain.
 const ERRORS: [f64; 2] = [0.02, 0.01];
-/// Most sweeps over a thousand edges in a phase that is longer than it must be, but for small steps.
+/// Most sweeps over a thousand edges in a phase that may be shortened.
 const LONGEST: f64 = 6e3;
 
-/// What befell a cell.
+/// The result of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Label {
     Stable,
@@ -66,31 +67,31 @@ impl Label {
         }
     }
 
-    /// Whether the motion got out of hand.
+    /// Whether the motion was unstable.
     pub(crate) fn is_failure(self) -> bool {
         self >= Label::GainingEnergy
     }
 }
 
-/// A cell to run.
+/// The parameters of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cell {
     pub(crate) sheet: Sheet,
     pub(crate) method: Method,
-    /// Substeps in each step, and steps in half a second.
+    /// Substeps per step, and steps in half a second.
     pub(crate) substeps: u32,
     pub(crate) steps: u32,
-    /// Ratio of one step to the next, by turns; their mean is kept.
+    /// Ratio of alternating step lengths, with a fixed mean.
     pub(crate) step_ratio: f64,
 }
 
-/// What was measured. A figure that the cell did not live to is NaN.
+/// The measurements of a cell. Those that the run did not reach are NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Outcome {
     pub(crate) label: Label,
     /// Longest substep taken (s).
     pub(crate) h: f64,
-    /// Most energy gained, in falls.
+    /// Largest gain of energy, in units of the energy of the fall.
     pub(crate) gain: f64,
     /// Errors of position (m) and of strain.
     pub(crate) errors: [f64; 2],
@@ -99,11 +100,12 @@ pub(crate) struct Outcome {
 }
 
 impl Cell {
-    /// The substep that is nearest to `wanted` substeps per 1/60 s, of all that take half a second in whole steps of at most
-    /// 1/60 s, and that are the same whether the count is per step or per 1/60 s, rounded up.
+    /// The substep nearest to `wanted` substeps per 1/60 s, among those that divide half a second into whole steps of
+    /// at most 1/60 s, and for which it makes no difference whether substeps are counted per step or per 1/60 s,
+    /// rounded up.
     pub(crate) fn new(sheet: Sheet, method: Method, wanted: f64) -> Cell {
         let substeps = wanted.floor().max(1.0);
-        // Above 30 n/(n - 1) steps the count of the second reading would be n - 1.
+        // Above 30 n/(n - 1) steps, counting per 1/60 s would give n - 1.
         let most = if substeps > 1.0 { (30.0 * substeps / (substeps - 1.0)).ceil() - 1.0 } else { 59.0 };
         let steps = (30.0 * wanted / substeps).round().clamp(30.0, most.max(30.0));
         Cell { sheet, method, substeps: substeps as u32, steps: steps as u32, step_ratio: 1.0 }
@@ -120,7 +122,7 @@ impl Cell {
         (mean * 2.0 * share / (1.0 + self.step_ratio)) as f32
     }
 
-    /// Steps of a phase of `time` (s).
+    /// Number of steps in a phase of `time` (s).
     fn phase(&self, time: f64) -> u32 {
         let least = f64::from(self.steps);
         let sweeps = match self.method {
@@ -132,7 +134,7 @@ impl Cell {
         (least * time / COMPARED).min((LONGEST / work).max(least)).round() as u32
     }
 
-    /// Runs it.
+    /// Runs the cell.
     pub(crate) fn run(&self, truth: &Truth) -> Outcome {
         let mut outcome = Outcome { label: Label::Stable, h: 0.0, gain: 0.0, errors: [f64::NAN; 2], speed: f64::NAN };
         outcome.label = self.judge(truth, &mut outcome);
@@ -165,7 +167,7 @@ impl Cell {
             return label;
         }
         outcome.speed = (square / f64::from(last)).sqrt();
-        // A shorter phase leaves more.
+        // A shorter phase damps less.
         let left = |time: f64| (-0.5 * DAMPING * time).exp();
         let resting = JOLT.max(2.0 * truth.speed / left(DAMPED)) * left(f64::from(steps) * COMPARED / f64::from(self.steps));
         if frozen {
@@ -179,7 +181,7 @@ impl Cell {
         }
     }
 
-    /// Steps from a state, watching the energy; `see` is shown the positions and velocities after each step.
+    /// Steps from a state and checks the energy; `see` receives positions and velocities after each step.
     fn play(
         &self,
         steps: u32,
@@ -228,7 +230,7 @@ impl Cell {
         Ok(())
     }
 
-    /// The springs whose energy counts, at the longest substep `h` (s).
+    /// The springs whose energy counts with substeps of at most `h` (s).
     fn springs(&self, h: f64) -> Vec<Spring> {
         let counts = match self.method {
             Method::Springs => true,
@@ -249,7 +251,7 @@ impl Cell {
             ..Options::default()
         };
         let mut deformer = Deformer::new(&self.sheet.mesh(), options).expect("a sheet in range");
-        // The others are for the other cells.
+        // The other threads run other cells.
         deformer.on_threads(1);
         deformer
     }

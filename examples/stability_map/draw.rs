@@ -1,4 +1,4 @@
-//! The drawing: a panel for each method, cells in the colors of their labels, predictions over them.
+//! Draws a map: a panel for each method, cells in the colors of their labels, and predictions as lines over them.
 
 use std::error::Error;
 
@@ -15,7 +15,7 @@ type Pixel = (f64, f64);
 type Trouble = Box<dyn Error>;
 
 const SIZE: (u32, u32) = (1200, 660);
-/// Left side of the first panel, width of a panel, and from one panel to the next (px).
+/// Left side of the first panel, width of a panel, and distance between panels (px).
 const LEFT: f64 = 76.0;
 const WIDTH: f64 = 330.0;
 const PITCH: f64 = 385.0;
@@ -35,7 +35,7 @@ const CAPTION: [&str; 2] = [
      right. cargo run --release --example stability_map",
 ];
 
-/// Colors that differ in lightness too, and for every kind of color vision.
+/// Colors that differ in lightness too, and can be told apart with any kind of color vision.
 fn color(label: Label) -> RGBColor {
     match label {
         Label::Stable => RGBColor(205, 228, 240),
@@ -47,11 +47,11 @@ fn color(label: Label) -> RGBColor {
     }
 }
 
-/// Where a panel's cells are.
+/// The mapping from values to pixels in a panel.
 struct Frame<'a> {
     columns: &'a [Column],
     left: f64,
-    /// Least and greatest number of substeps.
+    /// Smallest and largest number of substeps.
     range: [f64; 2],
 }
 
@@ -72,7 +72,7 @@ impl Frame<'_> {
         BOTTOM - (BOTTOM - TOP) * ((substeps.ln() - low) / (high - low)).clamp(0.0, 1.0)
     }
 
-    /// The middle of where a value of the axis is.
+    /// The middle of the column for a value of the axis.
     fn at(&self, value: f64) -> Option<f64> {
         let after = self.columns.iter().position(|column| column.at >= value * 0.999)?;
         let [low, high] = [after.checked_sub(1).unwrap_or(after), after].map(|index| self.columns[index].at.ln());
@@ -81,7 +81,7 @@ impl Frame<'_> {
     }
 }
 
-/// A map as an SVG file's text.
+/// The text of the SVG file.
 pub(crate) fn svg(map: &Map) -> Result<String, Trouble> {
     let mut text = String::new();
     {
@@ -117,7 +117,7 @@ fn cells(canvas: &Canvas<'_>, frame: &Frame<'_>) -> Result<(), Trouble> {
     canvas.draw(&Rectangle::new(all.map(pixel), NOT_RUN.filled()))?;
     for (index, column) in frame.columns.iter().enumerate() {
         let rates: Vec<f64> = column.cells.iter().map(Cell::rate).collect();
-        // Half way from a cell to the one before; at the ends as far beyond it as to its neighbor.
+        // The border lies halfway between neighboring cells; at the ends it is as far outside.
         let side = |row: usize| match row {
             0 => rates[0] * (rates[0] / rates[1]).sqrt(),
             row if row == rates.len() => rates[row - 1] * (rates[row - 1] / rates[row - 2]).sqrt(),
@@ -141,7 +141,7 @@ fn axes(canvas: &Canvas<'_>, frame: &Frame<'_>, label: &str) -> Result<(), Troub
     let last = frame.columns.iter().map(|column| column.at).filter(|at| at.is_finite()).fold(0.0, f64::max);
     for value in ticks([frame.columns[0].at, last]) {
         let Some(x) = frame.at(value) else { continue };
-        // Room for the sign of infinity.
+        // Leaves room for the infinity sign.
         if endless.is_some() && x > right - 24.0 {
             continue;
         }
@@ -161,7 +161,7 @@ fn axes(canvas: &Canvas<'_>, frame: &Frame<'_>, label: &str) -> Result<(), Troub
     write(canvas, label, (0.5 * (left + right), BOTTOM + 30.0), TEXT, INK, (HPos::Center, VPos::Top))
 }
 
-/// The decades of a range, or 1, 2 and 5 of each if there are few.
+/// The decades of a range, or 1, 2 and 5 of each decade if there are few.
 fn ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let few = (high / low).log10() < 3.6;
     let steps: &[f64] = if few { &[1.0, 2.0, 5.0] } else { &[1.0] };
@@ -223,7 +223,7 @@ fn stroke_thin(canvas: &Canvas<'_>, path: &[Pixel]) -> Result<(), Trouble> {
     Ok(canvas.draw(&PathElement::new(path.iter().copied().map(pixel).collect::<Vec<_>>(), INK.stroke_width(1)))?)
 }
 
-/// A prediction, with a rim that sets it off from any color.
+/// Draws a prediction as a line with an outline, which is visible on any color.
 fn stroke(canvas: &Canvas<'_>, path: &[Pixel], line: &Line) -> Result<(), Trouble> {
     let path: Vec<(i32, i32)> = path.iter().copied().map(pixel).collect();
     canvas.draw(&PathElement::new(path.clone(), WHITE.stroke_width(4)))?;

@@ -1,4 +1,4 @@
-//! Maps of where the methods are stable: see `--help`, and `cell.rs` for what the labels mean.
+//! Maps where the methods are stable: see `--help`, and `cell.rs` for the meaning of the labels.
 //!
 //! ```text
 //! cargo run --release --example stability_map -- --out DIR
@@ -7,7 +7,6 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -19,6 +18,8 @@ use crate::cell::{Cell, Label, Outcome};
 use crate::command::{Failure, say};
 use crate::maps::{Map, Panel};
 
+#[path = "../../src/io/atomic_file.rs"]
+mod atomic_file;
 mod cell;
 #[path = "../drape/command.rs"]
 #[expect(dead_code, reason = "drape's own")]
@@ -31,16 +32,16 @@ mod sheet;
 mod theory;
 mod truth;
 
-/// Charts where each method is stable, over the substep and: stiffness, resolution, bending, mass ratio, ratio of time steps.
+/// Maps where each method is stable, as a function of the substep and of stiffness, resolution, bending, mass ratio or step ratio.
 #[derive(Debug, Parser)]
 #[command(
     name = "stability_map",
     after_help = "\
-Writes stability_NAME.svg and .csv for each map, and prints predictions first, then counts. Exit codes: 0 done, 1 small steps
-gained energy or left the finite numbers, 2 bad input."
+Writes stability_NAME.svg and .csv for each map. Prints the predictions first, then the number of cells by label.
+Exit codes: 0 done, 1 small steps gained energy or became infinite, 2 bad input."
 )]
 struct Arguments {
-    /// Directory of the maps; made if it is not there
+    /// Folder for the maps; created if it does not exist
     #[arg(long, value_name = "DIR", default_value = "charts")]
     out: PathBuf,
 
@@ -53,7 +54,7 @@ fn main() -> ExitCode {
     command::run(command::read::<Arguments>(), run)
 }
 
-/// The whole program, from top to bottom.
+/// Runs the program from top to bottom.
 fn run(arguments: &Arguments) -> Result<(), Failure> {
     let out = &arguments.out;
     fs::create_dir_all(out)
@@ -81,10 +82,10 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     if bad == 0 {
         return Ok(());
     }
-    Err(Failure { code: 1, message: format!("small steps gained energy or left the finite numbers in {bad} cells") })
+    Err(Failure { code: 1, message: format!("small steps gained energy or became infinite in {bad} cells") })
 }
 
-/// Says what is expected.
+/// Prints the predictions.
 fn predict(map: &Map) {
     for panel in &map.panels {
         for line in &panel.lines {
@@ -94,7 +95,7 @@ fn predict(map: &Map) {
     }
 }
 
-/// Says what came of a panel; returns how many cells should not be as they are.
+/// Prints the results of a panel; returns the number of small-step cells that failed.
 fn summarize(map: &Map, panel: &Panel) -> usize {
     let counts = Label::ALL.map(|label| format!("{} {}", panel.count(label), label.name()));
     say(&format!("{}, {}: {}", map.name, panel.title, counts.join(", ")));
@@ -105,7 +106,7 @@ fn summarize(map: &Map, panel: &Panel) -> usize {
     if small { panel.count(Label::GainingEnergy) + panel.count(Label::NotFinite) } else { 0 }
 }
 
-/// Says how near to a prediction the measured limits are.
+/// Prints how close the measured limits are to a prediction.
 fn agree(name: &str, ratios: &[f64]) {
     let within = ratios.iter().filter(|ratio| (1.0 / 1.1..=1.1).contains(*ratio)).count();
     let [low, high] = [f64::min, f64::max].map(|pick| ratios.iter().copied().reduce(pick).unwrap_or(f64::NAN));
@@ -142,18 +143,9 @@ fn table(map: &Map) -> String {
     text
 }
 
-/// Puts a file in its place, whole or not at all.
+/// Writes a file completely or not at all.
 fn save(out: &Path, name: &str, ending: &str, text: &str) -> Result<(), Failure> {
     let path = out.join(format!("stability_{name}.{ending}"));
-    let written = tempfile::NamedTempFile::new_in(out).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        #[cfg(unix)]
-        {
-            // Temporary files are private; this one becomes a file like any other.
-            use std::os::unix::fs::PermissionsExt;
-            file.as_file().set_permissions(fs::Permissions::from_mode(0o644))?;
-        }
-        file.persist(&path).map_err(|error| error.error)
-    });
-    written.map(|_| ()).map_err(|error| Failure::input(format_args!("{}: {error}; name a writable --out", path.display())))
+    let written = atomic_file::write(&path, text.as_bytes());
+    written.map_err(|error| Failure::input(format_args!("{}: {error}; name a writable --out", path.display())))
 }

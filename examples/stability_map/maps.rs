@@ -12,10 +12,10 @@ const RELAXATION: Method = Method::Relaxation { iterations: 10 };
 
 /// A map: a panel for each method.
 pub(crate) struct Map {
-    /// In the names of files.
+    /// Name for files.
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// What the columns differ in.
+    /// Name of the horizontal axis.
     pub(crate) axis: &'static str,
     pub(crate) panels: Vec<Panel>,
 }
@@ -23,43 +23,43 @@ pub(crate) struct Map {
 /// The cells of one method.
 pub(crate) struct Panel {
     pub(crate) title: String,
-    /// What the columns differ in, where it is not what the map says.
+    /// Name of the horizontal axis, if it differs from that of the map.
     pub(crate) axis: Option<&'static str>,
     pub(crate) columns: Vec<Column>,
     pub(crate) lines: Vec<Line>,
 }
 
-/// Cells that differ in the substep alone, the fewest first.
+/// Cells that differ only in the substep, by increasing number of substeps.
 pub(crate) struct Column {
-    /// Where it is on the axis; infinite: behind the others.
+    /// Position on the axis; an infinite value is placed after the others.
     pub(crate) at: f64,
     pub(crate) cells: Vec<Cell>,
-    /// What came of them, once they have run.
+    /// The results, once the cells have run.
     pub(crate) outcomes: Vec<Outcome>,
 }
 
 /// A prediction: substeps per 1/60 s for each column.
 pub(crate) struct Line {
     pub(crate) name: &'static str,
-    /// Lengths (px) of dashes and gaps, if it has them.
+    /// Lengths (px) of dashes and gaps, if the line is dashed.
     pub(crate) dash: Option<(u32, u32)>,
-    /// Whether explicit springs fail below it.
+    /// Whether it is the limit below which explicit springs fail.
     pub(crate) is_limit: bool,
     pub(crate) substeps: Vec<f64>,
 }
 
 impl Map {
-    /// All of them, not yet run.
+    /// All maps, before they are run.
     pub(crate) fn all() -> Vec<Map> {
         vec![stiffness(), resolution(), bending(), mass_ratio(), step_ratio()]
     }
 
-    /// How many cells it has.
+    /// Number of cells.
     pub(crate) fn count(&self) -> usize {
         self.panels.iter().flat_map(|panel| &panel.columns).map(|column| column.cells.len()).sum()
     }
 
-    /// Runs every cell, as many at a time as there are threads.
+    /// Runs all cells in parallel.
     pub(crate) fn run(&mut self) {
         let mut sheets: Vec<Sheet> = Vec::new();
         for cell in self.panels.iter().flat_map(|panel| &panel.columns).flat_map(|column| &column.cells) {
@@ -86,8 +86,8 @@ impl Panel {
         Panel { title: title.to_owned(), axis: None, columns, lines }
     }
 
-    /// The limit measured over the one predicted, for each column that has one: the middle of the last cell that fails and the
-    /// next, above which none fails.
+    /// For each column with a limit, the ratio of the measured limit to the prediction. The measured limit is the
+    /// geometric mean of the last cell that fails and the next one, from which on none fails.
     pub(crate) fn measured_over(&self, line: &Line) -> Vec<f64> {
         let boundary = |(column, predicted): (&Column, &f64)| {
             let last = column.outcomes.iter().rposition(|outcome| outcome.label.is_failure())?;
@@ -97,13 +97,13 @@ impl Panel {
         self.columns.iter().zip(&line.substeps).filter_map(boundary).collect()
     }
 
-    /// How many cells have a label.
+    /// Number of cells with a label.
     pub(crate) fn count(&self, label: Label) -> usize {
         self.columns.iter().flat_map(|column| &column.outcomes).filter(|outcome| outcome.label == label).count()
     }
 }
 
-/// A line that any panel can have.
+/// A prediction that any panel may show.
 #[derive(Clone, Copy)]
 struct Prediction {
     name: &'static str,
@@ -138,12 +138,12 @@ const FILTERED: Prediction =
         name: "bending is softened below: h² g = 411, what sixteen passes carry", predict: theory::filtered, ..LIMITER
     };
 
-/// So many values in equal ratios.
+/// `count` values in a geometric progression.
 fn ratios(from: f64, to: f64, count: u32) -> Vec<f64> {
     (0..count).map(|k| from * (to / from).powf(f64::from(k) / f64::from(count - 1))).collect()
 }
 
-/// The whole numbers nearest to values in equal ratios, each once.
+/// The distinct integers nearest to the values of a geometric progression.
 fn whole_ratios(from: f64, to: f64, count: u32) -> Vec<f64> {
     let mut values: Vec<f64> = ratios(from, to, count).into_iter().map(f64::round).collect();
     values.dedup();
@@ -157,7 +157,7 @@ fn column(at: f64, sheet: Sheet, method: Method, substeps: &[f64]) -> Column {
     Column { at, cells, outcomes: Vec::new() }
 }
 
-/// A column of springs: substeps from a quarter of the bound on the limit to twice it, dense around it.
+/// A column for springs: from a quarter of the predicted limit to twice the limit, dense around it.
 fn springs(at: f64, sheet: Sheet) -> Column {
     let limit = theory::explicit(&sheet);
     let all = ratios(0.25, 2.0, 13).into_iter().chain(ratios(0.7, 1.4, 29));
@@ -186,7 +186,7 @@ fn stiffness() -> Map {
     }
 }
 
-/// Panels of the three methods over one axis of sheets.
+/// Panels for the three methods over the same axis of sheets.
 fn three(axis: &[f64], sheet: impl Fn(f64) -> Sheet, substeps: &[f64], predictions: &[Prediction]) -> Vec<Panel> {
     let columns = |method| axis.iter().map(|&at| column(at, sheet(at), method, substeps)).collect();
     vec![
@@ -238,7 +238,8 @@ fn step_ratio() -> Map {
     let panel = |title: &str, method, substeps: &[f64], predictions: &[Prediction]| {
         let columns = all.iter().map(|&ratio| alternate(column(ratio, sheet, method, substeps), ratio));
         let mut panel = Panel::new(title, columns.collect(), predictions);
-        // The limits are those of even steps; where steps change by turns, runs of substeps resonate with the springs above them.
+        // The limits apply to constant steps. With alternating steps, sequences of substeps resonate with the springs
+        // above them.
         panel.lines.iter_mut().for_each(|line| line.is_limit = false);
         panel
     };

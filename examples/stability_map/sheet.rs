@@ -15,26 +15,26 @@ const NOISE: f32 = 1e-5;
 /// Root mean square speed of the jolt (m/s).
 pub(crate) const JOLT: f64 = 0.1;
 
-/// What a sheet is made of.
+/// The parameters of a sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sheet {
-    /// Vertices along a side.
+    /// Vertices per side.
     pub(crate) n: u32,
     /// Membrane stiffness (N/m); infinite if inextensible.
     pub(crate) stretch: f64,
     /// Bending rigidity (N m).
     pub(crate) bending: f64,
-    /// Mass of a vertex of the bottom row over what the density gives it.
+    /// Mass of a vertex of the bottom row relative to the mass by density.
     pub(crate) mass_ratio: f64,
 }
 
 impl Sheet {
-    /// A sheet of median cloth without bending.
+    /// A sheet of median fabric without bending.
     pub(crate) fn cotton(n: u32) -> Sheet {
         Sheet { n, stretch: 5000.0, bending: 0.0, mass_ratio: 1.0 }
     }
 
-    /// Length of an axis-parallel edge (m).
+    /// Length of an edge along an axis (m).
     pub(crate) fn spacing(&self) -> f64 {
         1.0 / f64::from(self.n - 1)
     }
@@ -65,20 +65,20 @@ impl Sheet {
         self.masses().iter().enumerate().map(|(v, &mass)| if v < n { 0.0 } else { 1.0 / f64::from(mass) }).collect()
     }
 
-    /// The springs that have a free end.
+    /// The springs with at least one free end.
     pub(crate) fn springs(&self) -> Vec<Spring> {
         let mut springs = springs(&self.mesh(), self.stretch);
         springs.retain(|&(_, j, ..)| j >= self.n as usize);
         springs
     }
 
-    /// What gravity does on the way from horizontal to hanging down (J): `m g L/2` for an even sheet.
+    /// Work of gravity on the way from horizontal to hanging down (J): `m g L/2` for an even sheet.
     pub(crate) fn fall(&self) -> f64 {
         let weigh = |(v, mass): (u32, f32)| f64::from(mass) * G * f64::from(v / self.n) * self.spacing();
         (0..).zip(self.masses()).map(weigh).sum()
     }
 
-    /// Horizontal and at rest, out of its plane by seeded noise: positions and velocities.
+    /// The initial state: horizontal and at rest, displaced out of its plane by seeded noise; positions and velocities.
     pub(crate) fn level(&self) -> (Vec<Vec3>, Vec<Vec3>) {
         let mut random = fastrand::Rng::with_seed(1);
         let mut x = self.mesh().positions;
@@ -87,8 +87,8 @@ impl Sheet {
         (x, rest)
     }
 
-    /// Hanging straight down, stretched by what hangs below, and jolted: each vertex has a random velocity, of the same kinetic
-    /// energy on average.
+    /// The state of the second phase: hanging straight down, stretched by the load, and jolted. Each vertex gets a
+    /// random velocity such that all have the same kinetic energy on average.
     pub(crate) fn jolted(&self) -> (Vec<Vec3>, Vec<Vec3>) {
         let (n, spacing) = (self.n as usize, self.spacing());
         let masses = self.masses();

@@ -1,18 +1,18 @@
-//! What is predicted before anything is run. All counts are substeps per 1/60 s.
+//! Predictions made before anything is run. All numbers are substeps per 1/60 s.
 
 use crate::common::reference::Spring;
 use crate::sheet::{DENSITY, Sheet};
 use crate::truth::{Row, rows};
 
-/// Turns of the power iteration.
+/// Iterations of the power iteration.
 const TURNS: u32 = 1000;
 
-/// The largest eigenvalue (1/s²) of the graph Laplacian with the springs as weights: `M^-1/2 L M^-1/2`. It bounds the squared
-/// frequencies of the springs, in whatever directions they point.
+/// The largest eigenvalue (1/s²) of the graph Laplacian weighted by the springs, `M^-1/2 L M^-1/2`. It bounds the
+/// squared frequencies of the springs, whatever their directions.
 pub(crate) fn laplacian(sheet: &Sheet) -> f64 {
     let root: Vec<f64> = sheet.inverse_masses().iter().map(|w| w.sqrt()).collect();
     let springs = sheet.springs();
-    // All wavelengths are in it.
+    // The start vector contains all wavelengths.
     let start = (0..root.len()).map(|v| if v % 2 == 0 { 1.0 } else { -1.0 } + (v as f64 * 0.7).sin());
     largest(start.collect(), |q| {
         let mut next = vec![0.0; q.len()];
@@ -25,12 +25,12 @@ pub(crate) fn laplacian(sheet: &Sheet) -> f64 {
     })
 }
 
-/// The largest squared frequency (1/s²) of the flat sheet within its plane, where a spring acts along its own direction alone.
-/// Bending's energy is of vectors, so it acts within the plane too.
+/// The largest squared frequency (1/s²) of the flat sheet for motion in its plane, where a spring acts only along its
+/// own direction. The bending energy is one of vectors, so it acts in the plane too.
 fn flat(sheet: &Sheet) -> f64 {
     let root: Vec<f64> = sheet.inverse_masses().iter().map(|w| w.sqrt()).collect();
     let n = sheet.n as usize;
-    // The directions along x and along z of each spring.
+    // Components of each spring's direction along x and z.
     let direction = |&(i, j, ..): &Spring| {
         let d = [(j % n) as f64 - (i % n) as f64, (j / n) as f64 - (i / n) as f64];
         d.map(|along| along / d[0].hypot(d[1]))
@@ -62,7 +62,7 @@ fn flat(sheet: &Sheet) -> f64 {
     })
 }
 
-/// The largest eigenvalue of a symmetric matrix without negative ones, by power iteration.
+/// The largest eigenvalue of a symmetric positive semidefinite matrix, by power iteration.
 fn largest(mut q: Vec<f64>, multiply: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
     let mut eigenvalue = 0.0;
     for _ in 0..TURNS {
@@ -74,19 +74,20 @@ fn largest(mut q: Vec<f64>, multiply: impl Fn(&[f64]) -> Vec<f64>) -> f64 {
     eigenvalue
 }
 
-/// Gershgorin's bound (1/s²) on the bending rows of a grid of spacing l: 64 B / (rho l⁴), at an inner vertex, whose row is the
-/// Laplacian of five points.
+/// Gershgorin's bound (1/s²) for the bending rows of a grid with spacing l: 64 B / (rho l⁴), at an inner vertex, whose
+/// row is the five-point Laplacian.
 pub(crate) fn bending(sheet: &Sheet) -> f64 {
     64.0 * sheet.bending / (DENSITY * sheet.spacing().powi(4))
 }
 
-/// The explicit limit `h = 2/omega_max` of springs, bending included, which is softened to `h² g <= 2`.
+/// The explicit limit `h = 2/omega_max` of springs with bending, which is limited to `h² g <= 2`.
 pub(crate) fn explicit(sheet: &Sheet) -> f64 {
     let eigenvalue = laplacian(sheet);
     (eigenvalue + eigenvalue.min(bending(sheet))).sqrt() / 120.0
 }
 
-/// The same limit from the flat sheet's own frequencies, by halving: the softer bending is at a substep, the lower they are.
+/// The same limit from the frequencies of the flat sheet. It is found by bisection, because bending is limited
+/// depending on the substep, which lowers its frequencies.
 pub(crate) fn explicit_flat(sheet: &Sheet) -> f64 {
     let needed = |substeps: f64| {
         let softened = (limiter(sheet) / substeps).powi(-2).min(1.0);
@@ -103,17 +104,17 @@ pub(crate) fn explicit_flat(sheet: &Sheet) -> f64 {
     high
 }
 
-/// The substeps that resolve the stiffness of an inner edge: `S* = sqrt(k (w_i + w_j) / 2) / 60`.
+/// The number of substeps that resolves the stiffness of an inner edge: `S* = sqrt(k (w_i + w_j) / 2) / 60`.
 pub(crate) fn resolved(sheet: &Sheet) -> f64 {
     (sheet.stretch / DENSITY).sqrt() / sheet.spacing() / 60.0
 }
 
-/// The substeps below which bending is softened in one pass: `h² g = 2`.
+/// The number of substeps below which bending is limited with one pass: `h² g = 2`.
 pub(crate) fn limiter(sheet: &Sheet) -> f64 {
     (bending(sheet) / 2.0).sqrt() / 60.0
 }
 
-/// The substeps below which small steps soften it: `h² g = 411`, which sixteen passes carry.
+/// The number of substeps below which small steps limit it: `h² g = 411`, the limit of sixteen passes.
 pub(crate) fn filtered(sheet: &Sheet) -> f64 {
     (bending(sheet) / 411.0).sqrt() / 60.0
 }

@@ -1,4 +1,5 @@
-//! The resolved reference of a sheet: leapfrog in double precision, springs and bending, sharing nothing with the solver.
+//! The resolved reference of a sheet: leapfrog in double precision with springs and bending. It shares no code with the
+//! solver.
 
 use cloth_deformer::glam::{DVec3, Vec3};
 
@@ -6,23 +7,24 @@ use crate::common::reference::Spring;
 use crate::sheet::{G, Sheet};
 use crate::theory;
 
-/// Above this stiffness (N/m) the sheet moves like one of this stiffness: it stretches by less than 1e-4 of its length.
+/// A sheet stiffer than this (N/m) moves like one of this stiffness, because it stretches by less than 1e-4 of its
+/// length.
 const STIFFEST: f64 = 1e5;
-/// Steps of the reference over those of its explicit limit.
+/// Number of steps of the reference, relative to its explicit limit.
 const MARGIN: f64 = 1.5;
-/// When a cell is compared with it (s).
+/// Time at which a cell is compared with the reference (s).
 pub(crate) const COMPARED: f64 = 0.5;
-/// How long the damped phase takes (s), how much of its end the speed is averaged over (s), and its damping (1/s).
+/// Duration of the damped phase (s), the time at its end over which the speed is averaged (s), and its damping (1/s).
 pub(crate) const DAMPED: f64 = 1.5;
 pub(crate) const AVERAGED: f64 = 0.25;
 pub(crate) const DAMPING: f64 = 1.0;
 
-/// Where a sheet should be.
+/// The reference values of a sheet.
 #[derive(Debug, Clone)]
 pub(crate) struct Truth {
     /// Positions (m) after `COMPARED` from the level start.
     pub(crate) positions: Vec<DVec3>,
-    /// Their mean strain, and how far they fell on average (m).
+    /// Mean strain, and mean distance that the vertices fell (m).
     pub(crate) strain: f64,
     pub(crate) fallen: f64,
     /// Root mean square speed (m/s) at the end of the damped phase.
@@ -83,7 +85,7 @@ impl Model {
         force.iter().zip(&self.weight).map(accelerate).collect()
     }
 
-    /// Positions (m) after `time` (s), and the root mean square speed (m/s) over the last `AVERAGED`.
+    /// Positions (m) after `time` (s), and the root mean square speed (m/s) over the last `AVERAGED` seconds.
     fn run(&self, x: &[Vec3], v: &[Vec3], time: f64, damping: f64) -> (Vec<DVec3>, f64) {
         let [mut x, mut v] = [x, v].map(|list| list.iter().map(|a| a.as_dvec3()).collect::<Vec<_>>());
         let steps = (time / self.dt).ceil();
@@ -91,7 +93,7 @@ impl Model {
         let (keep, last) = ((-damping * dt).exp(), (AVERAGED / dt).round() as u32);
         let mut square = 0.0;
         for step in 0..steps as u32 {
-            // The first kick is half a kick.
+            // The first kick is half a kick (leapfrog).
             let kick = if step == 0 { 0.5 * dt } else { dt };
             let a = self.acceleration(&x);
             for ((x, v), a) in x.iter_mut().zip(&mut v).zip(a) {
@@ -106,7 +108,7 @@ impl Model {
     }
 }
 
-/// The bending rows of a grid: five points inside, three along a free edge, none at a corner.
+/// The bending rows of a grid: five points in the interior, three along a free edge, none at a corner.
 pub(crate) fn rows(sheet: &Sheet) -> Vec<Row> {
     let (n, spacing) = (sheet.n as usize, sheet.spacing());
     if sheet.bending == 0.0 {

@@ -1,4 +1,4 @@
-//! The cheapest way to play a scene within a tolerance, and what each of its terms is worth: see `--help`.
+//! Finds the cheapest setting for a scene within a tolerance, and the effect of each of its terms: see `--help`.
 //!
 //! ```text
 //! cargo run --release --example tune -- flag --tolerance 10mm
@@ -19,18 +19,19 @@ mod command;
 #[path = "../../benches/quality/scenes.rs"]
 mod scenes;
 
-/// Plays a scene some twenty times and says how it is played best.
+/// Simulates a scene up to twenty times and prints the cheapest setting that keeps a tolerance.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// hang64, two-corners, towel, cape, flag or jerk; and square2K, tableCloth or skirt4K if `CLOTH_MESHES` names the folder that has them
+    /// hang64, two-corners, towel, cape, flag or jerk; also square2K, tableCloth or skirt4K if `CLOTH_MESHES` names the folder with
+    /// their meshes
     scene: String,
-    /// How far off: a distance (10mm), or how far 99 % of the area may stretch (3%)
+    /// Allowed error: a distance of the vertices (10mm), or a stretch of 99 % of the area (3%)
     #[arg(long, default_value = "10mm", value_parser = tolerance)]
     tolerance: Tolerance,
-    /// Frames of 1/60 s [default: the scene's]
+    /// Number of frames of 1/60 s [default: that of the scene]
     #[arg(long)]
     frames: Option<u32>,
-    /// Where to compute
+    /// Processor that runs the simulation
     #[arg(long, default_value = "cpu", value_parser = command::one_of(&BACKENDS))]
     backend: Backend,
 }
@@ -39,11 +40,11 @@ const BACKENDS: [(&str, Backend); 4] =
     [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
 
 fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let number = |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance, as 10mm, or a strain, as 3%".to_owned());
+    let number = |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance such as 10mm, or a strain such as 3%".to_owned());
     match (text.strip_suffix("mm"), text.strip_suffix('%')) {
         (Some(text), _) => number(text).map(Tolerance::Position),
         (None, Some(text)) => number(text).map(|percent| Tolerance::Strain(percent / 100.0)),
-        (None, None) => Err("give a distance, as 10mm, or a strain, as 3%".to_owned()),
+        (None, None) => Err("give a distance such as 10mm, or a strain such as 3%".to_owned()),
     }
 }
 
@@ -70,17 +71,17 @@ fn show(tuned: &Tuned, tolerance: Tolerance) {
     let (unit, scale) = if matches!(tolerance, Tolerance::Strain(_)) { ("%", 100.0) } else { ("mm", 1.0) };
     if tuned.chaotic {
         say(
-            "No two runs of this motion are alike: where there is cloth and how fast it moves is compared, not which part of it is where.\n",
+            "This motion is chaotic, so no two runs agree: where there is cloth and how fast it moves is compared, not each vertex.\n",
         );
     }
     if !tuned.terms.is_empty() {
-        say("| without | off by (mm) | ms less | |\n|---|---|---|---|");
+        say("| without | error (mm) | ms saved | |\n|---|---|---|---|");
     }
     for term in &tuned.terms {
         let word = if term.dropped { "dropped" } else { "needed" };
         say(&format!("| {} | {:.2} | {:.2} | {word} |", term.name, term.error, term.milliseconds));
     }
-    say(&format!("\n| setting | substeps | levels | off by ({unit}) | in other frames | ms |\n|---|---|---|---|---|---|"));
+    say(&format!("\n| setting | substeps | levels | error ({unit}) | in other frames | ms |\n|---|---|---|---|---|---|"));
     let row = |trial: &Trial| {
         let &Trial { setting, substeps, levels, error, checked, milliseconds, .. } = trial;
         let [error, checked] = [error, checked].map(|error| scale * error);
@@ -92,7 +93,7 @@ fn show(tuned: &Tuned, tolerance: Tolerance) {
         format!(", {:.1} times as fast as the resolved run", resolved.milliseconds / milliseconds)
     });
     say(&format!(
-        "\n{:.2} {unit} off in {milliseconds:.2} ms a frame{times}:\n\n    Options {{ {setting}, ..options }}",
+        "\nError {:.2} {unit} in {milliseconds:.2} ms per frame{times}:\n\n    Options {{ {setting}, ..options }}",
         scale * error
     ));
 }

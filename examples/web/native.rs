@@ -1,11 +1,12 @@
-//! A scene of the page played outside a browser, for the page's test: prints where the cloth is then. `page_native SCENE FRAMES`
+//! Runs a scene of the web page outside a browser, for the page's test, and prints the final positions. Usage:
+//! `page_native SCENE FRAMES`
 
 #[path = "src/preset.rs"]
 mod preset;
 
 use cloth_deformer::{Backend, Deformer, Levels, Options, Quality};
 
-/// A frame (s).
+/// Length of a frame (s).
 const FRAME: f32 = 1.0 / 60.0;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

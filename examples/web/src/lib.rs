@@ -1,4 +1,4 @@
-//! A cloth to take hold of, for a page: what `page/page.js` calls.
+//! The cloth of the web page: the functions that `page/page.js` calls.
 
 mod preset;
 mod twin;
@@ -10,11 +10,12 @@ use wasm_bindgen::prelude::*;
 use preset::Preset;
 use twin::Twin;
 
-/// A frame (s).
+/// Length of a frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
-/// How far (m) from the pointer's ray a vertex may be to be taken hold of.
+/// Largest distance (m) of a vertex from the pointer's ray at which it can be grabbed.
 const REACH: f32 = 0.08;
-/// How fast (m/s) the hand follows the pointer, and how far it stretches an edge before it gives way.
+/// Highest speed (m/s) at which the hand follows the pointer, and the largest length of an edge at the hand, relative to
+/// its rest length.
 const HAND: f32 = 4.0;
 const PULL: f32 = 1.08;
 /// Iterations of the plug-in's relaxation.
@@ -24,10 +25,10 @@ const ITERATIONS: u32 = 8;
 #[wasm_bindgen]
 pub struct Device(Gpu);
 
-/// Asks the browser for a WebGPU device.
+/// Requests a WebGPU device from the browser.
 ///
 /// # Errors
-/// If it has none.
+/// If the browser has none.
 #[wasm_bindgen]
 pub async fn device() -> Result<Device, JsError> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
@@ -44,21 +45,21 @@ pub struct Toy {
     options: Options,
     cloth: Deformer,
     twin: Option<Twin>,
-    /// Whether the state comes late.
+    /// Whether the state arrives late, because it is on the GPU.
     on_gpu: bool,
     time: f32,
     wind: f32,
     gravity: f32,
-    /// Where the pins were at first.
+    /// Initial positions of the pins.
     pins: Vec<Vec3>,
-    /// Where the vertex in the hand is, which is pinned last, and where it is wanted.
+    /// Position of the grabbed vertex, which is the last pin, and the position to move it to.
     held: Option<Vec3>,
     wanted: Vec3,
-    /// The state as it is drawn, and one frame before; velocities as far as they are known.
+    /// The state as drawn, and one frame before; velocities as far as they are known.
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
     normals: Vec<Vec3>,
-    /// Edges with their lengths at rest.
+    /// Edges with their rest lengths.
     edges: Vec<([u32; 2], f32)>,
     substeps: u32,
     levels: u32,
@@ -66,10 +67,10 @@ pub struct Toy {
 
 #[wasm_bindgen]
 impl Toy {
-    /// A scene by name, with about `size` vertices along a side; on the GPU if there is a device.
+    /// Creates a scene by name, with about `size` vertices per side; on the GPU if there is a device.
     ///
     /// # Errors
-    /// If there is no such scene, or the cloth cannot be made.
+    /// If there is no such scene, or the cloth cannot be created.
     #[wasm_bindgen(constructor)]
     pub fn new(scene: &str, size: u32, device: Option<Device>) -> Result<Toy, JsError> {
         let preset =
@@ -107,7 +108,8 @@ impl Toy {
         Ok(toy)
     }
 
-    /// Goes on with a method, by name, substeps in 1/60 s (0: as many as keep the stretch of 99 % of the area below 3 %), and levels or none.
+    /// Selects a method by name, the substeps per 1/60 s (0: as many as keep the stretch of 99 % of the area below 3
+    /// %), and whether to use levels.
     ///
     /// # Errors
     /// If there is no such method.
@@ -130,16 +132,17 @@ impl Toy {
         self.twin.iter_mut().for_each(Twin::begin_anew);
     }
 
-    /// Compares with a resolved run from now on, or no longer. On a GPU, whose state comes late, there is none.
+    /// Starts or stops the comparison with a resolved run. On a GPU, where the state arrives late, there is no
+    /// comparison.
     pub fn compare(&mut self, compare: bool) {
         let attributes = self.preset.attributes(self.time, self.wind, self.gravity);
         self.twin = if compare && !self.on_gpu { Twin::new(&self.mesh, &self.options, &attributes) } else { None };
     }
 
-    /// Takes a frame of 1/60 s.
+    /// Takes a step of 1/60 s.
     ///
     /// # Errors
-    /// If the motion could not be held together. The cloth is then as it was.
+    /// If the motion became unstable. The cloth is then unchanged.
     pub fn step(&mut self) -> Result<(), JsError> {
         self.time += FRAME;
         let mut attributes = self.preset.attributes(self.time, self.wind, self.gravity);
@@ -162,7 +165,7 @@ impl Toy {
         Ok(())
     }
 
-    /// Asks for the state on a GPU; [`Toy::arrived`] has it later.
+    /// Requests the state from a GPU; [`Toy::arrived`] receives it later.
     ///
     /// # Errors
     /// If the GPU was lost.
@@ -170,10 +173,10 @@ impl Toy {
         Ok(self.cloth.request_positions()?)
     }
 
-    /// Whether the state that was asked for has come, `steps` after the one before.
+    /// Whether the requested state has arrived, `steps` steps after the previous one.
     ///
     /// # Errors
-    /// As [`Toy::step`], which on a GPU is known late.
+    /// As [`Toy::step`]; on a GPU errors arrive late.
     pub fn arrived(&mut self, steps: u32) -> Result<bool, JsError> {
         let Some(positions) = self.cloth.requested_positions()? else { return Ok(false) };
         let rate = 1.0 / (FRAME * steps.max(1) as f32);
@@ -183,7 +186,7 @@ impl Toy {
         Ok(true)
     }
 
-    /// Takes hold of the vertex nearest to the eye that a ray passes; how far along the ray it is, or nothing.
+    /// Grabs the vertex nearest to the eye that a ray passes. Returns its distance along the ray, or nothing.
     ///
     /// # Errors
     /// If the GPU was lost.
@@ -202,12 +205,12 @@ impl Toy {
         Ok(Some(along(&x)))
     }
 
-    /// Leads the vertex in the hand to a point (m).
+    /// Moves the grabbed vertex toward a point (m).
     pub fn drag(&mut self, to: &[f32]) {
         self.wanted = Vec3::from_slice(to);
     }
 
-    /// Lets go.
+    /// Releases the grabbed vertex.
     ///
     /// # Errors
     /// If the GPU was lost.
@@ -219,7 +222,7 @@ impl Toy {
         Ok(())
     }
 
-    /// Back to frame 1.
+    /// Returns to the initial state.
     ///
     /// # Errors
     /// If the GPU was lost.
@@ -234,25 +237,25 @@ impl Toy {
         Ok(())
     }
 
-    /// Corners of the triangles.
+    /// Vertex indices of the triangles.
     #[must_use]
     pub fn triangles(&self) -> Vec<u32> {
         self.mesh.triangles.as_flattened().to_vec()
     }
 
-    /// Positions (m), three numbers a vertex.
+    /// Positions (m), three numbers per vertex.
     #[must_use]
     pub fn positions(&self) -> Vec<f32> {
         flat(&self.positions)
     }
 
-    /// Unit normals, three numbers a vertex.
+    /// Unit normals, three numbers per vertex.
     #[must_use]
     pub fn normals(&self) -> Vec<f32> {
         flat(&self.normals)
     }
 
-    /// Spheres and capsules as they are now: for each both ends (m) and the radius (m).
+    /// Spheres and capsules as they are now: both ends (m) and the radius (m) of each.
     #[must_use]
     pub fn bodies(&self) -> Vec<f32> {
         let colliders = self.preset.attributes(self.time, self.wind, self.gravity).colliders;
@@ -265,8 +268,9 @@ impl Toy {
         shown.flatten().collect()
     }
 
-    /// Mean and worst stretch of the edges; kinetic energy (J for a kilogram); substeps and levels of the last frame; how far (m) the cloth was
-    /// off a resolved run's when the two were last compared, below 0 if they were not.
+    /// Mean and largest stretch of the edges; kinetic energy (J for one kilogram); substeps and levels of the last
+    /// frame; distance (m) of the cloth from the resolved run when the two were last compared, negative if they were
+    /// not.
     #[must_use]
     pub fn report(&self) -> Vec<f32> {
         let stretch = |([a, b], rest): &([u32; 2], f32)| {
@@ -281,7 +285,7 @@ impl Toy {
 }
 
 impl Toy {
-    /// Where the hand is next: on its way to where it is wanted, as far as the cloth about it comes along.
+    /// The next position of the hand: on its way to where it is wanted, as far as the surrounding cloth follows.
     fn led(&self, held: Vec3) -> Vec3 {
         let mut led = held + (self.wanted - held).clamp_length_max(HAND * FRAME);
         let Some(&vertex) = self.options.pinned.last() else { return led };
@@ -292,7 +296,7 @@ impl Toy {
         led
     }
 
-    /// Goes on from the state as it is shown with other options.
+    /// Continues from the state as shown, with other options.
     fn rebuild(&mut self) -> Result<(), JsError> {
         let mut cloth = Deformer::new(&self.mesh, self.options.clone())?;
         cloth.set_state(&self.positions, &self.velocities)?;
@@ -303,7 +307,7 @@ impl Toy {
         Ok(())
     }
 
-    /// Goes on with the pins that the options have now. Where the state comes late it is taken as it is shown.
+    /// Continues with the current pins of the options. If the state arrives late, this uses the state as shown.
     fn repin(&mut self) -> Result<(), JsError> {
         if self.on_gpu {
             return self.rebuild();
@@ -313,7 +317,7 @@ impl Toy {
         Ok(())
     }
 
-    /// Normals of the state that is shown.
+    /// Computes the normals of the state as shown.
     fn shade(&mut self) {
         self.normals.fill(Vec3::ZERO);
         for triangle in &self.mesh.triangles {

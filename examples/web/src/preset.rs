@@ -3,11 +3,12 @@
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Collider, Fabric, Mesh};
 
-/// Half the length (m) of the cape's wearer's swing, and times (1/s) of that and of the ball that goes through the curtain.
+/// Amplitude (m) of the cape wearer's swing, and angular frequencies (1/s) of that swing and of the ball that passes through
+/// the curtain.
 const SWING: f32 = 0.35;
 const RATES: [f32; 2] = [2.2, 1.3];
 
-/// A cloth and what it meets.
+/// A cloth and its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Preset {
     Towel,
@@ -22,7 +23,7 @@ impl Preset {
         known.into_iter().find(|(known, _)| *known == name).map(|(_, preset)| preset)
     }
 
-    /// The mesh with about `size` vertices along a side, at rest, and the pinned vertices.
+    /// The mesh at rest with about `size` vertices per side, and the pinned vertices.
     pub(crate) fn mesh(self, size: u32) -> (Mesh, Vec<u32>) {
         let (columns, rows, width, height) = match self {
             Preset::Towel => (size, size, 1.0, 1.0),
@@ -34,7 +35,7 @@ impl Preset {
         let place = |x: Vec3| match self {
             Preset::Towel => Vec3::new(x.x, 0.8, x.z),
             Preset::Flag => Vec3::new(x.x, 1.1 - x.z, 0.0),
-            // Laid about the shoulders.
+            // Laid around the shoulders.
             Preset::Cape => {
                 let angle = x.x / 0.24;
                 Vec3::new(
@@ -62,7 +63,7 @@ impl Preset {
         }
     }
 
-    /// How fast the wind blows (m/s) before anybody touches it.
+    /// The wind speed (m/s) at the start.
     pub(crate) fn wind(self) -> f32 {
         match self {
             Preset::Towel | Preset::Curtain => 0.0,
@@ -71,7 +72,7 @@ impl Preset {
         }
     }
 
-    /// How far (m) what leads the pins is from where it was at first, after `time` (s).
+    /// Displacement (m) of the pins from their initial positions at `time` (s).
     pub(crate) fn lead(self, time: f32) -> Vec3 {
         match self {
             Preset::Cape => Vec3::X * SWING * (1.0 - (-time).exp()) * (RATES[0] * time).sin(),
@@ -79,7 +80,7 @@ impl Preset {
         }
     }
 
-    /// What acts on the cloth after `time` (s), pins aside, in a wind (m/s) and gravity (m/s²).
+    /// The attributes at `time` (s), without the pins, for a wind (m/s) and gravity (m/s²).
     pub(crate) fn attributes(self, time: f32, wind: f32, gravity: f32) -> Attributes {
         let gust = 1.0 + 0.25 * (2.1 * time).sin() + 0.15 * (5.3 * time).sin();
         let way = match self {

@@ -1,13 +1,13 @@
-//! A resolved run beside the one that is seen: how far that is off after half a second.
+//! A resolved run beside the visible one, which measures its error after half a second.
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Levels, Mesh, Method, Options, Quality};
 
 use crate::FRAME;
 
-/// Frames after which the two are compared, and begin together again: later most motions are chaotic.
+/// Frames after which the two are compared and restarted from the same state; later most motions are chaotic.
 const FRAMES: u32 = 30;
-/// Substeps of the resolved run, at most: a page has a 1/60 s for everything.
+/// Most substeps of the resolved run, because a page has only 1/60 s for everything.
 const MOST: f32 = 200.0;
 
 /// The resolved run.
@@ -19,7 +19,7 @@ pub(crate) struct Twin {
 }
 
 impl Twin {
-    /// None if the cloth cannot be made, which the one that is seen has said then.
+    /// `None` if the cloth cannot be created, which the visible one has then reported.
     pub(crate) fn new(mesh: &Mesh, options: &Options, attributes: &Attributes) -> Option<Twin> {
         let options =
             Options { backend: Backend::Cpu, gpu: None, method: Method::SmallSteps, levels: Levels::Off, ..options.clone() };
@@ -30,21 +30,21 @@ impl Twin {
     }
 
     pub(crate) fn set_pinned(&mut self, pinned: &[u32]) {
-        // What the one that is seen takes this one takes as well.
+        // The resolved run accepts everything that the visible one accepts.
         let _ = self.cloth.set_pinned(pinned.to_vec());
         self.begin_anew();
     }
 
-    /// Compares nothing until the two have begun together once more.
+    /// Compares nothing until both have started from the same state again.
     pub(crate) fn begin_anew(&mut self) {
         (self.frames, self.error) = (FRAMES, None);
     }
 
-    /// After a frame in which the one that is seen went from one state to another, in substeps of `h` (s).
+    /// Follows a frame in which the visible run went from one state to another, in substeps of `h` (s).
     pub(crate) fn step(&mut self, attributes: &Attributes, before: (&[Vec3], &[Vec3]), after: &[Vec3], h: f32) {
         if self.frames == FRAMES {
             self.frames = 0;
-            // The velocities are those of half a substep ago.
+            // Velocities are those of half a substep ago.
             let velocities: Vec<Vec3> = before.1.iter().map(|v| *v + 0.5 * h * attributes.gravity).collect();
             if self.cloth.set_state(before.0, &velocities).is_err() {
                 return self.begin_anew();
