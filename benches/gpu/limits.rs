@@ -42,7 +42,7 @@ impl Limits {
         let edge = bench.rounds(full)? / f64::from(full * EDGES);
         let limits = Limits { dispatch, round, edge, byte: bench.byte()? };
         println!("\n| limit | measured |\n|---|---|");
-        println!("| a dispatch that gathers what the one before wrote | {:.2} us |", dispatch * 1e6);
+        println!("| a dispatch that reads what the previous one wrote | {:.2} us |", dispatch * 1e6);
         println!("| a color in workgroup memory, of {EDGES} edges | {:.3} us |", round * 1e6);
         println!("| edges in workgroup memory, {full} workgroups at once | {:.1} G/s |", 1e-9 / edge);
         println!("| copy of {} MiB, read and write | {:.0} GB/s |", COPIED >> 20, 1e-9 / limits.byte);

@@ -180,17 +180,15 @@ impl Bench<'_> {
     /// HANG at 20 substeps, and at the least number that makes the motion right.
     fn sheets(&mut self, sizes: &[u32]) -> Result<(), Failure> {
         println!(
-            "\nHANG, ms a frame (medians, nothing read back): at 20 substeps, and at the least whose motion is right: mean strain"
+            "\nHANG, ms per frame (medians, nothing read back), at 20 substeps and at the fewest with the right motion: mean strain"
         );
         println!(
-            "of the samples every 20 frames over 2 s at most 1 %, center of mass down by .372 m within 2 % at frame 20, no energy"
+            "at most 1 %, sampled every 20 frames over 2 s; center of mass down by 0.372 m within 2 % at frame 20; no energy gained."
         );
         println!(
-            "gained. Queued: frames submitted behind one another; device: the same by the GPU's clock. Limit: what the device"
+            "Queued: frames submitted without waiting; device: the same by the GPU's clock. Limit: the time of the step's dispatches,"
         );
-        println!(
-            "could do the step's dispatches, colors or edges, and bytes in, by the limits above; over: device's time over it.\n"
-        );
+        println!("colors or edges, and bytes at the limits above; over: the device's time divided by the limit.\n");
         println!(
             "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | limit: dispatches + colors + bytes | over | Newton 1.8 (H200, measured elsewhere) |"
         );
@@ -272,7 +270,7 @@ impl Bench<'_> {
 
     /// The cost of each term of a scene, at 20 substeps.
     fn terms(&mut self, sizes: &[u32]) -> Result<(), Failure> {
-        println!("\nHANG with more in it, S = 20: ms a frame\n\n| N | scene | {} |", names(&self.backends));
+        println!("\nHANG with more forces, S = 20: ms per frame\n\n| N | scene | {} |", names(&self.backends));
         println!("|---|---|{}", "---|".repeat(self.backends.len()));
         for &n in sizes {
             for (name, fabric, attributes) in terms() {
