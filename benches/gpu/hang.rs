@@ -37,7 +37,7 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Plays HANG from its start.
+    /// Runs HANG from its start.
     fn of(cloth: &mut Deformer, n: u32) -> Result<Run, Failure> {
         let masses = scene::grid_masses(n, 0.2);
         let total: f64 = masses.iter().map(|&mass| f64::from(mass)).sum();
@@ -65,7 +65,7 @@ impl Run {
         self.wrongs().next().is_none()
     }
 
-    /// What is wrong with it, in a word or two.
+    /// What is wrong with the motion, in a word or two.
     pub(crate) fn verdict(&self) -> String {
         if self.is_right() { "right".to_owned() } else { self.wrongs().collect::<Vec<_>>().join(", ") }
     }

@@ -2,7 +2,7 @@
 //! them. Writes tables in Markdown and a CSV file, to be kept beside the charts made from them (`benches/results`).
 //!
 //! ```text
-//! cargo bench --bench gpu                                  # everything, some minutes on a real GPU
+//! cargo bench --bench gpu                                  # everything, some minutes on a hardware GPU
 //! cargo bench --bench gpu -- --quick                       # small sheets, a minute
 //! cargo bench --bench gpu -- --crowd --unchecked           # many cloths at once alone
 //! cargo bench --bench gpu -- --sizes 64,256 --csv gpu.csv --date 2026-11-21 --commit 1234567
@@ -47,16 +47,16 @@ type Failure = Box<dyn std::error::Error>;
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Fewer checks, small sheets
+    /// Fewer checks and small sheets
     #[arg(long)]
     quick: bool,
-    /// Vertices along a side of the sheets [default: 32,64,128,256,512,1024,2048; 32,64,128 with --quick]
+    /// Vertices per side of the sheets [default: 32,64,128,256,512,1024,2048; 32,64,128 with --quick]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = value_parser!(u32).range(3..=2048))]
     sizes: Vec<u32>,
-    /// A mesh to check the backends on, as well as the grid
+    /// A mesh on which the backends are checked in addition to the grid
     #[arg(long, value_name = "MESH.obj")]
     mesh: Option<PathBuf>,
-    /// No checks: times alone
+    /// Skip the checks and only measure times
     #[arg(long)]
     unchecked: bool,
     /// The crowd alone
@@ -65,16 +65,16 @@ struct Arguments {
     /// Longest run of two seconds of motion that is worth it to find the substeps (s)
     #[arg(long, value_name = "S", default_value = "6")]
     patience: f64,
-    /// The figures for a chart
+    /// Write the numbers for a chart to this file
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// To note above the table
+    /// Date to print above the table
     #[arg(long, default_value = "undated")]
     date: String,
-    /// To note above the table
+    /// Commit to print above the table
     #[arg(long, default_value = "unknown")]
     commit: String,
-    /// What cargo says to every bench
+    /// Passed by cargo to every bench
     #[arg(long, hide = true)]
     bench: bool,
 }
@@ -214,7 +214,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// A line of the table.
+    /// Prints a row of the table.
     fn sheet(&mut self, n: u32, trial: &mut Trial, judge: Backend) -> Result<(), Failure> {
         let Trial { substeps, run, cloth } = trial;
         let run = *run;

@@ -22,7 +22,7 @@ const LONG: f64 = 20.0;
 pub(crate) struct Times {
     /// From the call to the end of the work, waiting for each frame; nothing is read back.
     pub(crate) frame: f64,
-    /// The same with frames queued behind one another, as a renderer would.
+    /// With frames queued without waiting, as a renderer does.
     pub(crate) queued: f64,
     /// Queued, by the device's timestamps.
     pub(crate) device: Option<f64>,
@@ -85,7 +85,7 @@ fn wait(cloths: &[Deformer]) -> Result<(), Failure> {
     Ok(cloths.last().map_or(Ok(()), Deformer::wait)?)
 }
 
-/// Milliseconds.
+/// The median (ms).
 fn median(mut once: impl FnMut() -> Result<Duration, Failure>) -> Result<f64, Failure> {
     let begin = Instant::now();
     let mut times = Vec::new();

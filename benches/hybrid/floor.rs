@@ -38,7 +38,7 @@ impl Way {
     }
 }
 
-/// Median time (s) of an exchange of `bytes` each way.
+/// Median time (s) of an exchange of `bytes` in each direction.
 pub(crate) fn floor(gpu: &Gpu, way: Way, bytes: u64) -> f64 {
     if way == Way::HalfCopied && !gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS) {
         return f64::INFINITY;

@@ -23,28 +23,28 @@ use crate::scene::{FRAME, SUBSTEPS, Scene};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Times the hybrid beside its floor, and at fewer exchanges.
+/// Compares the hybrid with the sum of its parts, and measures less frequent exchanges.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Small sheets
+    /// Small sheets only
     #[arg(long)]
     quick: bool,
-    /// Vertices along a side of the sheets [default: 64,128,256,512,1024; 32,64 with --quick]
+    /// Vertices per side of the sheets [default: 64,128,256,512,1024; 32,64 with --quick]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = value_parser!(u32).range(3..=2048))]
     sizes: Vec<u32>,
-    /// Also where the device should read and write
+    /// Also compare where the device reads and writes
     #[arg(long)]
     places: bool,
-    /// The figures for a chart
+    /// Write the numbers for a chart to this file
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// To note beside the figures
+    /// Date to record
     #[arg(long, default_value = "undated")]
     date: String,
-    /// To note beside the figures
+    /// Commit to record
     #[arg(long, default_value = "unknown")]
     commit: String,
-    /// What cargo says to every bench
+    /// Passed by cargo to every bench
     #[arg(long, hide = true)]
     bench: bool,
 }
@@ -85,7 +85,7 @@ fn request() -> Option<Gpu> {
     Some(Gpu::new(device, queue, adapter.get_info().name))
 }
 
-/// A line of the file; what was not measured is left out.
+/// A line of the CSV file; what was not measured stays empty.
 #[derive(Debug, Default)]
 struct Row {
     scene: &'static str,

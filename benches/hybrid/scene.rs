@@ -17,7 +17,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Gravity alone; bending, damped or not; wind; a towel as a flag.
+    /// Gravity only; with bending; with wind; a towel in wind.
     pub(crate) fn all(n: u32) -> Vec<Scene> {
         let bare = Fabric { density: 0.2, stretch: 5000.0, bending: 0.0, damping: 0.0 };
         let stiff = Fabric { bending: 1e-4, ..bare };
@@ -36,7 +36,7 @@ impl Scene {
         self.options.fabric.bending > 0.0 || self.attributes.air_density > 0.0
     }
 
-    /// The same without them, with this many levels.
+    /// The same scene without those forces and with this many levels.
     pub(crate) fn bare(&self, levels: u32) -> Scene {
         let fabric = Fabric { bending: 0.0, damping: 0.0, ..self.options.fabric };
         Scene {

@@ -19,22 +19,22 @@ use crate::scenes::{FRAME, Scene, scenes};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Plays each scene with a promise about strain and with even substeps, in turn.
+/// Runs each scene with a bound on strain and with constant substeps, in turn.
 #[derive(Debug, Parser)]
 struct Arguments {
-    /// Stretch that 99 % of the area is not to exceed
+    /// Bound on the stretch of 99 % of the area
     #[arg(long, default_value_t = 0.03)]
     strain: f32,
-    /// Scenes whose names have this in them
+    /// Only scenes whose names contain this
     #[arg(long, default_value = "")]
     only: String,
-    /// On the GPU
+    /// Run on the GPU
     #[arg(long)]
     gpu: bool,
     /// Without coarse levels
     #[arg(long)]
     no_levels: bool,
-    /// What cargo tells every benchmark
+    /// Passed by cargo to every bench
     #[arg(long, hide = true)]
     bench: bool,
 }

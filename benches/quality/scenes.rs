@@ -92,7 +92,7 @@ fn flag() -> Scene {
     Scene { name: "flag", mesh, options: options(Fabric::COTTON, pinned), frames: 180, script: Box::new(script) }
 }
 
-/// Jerked up by a meter at 5 m/s after a second.
+/// Jerked up by one meter at 5 m/s after one second.
 fn jerk(fabric: Fabric) -> Scene {
     let mesh = Mesh::grid(48, 48, 1.0, 1.0);
     let start = mesh.positions[..48].to_vec();
@@ -119,7 +119,7 @@ fn skirt(mesh: Mesh) -> Scene {
     Scene { name: "skirt4K", mesh, options: options(Fabric::COTTON, pinned), frames: 180, script: Box::new(script) }
 }
 
-/// The two vertices farthest toward +z and -x, and toward +z and +x.
+/// The vertices farthest toward +z and -x, and toward +z and +x.
 fn corners(mesh: &Mesh) -> Vec<u32> {
     let toward = |along: f32| {
         let reach = |vertex: &u32| mesh.positions[*vertex as usize].z + along * mesh.positions[*vertex as usize].x;

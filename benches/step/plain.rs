@@ -102,7 +102,7 @@ impl Plain {
         self.last = self.h;
     }
 
-    /// Mean over the edges of `max(0, l/l0 - 1)`.
+    /// Mean of `max(0, l/l0 - 1)` over the edges.
     pub(crate) fn strain(&self) -> f32 {
         let strain = |edge: &Edge| ((self.x[edge.a] - self.x[edge.b]).truncate().length() * edge.inverse_rest - 1.0).max(0.0);
         self.edges.iter().map(strain).sum::<f32>() / self.edges.len() as f32

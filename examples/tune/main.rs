@@ -40,7 +40,8 @@ const BACKENDS: [(&str, Backend); 4] =
     [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
 
 fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let number = |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance such as 10mm, or a strain such as 3%".to_owned());
+    let number =
+        |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance such as 10mm, or a strain such as 3%".to_owned());
     match (text.strip_suffix("mm"), text.strip_suffix('%')) {
         (Some(text), _) => number(text).map(Tolerance::Position),
         (None, Some(text)) => number(text).map(|percent| Tolerance::Strain(percent / 100.0)),
