@@ -84,7 +84,7 @@ fn a_bent_sheet_is_within_a_millimeter() {
     println!("{far} m");
     // l²/8R is .86 mm for edges of 37 mm.
     assert!(far < 1e-3, "{far}");
-    // Without the heights it would be 4 mm.
+    // Without the heights the error would be 4 mm.
     let flat = Mesh { positions: drawn.positions.iter().map(|x| x.with_y(0.0)).collect(), ..drawn.clone() };
     let flat = applied(&Binding::new(&flat, &cloth).unwrap(), &rolled, &flat);
     let far = drawn.positions.iter().zip(&flat).filter(|(x, _)| inner(x)).map(|(x, y)| y.distance(roll(x))).fold(0.0, f32::max);

@@ -104,7 +104,7 @@ fn a_change_to_the_same_changes_nothing(backend: Backend) {
     play(&mut changed, 3, &scene(2));
     changed.set_fabric(options.fabric).unwrap();
     play(&mut changed, 1, &scene(2));
-    // There and back, through other masses and another order of the edges.
+    // There and back, by way of other masses and another order of the edges.
     changed.set_mass(Some(vec![0.01; 169])).unwrap();
     changed.set_mass(None).unwrap();
     play(&mut changed, 1, &scene(2));

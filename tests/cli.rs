@@ -45,7 +45,7 @@ fn crooked(directory: &TempDir) -> Mesh {
     mesh
 }
 
-/// The picture's width, height and pixels.
+/// Width, height and pixels of the picture.
 fn read_png(path: &Path) -> (u32, u32, Vec<u8>) {
     let mut reader = png::Decoder::new(BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -263,7 +263,7 @@ fn held(arguments: &[&str]) -> Vec<usize> {
 #[test]
 fn pins_hold_what_they_name() {
     assert_eq!(held(&["--pin", "none"]), [0_usize; 0]);
-    // The towel lies flat, row by row from the lowest z.
+    // The towel is horizontal, with rows from the lowest z on.
     assert_eq!(held(&["--pin", "top"]), (0..64).collect::<Vec<_>>());
     assert_eq!(held(&["--pin", "corners"]), [0, 63, 64 * 63, 64 * 64 - 1]);
     assert_eq!(held(&["--pin", "5,0"]), [0, 5]);

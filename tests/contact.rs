@@ -36,7 +36,7 @@ fn incline(backend: Backend, degrees: f32, substeps: u32) -> (Deformer, Attribut
     (Deformer::new(&mesh, options).unwrap(), Attributes { colliders, ..Attributes::default() }, turn * Vec3::X)
 }
 
-/// Friction .3 holds up to 16.699 degrees.
+/// Friction 0.3 holds up to 16.699 degrees.
 fn sticks_below_the_angle_of_friction(backend: Backend) {
     for substeps in [20, 160] {
         let (mut deformer, attributes, _) = incline(backend, 16.5, substeps);
@@ -75,7 +75,7 @@ fn sphere_drop(backend: Backend, n: u32, substeps: u32) -> (Deformer, Attributes
     (Deformer::new(&mesh, options).unwrap(), Attributes { colliders, ..Attributes::default() })
 }
 
-/// `penetration` is the deepest vertex.
+/// No vertex is inside a sphere: `penetration` is the depth of the deepest one.
 fn no_vertex_inside_a_sphere(backend: Backend) {
     let (mut deformer, attributes) = sphere_drop(backend, 17, 20);
     for _ in 0..60 {
@@ -286,7 +286,7 @@ fn a_moving_floor_carries_the_cloth(backend: Backend) {
     let mesh = Mesh::grid(4, 4, 0.3, 0.3);
     let mut deformer = Deformer::new(&mesh, options).unwrap();
     for frame in 0..60 {
-        // Accelerates at 1 m/s², well below friction's 2.9, and rises slowly.
+        // It accelerates at 1 m/s², well below friction's limit of 2.9, and rises slowly.
         let t = (frame as f32) * FRAME;
         let at = Vec3::new(0.5 * t * t, 0.2 * t, 0.0);
         let colliders = vec![Collider::plane(at, Vec3::Y)];

@@ -12,7 +12,7 @@ use common::FRAME;
 use common::crossings::{closest, crossings, crossings_with};
 use common::shapes::{ball, bent, capsule, jittered, sheets};
 
-/// A scene from one of its starts.
+/// A scene with one of its starts.
 struct Start {
     mesh: Mesh,
     options: Options,

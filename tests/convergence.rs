@@ -66,7 +66,7 @@ fn resolution_figures() {
     }
 }
 
-// Gates: the error at 0.5 s.
+// Bounds on the error at 0.5 s.
 
 fn gate(n: u32, substeps: u32, backend: Backend, steps: u32, bound: f64) {
     let (mesh, options) = hang(n, substeps, backend);

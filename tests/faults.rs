@@ -334,7 +334,7 @@ fn a_tangle_that_stays_is_one_of_an_exactly_plane_scene() {
         let mut deformer = Deformer::new(&mesh, options).unwrap();
         let start: Vec<Vec3> = mesh.positions[..n as usize].to_vec();
         for frame in 0..300 {
-            // To and fro at 10 m/s for half a second.
+            // Back and forth at 10 m/s for half a second.
             let time = (frame as f32 * FRAME).min(0.5);
             let away = 10.0 * (0.1 - (time % 0.2 - 0.1).abs());
             let targets = start.iter().map(|x| *x + away * Vec3::X).collect();

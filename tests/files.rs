@@ -70,7 +70,7 @@ fn a_pipe_is_read_to_its_end() {
     assert_eq!(read, mesh);
 }
 
-/// Names in a folder, sorted.
+/// Sorted names in a folder.
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<_> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();

@@ -10,7 +10,7 @@ use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Me
 
 use common::{FRAME, meshes};
 
-/// Frames of a minute, and of its first third.
+/// Frames in a minute, and in its first third.
 const FRAMES: usize = 3600;
 const EARLY: usize = 1200;
 

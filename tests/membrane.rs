@@ -154,7 +154,7 @@ fn extension_does_not_depend_on_the_step() {
     assert!(plain > 0.02, "plain XPBD: {plain}");
 }
 
-// Under-resolved: the worst strain is T h² (w_i + w_j)/l.
+// Unresolved stiffness: the worst strain is T h² (w_i + w_j)/l.
 
 #[test]
 fn under_resolved_sheet() {
@@ -191,7 +191,7 @@ fn under_resolved_chain_with_a_weight_at_its_end() {
     }
 }
 
-// Vibrations, small and free.
+// Small free vibrations.
 
 const N: u32 = 17;
 const STILL: Vec3 = Vec3::ZERO;
@@ -206,7 +206,7 @@ fn half_wave(x: f32) -> f32 {
     (std::f32::consts::PI * x).sin()
 }
 
-/// The points, moved up by 0.2 mm times `f`.
+/// The points, displaced upward by 0.2 mm times `f`.
 fn raised(x: &[Vec3], f: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
     x.iter().map(|&x| x + Vec3::Y * (2e-4 * f(x))).collect()
 }

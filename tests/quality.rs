@@ -75,7 +75,7 @@ fn a_promise_is_kept_for_few_substeps() {
     }
 }
 
-/// The stretch reported is the measured one, of the same step or, on the GPU, of three steps before.
+/// The reported stretch is the measured one, of the same step or, on the GPU, of three steps before.
 fn reports_are_of_the_motion(backend: Backend) {
     let late = if backend == Backend::Gpu { 3 } else { 0 };
     let (_, mesh, options, script) = scenes(backend).swap_remove(1);

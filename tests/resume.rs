@@ -1,5 +1,5 @@
-//! Frames that people can use, from outside: a run that was killed goes on as if it had not been, frames are what the file was, in every
-//! format, and none of another run's is taken for one.
+//! Output files of the main program: a killed run continues as if it had not been killed, frames keep the input file's
+//! content in every format, and frames of different runs are not mixed.
 
 #[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use cloth_deformer::{Mesh, PointCacheReader};
 use tempfile::TempDir;
 
-/// In a directory; on the CPU.
+/// The program in a directory, on the CPU.
 fn drape(directory: &TempDir, arguments: &str) -> Command {
     let mut command = Command::new(program::path());
     command.current_dir(directory).args(arguments.split_whitespace()).args(["--backend", "cpu"]);
@@ -44,7 +44,7 @@ fn frame(number: u32) -> String {
     format!("frames/frame_{number:04}.obj")
 }
 
-/// A run that takes long enough to be killed in its middle.
+/// A run that takes long enough to be killed in the middle.
 const RUN: &str = "--frames 40 --wind 3,0,1 --fabric denim --pin 0,63 --self-contact --strain 0.01 --save run.save --every 3 --pc2 run.pc2 --preview run.png";
 
 #[test]
@@ -60,7 +60,7 @@ fn a_killed_run_goes_on_as_if_it_had_not_been() {
             assert!(start.elapsed() < Duration::from_secs(120), "no frame {until} after two minutes");
             sleep(Duration::from_millis(1));
         }
-        // Not a request to end: the process is gone at once.
+        // The process ends immediately, without a chance to clean up.
         child.kill().unwrap();
         times += u32::from(!child.wait().unwrap().success());
     }
@@ -98,7 +98,7 @@ fn only_the_same_run_is_resumed() {
     assert!(directory.path().join(frame(6)).exists());
 }
 
-/// Two quads with everything, on a slope.
+/// Two quads on a slope, with everything that an OBJ can contain.
 const QUADS: &str = "mtllib a.mtl\no cloth\nv 0 1 0\nv 1 1 0\nv 1 1.1 1\nv 0 1.1 1\nv 2 1 0\nv 2 1.1 1\nvt 0 0\nvt 1 1\ng left\nusemtl red\ns 1\nf 1/1 4/2 3/1 2/2\ng right\nusemtl blue\ns off\nf 2/1 3/2 6/1 5/2\n";
 
 #[test]

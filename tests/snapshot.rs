@@ -1,5 +1,5 @@
-//! A run goes on from a snapshot bit for bit, in the same cloth and in a fresh one, on every backend; and bytes that are no snapshot of
-//! this cloth are refused.
+//! A run continues from a snapshot bit for bit, in the same cloth and in a fresh one, on every backend; bytes that are
+//! not a snapshot of this cloth are rejected.
 
 #[macro_use]
 mod common;
@@ -19,7 +19,7 @@ on_every_backend!(
     a_snapshot_of_rest_is_a_reset
 );
 
-/// A cloth and what acts on it, frame by frame.
+/// A cloth and what acts on it in each frame.
 struct Scene {
     mesh: Mesh,
     options: Options,
@@ -31,7 +31,7 @@ impl Scene {
         Deformer::new(&self.mesh, self.options.clone()).unwrap()
     }
 
-    /// Positions and velocities, as bits, and the report of each of some frames.
+    /// The bits of positions and velocities, and the report, of each of some frames.
     fn play(&self, cloth: &mut Deformer, frames: std::ops::Range<u32>) -> Vec<(StepReport, Vec<u32>)> {
         let step = |frame| {
             let report = cloth.step(dt(frame), &(self.attributes)(frame)).unwrap();
@@ -40,7 +40,7 @@ impl Scene {
         frames.map(step).collect()
     }
 
-    /// Takes a snapshot in several frames, and asserts that what follows is the same in the same cloth and in a fresh one.
+    /// Takes a snapshot in several frames, and asserts that the same steps follow in the same cloth and in a fresh one.
     fn goes_on(&self, at: &[u32], frames: u32) {
         let mut cloth = self.cloth();
         let (mut done, mut taken) = (Vec::new(), Vec::new());
@@ -78,7 +78,8 @@ fn bits(cloth: &mut Deformer) -> Vec<u32> {
     bits
 }
 
-/// A sheet by two corners that are led, in a wind that turns, over two colliders that move, one of them known by its id; the list changes.
+/// A sheet with two moving corners, in a wind that turns, over two moving colliders, one of them with an id; the list
+/// changes.
 fn moving(frame: u32) -> Attributes {
     let t = FRAME * frame as f32;
     let ball = Collider::sphere(Vec3::new(0.3 * (9.0 * t).sin(), -0.25, 0.1), 0.18).with_id(7);
@@ -99,7 +100,7 @@ fn moving(frame: u32) -> Attributes {
     }
 }
 
-/// Levels, bending in passes, tethers, wind, colliders, pins, a promise about strain; and contact where there is any.
+/// Levels, bending in passes, tethers, wind, colliders, pins, a bound on strain; and contact where available.
 fn everything(backend: Backend) -> Scene {
     let contact = (backend != Backend::Gpu).then(|| Contact { thickness: 0.01, ..Contact::default() });
     let fabric = Fabric { bending: 1e-3, damping: 0.05, ..Fabric::TOWEL };
@@ -145,7 +146,7 @@ fn a_snapshot_of_rest_is_a_reset(backend: Backend) {
     assert!(scene.play(&mut cloth, 0..4) == first);
 }
 
-/// What contact knows of pairs holds them apart in the next substep: a heap goes on as it was.
+/// What contact knows of pairs determines how it holds them in the next substep: a heap continues as it was.
 #[test]
 fn a_folded_cloth_in_contact_goes_on() {
     let mut mesh = Mesh::grid(25, 25, 0.6, 0.6);
@@ -160,7 +161,7 @@ fn a_folded_cloth_in_contact_goes_on() {
     scene.goes_on(&[21, 24], 28);
 }
 
-/// Bodies that are meshes are a part of the past as well: where they were left, and what they hold.
+/// Mesh colliders are part of the state as well: their last positions, and what they hold.
 #[test]
 fn a_cloth_on_a_mesh_goes_on() {
     let mut mesh = Mesh::grid(13, 13, 0.5, 0.5);
@@ -177,7 +178,7 @@ fn a_cloth_on_a_mesh_goes_on() {
     scene.goes_on(&[9, 12], 16);
 }
 
-/// How fast a cloth was thrown is a part of its past: by what it would be otherwise explained by, such a speed is none.
+/// The speed that a cloth was given is part of its state; otherwise the stability check could not explain such a speed.
 #[test]
 fn a_thrown_cloth_flies_on() {
     let fabric = Fabric { stretch: 1e-3, ..Fabric::default() };
@@ -191,7 +192,7 @@ fn a_thrown_cloth_flies_on() {
     assert!(scene.play(&mut fresh, 0..3) == scene.play(&mut cloth, 0..3));
 }
 
-/// A small snapshot in the middle of a motion, and the cloth that it is of.
+/// A small snapshot in the middle of a motion, and its cloth.
 fn small() -> (Scene, Deformer, Snapshot) {
     let contact = Some(Contact::default());
     let options = Options { backend: Backend::Cpu, contact, pinned: vec![0, 4], ..Options::default() };
@@ -222,14 +223,14 @@ fn altered_and_cut_bytes_are_refused() {
     assert!(Snapshot::from_bytes(b"v 0 0 0\n").unwrap_err().to_string().contains("not a snapshot"));
 }
 
-/// FNV-1a, to make bytes that pass for whole.
+/// FNV-1a, to make altered bytes with a valid hash.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3));
     bytes.extend(hash.to_le_bytes());
     bytes
 }
 
-/// Whoever makes up the hash as well gets a state that is none, or an error, and no panic.
+/// Altered bytes with a valid hash give some state or an error, but no panic.
 #[test]
 fn content_by_chance_breaks_nothing() {
     let (scene, mut cloth, snapshot) = small();
@@ -252,7 +253,7 @@ fn content_by_chance_breaks_nothing() {
             continue;
         };
         if cloth.restore(&read).is_ok() {
-            // Such a motion may be wild; it is told of, or finite.
+            // Such a motion may be violent; it is reported as unstable or stays finite.
             let stepped = cloth.step(FRAME, &moving(3));
             assert!(stepped.is_err() || cloth.positions().is_ok_and(|x| x.iter().all(|x| x.is_finite())));
         } else {
@@ -293,7 +294,7 @@ fn a_snapshot_of_another_cloth_is_refused() {
     other("backend", |scene| scene.options.backend = Backend::Hybrid);
 }
 
-/// Other lanes round otherwise: what they are is told, and refused.
+/// Another SIMD width rounds differently: it is detected and rejected.
 #[test]
 fn other_lanes_are_refused() {
     let scene = everything(Backend::Cpu);

@@ -11,7 +11,7 @@ use common::{FRAME, hang, meshes, play, rms};
 const RHO: f32 = 0.2;
 const G: f64 = 9.81;
 
-/// Worst strain of each frame, and positions after some of them.
+/// The worst strain of each frame, and the positions after one of them.
 fn fallen(mesh: &Mesh, options: &Options, frames: u32, shown: u32) -> (Vec<f32>, Vec<Vec3>) {
     let mut deformer = Deformer::new(mesh, options.clone()).unwrap();
     let mut at = Vec::new();

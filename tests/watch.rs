@@ -163,7 +163,7 @@ fn wild() -> Vec<Scene> {
         ("a pin that jumps by 20 m, a substep a frame", sheet(), lone(1), Box::new(led(20.0))),
         ("inextensible", sheet(), Options { fabric: stiff(f32::INFINITY), ..lone(20) }, Box::new(still)),
         ("stiff, many substeps", sheet(), Options { fabric: stiff(1e8), ..lone(400) }, Box::new(still)),
-        // Its own weight stretches it a hundred times.
+        // Its own weight stretches it to a hundred times its length.
         ("soft as a cobweb", sheet(), Options { fabric: stiff(0.02), ..hung(10) }, Box::new(still)),
         (
             "soft, one cell",
