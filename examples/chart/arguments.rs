@@ -23,9 +23,9 @@ pub(crate) const BACKENDS: [(&str, Backend); 3] = [("cpu", Backend::Cpu), ("hybr
 #[command(
     name = "chart",
     after_help = "\
-Writes chart_SCENE.svg and .csv, and strain.svg and .csv without a mesh. Prints the cheapest setting for each decade of
-error, to paste after `cargo run --release --example drape -- MESH.obj`. Bending and air are left out: they cost the same
-in every method. Exit codes: 0 done, 2 bad input, 4 no such GPU. Files are written whole or not at all."
+Writes chart_SCENE.svg and .csv, and without a mesh also strain.svg and .csv. Prints the cheapest setting for each decade of
+error, to append to `cargo run --release --example drape -- MESH.obj`. Bending and air are left out, because they cost the same
+with every method. Exit codes: 0 done, 2 bad input, 4 GPU not available or failed. Files are written completely or not at all."
 )]
 pub(crate) struct Arguments {
     /// Your cloth; without it, square sheets of 1 m

@@ -1,4 +1,4 @@
-//! The command line: what can be said, and what each word means.
+//! The command line.
 
 use std::{ops::RangeInclusive, path::PathBuf};
 
@@ -24,7 +24,7 @@ pub(crate) const METHODS: [(&str, Method); 3] =
 /// Names of the levels.
 pub(crate) const LEVELS: [(&str, Levels); 2] = [("auto", Levels::Auto), ("off", Levels::Off)];
 
-/// What frames are written as.
+/// The file formats of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Format {
     Obj,
@@ -37,115 +37,119 @@ pub(crate) enum Format {
 pub(crate) const FORMATS: [(&str, Format); 4] =
     [("obj", Format::Obj), ("pc2", Format::Pc2), ("mdd", Format::Mdd), ("usda", Format::Usda)];
 
-/// Drapes cloth over what there is, and writes every frame as an OBJ file.
+/// Simulates cloth that falls, hangs or moves in a scene, and writes every frame as an OBJ file.
 ///
-/// Lengths are meters, masses kilograms, y is up. Without a mesh or a scene, a towel of 1.2 m x 1.2 m and 64 x 64 vertices falls from 0.7 m.
+/// Lengths are in meters, masses in kilograms, y is up. Without a mesh or a scene, a towel of 1.2 m x 1.2 m with 64 x
+/// 64 vertices falls from 0.7 m.
 #[derive(Debug, Clone, Parser)]
 #[command(
     name = "drape",
     args_conflicts_with_subcommands = true,
     disable_help_subcommand = true,
     after_help = "\
-Frame 1 is the mesh as it was given; each further frame is one step of 1/FPS seconds. Vertices and faces keep their order, and frames all
-that the file had besides: polygons, texture coordinates, groups, materials; normals turn with the cloth. Frames of a longer run before
-that are still in --out are not mixed with this one's: it says so, and ends.
-Exit codes: 0 done, 1 different (diff), 2 bad input, 3 unstable, 4 no such GPU, 130 interrupted. Files are written whole or not at all."
+Frame 1 is the input mesh; each further frame is one step of 1/FPS seconds. OBJ frames keep the order of vertices and faces and
+everything else in the input file: polygons, texture coordinates, groups, materials; normals turn with the cloth. If --out contains
+frames of a longer run, the program ends with an error instead of mixing them with new ones.
+Exit codes: 0 done, 1 different (diff), 2 bad input, 3 unstable, 4 GPU not available or failed, 130 interrupted. Files are written
+completely or not at all."
 )]
-#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a separate flag")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) task: Option<Task>,
 
-    /// The cloth; any triangles or polygons. Default: the towel
+    /// The cloth: triangles or polygons. Default: the towel
     #[arg(value_name = "MESH.obj")]
     pub(crate) mesh: Option<PathBuf>,
 
-    /// A scene: cloths, pins, colliders, wind, and how they move; what else is said here takes the place of what it says. See
+    /// A scene: cloths, pins, colliders, wind, and how they move; options on the command line override it. See
     /// examples/scenes
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) scene: Option<PathBuf>,
 
-    /// How many variants the scene's [[vary]] make, and no more
+    /// Only print the number of variants that the scene's [[vary]] define
     #[arg(long, requires = "scene", conflicts_with = "variant")]
     pub(crate) list: bool,
 
-    /// Runs a variant of the scene, from 1 on, or several, into a folder each in --out, `variant_0001` and so on, with a receipt. They are there
-    /// whole or not at all, and not run again once they are there
+    /// Run one or several variants of the scene, counted from 1. Each gets a folder in --out, `variant_0001` and so on,
+    /// with a receipt. A folder appears only when it is complete, and is then not run again
     #[arg(long, value_name = "I|I-J", requires = "scene", conflicts_with_all = ["save", "resume"], value_parser = variants)]
     pub(crate) variant: Option<RangeInclusive<u32>>,
 
-    /// What the mesh's coordinates are multiplied by: 0.01 if they are centimeters [default: 1]
+    /// Factor on the mesh's coordinates: 0.01 if they are in centimeters [default: 1]
     #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) scale: Option<f32>,
 
-    /// Directory of the frames, `frame_0001.obj` and so on; made if it is not there [default: frames]
+    /// Folder for the frames, `frame_0001.obj` and so on; created if it does not exist [default: frames]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
-    /// Number of frames, the rest state included [default: 120]
+    /// Number of frames, including the rest state [default: 120]
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
     pub(crate) frames: Option<u32>,
 
-    /// Frames a second [default: 60]
+    /// Frames per second [default: 60]
     #[arg(long, value_name = "F", value_parser = rate, allow_hyphen_values = true)]
     pub(crate) fps: Option<f32>,
 
-    /// Where the work is done; auto takes a GPU if there is one and the mesh is large enough to gain from it [default: auto]
+    /// Processor that runs the simulation; auto selects a GPU if there is one and the mesh is large enough to benefit
+    /// [default: auto]
     #[arg(long, value_parser = one_of(&BACKENDS))]
     pub(crate) backend: Option<Backend>,
 
-    /// How the edges hold together [default: small-steps]
+    /// Solver for the edges [default: small-steps]
     #[arg(long, value_parser = one_of(&METHODS))]
     pub(crate) method: Option<Method>,
 
-    /// Substeps in 1/60 s; frames of another length take as many as keep them no longer
+    /// Substeps per 1/60 s; longer frames take more, so that substeps are never longer
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), conflicts_with = "strain", allow_hyphen_values = true)]
     pub(crate) substeps: Option<u32>,
 
-    /// Strain to stay below, by as many substeps as that takes [default: 0.03]
+    /// Bound on the stretch of 99 % of the area; the number of substeps follows from it [default: 0.03]
     #[arg(long, value_name = "T", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) strain: Option<f32>,
 
-    /// Sweeps a substep, for --method relaxation [default: 20]
+    /// Sweeps per substep, for --method relaxation [default: 20]
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
     pub(crate) iterations: Option<u32>,
 
-    /// Corrections on coarser cloths, which keep fine cloth from stretching: as many as pay, or none [default: auto]
+    /// Coarse levels, which keep fine cloth from stretching: where they pay off, or none [default: auto]
     #[arg(long, value_name = "WHICH", value_parser = one_of(&LEVELS))]
     pub(crate) levels: Option<Levels>,
 
-    /// What the cloth is made of [default: towel]
+    /// Material of the cloth [default: towel]
     #[arg(long, value_name = "NAME", value_parser = one_of(Fabric::PRESETS))]
     pub(crate) fabric: Option<Fabric>,
 
-    /// Vertices that stay where they are: none; top: the highest ones, or the side of lowest z if the mesh lies flat;
-    /// corners: the four nearest the corners of its bounding rectangle; or vertex numbers from 0, in the file's order [default: none]
+    /// Pinned vertices: none; top: the highest ones, or the side of lowest z if the mesh is horizontal; corners: the
+    /// four nearest to the corners of its bounding rectangle; or vertex numbers from 0, in the file's order [default:
+    /// none]
     #[arg(long, value_name = "none|top|corners|INDEX,INDEX..", allow_hyphen_values = true)]
     pub(crate) pin: Option<Pin>,
 
-    /// A sphere: center and radius; as often as there are spheres. Without a sphere, a capsule, a box or a body, there is a sphere below the mesh, its
-    /// top 0.1 of the mesh's largest extent lower, its radius 0.3 of it
+    /// A sphere: center and radius; may be repeated. Without a sphere, a capsule, a box or a body, there is a sphere
+    /// below the mesh: its top is lower by 0.1 of the mesh's largest extent, and its radius is 0.3 of that extent
     #[arg(long, value_name = "X,Y,Z,R", value_parser = ball, conflicts_with = "no_sphere", allow_hyphen_values = true)]
     pub(crate) sphere: Vec<Collider>,
 
-    /// A capsule: the ends of its axis and its radius, or one at each end
+    /// A capsule: the ends of its axis and its radius, or one radius for each end; may be repeated
     #[arg(long, value_name = "X,Y,Z,X,Y,Z,R[,R]", value_parser = capsule, allow_hyphen_values = true)]
     pub(crate) capsule: Vec<Collider>,
 
-    /// A box: center, half of its width, height and depth, and the radius of its edges
+    /// A box: center, half of its width, height and depth, and the radius of its edges; may be repeated
     #[arg(long = "box", value_name = "X,Y,Z,W,H,D[,R]", value_parser = solid_box, allow_hyphen_values = true)]
     pub(crate) solid_box: Vec<Collider>,
 
-    /// A body of triangles, which holds cloth on both sides; with `####` in its name numbered files, one for each frame from 1 on, between which
-    /// its vertices go straight
+    /// A mesh collider, which holds cloth on both sides; may be repeated. With `####` in its name, numbered files, one
+    /// for each frame from 1 on, between which its vertices move in straight lines
     #[arg(long, value_name = "FILE.obj")]
     pub(crate) body: Vec<PathBuf>,
 
-    /// A plane: a point of it, and its normal out of the solid
+    /// A plane: a point on it, and its normal pointing out of the solid; may be repeated
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = plane, conflicts_with = "no_floor", allow_hyphen_values = true)]
     pub(crate) plane: Vec<Collider>,
 
-    /// No sphere
+    /// No default sphere
     #[arg(long)]
     pub(crate) no_sphere: bool,
 
@@ -161,11 +165,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub(crate) gravity: Option<Vec3>,
 
-    /// Velocity of the air (m/s), which has 1.225 kg/m3; without this there is no air
+    /// Velocity of the air (m/s), with a density of 1.225 kg/m3; without this option there is no air
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub(crate) wind: Option<Vec3>,
 
-    /// The cloth cannot pass through itself: it keeps this far apart (m) [default: 0.005]
+    /// Contact of the cloth with itself, at this thickness (m) [default: 0.005]
     #[arg(long, value_name = "METRES", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
     pub(crate) self_contact: Option<f32>,
 
@@ -177,28 +181,28 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MU", value_parser = not_negative, allow_hyphen_values = true)]
     pub(crate) friction: Option<f32>,
 
-    /// What frames are written as, with commas between: obj, a file each; pc2, mdd or usda, all in one file, `cloth.pc2` and so on, in --out
-    /// [default: obj]
+    /// File formats of the frames, separated by commas: obj, one file per frame; pc2, mdd or usda, all frames in one
+    /// file, `cloth.pc2` and so on, in --out [default: obj]
     #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = one_of(&FORMATS))]
     pub(crate) format: Vec<Format>,
 
-    /// All frames in one point cache as well, for Blender's Mesh Cache modifier and its kin
+    /// Also write all frames to a PC2 point cache, as read by Blender's Mesh Cache modifier and others
     #[arg(long, value_name = "FILE.pc2")]
     pub(crate) pc2: Option<PathBuf>,
 
-    /// Where the run is, every so many frames, for --resume
+    /// Save the state of the run every --every frames, for --resume
     #[arg(long, value_name = "FILE")]
     pub(crate) save: Option<PathBuf>,
 
-    /// Frames from --save to --save
+    /// Number of frames between saves
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = value_parser!(u32).range(1..), requires = "save", allow_hyphen_values = true)]
     pub(crate) every: u32,
 
-    /// Goes on where --save left off, with the same arguments: frames after that are written, those before are in --out
+    /// Continue from the state in this file with the same arguments; earlier frames must be in --out
     #[arg(long, value_name = "FILE")]
     pub(crate) resume: Option<PathBuf>,
 
-    /// A contact sheet of twelve frames
+    /// Draw a contact sheet of twelve frames
     #[arg(long, value_name = "FILE.png")]
     pub(crate) preview: Option<PathBuf>,
 
@@ -206,17 +210,18 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.json")]
     pub(crate) report: Option<PathBuf>,
 
-    /// No progress bar and no summary; warnings and errors remain
+    /// Print no progress bar and no summary, only warnings and errors
     #[arg(long)]
     pub(crate) quiet: bool,
 }
 
-/// What else the program does.
+/// Other tasks of the program.
 #[derive(Debug, Clone, Subcommand)]
 pub(crate) enum Task {
-    /// Names the first frame and vertex in which two runs differ, and why; exit code 0 if they do not, 1 if they do
+    /// Prints the first frame and vertex in which two runs differ, and why; the exit code is 0 if they are equal, 1 if
+    /// not
     Diff {
-        /// Folder of the frames of one run
+        /// Folder with the frames of one run
         a: PathBuf,
         /// Folder of the frames of the other
         b: PathBuf,

@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all, each a file of its own.
+//! Output files, which are written completely or not at all.
 
 use std::{
     fmt::Display,
@@ -10,14 +10,14 @@ use std::{
 use crate::{Failure, arguments::Format, frames::cache_name};
 use atomic_file::AtomicFile;
 
-// The library's own: links are followed, and a pipe or a device is written to, not replaced.
+// The library's own module: links are followed, and a pipe or a device is written to, not replaced.
 #[expect(dead_code, reason = "the library writes all at once as well")]
 #[path = "../../src/io/atomic_file.rs"]
 mod atomic_file;
 
-/// Where a run's files are written.
+/// The files that a run writes and reads.
 pub(crate) struct Outputs {
-    /// The frames', made if it is not there; and their number.
+    /// The folder for the frames, created if it does not exist, and their number.
     pub(crate) folder: PathBuf,
     pub(crate) frames: u32,
     /// Frames a second.
@@ -26,23 +26,23 @@ pub(crate) struct Outputs {
     pub(crate) pc2: Option<PathBuf>,
     pub(crate) preview: Option<PathBuf>,
     pub(crate) report: Option<PathBuf>,
-    /// Where the run is kept, every so many frames; and where it goes on from.
+    /// The file with the state of the run, the number of frames between saves, and the state to continue from.
     pub(crate) save: Option<PathBuf>,
     pub(crate) every: u32,
     pub(crate) resume: Option<PathBuf>,
-    /// Files that are read: none is written to.
+    /// Input files, which must not be overwritten.
     pub(crate) read: Vec<PathBuf>,
 }
 
 impl Outputs {
-    /// Whether frames are written so.
+    /// Whether frames are written in this format.
     pub(crate) fn writes(&self, format: Format) -> bool {
         self.formats.contains(&format)
     }
 }
 
-/// A file that will be written later. Until then a temporary file beside it shows that it can be; dropped unwritten, it leaves no
-/// trace.
+/// A file to be written later. Until then a temporary file beside it proves that it can be; dropped before, it leaves
+/// nothing behind.
 pub(crate) struct Output {
     path: PathBuf,
     file: AtomicFile,
@@ -57,7 +57,7 @@ impl Output {
         if path.is_dir() {
             return Err(unwritable(path, "it is a directory"));
         }
-        // Putting a file in place of another needs no right to write the other; asking for it respects a read-only file.
+        // Replacing a file needs no permission to write to it. Checking for that permission respects a read-only file.
         if path.is_file() {
             OpenOptions::new().append(true).open(path).map_err(|error| unwritable(path, error))?;
         }
@@ -65,7 +65,7 @@ impl Output {
         Ok(Output { path: path.to_owned(), file })
     }
 
-    /// Puts the whole file in its place.
+    /// Writes the file and moves it to its path.
     pub(crate) fn write(mut self, bytes: &[u8]) -> Result<(), Failure> {
         let written = self.file.write_all(bytes).and_then(|()| self.file.finish());
         written.map_err(|error| unwritable(&self.path, error))
@@ -81,13 +81,13 @@ pub(crate) fn frame_name(frame: u32) -> String {
     format!("frame_{frame:04}.obj")
 }
 
-/// The frame whose file has a name.
+/// The frame number of a file name.
 pub(crate) fn frame_number(name: &str) -> Option<u32> {
     let number = name.strip_prefix("frame_")?.strip_suffix(".obj")?.parse().ok()?;
     (name == frame_name(number)).then_some(number)
 }
 
-/// Refuses outputs of which one would take the place of another, or of what is read.
+/// Rejects outputs that would overwrite each other or an input.
 pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
     let Outputs { folder, formats, pc2, preview, report, save, read, .. } = outputs;
     let read = read.iter().map(|path| {
@@ -103,7 +103,7 @@ pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
     let frames = Frames::new(outputs);
     for (k, (name, path)) in files.iter().enumerate() {
         let shown = path.display();
-        // Two cloths may well be of one mesh.
+        // Two cloths may use the same mesh.
         let earlier = if k < read.len() { &[] } else { &files[..k] };
         if let Some((other, _)) = earlier.iter().find(|(_, other)| other == path) {
             return Err(Failure::input(format_args!("{other} and {name} name the same file, {shown}; give each its own")));
@@ -116,37 +116,37 @@ pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where the frames go.
+/// The paths of the frames.
 struct Frames {
     folder: PathBuf,
     count: u32,
-    /// Frames that are links already, and what they lead to.
+    /// Frames that already exist as links, and their targets.
     links: Vec<(u32, PathBuf)>,
 }
 
 impl Frames {
     fn new(outputs: &Outputs) -> Frames {
         let mut frames = Frames { folder: resolved(&outputs.folder), count: outputs.frames, links: Vec::new() };
-        // A folder that is not there yet has no links; one that cannot be read is told of where it is written to.
+        // A folder that does not exist has no links. One that cannot be read gives an error when it is written to.
         let entries = fs::read_dir(&frames.folder).into_iter().flatten().flatten();
         let links = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_symlink()));
         frames.links = links.filter_map(|link| Some((frames.named(&link.path())?, resolved(&link.path())))).collect();
         frames
     }
 
-    /// The frame of this name.
+    /// The number of the frame with this file name.
     fn named(&self, path: &Path) -> Option<u32> {
         frame_number(path.file_name()?.to_str()?).filter(|&number| (1..=self.count).contains(&number))
     }
 
-    /// The frame that is written to a resolved path.
+    /// The number of the frame that is written to a resolved path.
     fn number_of(&self, path: &Path) -> Option<u32> {
         let link = self.links.iter().find(|(_, led_to)| led_to == path).map(|&(number, _)| number);
         link.or_else(|| (path.parent() == Some(&self.folder)).then(|| self.named(path)).flatten())
     }
 }
 
-/// A path without links and dots, of which the last parts need not be there.
+/// A path without links and dots. Its last components need not exist.
 fn resolved(path: &Path) -> PathBuf {
     if let Ok(found) = fs::canonicalize(path) {
         return found;

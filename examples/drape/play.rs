@@ -1,4 +1,4 @@
-//! A run from top to bottom: scene, steps, files.
+//! Runs a scene from top to bottom: steps and files.
 
 use std::{
     io::{self, IsTerminal},
@@ -22,11 +22,11 @@ use crate::{
     warnings::describe,
 };
 
-/// Cells of the contact sheet, at most.
+/// Most cells of the contact sheet.
 const CELLS: u32 = 12;
 
-/// Steps a scene through all of its frames and writes its files. `interrupted` says when to stop; it is listened to from where there are
-/// files that must not be left half written.
+/// Steps a scene through all of its frames and writes its files. `interrupted` says when to stop; `listen` begins to
+/// watch for signals once there are files that must not be left half written.
 pub(crate) fn play(
     scene: &Scene,
     quiet: bool,
@@ -40,7 +40,7 @@ pub(crate) fn play(
 
     listen()?;
 
-    // Whatever cannot be written is found out now, not after the simulation.
+    // Outputs that cannot be written are detected now, not after the simulation.
     let mut frames = Frames::begin(outputs, mesh, template.as_ref())?;
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
     let report_file = reserve(&outputs.report)?;
@@ -88,12 +88,12 @@ pub(crate) fn play(
             let attributes = scene.attributes(frame);
             let start = Instant::now();
             let done = deformer.step(dt, &attributes).map_err(failed)?;
-            // A GPU has only been told what to do: the step is over when it has done it.
+            // A GPU has only received its commands: the step ends when they are done.
             deformer.wait().map_err(failed)?;
             seconds = start.elapsed().as_secs_f64();
             counts = [done.substeps, done.contacts];
             for warning in done.warnings {
-                // Once each: a limit met in one frame is met in most of those that follow.
+                // Each kind only once: a limit exceeded in one frame is exceeded in most of the following ones.
                 if !warned.contains(&mem::discriminant(&warning)) {
                     warned.push(mem::discriminant(&warning));
                     progress.suspend(|| warn("warning", &describe(warning, 60.0 * dt)));
@@ -107,7 +107,7 @@ pub(crate) fn play(
         let measure = deformer.measure().map_err(failed)?;
         let row = Frame::new(frame, seconds, counts, measure);
         report.frames.push(row.ok_or_else(|| {
-            // Springs past their limit grow for some frames before the first position overflows.
+            // Springs beyond their limit grow for some frames before the first position overflows.
             let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
             Failure::new(Failure::UNSTABLE, message)
         })?);
@@ -158,11 +158,11 @@ fn progress(quiet: bool, frames: u32) -> ProgressBar {
     }
 }
 
-/// Whether `frame` has a cell on the contact sheet: evenly spaced, the first and the last among them.
+/// Whether `frame` has a cell on the contact sheet. Cells are evenly spaced and include the first and the last frame.
 fn is_shown(frame: u32, frames: u32) -> bool {
     let cells = u64::from(CELLS.min(frames));
     let (index, last) = (u64::from(frame - 1), u64::from(frames - 1));
-    // The cell whose place `index * (cells - 1) / last`, rounded to nearest, is reached first at this index.
+    // Some cell's frame, `cell * (frames - 1) / (cells - 1)` rounded to the nearest, is this one.
     let steps = (cells - 1).max(1);
     (0..cells).any(|cell| (cell * last + steps / 2) / steps == index)
 }

@@ -1,4 +1,4 @@
-//! Sweeps: variants of a scene, each in a folder of its own, there whole or not at all.
+//! Sweeps: variants of a scene, each in a folder of its own that is complete or absent.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File as OsFile, TryLockError};
@@ -17,21 +17,21 @@ use crate::receipt::{Figures, Inputs, Receipt, hash, input_files, lanes};
 use crate::scene::Scene;
 use crate::scene::file::{Source, Vary};
 
-/// Variants that a sweep may have.
+/// Most variants of a sweep.
 const MOST: u64 = 1_000_000;
 
-/// A scene and what is varied in it.
+/// A scene and the keys that are varied in it.
 pub(crate) struct Sweep {
     path: PathBuf,
     source: Source,
-    /// The scene without what it says of variants.
+    /// The scene without `vary`.
     table: Table,
-    /// Each key's path, and its values.
+    /// The path of each varied key, and its values.
     keys: Vec<(String, Vec<Value>)>,
 }
 
 impl Sweep {
-    /// Reads the scene of the command line.
+    /// Reads the scene given on the command line.
     pub(crate) fn read(arguments: &Arguments) -> Result<Sweep, Failure> {
         let path = arguments.scene.clone().unwrap_or_default();
         let (source, file) = Source::read(&path)?;
@@ -62,12 +62,12 @@ impl Sweep {
         Ok(Sweep { path, source, table, keys })
     }
 
-    /// How many variants there are: every value of a key with every one of the others.
+    /// Number of variants: the combinations of all values.
     pub(crate) fn count(&self) -> u32 {
         if self.keys.is_empty() { 0 } else { self.keys.iter().map(|(_, values)| values.len() as u32).product() }
     }
 
-    /// Runs variants, one after another. One that cannot be run holds up none of the others.
+    /// Runs variants one after another. One that fails does not affect the others.
     pub(crate) fn run(
         &self,
         arguments: &Arguments,
@@ -97,7 +97,7 @@ impl Sweep {
         first_failure.map_or(Ok(()), Err)
     }
 
-    /// Runs one, unless it is there; returns what to say of it.
+    /// Runs a variant unless it is complete; returns a message about it.
     fn variant(&self, arguments: &Arguments, number: u32, interrupted: &AtomicBool) -> Result<String, Failure> {
         let values = self.values(number);
         let mut table = self.table.clone();
@@ -110,7 +110,7 @@ impl Sweep {
         let (source, file) = Source::parse(&self.path, text, Some(said))?;
         let mut scene = Scene::of(arguments, Some((&source, &file)))?;
 
-        // The scene file itself is in its hash, without what other variants there are.
+        // The scene file itself is covered by its hash, which does not depend on other variants.
         let read: Vec<PathBuf> = scene.outputs.read.iter().filter(|&path| *path != self.path).cloned().collect();
         let inputs = Inputs {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -129,7 +129,7 @@ impl Sweep {
         let lock_path = out.join(format!(".variant_{number:04}.lock"));
         let is_done = || Receipt::in_folder(&folder).is_some_and(|receipt| receipt.inputs == inputs);
         let finished = || {
-            // Nobody needs the lock of what is done; one who was killed may have left it.
+            // The lock of a finished variant is not needed; a killed process may have left it.
             drop(fs::remove_file(&lock_path));
             Ok(format!("variant {number} is in {}", folder.display()))
         };
@@ -137,7 +137,7 @@ impl Sweep {
             return finished();
         }
 
-        // Whoever is killed loses the lock, and the next one begins anew.
+        // A killed process releases its lock, and the next one starts the variant again.
         let lock = OsFile::create(&lock_path).map_err(|error| failed(&lock_path, error))?;
         match lock.try_lock() {
             Err(TryLockError::WouldBlock) => {
@@ -161,14 +161,14 @@ impl Sweep {
                 figures: Figures::of(&report),
             };
             receipt.write(&partial)?;
-            // One of other inputs.
+            // The folder may contain a variant with other inputs.
             remove(&folder)?;
             fs::rename(&partial, &folder).map_err(|error| failed(&folder, error))?;
         }
         finished()
     }
 
-    /// What the keys are in a variant, counted from 1; the last key changes fastest.
+    /// The values of the keys in a variant, counted from 1; the last key changes fastest.
     fn values(&self, number: u32) -> Vec<(String, Value)> {
         let mut rest = number as usize - 1;
         let mut values: Vec<(String, Value)> = Vec::new();
@@ -182,7 +182,7 @@ impl Sweep {
 }
 
 impl Outputs {
-    /// All outputs in one folder.
+    /// Moves all outputs into one folder.
     fn move_into(&mut self, folder: &Path) {
         folder.clone_into(&mut self.folder);
         for path in [&mut self.pc2, &mut self.preview, &mut self.report].into_iter().flatten() {
@@ -191,7 +191,7 @@ impl Outputs {
     }
 }
 
-/// Sets the value at a path: of tables by key, of lists by name or by number from 1.
+/// Sets the value at a path: tables by key, lists by name or by number from 1.
 fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
     let (parents, last) = path.rsplit_once('.').map_or((None, path), |(parents, last)| (Some(parents), last));
     let mut at = table;
@@ -213,7 +213,7 @@ fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
     Ok(())
 }
 
-/// What the command line says besides which variants are run and where to.
+/// The command line, except which variants are run and the output folder.
 fn overrides(arguments: &Arguments) -> String {
     let arguments = Arguments { variant: None, list: false, quiet: false, scene: None, out: None, ..arguments.clone() };
     format!("{arguments:?}")

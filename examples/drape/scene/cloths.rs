@@ -1,4 +1,4 @@
-//! The cloths of a run: pieces of one mesh, and what holds them.
+//! The cloths of a run, combined into one mesh, and their pins.
 
 use std::path::{Path, PathBuf};
 
@@ -14,19 +14,19 @@ use crate::arguments::Arguments;
 use crate::command::warn;
 use crate::pins::{Pin, bounds};
 
-/// Vertices that a mesh may have.
+/// Most vertices of a mesh.
 const MOST: u64 = 1 << 24;
-/// Farther out (m) no vertex may be.
+/// Largest coordinate of a vertex (m).
 const FARTHEST: f32 = 1e15;
-/// A cloth of so many meters is most likely one of so many centimeters.
+/// A cloth of this size (m) is probably given in centimeters.
 const LARGE: f32 = 100.0;
 
 /// All cloths of a run.
 pub(super) struct Cloths {
-    /// What to call the mesh when something is wrong with it.
+    /// Name of the mesh in error messages.
     pub(super) name: String,
     pub(super) mesh: Mesh,
-    /// The file that it is from, if it is from one alone.
+    /// The file that the mesh was read from, if it is a single file.
     pub(super) template: Option<ObjTemplate>,
     pub(super) fabric: Fabric,
     pub(super) pins: Vec<Group>,
@@ -35,7 +35,7 @@ pub(super) struct Cloths {
 }
 
 impl Cloths {
-    /// The towel or the mesh of the command line.
+    /// The towel, or the mesh given on the command line.
     pub(super) fn of_arguments(arguments: &Arguments) -> Result<Cloths, Failure> {
         let template = arguments.mesh.as_deref().map(load).transpose()?;
         let name = arguments.mesh.as_ref().map_or("the towel".to_owned(), |path| path.display().to_string());
@@ -47,7 +47,8 @@ impl Cloths {
         Ok(Cloths { name, mesh, template, fabric, pins, files: arguments.mesh.iter().cloned().collect() })
     }
 
-    /// The pieces of a scene file, of which the command line may replace the mesh of the only one, every scale, the fabric and all pins.
+    /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, the
+    /// fabric and all pins.
     pub(super) fn of_scene(arguments: &Arguments, source: &Source, file: &File) -> Result<Cloths, Failure> {
         if file.cloth.is_empty() {
             return Err(source.wrong(0, "there is no cloth; give at least one [[cloth]] with a mesh or a grid"));
@@ -73,7 +74,7 @@ impl Cloths {
         Ok(all)
     }
 
-    /// Adds a piece.
+    /// Adds a cloth.
     fn add(&mut self, arguments: &Arguments, source: &Source, number: usize, given: &Spanned<Cloth>) -> Result<(), Failure> {
         let cloth = given.get_ref();
         let name = cloth.name.clone().unwrap_or_else(|| format!("cloth {number}"));
@@ -134,7 +135,7 @@ impl Cloths {
     }
 }
 
-/// A mesh from a file. Points without a face are no cloth: each would fall by itself.
+/// Reads a mesh from a file. A mesh without faces is rejected, because its points would fall independently.
 fn load(path: &Path) -> Result<ObjTemplate, Failure> {
     let template = ObjTemplate::load(path).map_err(Failure::input)?;
     if template.mesh().triangles.is_empty() {
@@ -143,14 +144,15 @@ fn load(path: &Path) -> Result<ObjTemplate, Failure> {
     Ok(template)
 }
 
-/// The cloth of the 2013 plug-in's scene, spread out above the sphere: wide enough for its corners to reach the floor.
+/// The cloth of the 2013 plug-in's scene, spread out above the sphere and wide enough for its corners to reach the
+/// floor.
 fn towel() -> Mesh {
     let mut mesh = Mesh::grid(64, 64, 1.2, 1.2);
     place(&mut mesh, None, None, Some(Vec3::new(0.0, 0.7, 0.0)));
     mesh
 }
 
-/// Scales, turns (degrees) and moves (m) a mesh, where that is asked for.
+/// Scales, rotates (degrees) and moves (m) a mesh, as far as requested.
 fn place(mesh: &mut Mesh, scale: Option<f32>, rotate: Option<Vec3>, at: Option<Vec3>) {
     let rotation = rotate.map(turn);
     for x in &mut mesh.positions {
@@ -160,7 +162,7 @@ fn place(mesh: &mut Mesh, scale: Option<f32>, rotate: Option<Vec3>, at: Option<V
     }
 }
 
-/// Says a word where a mesh is most likely in other units.
+/// Warns if a mesh is probably in other units.
 fn doubt(name: &str, mesh: &Mesh) {
     let (low, high) = bounds(mesh);
     let extent = (high - low).max_element();

@@ -1,8 +1,8 @@
-//! The scene file: what may stand in it, and in which units. Anything else is refused with its line.
+//! The scene file: its keys and their units. Anything else is an error with its line.
 //!
-//! Lengths are meters, masses kilograms, times seconds, angles degrees; y is up. Files that are read are named from the scene file's folder,
-//! files that are written from the folder that the program runs in, as on the command line. A value that may have key frames is
-//! [`Animated`].
+//! Lengths are in meters, masses in kilograms, times in seconds, angles in degrees; y is up. Input files are relative
+//! to the folder of the scene file, output files to the current folder, as on the command line. A value that may have
+//! key frames is [`Animated`]. Comments end with the default.
 
 use std::fmt::Display;
 use std::io::Read;
@@ -20,43 +20,44 @@ use super::keys::{Animated, Extent, NotNegative, Positive, maybe, plain};
 use crate::Failure;
 use crate::arguments::{BACKENDS, FORMATS, Format, LEVELS, METHODS};
 
-/// Bytes of a scene file, at most.
+/// Largest size of a scene file (bytes).
 const MOST_BYTES: u64 = 1 << 24;
 
 /// A scene.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct File {
-    /// Number of frames, the first being the cloth at rest. 120.
+    /// Number of frames, including the rest state. 120.
     pub(crate) frames: Option<NonZeroU32>,
-    /// Frames a second. 60.
+    /// Frames per second. 60.
     pub(crate) fps: Option<Spanned<Positive>>,
-    /// Where the work is done: "auto", "cpu", "hybrid" or "gpu". "auto".
+    /// Processor that runs the simulation: "auto", "cpu", "hybrid" or "gpu". "auto".
     #[serde(deserialize_with = "backend")]
     pub(crate) backend: Option<Backend>,
     pub(crate) quality: Option<Spanned<Quality>>,
-    /// Contact of the cloth with itself; none if it is not there.
+    /// Contact of the cloth with itself. None.
     pub(crate) contact: Option<Spanned<Contact>>,
     /// Gravity (m/s²). [0, -9.81, 0].
     pub(crate) gravity: Option<Animated<Vec3>>,
-    /// The air; none if it is not there.
+    /// The air. None.
     pub(crate) wind: Option<Spanned<Wind>>,
-    /// The cloths, which are pieces of one mesh in this order. One at least.
+    /// The cloths, which become pieces of one mesh in this order. At least one.
     pub(crate) cloth: Vec<Spanned<Cloth>>,
     /// What they meet.
     pub(crate) collider: Vec<Spanned<Collider>>,
     pub(crate) output: Output,
-    /// What is varied from run to run of a sweep; every value with every other. A run without `--variant` knows nothing of it.
+    /// Keys that vary between the runs of a sweep, in all combinations. Without `--variant` this is ignored.
     pub(crate) vary: Vec<Spanned<Vary>>,
 }
 
-/// Values that a key of the scene has in turn: `values`, or the whole numbers from `first` on, `count` of them.
+/// The values of a varied key: `values`, or `count` integers from `first` on.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Vary {
-    /// The key's path: `wind.gusts.seed`; in lists by name or by number from 1, `collider.ball.radius`, `cloth.1.fabric`.
+    /// The path of the key: `wind.gusts.seed`; in lists by name or by number from 1, `collider.ball.radius`,
+    /// `cloth.1.fabric`.
     pub(crate) key: String,
-    /// Anything that the key may be.
+    /// Any values that are valid for the key.
     #[serde(default)]
     pub(crate) values: Vec<toml::Value>,
     /// 1.
@@ -64,17 +65,17 @@ pub(crate) struct Vary {
     pub(crate) count: Option<NonZeroU32>,
 }
 
-/// How finely a frame is divided: one of `substeps`, `strain` and `budget`, else a strain of 0.03.
+/// The number of substeps: one of `substeps`, `strain` and `budget`; by default a strain of 0.03.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Quality {
-    /// Substeps in 1/60 s.
+    /// Substeps per 1/60 s.
     pub(crate) substeps: Option<NonZeroU32>,
-    /// Stretch beyond the fabric's own that a share of the area is held to; 0.03 is three per cent.
+    /// Bound on the stretch of a share of the area beyond the fabric's own; 0.03 is three percent.
     pub(crate) strain: Option<Positive>,
     /// That share, from 0.5 to 1. 0.99.
     pub(crate) share: Option<Positive>,
-    /// Time (ms) that a frame may take; no two runs are the same by it.
+    /// Time (ms) that a frame may take. Runs are then not repeatable.
     pub(crate) budget: Option<Positive>,
     /// "auto" or "off". "auto".
     #[serde(deserialize_with = "levels")]
@@ -85,7 +86,7 @@ pub(crate) struct Quality {
     /// "small-steps", "relaxation" or "springs". "small-steps".
     #[serde(deserialize_with = "method")]
     pub(crate) method: Option<Method>,
-    /// Sweeps in a substep of relaxation. 20.
+    /// Sweeps per substep of relaxation. 20.
     pub(crate) iterations: Option<NonZeroU32>,
 }
 
@@ -93,68 +94,69 @@ pub(crate) struct Quality {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Contact {
-    /// How far apart it is held (m). 0.005.
+    /// Thickness (m). 0.005.
     pub(crate) thickness: Option<Positive>,
-    /// Coulomb's coefficient of friction. 0.3.
+    /// Coefficient of Coulomb friction. 0.3.
     pub(crate) friction: Option<NotNegative>,
     /// Whether a start that crosses itself or a body is parted before the first frame. False.
     pub(crate) untangle: bool,
 }
 
-/// The air, and how it moves.
+/// The air and its motion.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Wind {
-    /// Its velocity (m/s), before gusts.
+    /// Its velocity (m/s) without gusts.
     pub(crate) velocity: Animated<Vec3>,
     /// Its density (kg/m³). 1.225.
     pub(crate) density: Option<NotNegative>,
-    /// Drag coefficient of cloth across the stream. 1.28.
+    /// Drag coefficient of cloth perpendicular to the flow. 1.28.
     pub(crate) drag: Option<NotNegative>,
-    /// Lift coefficient, at most `drag`. As `drag`.
+    /// Lift coefficient, at most `drag`. The value of `drag`.
     pub(crate) lift: Option<NotNegative>,
-    /// Rate (1/s) at which each vertex's velocity tends to the air's, beside the forces. 0.
+    /// Rate (1/s) at which each vertex's velocity approaches that of the air, in addition to drag and lift. 0.
     pub(crate) damping: Option<NotNegative>,
     pub(crate) gusts: Option<Gusts>,
 }
 
-/// Gusts: the velocity swells, and turns about the vertical, by smooth noise.
+/// Gusts: the speed varies and the direction turns about the vertical, by smooth noise.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Gusts {
-    /// By which share of itself the velocity swells and falls at most.
+    /// Largest relative change of the speed.
     pub(crate) strength: NotNegative,
-    /// How far to either side it turns at most (degrees). 0.
+    /// Largest angle of the direction to either side (degrees). 0.
     pub(crate) turn: Option<NotNegative>,
-    /// Time (s) from one gust to the next. 1.
+    /// Time between gusts (s). 1.
     pub(crate) period: Option<Positive>,
-    /// Which gusts. 0.
+    /// Seed of the random numbers. 0.
     #[serde(default)]
     pub(crate) seed: u32,
 }
 
-/// A cloth: from an OBJ file or a grid, then scaled, turned and moved.
+/// A cloth: from an OBJ file or a grid, then scaled, rotated and moved.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Cloth {
-    /// What errors call it. Its number.
+    /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
     /// An OBJ file.
     pub(crate) mesh: Option<Spanned<PathBuf>>,
-    /// A flat sheet in the plane y = 0, about the origin.
+    /// A flat sheet in the plane y = 0, centered on the origin.
     pub(crate) grid: Option<Spanned<Grid>>,
-    /// What its coordinates are multiplied by. 1.
+    /// Factor on its coordinates. 1.
     pub(crate) scale: Option<Positive>,
-    /// How it is turned (degrees): about x, then y, then z.
+    /// Rotation (degrees) about x, then y, then z.
     #[serde(deserialize_with = "maybe")]
     pub(crate) rotate: Option<Vec3>,
-    /// Where its origin is then (m).
+    /// Translation (m) after that.
     #[serde(deserialize_with = "maybe")]
     pub(crate) at: Option<Vec3>,
-    /// A name ("towel", "cotton", "silk", "denim", "jersey"), or a table of numbers. "towel". All cloths of a scene are of one fabric.
+    /// A name ("towel", "cotton", "silk", "denim", "jersey") or a table of values. "towel". All cloths of a scene must
+    /// have the same fabric.
     #[serde(deserialize_with = "fabric")]
     pub(crate) fabric: Option<Fabric>,
-    /// What holds it.
+    /// Its pins.
     pub(crate) pin: Vec<Spanned<Pin>>,
 }
 
@@ -170,11 +172,11 @@ pub(crate) struct Grid {
     pub(crate) height: Positive,
 }
 
-/// The numbers of a fabric.
+/// The values of a fabric.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FabricNumbers {
-    /// Where numbers that are not given come from. "towel".
+    /// The preset that other values are taken from. "towel".
     #[serde(default, deserialize_with = "preset")]
     preset: Option<Fabric>,
     /// Areal density (kg/m²).
@@ -187,32 +189,34 @@ struct FabricNumbers {
     damping: Option<NotNegative>,
 }
 
-/// A group of pinned vertices of a cloth, chosen by one of `rule`, `vertices`, `color` and `box`; and how it is led.
+/// A group of pinned vertices of a cloth, chosen by one of `rule`, `vertices`, `color` and `box`, and its motion.
 ///
-/// At a time its vertices are where they were at frame 1, scaled by `scale` and turned by `rotate` about `about`, and moved by `move`.
+/// At any time its vertices are at their positions of frame 1, scaled by `scale` and rotated by `rotate` about `about`,
+/// and moved by `move`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Pin {
-    /// What errors call it. Its number.
+    /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
-    /// "top": the highest vertices, or the side of lowest z of a cloth that lies flat; "corners": the nearest to its corners.
+    /// "top": the highest vertices, or the side of lowest z of a horizontal cloth; "corners": the four nearest to its
+    /// corners.
     pub(crate) rule: Option<Rule>,
-    /// Numbers of vertices from 0, in the order of the cloth's own file.
+    /// Vertex numbers from 0, in the order of the cloth's own file.
     pub(crate) vertices: Option<Vec<u32>>,
-    /// All vertices that have this color (red, green, blue from 0 to 1) in the OBJ file, `v x y z r g b`.
+    /// All vertices with this color (red, green, blue from 0 to 1) in the OBJ file, `v x y z r g b`.
     #[serde(deserialize_with = "maybe")]
     pub(crate) color: Option<Vec3>,
-    /// All vertices in a box, where they are at frame 1.
+    /// All vertices whose positions at frame 1 are in a box.
     #[serde(rename = "box")]
     pub(crate) within: Option<Bounds>,
-    /// By how much it is moved (m).
+    /// Translation (m).
     #[serde(rename = "move")]
     pub(crate) by: Option<Animated<Vec3>>,
-    /// How it is turned (degrees): about x, then y, then z.
+    /// Rotation (degrees) about x, then y, then z.
     pub(crate) rotate: Option<Animated<Vec3>>,
-    /// How it is stretched along x, y and z. A curtain's rings are drawn together by it.
+    /// Factors along x, y and z. They can, for example, draw the rings of a curtain together.
     pub(crate) scale: Option<Animated<Extent>>,
-    /// A point that neither turning nor stretching moves (m). The middle of its vertices' bounds.
+    /// Center of rotation and scaling (m). The center of the group's bounding box.
     #[serde(deserialize_with = "maybe")]
     pub(crate) about: Option<Vec3>,
 }
@@ -225,47 +229,47 @@ pub(crate) enum Rule {
     Corners,
 }
 
-/// A box along the axes.
+/// An axis-aligned box.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Bounds {
-    /// Its corners of lowest and highest coordinates (m).
+    /// Its lowest and highest corner (m).
     #[serde(deserialize_with = "plain")]
     pub(crate) low: Vec3,
     #[serde(deserialize_with = "plain")]
     pub(crate) high: Vec3,
 }
 
-/// What cloth meets. Each shape has numbers of its own, all of which may have key frames.
+/// A collider. Each shape has values of its own, all of which may be animated.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Collider {
-    /// What errors call it. Its number.
+    /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
     pub(crate) shape: ShapeName,
-    /// Coulomb's coefficient of friction. 0.3.
+    /// Coefficient of Coulomb friction. 0.3.
     pub(crate) friction: Option<NotNegative>,
-    /// A number of its own; nobody needs one as long as the list of colliders stays the same.
+    /// A unique number, needed only if the list of colliders changes: see `Collider::with_id`.
     pub(crate) id: Option<u64>,
-    /// Of a sphere or a box (m).
+    /// Center of a sphere or a box (m).
     pub(crate) center: Option<Animated<Vec3>>,
-    /// Of a sphere or a capsule (m); of a box's edges, 0 if it is not there.
+    /// Radius of a sphere or a capsule (m); of a box's edges, by default 0.
     pub(crate) radius: Option<Animated<NotNegative>>,
-    /// A point of a plane (m).
+    /// A point on a plane (m).
     pub(crate) point: Option<Animated<Vec3>>,
-    /// Of a plane, out of the solid; any length but 0. [0, 1, 0].
+    /// Normal of a plane, pointing out of the solid; any length but 0. [0, 1, 0].
     pub(crate) normal: Option<Animated<Vec3>>,
     /// The ends of a capsule's axis (m).
     pub(crate) a: Option<Animated<Vec3>>,
     pub(crate) b: Option<Animated<Vec3>>,
-    /// Of a tapered capsule, at its ends (m).
+    /// Radii of a tapered capsule at its ends (m).
     pub(crate) radius_a: Option<Animated<Positive>>,
     pub(crate) radius_b: Option<Animated<Positive>>,
-    /// Half of a box's width, height and depth, rounded edges included (m).
+    /// Half of a box's width, height and depth, including rounded edges (m).
     pub(crate) half: Option<Animated<Extent>>,
-    /// How a box is turned (degrees): about x, then y, then z.
+    /// Rotation of a box (degrees) about x, then y, then z.
     pub(crate) rotate: Option<Animated<Vec3>>,
-    /// A body's OBJ file; or with `####` in its name, numbered files, one for each frame from 1 on.
+    /// The OBJ file of a mesh collider; with `####` in its name, numbered files, one for each frame from 1 on.
     pub(crate) mesh: Option<Spanned<PathBuf>>,
 }
 
@@ -285,11 +289,12 @@ pub(crate) enum ShapeName {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Output {
-    /// The folder of the frames. "frames".
+    /// The folder for the frames. "frames".
     pub(crate) folder: Option<PathBuf>,
-    /// What frames are written as, "obj", "pc2", "mdd" and "usda": a file each, or all in one in that folder. "obj" alone.
+    /// Formats of the frames, "obj", "pc2", "mdd" and "usda": one file per frame, or all frames in one file in that
+    /// folder. "obj".
     pub(crate) format: Option<Vec<FormatName>>,
-    /// All frames in one point cache.
+    /// A PC2 point cache of all frames.
     pub(crate) pc2: Option<PathBuf>,
     /// A contact sheet of twelve frames (PNG).
     pub(crate) preview: Option<PathBuf>,
@@ -298,13 +303,13 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// What frames are written as.
+    /// The formats of the frames.
     pub(crate) fn formats(&self) -> Vec<Format> {
         self.format.as_ref().map_or_else(|| vec![Format::Obj], |names| names.iter().map(|name| name.0).collect())
     }
 }
 
-/// A format by its name.
+/// The name of a format.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FormatName(Format);
 
@@ -315,12 +320,12 @@ impl<'de> Deserialize<'de> for FormatName {
     }
 }
 
-/// A scene file's name and text, by which errors name a line.
+/// Path and text of a scene file, by which errors find a line.
 #[derive(Debug)]
 pub(crate) struct Source {
     path: PathBuf,
     text: String,
-    /// What a variant of the scene is, whose text is not the file's: its lines are not named.
+    /// The values of a variant. Its text is not that of the file, so errors name no line.
     variant: Option<String>,
 }
 
@@ -330,7 +335,7 @@ impl Source {
         let wrong = |why: &dyn Display| Failure::input(format_args!("{}: {why}", path.display()));
         let mut text = String::new();
         let opened = fs::File::open(path).map_err(|error| wrong(&error))?;
-        // What is no file may have no end.
+        // A path that is not a regular file may be endless.
         opened.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(|error| wrong(&error))?;
         if text.len() as u64 > MOST_BYTES {
             return Err(wrong(&format_args!("it is longer than {MOST_BYTES} bytes, which no scene is")));
@@ -338,7 +343,7 @@ impl Source {
         Source::parse(path, text, None)
     }
 
-    /// Reads a scene file's text, or that of a variant.
+    /// Parses the text of a scene file or of a variant.
     pub(crate) fn parse(path: &Path, text: String, variant: Option<String>) -> Result<(Source, File), Failure> {
         let source = Source { path: path.to_owned(), text, variant };
         let file = toml::from_str(&source.text);
@@ -347,22 +352,22 @@ impl Source {
         Ok((source, file))
     }
 
-    /// What to call the scene.
+    /// Name of the scene in messages.
     pub(crate) fn name(&self) -> String {
         self.path.display().to_string()
     }
 
-    /// A file that is named in the scene.
+    /// The path of a file named in the scene.
     pub(crate) fn beside(&self, path: &Path) -> PathBuf {
         self.path.parent().map_or_else(|| path.to_owned(), |folder| folder.join(path))
     }
 
-    /// Its text.
+    /// The text.
     pub(crate) fn text(&self) -> &str {
         &self.text
     }
 
-    /// What is wrong at some byte of the text.
+    /// The error for a byte of the text.
     pub(crate) fn wrong(&self, at: usize, what: impl Display) -> Failure {
         if let Some(variant) = &self.variant {
             return Failure::input(format_args!("{}: {variant}: {what}", self.path.display()));
@@ -371,13 +376,13 @@ impl Source {
         Failure::input(format_args!("{}:{line}: {what}", self.path.display()))
     }
 
-    /// What is wrong with a value or a table.
+    /// The error for a value or a table.
     pub(crate) fn wrong_in<T>(&self, place: &Spanned<T>, what: impl Display) -> Failure {
         self.wrong(place.span().start, what)
     }
 }
 
-/// One of a table's names, for its value.
+/// Parses one of the names of a table into its value.
 fn named<'de, T: Copy, D: Deserializer<'de>>(deserializer: D, table: &[(&str, T)]) -> Result<Option<T>, D::Error> {
     let name = String::deserialize(deserializer)?;
     let names = || table.iter().map(|&(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
@@ -405,7 +410,7 @@ fn preset<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Fabric>, 
     named(deserializer, Fabric::PRESETS)
 }
 
-/// A fabric's name, or a table of its numbers.
+/// Parses a fabric's name or a table of its values.
 fn fabric<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Fabric>, D::Error> {
     struct NameOrNumbers;
 

@@ -1,4 +1,4 @@
-//! Values that may change with time: what a scene file says about them, and what they are at a time.
+//! Values that may change over time: their form in a scene file, and their value at a time.
 
 use std::fmt;
 
@@ -7,12 +7,12 @@ use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAcce
 
 /// A value, or key frames of it.
 ///
-/// Written as `value`, as `[{ time = 0, value = .. }, { time = 1.5, value = .. }]`, or, to go through them again and again, as
-/// `{ loop = true, keys = [..] }`. Times are seconds from frame 1, and ascend. Between two keys a value goes evenly, before the first and
-/// after the last it stays.
+/// Written as `value`, as `[{ time = 0, value = .. }, { time = 1.5, value = .. }]`, or, for a loop, as
+/// `{ loop = true, keys = [..] }`. Times are in seconds from frame 1, in ascending order. Values are interpolated
+/// linearly between keys, and constant before the first and after the last.
 #[derive(Debug, Clone)]
 pub(crate) struct Animated<T> {
-    /// One at least.
+    /// At least one.
     keys: Vec<Key<T>>,
     repeats: bool,
 }
@@ -26,14 +26,14 @@ struct Key<T> {
     value: T,
 }
 
-/// What can be animated: numbers, and a way between two.
+/// A type that can be animated: it is read from numbers and can be interpolated.
 pub(crate) trait Value: Copy + PartialEq {
-    /// What to write, as errors say it.
+    /// Describes valid values in error messages.
     const WANTED: &'static str;
 
     fn from_numbers(numbers: &[f64]) -> Option<Self>;
 
-    /// A value between this (0) and another (1).
+    /// Interpolates between this value (share 0) and another (share 1).
     fn toward(self, other: Self, share: f32) -> Self;
 }
 
@@ -50,7 +50,7 @@ impl Value for Vec3 {
     }
 }
 
-/// A vector of numbers that are all above 0.
+/// A vector whose components are all above 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Extent(pub(crate) Vec3);
 
@@ -117,7 +117,7 @@ impl<T: Value> Animated<T> {
         Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false }
     }
 
-    /// The value after `time` (s).
+    /// The value at `time` (s).
     pub(crate) fn at(&self, time: f64) -> T {
         let time = self.within(time).0;
         let next = self.keys.partition_point(|key| key.time.0 <= time);
@@ -136,12 +136,12 @@ impl<T: Value> Animated<T> {
         self.keys.iter().map(|key| key.value)
     }
 
-    /// Whether between two times (s) it began anew from another value than it ended with.
+    /// Whether a loop whose last value differs from its first restarted between two times (s).
     pub(crate) fn jumps(&self, from: f64, to: f64) -> bool {
         self.keys[0].value != self.keys[self.keys.len() - 1].value && self.within(from).1 != self.within(to).1
     }
 
-    /// A time within the keys, and how many times they were gone through before.
+    /// The time within the keys, and the number of completed loops.
     fn within(&self, time: f64) -> (f64, f64) {
         let (first, last) = (self.keys[0].time.0, self.keys[self.keys.len() - 1].time.0);
         if !self.repeats || time < first || last <= first {
@@ -165,13 +165,13 @@ impl<T: Value> Animated<T> {
     }
 }
 
-/// A value that does not change.
+/// Parses a value that is not animated.
 pub(crate) fn plain<'de, T: Value, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
     let Numbers(numbers) = Numbers::deserialize(deserializer)?;
     T::from_numbers(&numbers).ok_or_else(|| D::Error::custom(format_args!("{numbers:?} is not {}", T::WANTED)))
 }
 
-/// [`plain`], where there is something.
+/// [`plain`] for optional values.
 pub(crate) fn maybe<'de, T: Value, D: Deserializer<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
     plain(deserializer).map(Some)
 }
@@ -246,7 +246,7 @@ fn value<T: Value, E: Error>(numbers: &[f64]) -> Result<Animated<T>, E> {
     T::from_numbers(numbers).map(Animated::still).ok_or_else(error)
 }
 
-/// Keys that may be gone through again and again.
+/// Key frames that may loop.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields, bound = "T: Value")]
 struct Keys<T> {
@@ -255,7 +255,7 @@ struct Keys<T> {
     repeats: bool,
 }
 
-/// What stands in a list: a number or a key.
+/// An item of a list: a number or a key.
 enum Item<T> {
     Number(f64),
     Key(Key<T>),

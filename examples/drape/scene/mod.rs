@@ -1,4 +1,4 @@
-//! A run: the cloth, what it is made of and what acts on it in each frame, from the command line and the scene file.
+//! A run: the cloth, its options, and what acts on it in each frame, from the command line and the scene file.
 
 mod air;
 mod bodies;
@@ -23,19 +23,19 @@ use file::{File, Source, Wind};
 use keys::Animated;
 use pins::Group;
 
-/// Frames, and frames a second, unless something else is said.
+/// Default number of frames, and frames per second.
 const FRAMES: u32 = 120;
 const RATE: f32 = 60.0;
 
-/// Substeps that a step may have.
+/// Most substeps per 1/60 s.
 const MOST_SUBSTEPS: u32 = 65536;
 
-/// All that a run needs.
+/// Everything that a run needs.
 pub(crate) struct Scene {
-    /// What to call the mesh when something is wrong with it.
+    /// Name of the mesh in error messages.
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
-    /// The file that the mesh came in, if it came in one alone.
+    /// The file that the mesh was read from, if it is a single file.
     pub(crate) template: Option<ObjTemplate>,
     pub(crate) options: Options,
     /// A start that crosses is parted before the first frame.
@@ -53,7 +53,7 @@ impl Scene {
         Scene::of(arguments, read.as_ref().map(|(source, file)| (source, file)))
     }
 
-    /// A scene that was read.
+    /// Builds a scene from a parsed scene file.
     pub(crate) fn of(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Scene, Failure> {
         let usual = File::default();
         let file = scene.map_or(&usual, |(_, file)| file);
@@ -98,7 +98,7 @@ impl Scene {
         })
     }
 
-    /// A frame (s).
+    /// Length of a frame (s).
     pub(crate) fn dt(&self) -> f32 {
         1.0 / self.outputs.fps
     }
@@ -111,7 +111,7 @@ impl Scene {
         format!("{:?} {gravity:?} {wind:?} {colliders:?} {led:?}{parted}", self.dt())
     }
 
-    /// What acts on the cloth in the step that leads to a frame.
+    /// The attributes of the step that leads to a frame.
     pub(crate) fn attributes(&self, frame: u32) -> Attributes {
         let time = f64::from(frame - 1) / f64::from(self.outputs.fps);
         let is_led = self.pins.iter().any(Group::moves);
@@ -128,7 +128,7 @@ impl Scene {
     }
 }
 
-/// Frames a second, whose step is a number too.
+/// The number of frames per second. The length of a frame must be finite too.
 fn rate(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<f32, Failure> {
     let given = scene.and_then(|(source, file)| file.fps.as_ref().map(|fps| (source, fps)));
     match (arguments.fps, given) {
@@ -141,7 +141,7 @@ fn rate(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<f32, F
     }
 }
 
-/// The air: a velocity of the command line takes the place of the file's.
+/// The air. A velocity on the command line replaces the file's.
 fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Option<Wind>, Failure> {
     let given = scene.and_then(|(source, file)| file.wind.as_ref().map(|wind| (source, wind)));
     if let Some((source, wind)) = given
@@ -167,7 +167,7 @@ fn contact(arguments: &Arguments, file: &File) -> Option<Contact> {
     Some(Contact { thickness, friction: arguments.friction.unwrap_or(friction) })
 }
 
-/// How the cloth is solved, and how finely.
+/// Method, quality, levels and tethers.
 fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Options, Failure> {
     let given: Option<(&Source, &Spanned<file::Quality>)> =
         scene.and_then(|(source, file)| file.quality.as_ref().map(|quality| (source, quality)));
@@ -219,7 +219,7 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     })
 }
 
-/// Where everything is written.
+/// The output files.
 fn outputs(arguments: &Arguments, file: &File, frames: u32, fps: f32, read: Vec<PathBuf>) -> Result<Outputs, Failure> {
     let output = &file.output;
     let of = |argument: &Option<PathBuf>, file: &Option<PathBuf>| argument.clone().or(file.clone());
