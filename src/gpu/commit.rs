@@ -1,4 +1,5 @@
-//! The end of a step: what its last substep made becomes the cloth's state if the watch finds nothing wrong with it.
+//! The end of a step: the result of its last substep becomes the cloth's state if the stability check finds nothing
+//! wrong.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
@@ -12,7 +13,7 @@ use crate::step::watch::TURNS;
 /// Dispatches of a commit.
 pub(crate) const DISPATCHES: usize = 2;
 
-/// The stages that check and commit, with a group for each state but the cloth's own.
+/// The stages that check and commit, with a bind group for each state but the cloth's own.
 #[derive(Debug)]
 pub(crate) struct Commit {
     /// A [`Found`].
@@ -24,7 +25,8 @@ pub(crate) struct Commit {
 impl Commit {
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, forces: &Forces) -> Commit {
         let found = gpu.buffer("found", size_of::<Found>() as u64);
-        // An edge without stiffness holds nothing together: it is none, from a vertex to itself.
+        // An edge without stiffness holds nothing together and is not checked: it is replaced by one from a vertex to
+        // itself.
         let ends = cloth.swept().iter().map(|link| if link.stiffness > 0.0 { link.ends } else { [link.ends[0]; 2] });
         let ends = gpu.filled("ends", &ends.collect::<Vec<[u32; 2]>>());
         let (own, made) = (&forces.states[0], &forces.states[1..]);
@@ -41,12 +43,12 @@ impl Commit {
         Commit { found, check, keep }
     }
 
-    /// Forgets what was found, and the steps so far.
+    /// Resets the result of the check and the number of steps.
     pub(crate) fn begin(&self, gpu: &Gpu) {
         gpu.write(&self.found, 0, &[Found::NOTHING]);
     }
 
-    /// Forgets a failure.
+    /// Resets a failure; keeps the number of steps.
     pub(crate) fn go_on(&self, gpu: &Gpu, found: Found) {
         gpu.write(&self.found, 0, &[Found { steps: found.steps, next: found.next, ..Found::NOTHING }]);
     }

@@ -1,4 +1,4 @@
-//! The start of a substep: what is predicted, and the forces that the scene has. A term that is absent has no kernel and no
+//! The start of a substep: the prediction, and the forces that the scene has. An absent force has no kernel and no
 //! buffer.
 
 use glam::Vec4;
@@ -15,24 +15,24 @@ use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::step::plan::Plan;
 
-/// The states' buffers and the force kernels. Each kernel can take any of the states.
+/// The buffers of the states and the force kernels. Each kernel can start from any of the states.
 #[derive(Debug)]
 pub(crate) struct Forces {
-    /// The cloth's own, and those that the substeps of a step make in turn.
+    /// The cloth's own state, and those that the substeps of a step write in turn.
     pub states: Vec<State>,
-    /// Displacements in the making.
+    /// Displacements of the current substep.
     pub u: wgpu::Buffer,
-    /// [`Params`] and the [`Substep`] in force.
+    /// [`Params`] and the current [`Substep`].
     pub uniforms: Group,
     params: Sent,
     substeps: Sent,
-    /// The substeps as they are sent.
+    /// The substeps in the form in which they are uploaded.
     slots: Vec<u8>,
-    /// The same substeps without gaps, for who takes them all.
+    /// The same substeps without gaps, for kernels that read all of them.
     pub all_substeps: Sent,
     pub pins: Sent,
     predict: Stage,
-    /// Whether bending may be done in tiles; tests forbid it.
+    /// Whether bending may run in tiles; tests switch it off.
     pub bend_in_tiles: bool,
     pub(super) bending: Option<Bending>,
     wind: Option<Stage>,
@@ -40,10 +40,10 @@ pub(crate) struct Forces {
 }
 
 impl Forces {
-    /// With this many states beside the cloth's own, which may be there already.
+    /// Creates this many states in addition to the cloth's own, which may exist already.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize, own: Option<State>) -> Result<Forces, GpuFault> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
-        // Of the buffers that the cloth may come to need later, the largest: bending's moments, springs, panels.
+        // The largest of the buffers that the cloth may need later: bending moments, springs, panels.
         gpu.meets(
             "the cloth's largest buffer",
             (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
@@ -79,13 +79,13 @@ impl Forces {
         })
     }
 
-    /// Vertices that the buffers are of.
+    /// Number of vertices.
     pub(crate) fn vertices(&self) -> usize {
         self.u.size() as usize / size_of::<Vec4>()
     }
 
-    /// Uploads what this step has, and makes the kernels that it is the first to need. True if [`Forces::all_substeps`] is
-    /// another buffer than before.
+    /// Uploads the data of this step, and creates the kernels that it is the first to need. Returns true if
+    /// [`Forces::all_substeps`] has become another buffer.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool) -> bool {
         let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, bend_in_tiles, .. } = self;
         params.send(gpu, std::slice::from_ref(&plan.params));
@@ -125,12 +125,12 @@ impl Forces {
         false
     }
 
-    /// Springs are made anew by the next step.
+    /// Makes the next step create the springs again.
     pub(crate) fn forget_springs(&mut self) {
         self.springs = None;
     }
 
-    /// Binds the numbers of one substep for the stages encoded next.
+    /// Binds the parameters of one substep for the stages encoded next.
     pub(crate) fn bind_substep(&self, pass: &mut wgpu::ComputePass<'_>, substep: usize) {
         self.uniforms.set(pass, 0, &slot(substep));
     }
@@ -141,7 +141,7 @@ impl Forces {
         bending + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
     }
 
-    /// Bytes that a substep's forces read and write, if what is gathered is read once.
+    /// Bytes that the forces of a substep read and write, if gathered data is read once.
     pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
         let vertices = plan.cloth.rest.len();
         let entries = || size_of_val(plan.cloth.bending().entries.items.as_slice());
@@ -168,7 +168,7 @@ impl Forces {
     }
 }
 
-/// A stage with a group for each state.
+/// A stage with a bind group for each state.
 pub(super) fn stage<'a>(
     gpu: &Gpu,
     uniforms: &Group,
@@ -181,12 +181,12 @@ pub(super) fn stage<'a>(
     Stage::new(gpu, uniforms, Entry { shader, name, constants: &[] }, &bound)
 }
 
-/// What `stages/predict.wgsl` binds.
+/// The bindings of `stages/predict.wgsl`.
 pub(super) fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
     vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }
 
-/// What all stages bind: [`Params`], and the [`Substep`] that [`Forces::bind_substep`] chooses.
+/// The bindings that all stages share: [`Params`], and the [`Substep`] that [`Forces::bind_substep`] selects.
 fn uniforms(gpu: &Gpu, params: &Sent, substeps: &Sent) -> Group {
     Group::new(gpu, &[Bind::Uniform(&params.buffer), Bind::Dynamic(&substeps.buffer, size_of::<Substep>())])
 }

@@ -1,4 +1,4 @@
-//! The state on its way back to the CPU: waited for, or asked for and looked at while the GPU goes on.
+//! Reading the state back: waiting for it, or requesting it and looking later while the GPU continues.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -10,23 +10,23 @@ use crate::gpu::state::State;
 use crate::gpu::watch::Found;
 use crate::gpu_fault::GpuFault;
 
-/// What has become of a request.
+/// The progress of a request.
 const UNDER_WAY: u8 = 0;
 const ARRIVED: u8 = 1;
 const LOST: u8 = 2;
 
-/// The staging buffer of reads that wait, and the request that has not been seen.
+/// The staging buffer of reads that wait, and the request that has not been read yet.
 #[derive(Debug)]
 pub(crate) struct Readback {
     staging: wgpu::Buffer,
     request: Option<Request>,
 }
 
-/// Positions after some steps and whether those were good, copied behind them.
+/// Positions after some steps and the result of their check, copied after those steps.
 #[derive(Debug)]
 struct Request {
     staging: wgpu::Buffer,
-    /// Told by whoever polls the device.
+    /// Set by the callback when the device is polled.
     progress: Arc<AtomicU8>,
 }
 
@@ -36,7 +36,7 @@ impl Readback {
         Readback { staging: gpu.staging("state", size), request: None }
     }
 
-    /// Waits for the state and shows it to `look`; returns what steps found.
+    /// Waits for the state and passes it to `look`; returns the result of the steps' checks.
     pub(crate) fn read(
         &self,
         gpu: &Gpu,
@@ -53,7 +53,7 @@ impl Readback {
         })
     }
 
-    /// Asks for the positions behind what is submitted, in place of what was asked for before.
+    /// Requests the positions after everything submitted, in place of the previous request.
     pub(crate) fn request(&mut self, gpu: &Gpu, x: &wgpu::Buffer, found: &wgpu::Buffer) -> Result<(), GpuFault> {
         gpu.checked(|| {
             let staging = gpu.staging("positions", x.size() + found.size());
@@ -68,7 +68,7 @@ impl Readback {
         })
     }
 
-    /// Shows the positions asked for to `look`, once, if they have arrived; then returns what steps found.
+    /// Passes the requested positions to `look`, once, if they have arrived; returns the result of the steps' checks.
     pub(crate) fn arrived(&mut self, gpu: &Gpu, look: impl FnOnce(&[Vec4])) -> Result<Option<Found>, GpuFault> {
         let Some(Request { staging, progress }) = &self.request else { return Ok(None) };
         gpu.poll(wgpu::PollType::Poll)?;
@@ -79,7 +79,7 @@ impl Readback {
                 let (x, found) = bytes.split_at(bytes.len() - size_of::<Found>());
                 match bytemuck::try_cast_slice(x) {
                     Ok(x) => look(x),
-                    // A browser puts them anywhere.
+                    // In a browser the mapped bytes may have any alignment.
                     Err(_) => look(&bytemuck::pod_collect_to_vec(x)),
                 }
                 bytemuck::pod_read_unaligned(found)

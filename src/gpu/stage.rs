@@ -1,19 +1,19 @@
-//! A kernel, the buffers it works on, and how it is dispatched.
+//! A kernel, the buffers it works on, and its dispatch.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::device::{Entry, Gpu};
 
-/// Invocations in a workgroup: `WORKGROUP` of `dispatch.wgsl`.
+/// Invocations per workgroup: `WORKGROUP` of `dispatch.wgsl`.
 pub(crate) const WORKGROUP: usize = 64;
-/// Invocations that run in step, on most devices.
+/// Invocations per subgroup, on most devices.
 const SUBGROUP: usize = 32;
-/// Most workgroups in a dimension of a dispatch.
+/// Most workgroups in one dimension of a dispatch.
 const MAX_GROUPS: usize = 65_535;
-/// Bytes from one slot of a dynamic uniform to the next: a uniform of any size may start there.
+/// Distance (bytes) between slots of a dynamic uniform, which allows a uniform of any size to start at a slot.
 pub(crate) const SLOT: usize = 256;
 
-/// A run of items for one dispatch: `Batch` of `dispatch.wgsl`.
+/// A range of items for one dispatch: `Batch` of `dispatch.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Batch {
@@ -27,7 +27,7 @@ impl From<std::ops::Range<usize>> for Batch {
     }
 }
 
-/// Lays items out for [`Bind::Dynamic`] in `bytes`, a slot each.
+/// Writes items for [`Bind::Dynamic`] to `bytes`, one per slot.
 pub(crate) fn fill_slots<T: Pod>(bytes: &mut Vec<u8>, items: &[T]) {
     bytes.resize(items.len().max(1) * SLOT, 0);
     for (item, bytes) in items.iter().zip(bytes.chunks_mut(SLOT)) {
@@ -40,7 +40,7 @@ pub(crate) fn slot(index: usize) -> [u32; 1] {
     [(index * SLOT) as u32]
 }
 
-/// A buffer of items that never change, for [`Bind::Dynamic`].
+/// A buffer of constant items for [`Bind::Dynamic`].
 pub(crate) fn batches(gpu: &Gpu, items: &[Batch]) -> wgpu::Buffer {
     let mut bytes = Vec::new();
     fill_slots(&mut bytes, items);
@@ -50,14 +50,14 @@ pub(crate) fn batches(gpu: &Gpu, items: &[Batch]) -> wgpu::Buffer {
     buffer
 }
 
-/// Invocations of a workgroup that sweeps: no more than a color has edges, and than the device allows.
+/// Invocations of a workgroup that sweeps: no more than a color has edges, and no more than the device allows.
 pub(crate) fn lanes(gpu: &Gpu, edges: usize) -> usize {
     let limits = gpu.device().limits();
     let allowed = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x) as usize;
     edges.next_multiple_of(SUBGROUP).clamp(64, 1024).min(allowed)
 }
 
-/// How a stage sees a buffer. Bindings are numbered as they are listed.
+/// How a stage accesses a buffer. Bindings are numbered in the order in which they are listed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Bind<'a> {
     Read(&'a wgpu::Buffer),
@@ -65,7 +65,7 @@ pub(crate) enum Bind<'a> {
     Uniform(&'a wgpu::Buffer),
     /// A uniform of this size whose offset is given with each dispatch.
     Dynamic(&'a wgpu::Buffer, usize),
-    /// The shader has a binding here that this entry point does not use.
+    /// A binding of the shader that this entry point does not use.
     Unused,
 }
 
@@ -96,7 +96,7 @@ impl<'a> Bind<'a> {
     }
 }
 
-/// Buffers bound together, and how.
+/// A bind group and its layout.
 #[derive(Debug)]
 pub(crate) struct Group {
     layout: wgpu::BindGroupLayout,
@@ -114,14 +114,14 @@ impl Group {
         Group { group: gpu.device().create_bind_group(&group), layout }
     }
 
-    /// Binds the group as number `index`.
+    /// Sets the bind group as number `index`.
     pub(crate) fn set(&self, pass: &mut wgpu::ComputePass<'_>, index: u32, offsets: &[u32]) {
         pass.set_bind_group(index, &self.group, offsets);
     }
 }
 
-/// A kernel and the buffers it works on. Group 0 holds the uniforms that all stages share, group 1 is the stage's own: of these
-/// it has several alike where the state moves between buffers.
+/// A kernel and the buffers it works on. Group 0 holds the uniforms that all stages share, group 1 the stage's own
+/// buffers. A stage has several groups of the same layout if the state moves between buffers.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pipeline: wgpu::ComputePipeline,
@@ -134,7 +134,7 @@ impl Stage {
         Stage { pipeline: gpu.pipeline(entry, [&uniforms.layout, &groups[0].layout]), groups }
     }
 
-    /// Binds other buffers, as many groups and bound alike.
+    /// Binds other buffers: as many groups, with the same layout.
     pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: &[Vec<Bind<'_>>]) {
         self.groups = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
     }
@@ -153,7 +153,7 @@ impl Stage {
     }
 }
 
-/// A buffer of values that the CPU writes when they changed; made again when they outgrow it.
+/// A buffer of values that the CPU uploads when they have changed. It is created again if they outgrow it.
 #[derive(Debug)]
 pub(crate) struct Sent {
     label: &'static str,
@@ -178,7 +178,7 @@ impl Sent {
         Sent { label, usage, buffer: gpu.make(label, size as u64, usage), bytes: Vec::with_capacity(size) }
     }
 
-    /// Brings the buffer up to date; true if it had to be made again, and so must be bound again.
+    /// Updates the buffer. Returns true if it was created again, and thus must be bound again.
     pub(crate) fn send<T: Pod>(&mut self, gpu: &Gpu, values: &[T]) -> bool {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let grown = bytes.len() as u64 > self.buffer.size();

@@ -1,4 +1,4 @@
-//! Statistics of a state on the GPU: counted behind a step, looked at some steps later.
+//! Statistics of a state on the GPU: computed after a step, and read some steps later.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -11,26 +11,26 @@ use crate::gpu::stage::{Bind, Stage, WORKGROUP};
 use crate::gpu_fault::GpuFault;
 use crate::kernels::statistics::{Statistics, StrainGauge};
 
-/// Most workgroups that count: each adds what it counted to what the others did.
+/// Most workgroups that compute statistics; each adds its result to that of the others.
 const MOST_WORKGROUPS: usize = 256;
 
-/// The stage that counts, and what is on its way back.
+/// The stage that computes statistics, and the statistics that have not been returned yet.
 #[derive(Debug)]
 pub(crate) struct Counter {
     stage: Stage,
     counted: wgpu::Buffer,
     /// Items to count.
     items: usize,
-    /// Those of the last steps, the oldest first.
+    /// Statistics of the last steps, the oldest first.
     untold: VecDeque<Untold>,
-    /// Buffers that were looked at.
+    /// Staging buffers that can be used again.
     free: Vec<wgpu::Buffer>,
 }
 
 #[derive(Debug)]
 enum Untold {
     UnderWay(UnderWay),
-    /// They are here, and to be told when their time has come.
+    /// The statistics have arrived and are returned when it is their turn.
     Here(Box<Statistics>),
 }
 
@@ -38,13 +38,13 @@ enum Untold {
 struct UnderWay {
     staging: wgpu::Buffer,
     submission: wgpu::SubmissionIndex,
-    /// Whether the buffer could be mapped; told by whoever polls the device.
+    /// Set by the callback when the device is polled: whether the buffer could be mapped.
     mapped: Arc<AtomicBool>,
 }
 
 impl Counter {
-    /// Steps that statistics are late: as many may be queued before one waits for another. It is always as many, so that a motion can
-    /// be repeated; but for a browser, which does not wait.
+    /// Number of steps by which statistics are late. As many steps may be queued before one waits for another. The
+    /// number is constant, so that a motion can be repeated, except in a browser, which cannot wait.
     pub(crate) const LATE: usize = 3;
 
     pub(crate) fn new(gpu: &Gpu, forces: &Forces, gauges: &[StrainGauge]) -> Counter {
@@ -58,20 +58,21 @@ impl Counter {
         Counter { stage, counted, items, untold: VecDeque::new(), free: Vec::new() }
     }
 
-    /// Dispatches of a count.
+    /// Dispatches to compute statistics.
     pub(crate) const DISPATCHES: usize = 1;
 
-    /// Forgets what the step before counted, ahead of what is submitted next.
+    /// Resets the statistics, ahead of what is submitted next.
     pub(crate) fn clear(&self, gpu: &Gpu) {
         gpu.write(&self.counted, 0, &[Statistics::NONE]);
     }
 
-    /// Encodes a count of the cloth's own state.
+    /// Encodes the statistics of the cloth's own state.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MOST_WORKGROUPS));
     }
 
-    /// Sends for what was counted behind what is submitted, and returns what was three steps before: waits for that step if need be.
+    /// Requests the statistics after everything submitted, and returns those of three steps before. Waits for that step
+    /// if necessary.
     pub(crate) fn send_for(&mut self, gpu: &Gpu) -> Result<Option<Statistics>, GpuFault> {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
@@ -87,7 +88,7 @@ impl Counter {
         self.arrived(gpu, oldest).map(Some)
     }
 
-    /// Whether the oldest are here.
+    /// Whether the oldest statistics have arrived.
     fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
         gpu.poll(wgpu::PollType::Poll)?;
         Ok(self.untold.front().is_none_or(|untold| match untold {
@@ -115,7 +116,7 @@ impl Counter {
         seen.map_err(|error| GpuFault::from(error.to_string()))
     }
 
-    /// Waits for those of the last steps, which stay untold.
+    /// Waits for the statistics of the last steps, and keeps them to be returned later.
     pub(crate) fn untold(&mut self, gpu: &Gpu) -> Result<Vec<Statistics>, GpuFault> {
         let untold = std::mem::take(&mut self.untold);
         let seen: Vec<Statistics> = untold.into_iter().map(|untold| self.arrived(gpu, untold)).collect::<Result<_, _>>()?;
@@ -123,12 +124,12 @@ impl Counter {
         Ok(seen)
     }
 
-    /// Goes on with those of the last steps.
+    /// Continues with statistics of the last steps that have not been returned.
     pub(crate) fn resume(&mut self, untold: &[Statistics]) {
         self.untold = untold.iter().map(|&seen| Untold::Here(Box::new(seen))).collect();
     }
 
-    /// Forgets what is under way.
+    /// Drops the statistics that have not been returned.
     pub(crate) fn forget(&mut self) {
         self.untold.clear();
     }

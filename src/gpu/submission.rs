@@ -1,10 +1,10 @@
-//! Dispatches on their way to the device: one pass and one submit, or as few as it bears.
+//! Collects the dispatches of a step: one pass and one submission, or as few submissions as possible.
 
 use crate::device::Gpu;
 
-/// Dispatches in one submit, about: a driver takes the device away from work that holds it for seconds.
+/// Approximate number of dispatches per submission. Drivers reset a device that one submission occupies for seconds.
 const LONGEST: usize = 16_384;
-/// Dispatches in the first: the device begins with them while the others are encoded.
+/// Dispatches in the first submission, with which the device begins while the others are encoded.
 const FIRST: usize = 32;
 
 /// A compute pass, submitted when it is full or the step is encoded.
@@ -23,7 +23,7 @@ impl<'a> Submission<'a> {
         Submission { gpu, encoder, pass, dispatches: 0, most: FIRST }
     }
 
-    /// The pass, with room for some dispatches that belong together. What was bound may have to be bound again.
+    /// The pass, with room for some dispatches that must be in the same pass. Bindings may have to be set again.
     pub(crate) fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
         if self.dispatches > 0 && self.dispatches + dispatches > self.most {
             let next = Submission { most: LONGEST, ..Submission::new(self.gpu) };
@@ -37,7 +37,7 @@ impl<'a> Submission<'a> {
         self.submit_with(|_| ());
     }
 
-    /// With copies behind the dispatches.
+    /// Submits the pass, with copies after the dispatches.
     pub(crate) fn submit_with(mut self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) {
         drop(self.pass);
         copies(&mut self.encoder);

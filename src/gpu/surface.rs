@@ -1,36 +1,38 @@
-//! The cloth as a renderer takes it: positions, normals and indices on the device, nothing through the CPU.
+//! The buffers that a renderer draws the cloth from: positions, normals and indices on the device, without a copy
+//! through the CPU.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, Stage};
 use crate::model::cloth::Cloth;
 
-/// A cloth on the GPU, ready to be drawn by a renderer on the same device: [`Deformer::surface`](crate::Deformer::surface).
+/// The buffers of a cloth on the GPU, for a renderer on the same device: see
+/// [`Deformer::surface`](crate::Deformer::surface).
 ///
-/// Vertices are in the order of [`Deformer::vertex_order`](crate::Deformer::vertex_order). The buffers are the cloth's own,
-/// the same from call to call: read them, never write to them.
+/// Vertices are in the order of [`Deformer::vertex_order`](crate::Deformer::vertex_order). The buffers are the cloth's
+/// own and stay the same from call to call: read them, but never write to them.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Surface {
-    /// A `vec4<f32>` a vertex, 16 bytes apart: xyz (m) less [`Deformer::origin`](crate::Deformer::origin), w is the
-    /// solver's. Usages `VERTEX`, `STORAGE`, `COPY_SRC`.
+    /// One `vec4<f32>` per vertex, 16 bytes apart: xyz is the position (m) minus
+    /// [`Deformer::origin`](crate::Deformer::origin), w is used by the solver. Usages `VERTEX`, `STORAGE`, `COPY_SRC`.
     pub positions: wgpu::Buffer,
-    /// A `vec4<f32>` a vertex, 16 bytes apart: the mean of the triangles around it weighted by area, of length 1 on the side
-    /// from which they are counter-clockwise, 0 where there is no area; w is 0. Usages as `positions`.
+    /// One `vec4<f32>` per vertex, 16 bytes apart: the unit normal, the area-weighted mean over the vertex's triangles,
+    /// on the side from which they are counter-clockwise; 0 where there is no area. w is 0. Usages as for `positions`.
     pub normals: wgpu::Buffer,
-    /// Three `u32` a triangle, in the mesh's order and sense, without triangles that name a vertex twice. Usages `INDEX`,
-    /// `STORAGE`, `COPY_SRC`.
+    /// Three `u32` per triangle, in the mesh's order and orientation, without triangles that use a vertex twice. Usages
+    /// `INDEX`, `STORAGE`, `COPY_SRC`.
     pub indices: wgpu::Buffer,
     /// Number of indices.
     pub index_count: u32,
 }
 
-/// The stage that makes normals, and what it makes them from.
+/// The stage that computes normals, and its buffers.
 #[derive(Debug)]
 pub(crate) struct Normals {
     pub surface: Surface,
     vertices: usize,
-    /// None: what the stage needs, its buffers say.
+    /// An empty group: the stage needs only its buffers.
     uniforms: Group,
     stage: Stage,
 }
@@ -40,7 +42,7 @@ impl Normals {
         use wgpu::BufferUsages;
         let around = &cloth.panels().around;
         let corners = cloth.triangles.as_flattened();
-        // An empty mesh has a triangle of zeros, for a buffer of no bytes cannot be bound.
+        // An empty mesh gets a triangle of zeros, because a buffer without bytes cannot be bound.
         let indices = gpu.buffer_for("triangles", size_of_val(corners).max(12) as u64, BufferUsages::INDEX);
         gpu.write(&indices, 0, corners);
         let normals = gpu.buffer_for("normals", positions.size(), BufferUsages::VERTEX);
@@ -55,7 +57,7 @@ impl Normals {
         Normals { surface, vertices: cloth.rest.len(), uniforms, stage }
     }
 
-    /// Submits the normals of the state that the steps so far lead to.
+    /// Submits the computation of the normals after the steps so far.
     pub(crate) fn submit(&self, gpu: &Gpu) {
         let mut encoder = gpu.encoder();
         {

@@ -1,16 +1,16 @@
-//! Tethers as the shaders take them: one a vertex, behind all else in a table or in a buffer of their own.
+//! Tethers in the form that the shaders read: one per vertex, at the end of a table or in a buffer of their own.
 
 use crate::device::Gpu;
 use crate::kernels::tether::Tether;
 use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
 
-/// Bytes of the tethers of a cloth; none without a lone pin.
+/// Bytes of the tethers of a cloth; 0 without a lone pin.
 pub(crate) fn size(cloth: &Cloth) -> usize {
     if cloth.tethers.is_some() { cloth.rest.len() * size_of::<Tether>() } else { 0 }
 }
 
-/// Writes those of a plan to a buffer, from a byte on. A vertex without one has no share.
+/// Writes the tethers of a plan to a buffer, from byte `at` on. A vertex without one has share 0.
 pub(crate) fn send(gpu: &Gpu, plan: &Plan<'_>, buffer: &wgpu::Buffer, at: usize) {
     if plan.coefficients.tethers.is_empty() {
         return;

@@ -1,9 +1,9 @@
-//! Tiles: the cloth cut into pieces that a workgroup's memory holds, each with all that its own vertices depend on.
+//! Tiles: pieces of the cloth that fit into a workgroup's memory, each with everything that its own vertices depend on.
 //!
-//! A sweep visits the edges color after color. Walked backwards from a tile's own vertices, a vertex that is needed
-//! after a color needs, before it, the other end of its edge of that color. What is gathered so, its halo, is a few rings
-//! wide, and computing it in every tile that needs it is cheaper than a dispatch a color: on a device whose dispatches
-//! cost 2 us each, five to eight times.
+//! A sweep visits the edges color after color. Going backward from a tile's own vertices: a vertex that is needed after
+//! a color requires, before that color, the other end of its edge of that color. The vertices found in this way, the
+//! halo, form a few rings. Computing them in every tile that needs them is cheaper than one dispatch per color: five to
+//! eight times, on a device whose dispatches cost 2 us each.
 
 use std::ops::Range;
 
@@ -16,40 +16,41 @@ use crate::kernels::distance::Edge;
 use crate::model::cloth::Link;
 use crate::model::csr::Csr;
 
-/// What `stages/sweep.wgsl` calls none, of edges and of labels.
+/// The value of `stages/sweep.wgsl` for no edge and for no label.
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 
-/// Tiles as `stages/tiles.wgsl` reads them.
+/// Tiles in the form that `stages/tiles.wgsl` reads.
 #[derive(Debug, Clone)]
 pub(crate) struct Tiles {
-    /// For each tile how many vertices are its own; then for each its vertices, its own first, in [`Tiles::largest`]
-    /// words, filled up with its first; then for each the aggregates of those; then for each and each color its edges, in
-    /// [`Tiles::widest`] words each all ends as a pair of places among the tile's vertices, all inverse lengths, all inverse
-    /// weights.
+    /// First the number of own vertices of each tile. Then the vertices of each tile, its own first, in
+    /// [`Tiles::largest`] words, padded with its first one; then the aggregates of those. Then the edges of each tile
+    /// and color, in [`Tiles::widest`] words each: the ends as pairs of places among the tile's vertices, the inverse
+    /// lengths, and the inverse weights.
     pub table: Vec<u32>,
     pub count: usize,
     pub colors: usize,
-    /// Most vertices that a tile holds, and most edges of a color.
+    /// Most vertices in a tile, and most edges of a color in a tile.
     pub largest: usize,
     pub widest: usize,
-    /// Edges of all tiles, those of halos in each that has them.
+    /// Edges of all tiles; those in halos count in each tile that has them.
     pub swept: usize,
-    /// Where in the table the edges start; the cloth's edge that each word stands for.
+    /// The place in the table where the edges start, and for each word from there on the cloth's edge that it belongs
+    /// to.
     edges: usize,
     sources: Vec<u32>,
 }
 
-/// How large tiles may be.
+/// The allowed size of tiles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TileSize {
-    /// Vertices of its own that a tile has at most, and that it may hold.
+    /// Most own vertices, and most vertices in total.
     pub own: usize,
     pub room: usize,
-    /// Bytes that the table may have.
+    /// Most bytes of the table.
     pub bytes: usize,
 }
 
-/// A tile as it is found: its vertices, its own first, and its edges of each color.
+/// A tile: its vertices, its own first, and its edges of each color.
 #[derive(Debug)]
 struct Tile {
     own: usize,
@@ -57,20 +58,21 @@ struct Tile {
     edges: Vec<Vec<u32>>,
 }
 
-/// What tiles are cut from.
+/// The cloth that is divided into tiles.
 struct Source<'a> {
     rest: &'a [Vec4],
     links: &'a [Link],
     colors: &'a [Range<usize>],
     /// The edges at each vertex.
     around: Csr<u32>,
-    /// Vertices that a tile may hold.
+    /// Most vertices of a tile.
     room: usize,
 }
 
 impl Tiles {
-    /// Cuts the cloth into tiles. `None` if that cannot be done, as for a fan of many edges, or not be done well. Every tile has room for as many
-    /// edges of every color as any has of one, so that a vertex of a hundred edges makes the tables of all as wide as it has colors.
+    /// Divides the cloth into tiles. `None` if that is not possible, as for a fan of many edges, or not efficient.
+    /// Every tile has room for as many edges of every color as any tile has of one, so a vertex with a hundred edges
+    /// makes the tables of all tiles large.
     pub(crate) fn new(rest: &[Vec4], links: &[Link], colors: &[Range<usize>], most: TileSize) -> Option<Tiles> {
         let pairs = links.iter().enumerate().flat_map(|(edge, link)| link.ends.map(|end| (end, edge as u32)));
         let around = Csr::new(rest.len(), pairs);
@@ -82,7 +84,7 @@ impl Tiles {
         let tiles: Option<Vec<Vec<Tile>>> = pieces.into_par_iter().map_init(seen, |seen, own| source.fit(own, seen)).collect();
         let tiles: Vec<Tile> = tiles?.into_iter().flatten().collect();
         let held: usize = tiles.iter().map(|tile| tile.vertices.len()).sum();
-        // So much recomputed is no gain any more.
+        // Beyond this amount of redundant computation tiles do not pay off.
         let fits = size_of::<u32>() * words(&tiles, colors.len()).iter().sum::<usize>() <= most.bytes;
         (fits && held <= 16 * rest.len().max(256)).then(|| Tiles::lay_out(&tiles, rest.len(), links, colors.len()))
     }
@@ -114,12 +116,12 @@ impl Tiles {
         Tiles { table, count, colors, largest, widest, swept, edges, sources }
     }
 
-    /// Bytes that a sweep reads: the table, and two vectors for each vertex held.
+    /// Bytes that a sweep reads: the table, and two vectors for each vertex of each tile.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.table.as_slice()) + 32 * self.count * self.largest
     }
 
-    /// Fills in the aggregates that the vertices are in, and names the vertices anew, as numbers from `base` on.
+    /// Stores the aggregates of the vertices, and renumbers the vertices from `base` on.
     pub(crate) fn set_labels(&mut self, labels: impl Fn(u32) -> u32, base: u32) {
         let (_, lists) = self.table[..self.edges].split_at_mut(self.count);
         let (vertices, named) = lists.split_at_mut(self.count * self.largest);
@@ -129,7 +131,7 @@ impl Tiles {
         }
     }
 
-    /// Fills in the edges' numbers, here and in `buffer`, which starts with the table.
+    /// Stores the edges' coefficients, here and in `buffer`, which starts with the table.
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, edges: &[Edge]) {
         let width = self.widest.max(1);
         let lists = self.table[self.edges..].chunks_mut(width).zip(self.sources.chunks(width)).enumerate();
@@ -142,13 +144,13 @@ impl Tiles {
         gpu.write(buffer, size_of::<u32>() * self.edges, &self.table[self.edges..]);
     }
 
-    /// The place of edge number `k % widest` of color `k / widest` of the first tile.
+    /// The cloth's edge that is number `k % widest` of color `k / widest` in the first tile.
     pub(crate) fn edge(&self, k: usize) -> usize {
         let width = self.widest.max(1);
         self.sources[3 * width * (k / width) + width + k % width] as usize
     }
 
-    /// What `stages/tiles.wgsl` is told.
+    /// The constants of `stages/tiles.wgsl`.
     pub(crate) fn constants(&self, gpu: &Gpu) -> [(&'static str, f64); 5] {
         [
             ("LANES", lanes(gpu, self.widest)),
@@ -161,17 +163,17 @@ impl Tiles {
     }
 }
 
-/// Most vertices that a tile holds.
+/// Most vertices in a tile.
 fn largest(tiles: &[Tile]) -> usize {
     tiles.iter().map(|tile| tile.vertices.len()).max().unwrap_or(0)
 }
 
-/// Most edges of a color that a tile has.
+/// Most edges of a color in a tile.
 fn widest(tiles: &[Tile]) -> usize {
     tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).max().unwrap_or(0)
 }
 
-/// Words of the table of so many colors: what comes before the edges, and those.
+/// Words of the table for this many colors: those before the edges, and those of the edges.
 fn words(tiles: &[Tile], colors: usize) -> [usize; 2] {
     [tiles.len() * (1 + 2 * largest(tiles)), tiles.len() * colors * 3 * widest(tiles)]
 }
@@ -188,7 +190,7 @@ pub(super) fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut 
     halve(high, rest, most, pieces);
 }
 
-/// The two halves of a set of vertices, across its longest extent.
+/// The two halves of a set of vertices, cut across its longest extent.
 fn cut(mut set: Vec<u32>, rest: &[Vec4]) -> [Vec<u32>; 2] {
     let at = |vertex: u32| rest[vertex as usize].truncate();
     let (low, high) = set.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &v| (low.min(at(v)), high.max(at(v))));
@@ -200,7 +202,7 @@ fn cut(mut set: Vec<u32>, rest: &[Vec4]) -> [Vec<u32>; 2] {
 }
 
 impl Source<'_> {
-    /// The tile of these vertices, or tiles of their halves where it would not fit.
+    /// The tile of these vertices, or tiles of their halves if it would not fit.
     fn fit(&self, own: Vec<u32>, seen: &mut [bool]) -> Option<Vec<Tile>> {
         if let Some(tile) = self.tile(&own, seen) {
             return Some(vec![tile]);
@@ -216,7 +218,8 @@ impl Source<'_> {
         Some(found)
     }
 
-    /// A tile with all that its own vertices depend on, if there is room. `seen` is all false before and after.
+    /// The tile with everything that its own vertices depend on, if there is room. `seen` is all false before and
+    /// after.
     fn tile(&self, own: &[u32], seen: &mut [bool]) -> Option<Tile> {
         let mut vertices = own.to_vec();
         vertices.iter().for_each(|&v| seen[v as usize] = true);

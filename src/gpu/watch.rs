@@ -1,4 +1,5 @@
-//! What a step finds on the GPU: eight words that stay there until somebody looks, and that come back late where nobody does.
+//! The result of the stability check on the GPU: eight words that stay there until somebody reads them, and that are
+//! read back with a delay where nobody does.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -9,14 +10,14 @@ use crate::device::Gpu;
 use crate::failure::{Cause, Failure};
 use crate::gpu_fault::GpuFault;
 
-/// What a vertex or an edge is while there is none: `NONE` of `limits.wgsl`.
+/// No vertex or edge: `NONE` of `limits.wgsl`.
 pub(crate) const NONE: u32 = u32::MAX;
-/// Said beside an edge's place by `single_workgroup.wgsl`, where it is one in the tile's table.
+/// Marks an edge's place as one in the tile's table; set by `single_workgroup.wgsl`.
 pub(crate) const IN_TABLE: u32 = 1 << 31;
-/// After so many steps the words are asked for once more: often enough, and next to nothing for each.
+/// Number of steps after which the words are requested again: often enough, at a negligible cost per step.
 const EVERY: u32 = 8;
 
-/// What has become of the words asked for.
+/// The progress of a request.
 const NOT_ASKED: u8 = 0;
 const UNDER_WAY: u8 = 1;
 const ARRIVED: u8 = 2;
@@ -37,11 +38,12 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Before the first step.
+    /// The state before the first step.
     pub(crate) const NOTHING: Found =
         Found { lost: NONE, long: NONE, fast: NONE, energy: 0, hot: 0, stopped: 0, steps: 0, next: 0 };
 
-    /// The failure that it tells of, if any; `edge` turns what names an edge in the tile's table into its place.
+    /// The failure that the words report, if any; `edge` converts a place in the tile's table to that of the cloth's
+    /// edge.
     pub(crate) fn verdict(&self, edge: impl Fn(usize) -> usize) -> Result<(), Failure> {
         let Found { lost, long, fast, hot, steps, .. } = *self;
         let cause = match (lost, hot, long) {
@@ -55,13 +57,13 @@ impl Found {
     }
 }
 
-/// The words on their way back while steps go on.
+/// Reads the words back while steps continue.
 #[derive(Debug)]
 pub(crate) struct Report {
     staging: wgpu::Buffer,
-    /// Told by whoever polls the device, as every submit does.
+    /// Set by the callback when the device is polled, which every submission does.
     progress: Arc<AtomicU8>,
-    /// Steps since they were last asked for.
+    /// Steps since the last request.
     steps: u32,
 }
 
@@ -71,13 +73,13 @@ impl Report {
         Report { staging, progress: Arc::new(AtomicU8::new(NOT_ASKED)), steps: 0 }
     }
 
-    /// Whether a step is to ask for them; counts it.
+    /// Counts a step; returns whether it should request the words.
     pub(crate) fn is_due(&mut self) -> bool {
         self.steps += 1;
         self.steps >= EVERY && self.progress.load(Ordering::Acquire) == NOT_ASKED
     }
 
-    /// Copies the words behind what was encoded, if that is due.
+    /// Copies the words after what was encoded, if `due`.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder, found: &wgpu::Buffer, due: bool) {
         if !due {
             return;
@@ -85,7 +87,7 @@ impl Report {
         encoder.copy_buffer_to_buffer(found, 0, &self.staging, 0, self.staging.size());
     }
 
-    /// Asks for the words copied by what was submitted, if they were.
+    /// Requests the words that the last submission copied, if `due`.
     pub(crate) fn ask(&mut self, due: bool) {
         if !due {
             return;
@@ -98,7 +100,7 @@ impl Report {
         });
     }
 
-    /// The words, once, if they have come. A device that was lost does not send them any more.
+    /// The words, once, if they have arrived. A lost device does not send them any more.
     pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Found>, GpuFault> {
         match self.progress.load(Ordering::Acquire) {
             ARRIVED => {}

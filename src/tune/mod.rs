@@ -148,6 +148,7 @@ impl Display for Setting {
 /// The scene is simulated up to 20 times, two of them with the stiffness resolved. These take most of the time: expect
 /// about three times that of one resolved run. Times are measured on this machine under its current load.
 ///
+/// # Errors
 /// As [`Deformer::new`](crate::Deformer::new). Also if the tolerance is not a finite number above 0, if there are no
 /// frames, or if a step of a resolved run fails, with its frame.
 pub fn tune(

@@ -1,4 +1,4 @@
-//! What a step on the GPU comes to: dispatches, bytes, colors and edges.
+//! The amount of work in a step on the GPU: dispatches, bytes, colors and edges.
 
 use glam::Vec4;
 
@@ -19,7 +19,7 @@ impl GpuEngine {
         }
     }
 
-    /// What the last step came to.
+    /// The amount of work in the last step.
     #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
     pub(crate) fn stats(&self) -> GpuStats {
         self.stats
@@ -34,7 +34,7 @@ impl GpuEngine {
         }
         let forces = Forces::bytes(plan);
         let (substep, rounds, edges) = match &self.sweep {
-            // A halo's vertices are read more than once; each is written once.
+            // Vertices in halos are read more than once; each vertex is written once.
             Sweep::Tiled(Tiled { tiles, .. }) => {
                 (forces * plan.params.predicted as usize + tiles.bytes() + state, tiles.colors, tiles.swept)
             }

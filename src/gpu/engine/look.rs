@@ -1,4 +1,4 @@
-//! The state of a cloth on the GPU from outside of a step: it is set, looked at, asked for, and gone on from.
+//! Access to the state of a cloth on the GPU between steps: setting, reading, requesting and restoring it.
 
 use glam::Vec4;
 
@@ -13,14 +13,14 @@ use crate::model::cloth::Cloth;
 use crate::past::Past;
 
 impl GpuEngine {
-    /// Sends for the statistics of the step that was submitted, if it asks for any; returns those that have come.
+    /// Requests the statistics of the submitted step, if it computes any; returns those that have arrived.
     pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
         let GpuEngine { gpu, counter, counts, .. } = self;
         let Some(counter) = counter.as_mut().filter(|_| *counts) else { return Ok(None) };
         gpu.checked(|| counter.send_for(gpu)).map_err(Failure::Gpu)
     }
 
-    /// Puts the state somewhere else.
+    /// Sets the state.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         let state = &self.forces.states[0];
         self.gpu.write(&state.x, 0, x);
@@ -29,7 +29,7 @@ impl GpuEngine {
         self.counter.iter_mut().for_each(Counter::forget);
     }
 
-    /// What there is to know besides the state; waits for it.
+    /// What the engine knows besides positions and displacements; waits for it.
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         let GpuEngine { gpu, commit, counter, .. } = self;
         gpu.checked(|| {
@@ -41,7 +41,7 @@ impl GpuEngine {
         .map_err(Failure::Gpu)
     }
 
-    /// Goes on from a state and what was known besides; false, and nothing is changed, if no such cloth has such a past.
+    /// Continues from a state and a past. Returns false and changes nothing if they cannot belong to this cloth.
     pub(crate) fn resume(&mut self, cloth: &Cloth, [x, p]: [&[Vec4]; 2], past: &Past) -> Result<bool, Failure> {
         self.is_whole()?;
         let next = past.steps[1] as usize;
@@ -61,13 +61,14 @@ impl GpuEngine {
         Ok(true)
     }
 
-    /// Waits for what was submitted.
+    /// Waits for everything submitted.
     pub(crate) fn wait(&self) -> Result<(), Failure> {
         self.gpu.wait().map_err(Failure::Gpu)?;
         if self.gpu.is_lost() { Err(Failure::Gpu(GpuFault::Lost)) } else { Ok(()) }
     }
 
-    /// Waits for the GPU and shows its state to `look`; then fails if it had to go back to that of an earlier step.
+    /// Waits for the GPU and passes its state to `look`. Then fails if the GPU had to return to the state before a
+    /// failed step.
     pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, look);
         let found = seen.map_err(Failure::Gpu)?;
@@ -78,24 +79,24 @@ impl GpuEngine {
         good
     }
 
-    /// Fails if that was found of the last steps.
+    /// Fails if the words report a failure.
     fn verdict(&self, found: Found) -> Result<(), Failure> {
         found.verdict(|place| self.single_workgroup.as_ref().map_or(0, |single| single.edge(place)))
     }
 
-    /// Whether steps are known by now to have failed.
+    /// Whether a step is now known to have failed. Never waits.
     pub(crate) fn told(&mut self) -> Result<bool, Failure> {
         let found = self.report.arrived(&self.gpu).map_err(Failure::Gpu)?;
         Ok(found.is_some_and(|found| self.verdict(found).is_err()))
     }
 
-    /// Asks for the positions, in place of what was asked for before.
+    /// Requests the positions, in place of the previous request.
     pub(crate) fn request(&mut self) -> Result<(), Failure> {
         let x = &self.forces.states[0].x;
         self.readback.request(&self.gpu, x, &self.commit.found).map_err(Failure::Gpu)
     }
 
-    /// Shows what was asked for to `look`, once, if it is there: whether it was.
+    /// Passes the requested positions to `look`, once, if they have arrived; returns whether they have.
     pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self.readback.arrived(&self.gpu, look).map_err(Failure::Gpu)? {
             Some(found) => self.verdict(found).map(|()| true),
@@ -103,7 +104,7 @@ impl GpuEngine {
         }
     }
 
-    /// Submits the normals of the state that the steps so far lead to.
+    /// Submits the computation of the normals after the steps so far.
     pub(crate) fn surface(&mut self, cloth: &Cloth) -> Result<Surface, Failure> {
         let GpuEngine { gpu, forces, normals, .. } = self;
         gpu.checked(|| {

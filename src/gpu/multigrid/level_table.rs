@@ -1,40 +1,41 @@
-//! Coarse levels that one workgroup holds together, as `stages/levels.wgsl` reads them.
+//! Coarse levels that fit together into one workgroup, in the form that `stages/levels.wgsl` reads.
 
 use crate::device::Gpu;
 use crate::gpu::tiles::NO_EDGE;
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
-/// Edges of a color that there is room for, at most: a wider one is swept in parts.
+/// Most edges of a color that there is room for; a color with more is swept in parts.
 const WIDEST: usize = 512;
 
-/// The coarsest levels of a cloth, from one on.
+/// The coarsest levels of a cloth, beginning with a certain one.
 #[derive(Debug)]
 pub(crate) struct LevelTable {
-    /// For each level where its aggregates start, and the end; for each level its first color, and the end; for each aggregate
-    /// the one that it is in; for each its members, each with its share, the first again with none where there are fewer; edges,
-    /// as those of a tile. An aggregate is named by its place here.
+    /// For each level the start of its aggregates, and the end; for each level its first color, and the end; for each
+    /// aggregate the coarser one that contains it; for each aggregate its members with their shares, padded with the
+    /// first member and share 0; and the edges, as in the table of a tile. An aggregate is identified by its place
+    /// here.
     pub table: Vec<u32>,
-    /// How many levels there are, and how many finer ones that are swept elsewhere.
+    /// Number of levels, and of finer levels that are swept elsewhere.
     levels: usize,
     finer: usize,
-    /// Aggregates of the finest level, and of all.
+    /// Aggregates of the finest level here, and of all levels.
     pub averaged: usize,
     pub aggregates: usize,
-    /// Most members of an aggregate of the finest level, 0 if that is averaged elsewhere, and of another.
+    /// Most members of an aggregate of the finest level, 0 if that is averaged elsewhere, and of any other.
     of_finest: usize,
     members: usize,
     /// Room for edges of a color, and for colors.
     pub width: usize,
     colors: usize,
-    /// Where in the table the edges start; for each color its level, and which of its edges.
+    /// The place in the table where the edges start; for each color its level, and the range of its edges there.
     edges: usize,
     runs: Vec<(usize, std::ops::Range<usize>)>,
 }
 
 impl LevelTable {
-    /// Of all the cloth's levels from number `finest` on. What the members of that are, is numbered from `below` on; `None`: it is
-    /// averaged elsewhere.
+    /// The table of all levels from number `finest` on. Members of level `finest` are numbered from `below` on; `None`
+    /// if it is averaged elsewhere.
     pub(crate) fn new(all: &[Level], finest: usize, below: Option<usize>) -> LevelTable {
         LevelTable::with_width(all, finest, below, WIDEST)
     }
@@ -45,7 +46,7 @@ impl LevelTable {
         levels.iter().for_each(|level| place.push(place[place.len() - 1] + level.inverse_mass.len()));
         let (averaged, aggregates) = (place[1], place[levels.len()]);
         let widest = levels.iter().flat_map(|level| &level.colors).map(ExactSizeIterator::len).max().unwrap_or(0).max(1);
-        // Parts alike, of full subgroups.
+        // Parts of equal size, in full subgroups.
         let width = widest.div_ceil(widest.div_ceil(most)).next_multiple_of(32);
 
         let (mut runs, mut first_color) = (Vec::new(), vec![0; levels.len()]);
@@ -95,13 +96,14 @@ impl LevelTable {
         }
     }
 
-    /// Colors, or parts of them, and edges, of so many of the cloth's levels.
+    /// Colors, or parts of them, and edges of the finest `levels` levels of the cloth.
     pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
         let parts = self.runs.iter().filter(|(level, part)| *level < levels && !part.is_empty()).map(|(_, part)| part.len());
         [parts.clone().count(), parts.sum()]
     }
 
-    /// Fills in the edges' numbers of the levels in use, here and in `buffer`, where the table starts at byte `start`.
+    /// Stores the coefficients of the edges of the levels in use, here and in `buffer`, where the table starts at byte
+    /// `start`.
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, start: usize, levels: &[Vec<Edge>]) {
         self.set_edges(levels);
         gpu.write(buffer, start + size_of::<u32>() * self.edges, &self.table[self.edges..]);
@@ -119,7 +121,7 @@ impl LevelTable {
         }
     }
 
-    /// What `stages/levels.wgsl` is told of a table that starts at word `start`, or of none.
+    /// The constants of `stages/levels.wgsl` for a table that starts at word `start`, or for none.
     pub(crate) fn constants(levels: Option<&LevelTable>, start: usize) -> [(&'static str, f64); 9] {
         let values = levels.map_or([0, 0, 0, 0, 0, 1, 1, 0, 0], |of| {
             [of.levels, of.finer, of.averaged, of.aggregates, of.of_finest, of.members, of.width, of.colors, start]
@@ -135,7 +137,7 @@ fn most_members(level: &Level) -> usize {
     level.members.spans.iter().map(|span| span.end - span.start).max().unwrap_or(1) as usize
 }
 
-/// Adds each aggregate's members, items from number `below` on, with their shares, in room for `room` of them.
+/// Adds the members of each aggregate with their shares, as items numbered from `below` on, padded to `room` members.
 fn push_members(table: &mut Vec<u32>, level: &Level, below: u32, room: usize) {
     for span in &level.members.spans {
         let range = span.start as usize..span.end as usize;

@@ -1,8 +1,8 @@
-//! Coarse levels on the GPU: see [`crate::multigrid::hierarchy`] for what they are.
+//! Coarse levels on the GPU; [`crate::multigrid::hierarchy`] has the theory.
 //!
-//! The finest is averaged from the vertices in a dispatch of its own. Those that fit into one workgroup together are swept
-//! by one, in one dispatch. Larger ones are cut into tiles, as the cloth is, and take two: one to be averaged, one to be
-//! swept. On a mesh that cannot be cut each color is a dispatch.
+//! The finest level is averaged from the vertices in a dispatch of its own. The levels that fit together into one
+//! workgroup are swept in one dispatch. Larger levels are divided into tiles, as the cloth is, and take two dispatches
+//! each, one to average and one to sweep. On a mesh that cannot be divided each color takes a dispatch.
 
 mod level_table;
 mod per_color;
@@ -24,28 +24,29 @@ pub(crate) use level_table::LevelTable;
 use per_color::LevelsPerColor;
 use tiled::TiledLevels;
 
-/// Lanes that average an aggregate of vertices, and one of aggregates: about as many as it has of them.
+/// Lanes that average an aggregate of vertices, and lanes that average one of aggregates: about as many as it has
+/// members.
 const EACH: [usize; 2] = [16, 4];
 
-/// An item that an aggregate is made of: `stages/restrict.wgsl`'s `Member`.
+/// A member of an aggregate: `Member` of `stages/restrict.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Member {
     pub item: u32,
-    /// Share in the aggregate's mass.
+    /// Its share of the aggregate's mass.
     pub share: f32,
 }
 
-/// All levels of a cloth; a step uses as many of the finest as it asks for.
+/// All levels of a cloth. A step uses as many of the finest ones as it asks for.
 #[derive(Debug)]
 pub(crate) struct Multigrid {
-    /// What each aggregate of each level is corrected by, the finest level first.
+    /// The correction of each aggregate of each level, the finest level first.
     pub shift: wgpu::Buffer,
-    /// How many members the aggregates of each level have, and those of all finer ones.
+    /// For each level the number of members of its aggregates and of those of all finer levels.
     items: Vec<usize>,
-    /// Where each level's aggregates start among those of all, and the end.
+    /// The start of each level's aggregates among those of all levels, and the end.
     starts: Vec<usize>,
-    /// The substep and the levels that the edges are for.
+    /// The substep and the number of levels that the uploaded edges belong to.
     sent: Option<(Length, usize)>,
     restrict_vertices: Stage,
     restrict_aggregates: Stage,
@@ -60,7 +61,7 @@ enum Sweep {
 }
 
 impl Multigrid {
-    /// With all levels of the cloth, in workgroups that have room for so many aggregates; `None`: a dispatch a color.
+    /// Creates all levels of the cloth, in workgroups with room for `room` aggregates; `None`: one dispatch per color.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, levels: &[Level], forces: &Forces, room: Option<usize>) -> Multigrid {
         let mut starts = vec![0];
         levels.iter().for_each(|level| starts.push(starts[starts.len() - 1] + level.inverse_mass.len()));
@@ -108,7 +109,7 @@ impl Multigrid {
         Multigrid { shift, items, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
     }
 
-    /// How many levels are swept in tiles.
+    /// Number of levels that are swept in tiles.
     #[cfg(test)]
     pub(crate) fn in_tiles(&self) -> Option<usize> {
         match &self.sweep {
@@ -128,17 +129,17 @@ impl Multigrid {
         }
     }
 
-    /// Bytes of a substep with so many levels, those of coarser ones that are read along with them counted.
+    /// Bytes of a substep with this many levels, including those of coarser levels that are read along with them.
     pub(crate) fn bytes(&self, levels: usize) -> usize {
         let swept = match &self.sweep {
             Sweep::Tiled(tiled) => tiled.bytes(),
             Sweep::PerColor(per_color) => per_color.bytes(),
         };
-        // Members and what they are averaged from; what is averaged, and what that is corrected by.
+        // Members and what they are averaged from; the averages and their corrections.
         40 * self.items[levels - 1] + 48 * self.starts[levels] + swept
     }
 
-    /// Colors one after another, and edges, of a substep, but for those that are dispatches of their own.
+    /// Colors inside dispatches, which are processed one after another, and edges, of a substep.
     pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
         match &self.sweep {
             Sweep::Tiled(tiled) => tiled.counts(levels),
@@ -146,7 +147,7 @@ impl Multigrid {
         }
     }
 
-    /// Dispatches of a substep, those of [`Multigrid::encode_correct`] counted.
+    /// Dispatches of a substep, including that of [`Multigrid::encode_correct`].
     pub(crate) fn dispatches(&self, levels: usize) -> usize {
         match &self.sweep {
             Sweep::Tiled(tiled) => 2 * tiled.dispatches(levels),
@@ -154,7 +155,8 @@ impl Multigrid {
         }
     }
 
-    /// Encodes the correction of what a substep's forces predict: substep number `group` of [`PING_PONG`].
+    /// Encodes the correction of the displacements that a substep's forces predict: substep number `group` of
+    /// [`PING_PONG`].
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let predicted = plan.params.predicted as usize * PING_PONG.len();
@@ -173,7 +175,7 @@ impl Multigrid {
         }
     }
 
-    /// Encodes adding the correction to the vertices, for a sweep that does not do that itself.
+    /// Encodes adding the correction to the vertices, if the sweep does not do that itself.
     pub(crate) fn encode_correct(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>) {
         if let Sweep::PerColor(per_color) = &self.sweep {
             per_color.encode_correct(pass, plan.cloth.rest.len());
@@ -181,7 +183,7 @@ impl Multigrid {
     }
 }
 
-/// Centers of the aggregates of each level at rest, w the inverse mass.
+/// Centers of the aggregates of each level at rest; w is the inverse mass.
 fn at_rest(rest: &[Vec4], levels: &[Level]) -> Vec<Vec<Vec4>> {
     let mut found: Vec<Vec<Vec4>> = Vec::with_capacity(levels.len());
     for level in levels {

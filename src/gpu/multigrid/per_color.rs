@@ -1,4 +1,4 @@
-//! Levels swept with a dispatch a color, for any mesh.
+//! Sweeping levels with one dispatch per color, for any mesh.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
@@ -8,10 +8,10 @@ use crate::gpu::tiles::NO_EDGE;
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
-/// Sweeps over the levels with a dispatch a color.
+/// Sweeps over the levels with one dispatch per color.
 #[derive(Debug)]
 pub(crate) struct LevelsPerColor {
-    /// The aggregates of each level, and the edges of each color, with their level.
+    /// The aggregates of each level, and the edges of each color with their level.
     aggregates: Vec<Batch>,
     colors: Vec<(usize, Batch)>,
     edges: wgpu::Buffer,
@@ -83,7 +83,7 @@ impl LevelsPerColor {
         levels + self.colors.iter().filter(|(of, _)| *of < levels).count() + 2
     }
 
-    /// Encodes the sweeps of so many levels, the coarsest first.
+    /// Encodes the sweeps of this many levels, the coarsest first.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
         let count = |level: usize| self.aggregates[level].count as usize;
         for level in (0..levels).rev() {

@@ -1,4 +1,5 @@
-//! Levels swept in workgroup memory: the fine ones in tiles, a dispatch each, and the rest of them together in one workgroup.
+//! Sweeping levels in workgroup memory: fine levels in tiles with a dispatch each, and the other levels together in one
+//! workgroup.
 
 use glam::Vec4;
 
@@ -10,10 +11,10 @@ use crate::gpu::tiles::{NO_EDGE, TileSize, Tiles};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
-/// Aggregates that a tile has of its own, at most.
+/// Most own aggregates of a tile.
 const OWN: usize = 256;
 
-/// Tables with the buffers that they are sent to and the stages that read them, the finest level first.
+/// Tables with their buffers and the stages that read them, the finest level first.
 #[derive(Debug)]
 pub(crate) struct TiledLevels {
     in_tiles: Vec<(Tiles, wgpu::Buffer, Stage)>,
@@ -21,7 +22,8 @@ pub(crate) struct TiledLevels {
 }
 
 impl TiledLevels {
-    /// `rest` are the centers of each level, whose aggregates are numbered from `starts` on. `None` if a level cannot be cut.
+    /// `rest` are the centers of each level, whose aggregates are numbered from `starts` on. `None` if a level cannot
+    /// be divided into tiles.
     pub(crate) fn new(
         gpu: &Gpu,
         levels: &[Level],
@@ -64,13 +66,14 @@ impl TiledLevels {
         Some(TiledLevels { in_tiles, in_workgroup })
     }
 
-    /// How many levels are in tiles.
+    /// Number of levels in tiles.
     #[cfg(test)]
     pub(crate) fn in_tiles(&self) -> usize {
         self.in_tiles.len()
     }
 
-    /// Sweeps of so many levels, and how many of them have to be averaged: the workgroup averages all but the finest of its own.
+    /// The number of dispatches that sweep this many levels, which is also the number of levels to be averaged
+    /// separately: the workgroup averages all of its levels but the finest.
     pub(crate) fn dispatches(&self, levels: usize) -> usize {
         levels.min(self.in_tiles.len() + 1)
     }
@@ -89,14 +92,14 @@ impl TiledLevels {
         in_tiles + self.in_workgroup.as_ref().map_or(0, |(levels, ..)| size_of_val(levels.table.as_slice()))
     }
 
-    /// Colors one after another, and edges, of so many levels.
+    /// Colors, which are processed one after another, and edges of this many levels.
     pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
         let [rounds, edges] = self.in_workgroup.as_ref().map_or([0, 0], |(table, ..)| table.counts(levels));
         let in_tiles = self.in_tiles.iter().take(levels);
         in_tiles.fold([rounds, edges], |[rounds, edges], (tiles, ..)| [rounds + tiles.colors, edges + tiles.swept])
     }
 
-    /// Encodes the sweeps of so many levels, the coarsest first.
+    /// Encodes the sweeps of this many levels, the coarsest first.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
         if let Some((_, _, stage)) = self.in_workgroup.as_ref().filter(|_| levels > self.in_tiles.len()) {
             stage.dispatch_workgroups(pass, 0, &[], 1);

@@ -1,4 +1,5 @@
-//! A dispatch a color, and one for contact: for any mesh and any number of sweeps, and what the others are compared with.
+//! One dispatch per color, and one for contact: for any mesh and any number of sweeps. The other sweeps are tested
+//! against it.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
@@ -11,14 +12,14 @@ use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
-/// Sweeps with a dispatch a color.
+/// Sweeps with one dispatch per color.
 #[derive(Debug)]
 pub(crate) struct PerColor {
     colors: Vec<Batch>,
     edges: wgpu::Buffer,
-    /// If there are any.
+    /// The tethers, if there are any.
     tethers: Option<wgpu::Buffer>,
-    /// The substep that both are for.
+    /// The substep that edges and tethers are computed for.
     length: Option<Length>,
     project: Stage,
     contact: Stage,
@@ -44,7 +45,7 @@ impl PerColor {
     fn bound_by_contact<'a>(forces: &'a Forces, bodies: &'a Sent, tethers: Option<&'a wgpu::Buffer>) -> Vec<Vec<Bind<'a>>> {
         groups(&forces.states, |from, to| {
             let read = [&from.x, &forces.u, &bodies.buffer].map(Bind::Read);
-            // Without tethers another is bound, not read.
+            // Without tethers another buffer is bound, which is not read.
             let tethers = Bind::Read(tethers.unwrap_or(&forces.u));
             [&read[..], &[Bind::Write(&to.x), Bind::Write(&to.p), tethers]].concat()
         })

@@ -1,4 +1,4 @@
-//! One dispatch a substep, each workgroup with a tile of the cloth and its halo.
+//! One dispatch per substep: each workgroup processes a tile of the cloth and its halo.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
@@ -15,11 +15,11 @@ use crate::step::substep_count::Length;
 #[derive(Debug)]
 pub(crate) struct Tiled {
     pub tiles: Tiles,
-    /// The tiles, then the tethers if there are any.
+    /// The tiles, followed by the tethers if there are any.
     table: wgpu::Buffer,
-    /// The substep that the table's edges are for.
+    /// The substep that the table's edges are computed for.
     length: Option<Length>,
-    /// The groups of [`PING_PONG`] that predict, then those that take what forces predicted.
+    /// The groups of [`PING_PONG`] that predict, followed by those that read what the forces predicted.
     stage: Stage,
 }
 
@@ -40,7 +40,7 @@ impl Tiled {
         bodies: &'a Sent,
         shift: Option<&'a wgpu::Buffer>,
     ) -> Vec<Vec<Bind<'a>>> {
-        // Without levels it is bound, not read.
+        // Without levels another buffer is bound, which is not read.
         let shift = shift.unwrap_or(&forces.u);
         let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
             vec![
@@ -62,7 +62,7 @@ impl Tiled {
         self.stage.rebind(gpu, &Tiled::bound(&self.table, forces, bodies, shift));
     }
 
-    /// Notes which aggregate each vertex is in.
+    /// Stores the aggregate of each vertex.
     pub(crate) fn set_labels(&mut self, gpu: &Gpu, labels: &[u32]) {
         self.tiles.set_labels(|vertex| labels[vertex as usize], 0);
         gpu.write(&self.table, 0, &self.tiles.table);
