@@ -1,4 +1,4 @@
-// The page in a browser, and its code in node, beside a run outside of both: node test.mjs NATIVE [--shots DIR]
+// Compares the page in a browser, and its code in node, with a native run: node test.mjs NATIVE [--shots DIR]
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -9,8 +9,8 @@ import { extname, join } from "node:path";
 
 const [native, , shots] = process.argv.slice(2);
 const { chromium } = createRequire(import.meta.url)(join(process.env.NODE_MODULES, "playwright-core"));
-// How far (m) a motion of so many frames may be off for rounding: products are fused on one side, and sums in another order on a GPU. The ball
-// meets the curtain after a second, and from there on the motion is chaotic.
+// Allowed difference (m) due to rounding after a number of frames: one side fuses multiply-adds, and a GPU adds in another order.
+// The ball hits the curtain after a second, and from there on the motion is chaotic.
 const BOUNDS = [["flag", 15, 1e-4], ["cape", 15, 1e-4], ["curtain", 120, 5e-2]];
 
 const rms = (a, b) => {
@@ -55,7 +55,7 @@ try {
     const adapter = await page.evaluate(() => navigator.gpu?.requestAdapter().then((found) => found !== null));
     assert.ok(adapter, "Chromium has no WebGPU adapter");
     const played = { node: () => Array.from(toy.positions()), browser: () => inBrowser(false) };
-    // By a software adapter, which takes its time.
+    // Runs on a software adapter, which is slow.
     if (frames < 60) played.WebGPU = () => inBrowser(true);
     for (const [where, positions] of Object.entries(played)) {
       const off = rms(await positions(), truth);
@@ -64,7 +64,7 @@ try {
     }
   }
 
-  // Taken by the middle and led aside, it comes along, and is let go.
+  // The cloth is grabbed in the middle, dragged aside, and released.
   await page.check("input[value=towel]");
   await page.waitForTimeout(300);
   for (const scene of ["towel", "flag", "cape", "curtain"]) {

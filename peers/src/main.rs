@@ -1,13 +1,14 @@
-//! HANG on one thread, in the same run: `rapier-cloth-core` 0.3.0, then cloth-deformer with the fewest substeps that stretch
-//! no more than it did. Frames of the two are timed in turn, so that a busy machine slows both.
+//! Compares `rapier-cloth-core` 0.3.0 with cloth-deformer at the fewest substeps that stretch no more, for HANG on one
+//! thread. Frames of the two are timed in turn, so that other load slows both.
 //!
 //! ```text
 //! cd peers && cargo run --release -- [N ..]        # sizes, 32 64 128 unless given; about two minutes
 //! ```
 //!
-//! HANG is a square of 1 m, 0.2 kg/m2, hung by an edge from the horizontal; here both are inextensible. The peer has its
-//! long-range tethers, its damping off, its bending too weak to matter (it cannot be left out, so the last column has
-//! cloth-deformer's bending on). Strain is `max(0, l/l0 - 1)`, the mean over edges and over the frames 20, 40, .. 120.
+//! HANG is a square of 1 m with 0.2 kg/m2, released from the horizontal and hung by an edge; here both cloths are
+//! inextensible. The peer uses its long-range tethers, no damping, and a bending stiffness too weak to matter. It
+//! cannot switch bending off, so the last column has cloth-deformer with bending. Strain is `max(0, l/l0 - 1)`,
+//! averaged over edges and over the frames 20, 40, .. 120.
 
 use std::error::Error;
 use std::time::Instant;
@@ -15,33 +16,33 @@ use std::time::Instant;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
 use rapier_cloth_core::{Cloth, ClothMaterial, ClothMesh, Solver, SolverSettings, Vec3};
 
-/// A frame (s), frames of a run, and between those looked at.
+/// Length of a frame (s), frames of a run, and interval of the samples.
 const FRAME: f32 = 1.0 / 60.0;
 const FRAMES: usize = 120;
 const SAMPLE: usize = 20;
-/// Frames that are timed, of two in turn.
+/// Number of timed frames, alternating between the two.
 const TIMED: usize = 24;
-/// The peer's substeps a frame, and iterations in each: with one iteration it explodes.
+/// Substeps per frame of the peer, and iterations in each. With a single iteration it becomes unstable.
 const SETTINGS: [(u32, usize); 3] = [(4, 8), (10, 4), (20, 4)];
-/// What cloth-deformer may take to match it.
+/// Numbers of substeps that cloth-deformer may take to match it.
 const SUBSTEPS: [u32; 14] = [3, 4, 6, 8, 11, 15, 20, 28, 40, 56, 80, 112, 160, 224];
 
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Something that hangs.
+/// A hanging sheet.
 trait Sheet {
-    /// One frame of 1/60 s.
+    /// Takes a step of 1/60 s.
     fn step(&mut self) -> Result<(), Failure>;
     fn positions(&mut self) -> Result<Vec<[f32; 3]>, Failure>;
 }
 
-/// What two seconds came to.
+/// Results of two seconds.
 #[derive(Debug, Clone, Copy)]
 struct Run {
-    /// Median (ms).
+    /// Median time per frame (ms).
     frame: f64,
     strain: f64,
-    /// Of the center after 20 frames (m): 0.372 when all is resolved.
+    /// Depth of the center after 20 frames (m): 0.372 in a resolved run.
     drop: f64,
 }
 
@@ -61,7 +62,7 @@ fn main() -> Result<(), Failure> {
 fn compare(n: u32) -> Result<(), Failure> {
     for (substeps, iterations) in SETTINGS {
         let setting = format!("| {n} | {substeps} x {iterations} |");
-        // How much it stretches decides what it is timed against.
+        // The peer's strain determines the substeps that it is compared with.
         let Ok(alone) = play(n, FRAMES, &mut [&mut Peer::new(n, substeps, iterations)?]).map(|runs| runs[0]) else {
             println!("{setting} fails | | | | | | | | |");
             continue;
@@ -89,7 +90,7 @@ fn compare(n: u32) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Some frames of each, a frame of one after a frame of the other.
+/// Runs some frames of each sheet, alternating frame by frame.
 fn play(n: u32, frames: usize, sheets: &mut [&mut dyn Sheet]) -> Result<Vec<Run>, Failure> {
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
     let edges = mesh.edges();
@@ -131,7 +132,7 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f64 {
     (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Depth of the center of the square (m), by trapezia along both sides.
+/// Depth of the center of the square (m), by the trapezoidal rule along both sides.
 fn center(n: u32, x: &[[f32; 3]]) -> f64 {
     let half = |k: u32| if k == 0 || k == n - 1 { 0.5 } else { 1.0 };
     let cells = f64::from((n - 1) * (n - 1));

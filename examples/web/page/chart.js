@@ -1,4 +1,4 @@
-// Error against time, both by decades: a dot for each half second.
+// The chart of error against time, with logarithmic axes: a dot for each half second.
 
 const TIMES = [0.01, 100]; // ms
 const ERRORS = [0.01, 1000]; // mm
@@ -17,14 +17,14 @@ export class Chart {
     this.draw();
   }
 
-  // What the dots from here on are of.
+  // The setting that the following dots belong to.
   label(name) {
     this.name = name;
   }
 
   add(milliseconds, error) {
     const last = this.dots.at(-1);
-    if (last && last.error === error) return; // nothing new was compared
+    if (last && last.error === error) return; // no new comparison
     this.dots.push({ milliseconds, error, name: this.name });
     this.dots = this.dots.slice(-KEPT);
     this.draw();

@@ -1,4 +1,4 @@
-// The page: what is asked of the cloth, frame by frame, and what is shown of it.
+// The page: steps the cloth frame by frame and shows it.
 
 import init, { device, Toy } from "./cloth.js";
 import { Chart } from "./chart.js";
@@ -11,13 +11,13 @@ const chosen = () => document.querySelector("input[name=scene]:checked").value;
 let toy = null;
 let onGpu = false;
 let paused = false;
-let steps = 0; // asked of the GPU since the state came last
-let waits = false; // for the state of the GPU
+let steps = 0; // submitted to the GPU since the last state arrived
+let waits = false; // whether a state has been requested from the GPU
 let milliseconds = 0;
-let owed = 0; // time that has passed and not been played
+let owed = 0; // time that has passed and has not been simulated
 let last = performance.now();
 
-// Substeps by the slider: none is as many as keep the strain, then 5 .. 1280 by halves of halves of octaves.
+// The slider's number of substeps: 0 means as many as keep the strain; then 3 to 640 in quarters of octaves.
 function substeps() {
   const notch = Number(at("substeps").value);
   return notch === 0 ? 0 : Math.round(5 * 2 ** (notch - 1));
@@ -34,7 +34,7 @@ function settings() {
   at("substeps-said").value = substeps() || "as strain asks";
 }
 
-// Does it, or says why not.
+// Runs an action and shows its error, if any.
 function attempt(what) {
   try {
     return what();
@@ -60,7 +60,7 @@ async function build() {
   apply();
   view.show(toy, scene === "cape" ? 2.5 : 0.45);
   chart.clear();
-  say(onGpu ? "On the GPU, through WebGPU." : wanted ? "This browser has no WebGPU; on the processor." : "Take hold of the cloth.");
+  say(onGpu ? "Running on the GPU, through WebGPU." : wanted ? "This browser has no WebGPU; running on the CPU." : "Drag the cloth.");
 }
 
 function apply() {
@@ -79,7 +79,7 @@ function step() {
   steps += 1;
 }
 
-// The GPU's state is asked for once the last is there, and drawn when it comes.
+// The GPU's state is requested once the previous one has arrived, and drawn when it arrives.
 function look() {
   if (!onGpu) return;
   if (!waits && steps > 0) {
@@ -116,10 +116,10 @@ function frame(now) {
 
 function pause(stop) {
   paused = stop;
-  at("pause").textContent = paused ? "Go on" : "Pause";
+  at("pause").textContent = paused ? "Continue" : "Pause";
 }
 
-// A pointer on the cloth takes hold of it; beside it, it turns the view.
+// Dragging on the cloth grabs it; dragging beside it turns the view.
 function hold(canvas) {
   let depth = null;
   let turning = null;
@@ -171,10 +171,10 @@ at("settings").addEventListener("submit", (event) => event.preventDefault());
 await init();
 await build();
 requestAnimationFrame(frame);
-// A GPU takes a while to be found, and nobody waits for it.
+// Finding a GPU takes a while, so the page starts without waiting for it.
 if (navigator.gpu) navigator.gpu.requestAdapter().then((adapter) => (at("gpu").disabled = !adapter), () => {});
 
-// For the test of the page: some frames of a scene, and where the cloth is then.
+// For the test of the page: runs some frames of a scene and returns the final positions.
 window.play = async (scene, frames, gpu) => {
   const played = new Toy(scene, 17, gpu ? await device() : undefined);
   played.set("small steps", 20, true);

@@ -1,11 +1,11 @@
-// What is seen: the cloth, what it meets and the floor, by WebGL.
+// Draws the cloth, the colliders and the floor with WebGL.
 
 const CLOTH = `#version 300 es
   in vec3 position, normal;
   uniform mat4 camera;
   out vec3 n, x;
   void main() { n = normal; x = position; gl_Position = camera * vec4(position, 1.0); }`;
-// A point of a capsule about the segment from a to b: which end it belongs to is in its sign.
+// A point of a capsule around the segment from a to b; its sign tells the end it belongs to.
 const BODY = `#version 300 es
   in vec3 position, normal;
   uniform mat4 camera;
@@ -82,11 +82,11 @@ export class View {
     return buffer;
   }
 
-  // Points of the unit sphere, triangle by triangle, in two halves that a capsule moves apart.
+  // Points of the unit sphere, triangle by triangle, in two halves that are moved apart for a capsule.
   sphere(rows = 24, columns = 40) {
     const points = [];
     const point = (row, column) => {
-      // A row on either side of the equator, so that the cylinder between is drawn.
+      // A row on each side of the equator, so that the cylinder in between is drawn.
       const [up, around] = [Math.PI * (row / rows) + (row > rows / 2 ? 1e-3 : -1e-3), (2 * Math.PI * column) / columns];
       points.push(Math.sin(up) * Math.cos(around), Math.cos(up), Math.sin(up) * Math.sin(around));
     };
@@ -96,7 +96,7 @@ export class View {
     return [this.filled(this.gl.ARRAY_BUFFER, new Float32Array(points)), points.length / 3];
   }
 
-  // A cloth to be drawn from now on, seen from a side.
+  // Sets the cloth to draw and the direction to look from.
   show(toy, yaw) {
     [this.toy, this.yaw] = [toy, yaw];
     const corners = toy.triangles();
@@ -113,7 +113,7 @@ export class View {
     this.away = Math.min(Math.max(this.away * 1.001 ** delta, 1.2), 8);
   }
 
-  // Where the eye is, and its right, up and ahead.
+  // Position of the eye, and its directions right, up and forward.
   eye() {
     const middle = [0, 0.65, 0];
     const back = [Math.sin(this.yaw) * Math.cos(this.pitch), Math.sin(this.pitch), Math.cos(this.yaw) * Math.cos(this.pitch)];
@@ -121,13 +121,13 @@ export class View {
     return { at: middle.map((x, k) => x + this.away * back[k]), right, up: cross(back, right), back };
   }
 
-  // Half the height of what is seen at distance 1; a tall picture has room to the sides all the same.
+  // Half the visible height at distance 1, increased for tall pictures so that the width suffices.
   half() {
     const { clientWidth, clientHeight } = this.canvas;
     return 0.36 * Math.max(1, (0.9 * clientHeight) / clientWidth);
   }
 
-  // The ray through a point of the canvas: from where, and which way.
+  // The ray through a point of the canvas: origin and direction.
   ray(px, py) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const { at, right, up, back } = this.eye();

@@ -1,4 +1,4 @@
-//! Puts the page together in `dist`, a static folder: `cargo run --release --manifest-path examples/web/build/Cargo.toml`.
+//! Builds the page into `dist`, a static folder: `cargo run --release --manifest-path examples/web/build/Cargo.toml`.
 
 use std::path::Path;
 use std::process::Command;
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .env("RUSTFLAGS", flags)
         .status()?;
     if !built.success() {
-        return Err(format!("the page's code was not built; is the target there? rustup target add {TARGET}").into());
+        return Err(format!("the page's code could not be built; is the target installed? rustup target add {TARGET}").into());
     }
     let dist = web.join("dist");
     fs::create_dir_all(&dist)?;
@@ -36,6 +36,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let file = file?;
         fs::copy(file.path(), dist.join(file.file_name()))?;
     }
-    println!("{}: serve it, as by python3 -m http.server -d {0}", dist.display());
+    println!("{}: serve this folder, for example with python3 -m http.server -d {0}", dist.display());
     Ok(())
 }
