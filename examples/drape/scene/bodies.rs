@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cloth_deformer::Mesh;
+use cloth_deformer::glam::Vec3;
 
 use crate::Failure;
 use crate::receipt::hash;
@@ -54,7 +55,7 @@ impl Body {
 /// The text by which `--resume` recognizes a run contains a hash of the vertices.
 impl fmt::Debug for Body {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let numbers = self.meshes.iter().flat_map(|(_, mesh)| &mesh.positions).flat_map(|x| x.to_array());
+        let numbers = self.meshes.iter().flat_map(|(_, mesh)| &mesh.positions).flat_map(Vec3::to_array);
         let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
         write!(f, "Body({} meshes, {})", self.meshes.len(), hash(&bytes))
     }
