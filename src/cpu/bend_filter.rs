@@ -15,10 +15,10 @@ use crate::simd::{Loop, Registers, Vector};
 pub(crate) struct FilterArrays {
     /// Mean curvature normals of the rows before any tentative displacement.
     curvatures: AlignedVec,
-    /// How much the last pass changed the moments; the moments themselves are `pulls` of the forces.
+    /// How much the last pass changed the moments, which are those of [`ForceArrays`](crate::cpu::forces::ForceArrays).
     changes: AlignedVec,
     /// Tentative displacement of each vertex (m).
-    ways: AlignedVec,
+    trials: AlignedVec,
     /// The damping part of each moment, added after the last pass; empty without damping.
     resisted: AlignedVec,
 }
@@ -28,7 +28,7 @@ pub(crate) struct FilterArrays {
 pub(crate) struct Filter<'a> {
     curvatures: SharedArray<'a>,
     changes: SharedArray<'a>,
-    ways: SharedArray<'a>,
+    trials: SharedArray<'a>,
     resisted: SharedArray<'a>,
     passes: &'a [BendPass],
 }
@@ -36,30 +36,30 @@ pub(crate) struct Filter<'a> {
 impl FilterArrays {
     /// Resizes the lists for `vertices` vertices, and the damping list for `damped` of them.
     pub(crate) fn fit(&mut self, vertices: usize, damped: usize) {
-        if [self.ways.len(), self.resisted.len()] != [vertices, damped] {
+        if [self.trials.len(), self.resisted.len()] != [vertices, damped] {
             // The old lists are dropped before new ones are made, so that memory never holds both.
             *self = FilterArrays::default();
             let list = || AlignedVec::new(vertices);
-            *self = FilterArrays { curvatures: list(), changes: list(), ways: list(), resisted: AlignedVec::new(damped) };
+            *self = FilterArrays { curvatures: list(), changes: list(), trials: list(), resisted: AlignedVec::new(damped) };
         }
     }
 
     pub(crate) fn share<'a>(&'a mut self, passes: &'a [BendPass]) -> Filter<'a> {
-        let FilterArrays { curvatures, changes, ways, resisted } = self;
-        let [curvatures, changes, ways, resisted] =
-            [curvatures, changes, ways, resisted].map(|list| SharedArray::new(list.room()));
-        Filter { curvatures, changes, ways, resisted, passes }
+        let FilterArrays { curvatures, changes, trials, resisted } = self;
+        let [curvatures, changes, trials, resisted] =
+            [curvatures, changes, trials, resisted].map(|list| SharedArray::new(list.room()));
+        Filter { curvatures, changes, trials, resisted, passes }
     }
 }
 
 impl Filter<'_> {
-    /// Pass number `pass` over the moments `pulls` as one task sees it; none if the scene has fewer passes.
-    pub(crate) fn pass<'t>(&'t self, task: &'t Task, pulls: View<'t>, pass: usize) -> Option<Pass<'t>> {
+    /// Pass number `pass` over the moments `moments` as one task sees it; none if the scene has fewer passes.
+    pub(crate) fn pass<'t>(&'t self, task: &'t Task, moments: View<'t>, pass: usize) -> Option<Pass<'t>> {
         Some(Pass {
-            pulls,
+            moments,
             curvatures: self.curvatures.within(task),
             changes: self.changes.within(task),
-            ways: self.ways.within(task),
+            trials: self.trials.within(task),
             resisted: (!self.resisted.is_empty()).then(|| self.resisted.within(task)),
             numbers: self.passes.get(pass)?,
         })
@@ -69,10 +69,10 @@ impl Filter<'_> {
 /// One pass of the filter, as a task sees it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pass<'t> {
-    pulls: View<'t>,
+    moments: View<'t>,
     curvatures: View<'t>,
     changes: View<'t>,
-    ways: View<'t>,
+    trials: View<'t>,
     resisted: Option<View<'t>>,
     numbers: &'t BendPass,
 }
@@ -84,7 +84,7 @@ impl Pass<'_> {
     pub(crate) fn begin<L: Registers>(&self, first: usize, y: Vector<L>, stiffness: L, resisted: Option<Vector<L>>) {
         let [moment, change] = next_moment(Vector::zero(), Vector::zero(), y, stiffness, self.numbers);
         self.curvatures.set_vectors(first, y);
-        self.pulls.set_vectors(first, moment);
+        self.moments.set_vectors(first, moment);
         self.changes.set_vectors(first, change);
         if let (Some(list), Some(resisted)) = (self.resisted, resisted) {
             list.set_vectors(first, resisted);
@@ -102,15 +102,15 @@ pub(crate) struct GiveWay<'t> {
 impl Loop for GiveWay<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let GiveWay { rings, pass: Pass { pulls, ways, numbers, .. }, .. } = self;
+        let GiveWay { rings, pass: Pass { moments, trials, numbers, .. }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
-            let mut force = pulls.vectors(first) * diagonal;
+            let mut force = moments.vectors(first) * diagonal;
             for near in rings.neighbors(group) {
-                force = rings.gather(pulls, near).mul_add(rings.backward(near), force);
+                force = rings.gather(moments, near).mul_add(rings.backward(near), force);
             }
-            ways.set_vectors(first, force * (inverse_mass * L::splat(numbers.way)));
+            trials.set_vectors(first, force * (inverse_mass * L::splat(numbers.way)));
         }
     }
 }
@@ -125,20 +125,20 @@ pub(crate) struct BendAgain<'t> {
 impl Loop for BendAgain<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendAgain { rings, pass: Pass { pulls, curvatures, changes, ways, resisted, numbers }, .. } = self;
+        let BendAgain { rings, pass: Pass { moments, curvatures, changes, trials, resisted, numbers }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
-            let own = ways.vectors::<L>(first);
+            let own = trials.vectors::<L>(first);
             let mut y = curvatures.vectors(first);
             for near in rings.neighbors(group) {
-                y = (rings.gather(ways, near) - own).mul_add(rings.forward(near), y);
+                y = (rings.gather(trials, near) - own).mul_add(rings.forward(near), y);
             }
-            let (moment, change) = (pulls.vectors(first), changes.vectors(first));
+            let (moment, change) = (moments.vectors(first), changes.vectors(first));
             let [moment, change] = next_moment(moment, change, y, rings.group(group).stiffness, numbers);
             let is_last = numbers.last != 0;
             match resisted.filter(|_| is_last) {
-                Some(resisted) => pulls.set_vectors(first, moment + resisted.vectors(first)),
-                None => pulls.set_vectors(first, moment),
+                Some(resisted) => moments.set_vectors(first, moment + resisted.vectors(first)),
+                None => moments.set_vectors(first, moment),
             }
             if !is_last {
                 changes.set_vectors(first, change);

@@ -15,7 +15,7 @@ pub(super) struct BendMoments<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,
     pub x: View<'t>,
-    pub pulls: View<'t>,
+    pub moments: View<'t>,
     /// The first pass of the filter, if the filter is used.
     pub filter: Option<Pass<'t>>,
 }
@@ -23,7 +23,7 @@ pub(super) struct BendMoments<'t> {
 impl Loop for BendMoments<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendMoments { rings, x, pulls, filter, .. } = self;
+        let BendMoments { rings, x, moments, filter, .. } = self;
         for group in self.groups {
             let center = x.vectors::<L>(group * L::LANES);
             let mut y = Vector::zero();
@@ -32,7 +32,7 @@ impl Loop for BendMoments<'_> {
             }
             let stiffness = rings.group(group).stiffness;
             match filter {
-                None => pulls.set_vectors(group * L::LANES, y * stiffness),
+                None => moments.set_vectors(group * L::LANES, y * stiffness),
                 Some(pass) => pass.begin(group * L::LANES, y, stiffness, None),
             }
         }
@@ -45,7 +45,7 @@ pub(super) struct DampedMoments<'t> {
     pub groups: Range<usize>,
     pub x: View<'t>,
     pub u: View<'t>,
-    pub pulls: View<'t>,
+    pub moments: View<'t>,
     pub couples: View<'t>,
     /// The first pass of the filter, if the filter is used.
     pub filter: Option<Pass<'t>>,
@@ -56,7 +56,7 @@ pub(super) struct DampedMoments<'t> {
 impl Loop for DampedMoments<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let DampedMoments { rings, x, u, pulls, couples, filter, .. } = self;
+        let DampedMoments { rings, x, u, moments, couples, filter, .. } = self;
         let (rate, zero) = (L::splat(self.rate), L::splat(0.0));
         for group in self.groups {
             let first = group * L::LANES;
@@ -70,7 +70,7 @@ impl Loop for DampedMoments<'_> {
             let unfiltered = if filter.is_some() { zero } else { stiffness };
             let [pull, couple] = bend_moment(&ring, unfiltered, damping);
             match filter {
-                None => pulls.set_vectors(first, pull),
+                None => moments.set_vectors(first, pull),
                 Some(pass) => pass.begin(first, ring.y, stiffness, Some(pull)),
             }
             couples.set_vectors(first, couple);
@@ -84,7 +84,7 @@ pub(super) struct BendForces<'t> {
     pub groups: Range<usize>,
     pub x: View<'t>,
     pub u: View<'t>,
-    pub pulls: View<'t>,
+    pub moments: View<'t>,
     pub couples: Option<View<'t>>,
     pub params: &'t Params,
     pub substep: &'t Substep,
@@ -93,24 +93,24 @@ pub(super) struct BendForces<'t> {
 impl Loop for BendForces<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendForces { rings, x, u, pulls, couples, substep, .. } = self;
+        let BendForces { rings, x, u, moments, couples, substep, .. } = self;
         let zero = L::splat(0.0);
         let fall = Vector::splat(self.params.acceleration) * L::splat(substep.gain);
         for group in self.groups {
             let first = group * L::LANES;
             let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
-            let mut force = pulls.vectors(first) * (zero - diagonal);
+            let mut force = moments.vectors(first) * (zero - diagonal);
             if let Some(couples) = couples {
                 let (center, own) = (x.vectors::<L>(first), couples.vectors::<L>(first));
                 for near in rings.neighbors(group) {
                     let (forward, backward) = (rings.forward::<L>(near), rings.backward::<L>(near));
-                    force = rings.gather(pulls, near).mul_add(zero - backward, force);
+                    force = rings.gather(moments, near).mul_add(zero - backward, force);
                     let couple = couple_of(own, rings.gather(couples, near), forward, backward);
                     force = force - couple.cross(rings.gather(x, near) - center);
                 }
             } else {
                 for near in rings.neighbors(group) {
-                    force = rings.gather(pulls, near).mul_add(zero - rings.backward(near), force);
+                    force = rings.gather(moments, near).mul_add(zero - rings.backward(near), force);
                 }
             }
             // First the displacement under the ambient acceleration, then that under the bending force.

@@ -24,7 +24,7 @@ const GRAIN: usize = 1024;
 #[derive(Debug, Default)]
 pub(crate) struct ForceArrays {
     /// The moment of each vertex's bending row ([`bend_moment`]). Below, the couple that damping adds to it.
-    pulls: AlignedVec,
+    moments: AlignedVec,
     couples: AlignedVec,
     filter: FilterArrays,
     /// A third of the aerodynamic force (N) on each triangle: what each of its corners receives.
@@ -44,7 +44,7 @@ pub(crate) struct Forces<'a> {
     x: &'a SharedArray<'a>,
     /// Displacements (m): of the last substep until they are predicted, then of this one.
     u: &'a SharedArray<'a>,
-    pulls: SharedArray<'a>,
+    moments: SharedArray<'a>,
     couples: SharedArray<'a>,
     filter: Filter<'a>,
     /// A third of the aerodynamic force (N) on each triangle.
@@ -64,7 +64,7 @@ impl ForceArrays {
             }
         };
         let vertices = plan.cloth.rest.len();
-        fit(&mut self.pulls, if bending { vertices } else { 0 });
+        fit(&mut self.moments, if bending { vertices } else { 0 });
         let damped = if bending && plan.damped() { vertices } else { 0 };
         fit(&mut self.couples, damped);
         match bending && !plan.coefficients.bending.passes.is_empty() {
@@ -111,7 +111,7 @@ impl ForceArrays {
             plan,
             x,
             u,
-            pulls: SharedArray::new(self.pulls.room()),
+            moments: SharedArray::new(self.moments.room()),
             couples: SharedArray::new(self.couples.room()),
             filter: self.filter.share(&plan.coefficients.bending.passes),
             on_panels: SharedArray::new(self.panel_forces.room()),
@@ -126,27 +126,27 @@ impl Forces<'_> {
     /// Computes the moments of the bending rows of a tile's vertices from their one-rings.
     pub(crate) fn bend_moments(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
-        let (pulls, groups) = (self.pulls.within(task), self.groups(&tile));
-        let (rings, filter) = (self.rings, self.filter.pass(task, pulls, 0));
+        let (moments, groups) = (self.moments.within(task), self.groups(&tile));
+        let (rings, filter) = (self.rings, self.filter.pass(task, moments, 0));
         if self.couples.is_empty() {
-            simd::run(self.width, BendMoments { rings, groups, x, pulls, filter });
+            simd::run(self.width, BendMoments { rings, groups, x, moments, filter });
         } else {
             let couples = self.couples.within(task);
-            simd::run(self.width, DampedMoments { rings, groups, x, u, pulls, couples, filter, rate: substep.rate });
+            simd::run(self.width, DampedMoments { rings, groups, x, u, moments, couples, filter, rate: substep.rate });
         }
     }
 
     /// Displaces a tile's vertices tentatively under the bending moments computed so far, before a pass of the filter.
     pub(crate) fn give_way(&self, task: &Task, tile: Range<u32>, pass: usize) {
-        let (rings, groups, pulls) = (self.rings, self.groups(&tile), self.pulls.within(task));
-        let pass = self.filter.pass(task, pulls, pass);
+        let (rings, groups, moments) = (self.rings, self.groups(&tile), self.moments.within(task));
+        let pass = self.filter.pass(task, moments, pass);
         pass.into_iter().for_each(|pass| simd::run(self.width, GiveWay { rings, groups: groups.clone(), pass }));
     }
 
     /// Runs a pass of the filter: recomputes the moments of a tile's vertices from the tentatively displaced rings.
     pub(crate) fn bend_again(&self, task: &Task, tile: Range<u32>, pass: usize) {
-        let (rings, groups, pulls) = (self.rings, self.groups(&tile), self.pulls.within(task));
-        let pass = self.filter.pass(task, pulls, pass);
+        let (rings, groups, moments) = (self.rings, self.groups(&tile), self.moments.within(task));
+        let pass = self.filter.pass(task, moments, pass);
         pass.into_iter().for_each(|pass| simd::run(self.width, BendAgain { rings, groups: groups.clone(), pass }));
     }
 
@@ -163,9 +163,9 @@ impl Forces<'_> {
     /// them.
     pub(crate) fn bend(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let couples = (!self.couples.is_empty()).then(|| self.couples.within(task));
-        let (x, u, pulls) = (self.x.within(task), self.u.within(task), self.pulls.within(task));
+        let (x, u, moments) = (self.x.within(task), self.u.within(task), self.moments.within(task));
         let (groups, params) = (self.groups(&tile), &self.plan.params);
-        simd::run(self.width, BendForces { rings: self.rings, groups, x, u, pulls, couples, params, substep });
+        simd::run(self.width, BendForces { rings: self.rings, groups, x, u, moments, couples, params, substep });
     }
 
     /// Adds the wind and spring forces to the displacements of a tile's vertices.

@@ -18,7 +18,7 @@ use crate::model::checks::{check_mesh, check_options};
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::masses::Weights;
-use crate::model::mesh::{EdgeIndex, Mesh, sides};
+use crate::model::mesh::{EdgeIndex, Mesh, bounds, sides};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::Tethers;
 use crate::model::vertex_order;
@@ -78,6 +78,14 @@ pub(crate) struct Link {
     pub scale: f32,
 }
 
+impl Link {
+    /// Whether the edge has at least half of the fabric's stiffness. The stretch of softer ones, as for soft shear, is a
+    /// property of the fabric: they have no strain gauges, and tethers do not measure distances along them.
+    pub(crate) fn is_firm(&self) -> bool {
+        self.scale >= 0.5
+    }
+}
+
 /// Counts edges whose triangles are over 100 times as high as the edge is long: `(A1 + A2)/l0²` above [`SLIVER`].
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Slivers {
@@ -121,8 +129,7 @@ impl Cloth {
         let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area)?;
 
         // Vertices without edges do not count for the size of the cloth.
-        let held: Vec<Vec3> = mesh_edges.iter().flatten().map(|&vertex| rest[rank[vertex as usize] as usize]).collect();
-        let (low, high) = bounds(&held);
+        let [low, high] = bounds(mesh_edges.iter().flatten().map(|&vertex| &rest[rank[vertex as usize] as usize]));
         let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let extent = extents.max_element();
         let longest = mesh_edges.iter().map(|ends| {
@@ -340,16 +347,12 @@ fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec
 /// Along an axis whose coordinates are all within a factor of two, the difference of any two is exact (Sterbenz 1974),
 /// and so is adding it back.
 fn local_origin(positions: &[Vec3]) -> Vec3 {
-    let (low, high) = bounds(positions);
+    let [low, high] = bounds(positions);
     let along = |low: f32, high: f32| match low > 0.0 && high <= 2.0 * low || high < 0.0 && low >= 2.0 * high {
         true => low + 0.5 * (high - low),
         false => 0.0,
     };
     Vec3::new(along(low.x, high.x), along(low.y, high.y), along(low.z, high.z))
-}
-
-fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
-    positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 /// Area (m²), in double precision because single precision would lose a thin triangle.

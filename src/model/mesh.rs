@@ -50,7 +50,7 @@ impl Mesh {
 
     /// The lowest and highest corner of the bounding box (m).
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
-        self.positions.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
+        bounds(&self.positions)
     }
 
     /// Distance (m) from a point to the nearest triangle.
@@ -80,6 +80,11 @@ impl Recorded for Arc<Mesh> {
         }
         Ok(())
     }
+}
+
+/// The lowest and highest corner of the bounding box of some points; infinite in reverse if there are none.
+pub(crate) fn bounds<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
+    points.into_iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
 }
 
 /// Distance (m) from a point to a triangle: to its plane if the projection lies inside, else to the nearest side.

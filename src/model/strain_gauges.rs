@@ -3,17 +3,11 @@
 use crate::kernels::statistics::{StrainGauge, WHOLE};
 use crate::model::cloth::{Cloth, Link};
 
-/// Edges with a smaller scale of stiffness than this have no gauge.
-const LEAST_SCALE: f32 = 0.5;
-
-/// A gauge on each swept edge, weighted by the area of its triangles so that slivers count little. A thread has no area;
+/// A gauge on each swept edge that is firm, weighted by the area of its triangles so that slivers count little. A thread has no area;
 /// its edges count with the area of a square, as they do for their stiffness.
-///
-/// Edges whose stiffness is scaled to less than a half, as for soft shear, have none: their stretch is a property of the
-/// fabric.
 pub(crate) fn strain_gauges(cloth: &Cloth) -> Vec<StrainGauge> {
     let area = |link: &Link| link.shape / f64::from(link.scale) * f64::from(link.rest).powi(2);
-    let held = cloth.swept().iter().filter(|link| link.scale >= LEAST_SCALE).map(|link| (link, area(link)));
+    let held = cloth.swept().iter().filter(|link| link.is_firm()).map(|link| (link, area(link)));
     let mut held: Vec<_> = held.collect();
     // In the order of the vertices, so that measuring reads memory sequentially.
     held.sort_unstable_by_key(|(link, _)| link.ends);

@@ -15,21 +15,19 @@
 //! that is moved violently would leave two edges tangled.) Paths run across unfolded triangles, from two corners to the
 //! third (fast marching: Kimmel and Sethian 1998, with straight paths instead of a front), and along edges. Where an
 //! edge is soft ([`Options::edge_scale`](crate::Options::edge_scale)), cloth stretches along the bias, so paths there
-//! follow only edges of full stiffness.
+//! follow only firm edges.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
 use glam::DVec3;
 
-use crate::model::cloth::{Cloth, Link};
+use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 
 /// Maximum length of tethers as a share of the cloth's extent.
 pub(crate) const REACH: f64 = 0.5;
-/// Paths do not use edges softer than this share of the fabric's stiffness.
-const WHOLE: f32 = 0.5;
 /// A path replaces another only if it is shorter by at least this share.
 const SHORTER: f64 = 1e-6;
 /// Bound on the mean number of visits per vertex.
@@ -98,9 +96,9 @@ fn lone_pins(cloth: &Cloth) -> Vec<u32> {
 struct ShortestPaths<'a> {
     rest: Vec<DVec3>,
     triangles: &'a [[u32; 3]],
-    /// For each vertex, the other ends of its edges of full stiffness.
+    /// For each vertex, the other ends of its firm edges.
     edges: Csr<u32>,
-    /// For each vertex, its triangles all of whose edges have full stiffness.
+    /// For each vertex, its triangles all of whose edges are firm.
     around: Csr<u32>,
     /// Length (m) of the shortest path to each vertex so far, and the pin that it starts from.
     found: Vec<Option<(f64, u32)>>,
@@ -113,17 +111,16 @@ struct ShortestPaths<'a> {
 impl<'a> ShortestPaths<'a> {
     fn new(cloth: &'a Cloth) -> ShortestPaths<'a> {
         let vertices = cloth.rest.len();
-        let is_whole = |link: &&Link| link.scale >= WHOLE;
-        let whole = cloth.links.iter().filter(is_whole).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
-        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !is_whole(link)).map(|link| link.ends).collect();
+        let firm = cloth.links.iter().filter(|link| link.is_firm()).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
+        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm()).map(|link| link.ends).collect();
         let is_soft = |a: u32, b: u32| soft.contains(&[a.min(b), a.max(b)]);
-        let of_whole =
+        let of_firm =
             |&(_, &[a, b, c]): &(usize, &[u32; 3])| soft.is_empty() || !(is_soft(a, b) || is_soft(b, c) || is_soft(c, a));
-        let triangles = cloth.triangles.iter().enumerate().filter(of_whole);
+        let triangles = cloth.triangles.iter().enumerate().filter(of_firm);
         ShortestPaths {
             rest: cloth.rest.iter().map(|x| x.truncate().as_dvec3()).collect(),
             triangles: &cloth.triangles,
-            edges: Csr::new(vertices, whole.map(|[a, b]| (a, b))),
+            edges: Csr::new(vertices, firm.map(|[a, b]| (a, b))),
             around: Csr::new(vertices, triangles.flat_map(|(index, corners)| corners.map(|vertex| (vertex, index as u32)))),
             found: vec![None; vertices],
             next: BinaryHeap::new(),

@@ -100,6 +100,7 @@ pub(crate) trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Out
     fn neg_mul_add(self, by: Self, plus: Self) -> Self;
     fn abs(self) -> Self;
     fn sqrt(self) -> Self;
+    /// If one of them is NaN, the result depends on the width.
     fn max(self, other: Self) -> Self;
     /// False if either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
