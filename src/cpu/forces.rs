@@ -23,7 +23,7 @@ const GRAIN: usize = 1024;
 /// Arrays of the force stages, kept from step to step. Those of forces that the scene lacks are empty.
 #[derive(Debug, Default)]
 pub(crate) struct ForceArrays {
-    /// The moment of each vertex's bending row ([`bend_moment`]). Below, the couple that damping adds to it.
+    /// The moment of each vertex's bending row ([`bend_moment`](crate::kernels::bending::bend_moment)). Below, the couple that damping adds to it.
     moments: AlignedVec,
     couples: AlignedVec,
     filter: FilterArrays,
