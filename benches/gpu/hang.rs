@@ -24,8 +24,9 @@ const ENERGY: f64 = 1e-3;
 /// The result of two seconds.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Run {
-    /// Mean of the samples' mean strains. Below, the largest strain of any sample.
+    /// Mean of the samples' mean strains.
     pub(crate) mean_strain: f64,
+    /// The largest strain of any sample.
     pub(crate) max_strain: f64,
     /// Drop of the center of mass after 20 frames (m).
     pub(crate) drop: f64,

@@ -28,7 +28,7 @@ mod hang;
 mod limits;
 mod timing;
 
-/// Number of cloths of 64 x 64 vertices in a crowd. Below, the number with `--quick`.
+/// Number of cloths of 64 x 64 vertices in a crowd, without and with `--quick`.
 const CROWD: [usize; 2] = [64, 8];
 /// NVIDIA Newton 1.8 on the same scene, measured separately on an H200: its rows closest to 1 % mean strain with the
 /// right fall (milliseconds per frame, then the strain).

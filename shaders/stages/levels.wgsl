@@ -3,17 +3,21 @@
 // The including shader defines where an aggregate's center and inverse mass (`center_of`), its predicted and its
 // corrected displacement (`predicted_of`, `corrected_of`) and the members of the finest level (`below`) are stored.
 
-// Number of levels held here; of finer levels, which are swept elsewhere; of aggregates of the finest level held and of
-// all levels; largest number of members of an aggregate of the finest level (0 if that is restricted elsewhere) and of
-// the other levels; edges per color and number of colors that there is room for. The colors of each level begin at a
-// multiple of four. A step may use only the finest of all levels; their number is `params.levels`.
+// Number of levels held here. A step may use only the finest of all levels; their number is `params.levels`.
 override LEVELS: u32 = 1u;
+// Number of finer levels, which are swept elsewhere.
 override FINER: u32 = 0u;
+// Number of aggregates of the finest level held here.
 override FINEST: u32 = 64u;
+// Number of aggregates of all levels held here.
 override AGGREGATES: u32 = 64u;
+// Largest number of members of an aggregate of the finest level; 0 if that level is restricted elsewhere.
 override OF_FINEST: u32 = 0u;
+// Largest number of members of an aggregate of the other levels.
 override MEMBERS: u32 = 4u;
+// Edges per color that there is room for.
 override COARSE_WIDTH: u32 = 64u;
+// Number of colors of all levels. Those of each level begin at a multiple of four.
 override COARSE_COLORS: u32 = 4u;
 // Where the levels begin in the table. It holds: for each level the index of its first aggregate, and the total; for
 // each level its first color, and the total; for each aggregate its aggregate in the next coarser level; for each
@@ -38,11 +42,12 @@ fn label_of(k: u32) -> u32 {
     return table[COARSE + 2u * (LEVELS + 1u) + k];
 }
 
-// Levels in use. Below, the first color of the coarsest of them.
+// Number of levels in use.
 fn levels_in_use() -> u32 {
     return max(params.levels, FINER + 1u) - FINER;
 }
 
+// The first color of the coarsest level in use.
 fn first_in_use() -> u32 {
     return first_color(levels_in_use() - 1u);
 }

@@ -6,8 +6,9 @@
 @group(1) @binding(2) var<storage, read> centers: array<vec4f>;
 @group(1) @binding(3) var<storage, read> predicted: array<vec4f>;
 @group(1) @binding(4) var<storage, read> labels: array<u32>;
-// Corrected displacements of the aggregates of all levels. Below, the corrections of the finest level.
+// Corrected displacements of the aggregates of all levels.
 @group(1) @binding(5) var<storage, read_write> corrected: array<vec4f>;
+// Corrections of the finest level.
 @group(1) @binding(6) var<storage, read_write> shift: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
 

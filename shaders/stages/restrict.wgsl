@@ -16,8 +16,9 @@ override EACH: u32 = 16u;
 @group(1) @binding(2) var<storage, read> motion: array<vec4f>;
 @group(1) @binding(3) var<storage, read> spans: array<Span>;
 @group(1) @binding(4) var<storage, read> members: array<Member>;
-// For all levels, finest first: centers and inverse masses. Below, the restricted displacements.
+// Centers and inverse masses of the aggregates of all levels, finest first.
 @group(1) @binding(5) var<storage, read_write> centers: array<vec4f>;
+// Restricted displacements of the aggregates of all levels, finest first.
 @group(1) @binding(6) var<storage, read_write> predicted: array<vec4f>;
 
 // Each invocation's partial sums.

@@ -1,7 +1,8 @@
 // A sweep over a tile's edges in workgroup memory. The including shader defines the impulse of an edge (`impulse_of`).
 
-// For all vertices (or aggregates) that the tile holds: positions with inverse masses. Below, displacements.
+// Positions with inverse masses of all vertices (or aggregates) that the tile holds.
 var<workgroup> tile_x: array<vec4f, ROOM>;
+// Displacements of the same.
 var<workgroup> tile_u: array<vec4f, ROOM>;
 
 fn correct(edge: Edge) {

@@ -1,12 +1,15 @@
 // Tiles of vertices, as laid out by src/gpu/tiles.rs. All tiles have room for the largest one, so addresses can be
 // computed without waiting for memory.
 
-// Invocations per workgroup, vertices that a tile has room for, edges per color that it has room for, number of colors,
-// and number of tiles.
+// Invocations per workgroup.
 override LANES: u32 = 64u;
+// Vertices that a tile has room for.
 override ROOM: u32 = 64u;
+// Edges per color that a tile has room for.
 override WIDTH: u32 = 64u;
+// Number of colors.
 override COLORS: u32 = 6u;
+// Number of tiles.
 override TILES: u32 = 1u;
 
 // For each tile the number of its own vertices; then for each tile its vertices, own ones first; then for each tile the

@@ -2,25 +2,29 @@
 
 // The allowed kinetic energy as a fixed-point number. Integer sums do not depend on the order of summation.
 const ALL_ENERGY: u32 = 0x1000000u;
-// Each step checks one of so many parts of the edges, in turn. Below, the least number of edges that it checks.
+// Each step checks one of so many parts of the edges, in turn.
 const TURNS: u32 = 128u;
+// The least number of edges that a step checks.
 const LEAST: u32 = 64u;
 // Set by `single_workgroup.wgsl` beside the index of an edge, which is an index in the tile's table there.
 const IN_TABLE: u32 = 0x80000000u;
 
 struct Found {
-    // The first vertex out of bounds, the first edge checked that is too long, and the first vertex faster than the
-    // bound; NONE if there is none.
+    // The first vertex out of bounds; NONE if there is none.
     lost: atomic<u32>,
+    // The first of the checked edges that is too long; NONE if there is none.
     long: atomic<u32>,
+    // The first vertex faster than the bound on the RMS speed; NONE if there is none.
     fast: atomic<u32>,
-    // Kinetic energy of the step so far, and whether it has exceeded what is allowed.
+    // Kinetic energy of the step so far, as a share of ALL_ENERGY.
     energy: atomic<u32>,
+    // 1 once the kinetic energy has exceeded what is allowed.
     hot: atomic<u32>,
     // 1 after a step failed. Later steps start from the same state and do not check anything.
     stopped: u32,
-    // Number of successful steps, and the first edge that the next step checks.
+    // Number of successful steps.
     steps: u32,
+    // The first edge that the next step checks.
     next: u32,
 }
 

@@ -41,8 +41,9 @@ pub(crate) struct Cpu {
     /// Displacements (m) over the last substep; within a substep, over the substep being computed. The w component has
     /// no meaning.
     pub p: AlignedVec,
-    /// `x` and `p` at the step's start, restored if the step fails.
+    /// `x` at the step's start, restored if the step fails.
     x_good: AlignedVec,
+    /// `p` at the step's start.
     p_good: AlignedVec,
     /// Number of successful steps since the state was set.
     steps: u32,
@@ -55,13 +56,14 @@ pub(crate) struct Cpu {
     tethers: Vec<TetherBatches>,
     /// One schedule, or three with contact of triangles ([`Schedule::all`]).
     schedules: Vec<Schedule>,
-    /// What the coefficients were packed for: length of the substep, number of levels, threads of the pool. Below, what
-    /// the schedules were made for.
+    /// What the coefficients were packed for: length of the substep, number of levels, threads of the pool.
     packed_for: Option<(Length, usize, usize)>,
+    /// What the schedules were made for.
     scheduled_for: Option<Terms>,
     width: Width,
-    /// The adaptive choice of the number of threads, and a fixed number that overrides it.
+    /// The adaptive choice of the number of threads.
     choice: Option<ThreadChoice>,
+    /// A fixed number of threads that overrides the choice.
     threads: Option<usize>,
     /// Contact of triangles (the cloth with itself and with mesh colliders), if the scene has any.
     pub contact: Option<Box<SelfContact>>,

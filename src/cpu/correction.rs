@@ -123,8 +123,9 @@ impl Correction<'_> {
 struct Restrict<'t> {
     members: &'t Members,
     inverse_mass: &'t [f32],
-    /// Positions of the members; below, their displacements.
+    /// Positions of the members.
     x: View<'t>,
+    /// Displacements of the members.
     u: View<'t>,
     to_x: View<'t>,
     to_change: View<'t>,

@@ -23,8 +23,9 @@ const GRAIN: usize = 1024;
 /// Arrays of the force stages, kept from step to step. Those of forces that the scene lacks are empty.
 #[derive(Debug, Default)]
 pub(crate) struct ForceArrays {
-    /// The moment of each vertex's bending row ([`bend_moment`](crate::kernels::bending::bend_moment)). Below, the couple that damping adds to it.
+    /// The moment of each vertex's bending row ([`bend_moment`](crate::kernels::bending::bend_moment)).
     moments: AlignedVec,
+    /// The couple that damping adds to each moment.
     couples: AlignedVec,
     filter: FilterArrays,
     /// A third of the aerodynamic force (N) on each triangle: what each of its corners receives.

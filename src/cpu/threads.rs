@@ -5,7 +5,7 @@
 //! other numbers are tried from time to time, and the fastest is kept. The result of a step does not depend on the
 //! number.
 
-/// Numbers of candidates: 1, 2, 4 ... threads, and the whole pool.
+/// Number of candidates: 1, 2, 4 ... threads, and the whole pool.
 const COUNTS: usize = 12;
 /// Vertices per thread before anything is measured.
 const VERTICES: usize = 512;

@@ -51,8 +51,9 @@ pub(crate) struct Ring<L> {
     y_rate: Vector<L>,
     /// Sum of `d x rate`.
     spin: Vector<L>,
-    /// Sum of `|d|² 1 - d d^T`, the ring's inertia: its diagonal, and below its elements xy, xz, yz.
+    /// Diagonal of the sum of `|d|² 1 - d d^T`, the ring's inertia.
     inertia: Vector<L>,
+    /// Its elements xy, xz, yz.
     products: Vector<L>,
 }
 

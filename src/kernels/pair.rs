@@ -18,12 +18,13 @@ const THIN: f32 = 1e-6;
 /// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 
-/// Whether a number is at most 0. Below, whether it is at least 0.
+/// Whether a number is at most 0.
 #[inline(always)]
 fn down<L: Lanes>(t: L) -> L::Mask {
     t.lt(L::splat(TINY))
 }
 
+/// Whether a number is at least 0.
 #[inline(always)]
 fn up<L: Lanes>(t: L) -> L::Mask {
     L::splat(-TINY).lt(t)

@@ -18,9 +18,10 @@ pub(crate) struct Params {
     pub lift: f32,
     /// One over the number of substeps.
     pub fraction: f32,
-    /// Number of vertices. Below, of analytic colliders and of pins that follow targets.
     pub vertices: u32,
+    /// Number of analytic colliders.
     pub bodies: u32,
+    /// Number of pins that follow targets.
     pub pins: u32,
     /// 1 if bending is damped.
     pub damped: u32,

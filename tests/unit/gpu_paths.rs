@@ -23,8 +23,9 @@ use crate::step::motion::Motion;
 use crate::step::plan::{Plan, PlanBuffers};
 use crate::step::substep_count::Length;
 
-/// Duration of a step (s). Below, its number of substeps.
+/// Duration of a step (s).
 const DT: f32 = 1.0 / 60.0;
+/// Substeps of a step.
 const SUBSTEPS: u32 = 11;
 
 /// A jittered grid with random diagonals and a random vertex order, in two parts, with a vertex that has no triangle.
