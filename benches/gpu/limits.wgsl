@@ -1,4 +1,4 @@
-// What a step is made of, and nothing beside.
+// The minimal operations of a step, to measure what a device can achieve at best.
 
 @group(0) @binding(0) var<storage, read> numbers: array<u32>;
 @group(0) @binding(1) var<storage, read_write> from_or_out: array<vec4f>;
@@ -6,7 +6,7 @@
 @group(0) @binding(0) var<storage, read_write> source: array<vec4f>;
 @group(0) @binding(1) var<storage, read_write> copied: array<vec4f>;
 
-// A dispatch of a chain.
+// The output of a dispatch, which is the input of the next one in a chain.
 @group(0) @binding(2) var<storage, read_write> to: array<vec4f>;
 
 @compute @workgroup_size(64)
@@ -23,7 +23,8 @@ fn copy(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     copied[id.x + 3u * lanes] = source[id.x + 3u * lanes];
 }
 
-// Colors of a patch, an edge a lane, between vertices that the last color moved.
+// Positions and displacements of a tile. In each color, an invocation corrects an edge between vertices that the last
+// color has moved.
 var<workgroup> at: array<vec4f, 512>;
 var<workgroup> by: array<vec4f, 512>;
 
@@ -36,7 +37,7 @@ fn colors(@builtin(local_invocation_index) lane: u32, @builtin(workgroup_id) gro
     workgroupBarrier();
     let count = numbers[0];
     for (var color = 0u; color < count; color++) {
-        // Along rows, and from row to row.
+        // Alternately along rows and from row to row.
         let a = select(lane, 2u * lane, color % 2u == 0u);
         let b = select(lane + 256u, 2u * lane + 1u, color % 2u == 0u);
         let x_a = at[a];
