@@ -385,7 +385,7 @@ fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
         ));
     }
     if positions.len() > MAX_VERTICES {
-        let remedy = format_args!("has more than {MAX_VERTICES}; split it");
+        let remedy = format_args!("is more than {MAX_VERTICES}; split the mesh");
         return Err(invalid(format_args!("colliders[{index}].mesh: vertices"), positions.len(), remedy));
     }
     let inside = |x: &Vec3| x.abs().cmple(Vec3::splat(MAX_POSITION)).all();
@@ -396,7 +396,7 @@ fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
     let names_others = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= positions.len());
     if let Some(triangle) = triangles.iter().position(names_others) {
         let name = format_args!("colliders[{index}].mesh.triangles[{triangle}]");
-        let remedy = format_args!("names a vertex that it lacks: it has {}, numbered from 0", positions.len());
+        let remedy = format_args!("refers to a vertex that does not exist; the mesh has {}, numbered from 0", positions.len());
         return Err(invalid(name, format_args!("{:?}", triangles[triangle]), remedy));
     }
     Ok(())

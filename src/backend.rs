@@ -99,7 +99,7 @@ impl Engine {
             (Engine::Gpu(_), Quality::Budget(time)) => Err(BuildError::Value {
                 name: "quality: Budget".to_owned(),
                 value: time.to_string(),
-                remedy: "is not for Backend::Gpu, whose steps are not waited for; take Hold, or Cpu or Hybrid",
+                remedy: "is not available on Backend::Gpu, whose steps return before they are done; use Quality::Hold, or Backend::Cpu or Hybrid",
             }),
             _ => Ok(()),
         }

@@ -65,7 +65,7 @@ thread_local! {
 impl Found {
     fn request() -> Result<Found, GpuFault> {
         if IN_BROWSER {
-            return Err("a browser hands out devices asynchronously: ask for one, and give it as Options::gpu".into());
+            return Err("a browser provides devices asynchronously; request one and pass it as Options::gpu".into());
         }
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));

@@ -191,13 +191,14 @@ pub struct Options {
 
 /// Contact of cloth with cloth.
 ///
-/// No edge ever comes through a triangle, if none does at the start and pins move by no more than a third of the thickness in a substep
-/// against one another ([`Warning::ContactOutruns`]). A start with crossings is reported ([`Warning::Crossings`]); what crosses is let go until it parts;
-/// [`Deformer::untangle`](crate::Deformer::untangle) parts it first.
+/// No edge ever passes through a triangle, provided that none does at the start and that pins move relative to each
+/// other by at most a third of the thickness per substep ([`Warning::ContactOutruns`]). A start with crossings is
+/// reported ([`Warning::Crossings`]), and contact ignores what crosses until it has separated;
+/// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the cloth
-    /// are closer than twice this at rest, they are held at half of their distance at rest.
+    /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same
+    /// piece of cloth are closer than twice this at rest, they are held at half of their distance at rest.
     pub thickness: f32,
     /// Coefficient of Coulomb friction of cloth on cloth, 0 or above.
     pub friction: f32,
@@ -374,7 +375,7 @@ impl Options {
                 return refuse("quality: Substeps", count.to_string(), "must be 1 to 65536");
             }
             Quality::Strain(stretch) | Quality::Hold { stretch, .. } if !(stretch > 0.0 && stretch.is_finite()) => {
-                return refuse("quality: stretch", stretch.to_string(), "must be finite and above 0; 0.03 is three per cent");
+                return refuse("quality: stretch", stretch.to_string(), "must be finite and above 0; 0.03 is three percent");
             }
             Quality::Hold { share, .. } if !(0.5..=1.0).contains(&share) => {
                 return refuse("quality: Hold share", share.to_string(), "must be 0.5 to 1; 0.99 is what Strain holds");

@@ -66,7 +66,7 @@ fn a_cache_that_is_not_finished_leaves_no_trace() {
         let mut cache = PointCache::create(&path, 3, 2).unwrap();
         cache.push(&sample).unwrap();
         let message = cache.finish().unwrap_err().to_string();
-        assert_eq!(message, "the cache was to hold 2 samples, not 1; write as many as PointCache::create was told");
+        assert_eq!(message, "the cache was created for 2 samples, not 1; write exactly that many");
         unchanged();
     }
     write(&path).unwrap();

@@ -173,11 +173,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "METRES", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
     pub(crate) self_contact: Option<f32>,
 
-    /// Parts cloth that goes through itself or through a body at the start, before the first frame; what cannot be parted is reported
+    /// Separate cloth that crosses itself or a mesh collider before the first frame; crossings that remain are reported
     #[arg(long)]
     pub(crate) untangle: bool,
 
-    /// Coefficient of friction with all colliders and itself [default: 0.3]
+    /// Coefficient of friction with all colliders and of the cloth with itself [default: 0.3]
     #[arg(long, value_name = "MU", value_parser = not_negative, allow_hyphen_values = true)]
     pub(crate) friction: Option<f32>,
 

@@ -49,7 +49,7 @@ pub(crate) fn play(
     let mut report = Report::new(&deformer, options.method, mesh);
     let mut cells: Vec<Cell> = Vec::new();
     let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
-    // What the scene asks too much of is said before the first frame.
+    // The forecast warns of what the scene asks too much of before the first frame.
     for warning in deformer.forecast(dt, &scene.attributes(1)).map_err(|error| Failure::step(1, &error))?.warnings {
         warned.push(mem::discriminant(&warning));
         warn("warning", &describe(warning, 60.0 * dt));
@@ -101,7 +101,8 @@ pub(crate) fn play(
             }
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         }
-        // Frame 1 is the mesh as it was given, to the last bit, unless it was untangled: it has not been through the deformer.
+        // Frame 1 is the input mesh bit for bit unless it was untangled, because it has not passed through the
+        // deformer.
         frames.write(frame, &shape)?;
         cells.extend(cell(frame, &shape));
         let measure = deformer.measure().map_err(failed)?;
@@ -134,7 +135,7 @@ pub(crate) fn play(
     Ok(report)
 }
 
-/// Parts what crosses at the start, and says what that came to.
+/// Separates cloth that crosses at the start, and prints the result.
 fn untangle(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(), Failure> {
     let failed = |error: StepError| Failure::step(1, &error);
     let parted = deformer.untangle(&scene.attributes(1)).map_err(failed)?;
@@ -146,7 +147,7 @@ fn untangle(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<
     Ok(())
 }
 
-/// A bar on a terminal, nothing elsewhere.
+/// A progress bar on a terminal, nothing otherwise.
 fn progress(quiet: bool, frames: u32) -> ProgressBar {
     if quiet || !io::stderr().is_terminal() {
         return ProgressBar::hidden();

@@ -1,4 +1,4 @@
-//! The pairs that act, in groups as wide as the widest lanes, with their multipliers.
+//! The active pairs, in groups of the largest SIMD width, with their multipliers.
 
 use glam::{Vec3A, Vec4};
 
@@ -8,27 +8,27 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::pair::RELAXATION;
 use crate::simd::MAX_LANES;
 
-/// Multipliers of the last substep that this one begins with.
+/// Share of the last substep's multipliers with which this one starts.
 const WARM: f32 = 0.9;
 
-/// The pairs that act. Those of a kind fill whole groups of [`MAX_LANES`]; what fills the last up holds nothing.
+/// The active pairs. Each kind fills whole groups of [`MAX_LANES`]; the padding of its last group has no effect.
 #[derive(Debug, Default)]
 pub(super) struct Acting {
-    /// Groups of each kind, one kind behind the other.
+    /// Groups of each kind, one kind after the other.
     pub groups: Vec<Group>,
     firsts: [usize; 2],
-    /// What the last step of the multipliers gives, a pair each: an impulse (kg m).
+    /// The impulse (kg m) of each pair from the last iteration of the multipliers.
     pub impulses: Vec<Vec4>,
-    /// What each vertex has of them: pairs and its weights in them.
+    /// For each vertex its pairs and its weights in them.
     corners: Vec<(u32, f32)>,
     starts: Vec<u32>,
-    /// Of each vertex its inverse mass (1/kg) times the sum of its weights.
+    /// For each vertex its inverse mass (1/kg) times the sum of its weights.
     mobility: Vec<f32>,
-    /// How many press.
+    /// Number of pressing pairs.
     pub pressing: u32,
 }
 
-/// As many pairs that act as there are lanes at most, by their numbers.
+/// At most as many active pairs as there are lanes, as structure of arrays.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Group {
     pub corners: [[u32; 4]; MAX_LANES],
@@ -39,12 +39,12 @@ pub(super) struct Group {
     pub free: [f32; MAX_LANES],
     pub last: [f32; MAX_LANES],
     pub friction: [f32; MAX_LANES],
-    /// How far (m) they may approach, and how deep (m) they are at the start.
+    /// The distance (m) by which they may approach, and the depth (m) at the start.
     pub gap: [f32; MAX_LANES],
     pub depth: [f32; MAX_LANES],
     /// See [`step_of_lambda`].
     pub rate: [f32; MAX_LANES],
-    /// Multipliers (kg m): along the friction, and along the normal.
+    /// Multipliers (kg m): for friction, and along the normal.
     pub rub: [[f32; MAX_LANES]; 3],
     pub press: [f32; MAX_LANES],
 }
@@ -87,7 +87,7 @@ impl Group {
         self.depth[lane] = (pair.thickness - pair.distance).max(0.0);
     }
 
-    /// Gives a pair what held it apart in the last substep.
+    /// Sets a pair's multipliers to those of the last substep.
     fn warm(&mut self, lane: usize, held: Vec4) {
         let (normal, rub) = (self.normal(lane), xyz(held));
         let rub = rub - normal * normal.dot(rub);
@@ -97,7 +97,7 @@ impl Group {
 }
 
 impl Acting {
-    /// Takes the pairs that act, and says how fast they do, if any of their vertices moves.
+    /// Collects the active pairs.
     pub(super) fn gather(
         &mut self,
         pairs: &[Vec<Near>; 2],
@@ -122,7 +122,7 @@ impl Acting {
         impulses.clear();
         impulses.resize(MAX_LANES * groups.len(), Vec4::ZERO);
         *pressing = 0;
-        // Corners of each vertex, in the order of the pairs.
+        // The corners of each vertex, in the order of the pairs.
         starts.clear();
         starts.resize(vertices.len() + 1, 0);
         for group in groups.iter() {
@@ -161,14 +161,14 @@ impl Acting {
         }
     }
 
-    /// What of the pairs of a vertex an impulse each gives it.
+    /// The sum of the impulses that a vertex receives from its pairs.
     pub(super) fn sum(&self, vertex: usize) -> Vec3A {
         let range = self.starts[vertex] as usize..self.starts[vertex + 1] as usize;
         let of = |&(pair, weight): &(u32, f32)| self.impulses[pair as usize] * weight;
         xyz(self.corners[range].iter().map(of).sum::<Vec4>())
     }
 
-    /// Remembers what holds pairs apart.
+    /// Stores the multipliers in the lists.
     pub(super) fn keep(&mut self, lists: &mut [Rows; 2]) {
         for group in &self.groups {
             for lane in 0..group.count as usize {

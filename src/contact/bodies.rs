@@ -1,4 +1,5 @@
-//! Bodies: meshes that are led. Their vertices come behind the cloth's, have no inverse mass, and go straight ahead during a step.
+//! Mesh colliders ("bodies"). Their vertices follow the cloth's in the arrays, have no inverse mass, and move in
+//! straight lines during a step.
 
 use std::sync::Arc;
 
@@ -9,22 +10,23 @@ use crate::kernels::params::Substep;
 use crate::model::mesh::Mesh;
 use crate::step::plan::Plan;
 
-/// A vertex of a body is near the cloth within its box, made larger by this share of its largest extent.
+/// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
+/// largest extent.
 const NEAR: f32 = 0.1;
 
-/// The bodies, from step to step.
+/// The mesh colliders, from step to step.
 #[derive(Debug)]
 pub(super) struct Bodies {
-    /// The place of their first vertex.
+    /// Index of their first vertex.
     pub first: usize,
-    /// Where they are at the step's end, the state's own list.
+    /// Their meshes at the end of the step, which are part of the state.
     pub last: Vec<Arc<Mesh>>,
-    /// None of them moves in this step; and detection has looked at them where they are.
+    /// Whether none of them moves in this step, and whether detection has seen them where they are.
     pub are_still: bool,
     pub are_known: bool,
-    /// The least and the greatest of each coordinate of how far (m) vertices near the cloth move in this step, if there are any.
+    /// Range, per coordinate, of the displacements (m) in this step of vertices near the cloth, if there are any.
     travel: Option<[Vec3; 2]>,
-    /// Coulomb's coefficients: the cloth's with itself, then each body's.
+    /// Coefficients of friction: the cloth's with itself, then that of each body.
     pub friction: Vec<f32>,
 }
 
@@ -33,18 +35,18 @@ impl Bodies {
         Bodies { first, last, are_still: false, are_known: false, travel: None, friction: Vec::new() }
     }
 
-    /// Whether they are of the same triangles as these.
+    /// Whether these meshes have the same triangles.
     pub(super) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
         self.last.len() == meshes.len() && self.last.iter().zip(meshes).all(|(last, mesh)| last.has_triangles_of(mesh))
     }
 
-    /// Takes where the last step left them for what it is said to be.
+    /// Replaces the positions at the end of the last step.
     pub(super) fn forget(&mut self, last: &[Arc<Mesh>]) {
         self.last.clone_from_slice(last);
         (self.are_still, self.are_known) = (false, false);
     }
 
-    /// Begins a step. Says whether they come from elsewhere than where the last step left them.
+    /// Begins a step. Returns whether a body starts elsewhere than where the last step left it.
     pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32, x: &mut [Vec4], u: &mut [Vec4]) -> bool {
         let meshes = plan.meshes;
         self.friction.clear();
@@ -63,14 +65,14 @@ impl Bodies {
         jumped
     }
 
-    /// Leads them through a substep.
+    /// Moves them through a substep.
     pub(super) fn lead(&self, plan: &Plan<'_>, substep: &Substep, x: &mut [Vec4], u: &mut [Vec4]) {
         if !self.are_still {
             self.put(plan, substep.start, plan.params.fraction, x, u);
         }
     }
 
-    /// Puts them where they are after a share of the step, to move by another.
+    /// Sets their positions after a share `start` of the step, and their displacements for a share `fraction` of it.
     fn put(&self, plan: &Plan<'_>, start: f32, fraction: f32, x: &mut [Vec4], u: &mut [Vec4]) {
         let origin = plan.cloth.origin;
         let vertices = plan.meshes.iter().flat_map(|body| body.from.positions.iter().zip(&body.to.positions));
@@ -81,10 +83,12 @@ impl Bodies {
         }
     }
 
-    /// How everything that is led moves in a substep (m), in the middle between the extremes; none if nothing is led.
+    /// The common displacement (m) of everything that moves from outside, pins and bodies, in a substep: the midpoint
+    /// of the range of their displacements. `None` if there is neither.
     ///
-    /// This is what motion is measured against: a cloth that rides on a body is at rest, however fast the body is. Where the extremes are farther
-    /// apart than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is rest, or cloth that meets neither would go along.
+    /// Motion is measured relative to it, so that cloth riding on a body is at rest however fast the body is. If the
+    /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
+    /// because otherwise cloth that touches neither would seem to move.
     pub(super) fn frame(&self, plan: &Plan<'_>, u: &[Vec4], thickness: f32) -> Option<Vec3A> {
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
         let pins = plan.cloth.pinned.iter().map(|&pin| xyz(u[pin as usize]));
@@ -100,7 +104,7 @@ impl Bodies {
     }
 }
 
-/// [`Bodies::travel`] of those vertices that come near the cloth.
+/// [`Bodies::travel`]: the range of the displacements of vertices near the cloth.
 fn travel_near(plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
     let cloth = x[..plan.cloth.rest.len()].iter().map(|x| x.truncate() + plan.cloth.origin);
     let [low, high] = cloth.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);

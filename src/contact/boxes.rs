@@ -1,4 +1,5 @@
-//! Boxes around features, coordinate by coordinate, so that one is compared with as many others as there are lanes.
+//! Bounding boxes of features, stored by coordinate, so that one box is compared with as many others as there are SIMD
+//! lanes.
 
 use std::ops::Range;
 
@@ -7,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::simd::{MAX_LANES, Registers};
 
-/// The least and the greatest of each coordinate (m) of many boxes.
+/// Lower and upper bounds (m) per coordinate of many boxes.
 #[derive(Debug, Default)]
 pub(super) struct Boxes {
     low: [Vec<f32>; 3],
@@ -15,10 +16,11 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// Bounds some features, a coordinate of which `of` bounds by its number and theirs; coordinates are shared by threads.
+    /// Sets the boxes of some items; `of` returns the bounds for an axis and an item. With `is_shared` the coordinates
+    /// are computed in parallel.
     pub(super) fn bound(&mut self, items: Range<usize>, is_shared: bool, of: impl Fn(usize, usize) -> [f32; 2] + Sync) {
         let fill = |(axis, (low, high)): (usize, (&mut Vec<f32>, &mut Vec<f32>))| {
-            // Groups of as many as lanes end past the last.
+            // Groups of lanes may extend beyond the last item.
             let count = low.len().max(items.end + MAX_LANES);
             low.resize(count, 0.0);
             high.resize(count, 0.0);
@@ -40,7 +42,7 @@ impl Boxes {
         [Vec3A::new(low[0][item], low[1][item], low[2][item]), Vec3A::new(high[0][item], high[1][item], high[2][item])]
     }
 
-    /// Which of as many boxes as lanes from `first` on, but no more than `count`, touch a box: a bit each.
+    /// Which of the boxes from `first` on, at most `count` and at most one per lane, touch a box, as one bit each.
     #[inline(always)]
     pub(super) fn touching<L: Registers>(&self, first: usize, count: usize, [low, high]: [Vec3A; 2]) -> u32 {
         let x = self.overlap::<L>(0, first, low.x, high.x);

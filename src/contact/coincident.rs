@@ -1,5 +1,6 @@
-//! Starts where a vertex lies in a triangle, as where a sheet begins in the plane of a table: the vector between the two has no direction, so the
-//! side that the vertex belongs on is told from the way that surfaces face.
+//! Pairs of a vertex that lies in a triangle at the start, for example of a sheet that begins in the plane of a table.
+//! The vector between the two has no direction, so the side on which the vertex belongs follows from the orientation of
+//! the surfaces.
 
 use glam::Vec3A;
 
@@ -10,10 +11,11 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::pair::vertex_triangle;
 use crate::simd::Vector;
 
-/// What is this near (m per m of thickness) at a start is at no distance: rounding alone decides on its direction.
+/// Distances at the start below this multiple of the thickness count as zero, because rounding alone determines their
+/// direction.
 pub(super) const TOUCHING: f32 = 1e-4;
 
-/// The near pair of a vertex and a triangle that are at no distance; none if the triangle has no area.
+/// The near pair of a vertex and a triangle at zero distance; `None` if the triangle has no area.
 #[cold]
 pub(super) fn coincident(start: &Start<'_>, pair: &Listed, listed: u32) -> Option<Near> {
     let x = pair.corners.map(|vertex| Vector::<f32>::splat(xyz(start.x[vertex as usize]).to_array()));
@@ -23,10 +25,10 @@ pub(super) fn coincident(start: &Start<'_>, pair: &Listed, listed: u32) -> Optio
     Some(Near { corners, normal, distance: 0.0, thickness, free, last, listed, acts: true })
 }
 
-/// From the triangle to the vertex, as it is to be.
+/// The direction from the triangle to the side on which the vertex belongs.
 ///
-/// Cloth belongs in front of a body. Of two layers of cloth that face one another each is in front of the other; of two that face the same way the
-/// one whose vertices have the higher numbers is.
+/// Cloth belongs in front of a body. If two layers of cloth face each other, each is in front of the other. If they
+/// face the same way, the one whose vertices have the higher indices is in front.
 fn facing(start: &Start<'_>, [vertex, a, b, c]: [u32; 4]) -> Option<Vec3A> {
     let Surface { owner, triangles, triangle_at, .. } = start.surface;
     let at = |vertex: u32| xyz(start.x[vertex as usize]);

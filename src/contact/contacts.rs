@@ -1,4 +1,4 @@
-//! The contacts of one substep: its near pairs, the vertices that they are made of, by themselves, and what acts between them.
+//! The contacts of one substep: its near pairs, their vertices, and the active pairs.
 
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
@@ -9,10 +9,10 @@ use super::near::{Find, Near, Start, Vertex};
 use crate::kernels::integrate::xyz;
 use crate::simd;
 
-/// Pairs that a task looks at.
+/// Pairs per task.
 const GRAIN: usize = 512;
 
-/// What a substep's contact is of. Lists are kept from substep to substep.
+/// The contacts of a substep. The buffers are reused.
 #[derive(Debug, Default)]
 pub(super) struct Contacts {
     pub pairs: [Vec<Near>; 2],
@@ -20,23 +20,23 @@ pub(super) struct Contacts {
     /// Positions and displacements (m) of the vertices.
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
-    /// Those that act.
+    /// The active pairs.
     pub acting: Acting,
-    /// Displacements (m) without the cloth's as a whole, and what pairs leave of them: of a vertex a share.
+    /// Displacements (m) relative to the cloth as a whole, and the share of them that each pair leaves to a vertex.
     pub by: Vec<Vec4>,
     pub cutting: Vec<Vec<(u32, f32)>>,
-    /// Place of each of the cloth's vertices among those of near pairs, plus one.
+    /// For each vertex of the cloth, its place among the vertices of near pairs plus one.
     place: Vec<u32>,
     found: Vec<Vec<Near>>,
 }
 
 impl Contacts {
-    /// Finds the near pairs of the lists, in their order, and gives them what held them apart in the last substep, times `scale`.
+    /// Finds the near pairs of the lists, in order, with their multipliers from the last substep times `scale`.
     pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>, scale: f32) {
         self.find(lists, start);
         self.index(start);
         self.acting.gather(&self.pairs, &mut self.vertices, lists, start, scale);
-        // What is not near holds nothing.
+        // Pairs that are not near have no multipliers.
         lists.iter_mut().for_each(|rows| rows.lambda.fill(Vec4::ZERO));
     }
 
@@ -65,7 +65,7 @@ impl Contacts {
         }
     }
 
-    /// Numbers the vertices of near pairs and gives them the state.
+    /// Numbers the vertices of near pairs and copies their state.
     fn index(&mut self, start: Start<'_>) {
         self.place.clear();
         self.place.resize(start.x.len(), 0);

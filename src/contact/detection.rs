@@ -1,8 +1,9 @@
-//! Detection: pairs of features that may come nearer than their thickness within some substeps, listed.
+//! Detection lists the pairs of features that may come closer than their thickness within some substeps.
 //!
-//! Features are looked at in the middle of the straight paths that they are on, for so many substeps. A pair that is apart there by more
-//! than its thickness, what either may stray from its path ([`Path::stray`]) and half of what they move against each other is not met, and
-//! not listed. When a vertex strays farther, everything is detected again. A list is as long as it need be: nothing is dropped.
+//! Features are compared at the midpoints of their straight predicted paths over these substeps. A pair is not listed
+//! if its distance there exceeds the sum of its thickness, the distances that both may stray from their paths
+//! ([`Path::stray`]), and half of their relative motion. When a vertex strays farther than assumed, everything is
+//! detected again. Lists are as long as necessary: no pair is dropped.
 
 use std::ops::Range;
 
@@ -17,20 +18,21 @@ use super::{Path, for_chunks};
 use crate::kernels::pair::{edge_edge, vertex_triangle};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
-/// Pairs of leaves that a task looks into.
+/// Pairs of leaves per task.
 const GRAIN: usize = 32;
-/// Vertices that a task puts in the middle of their paths.
+/// Vertices per task when computing midpoints.
 const GROUP: usize = 4096;
 
-/// Pairs of leaves that are too many to look into: more than this, and for each leaf. A heap has tens for each; all cloth in one point has all.
+/// Limit on the number of pairs of leaves: this many, plus this many per leaf. A heap has tens per leaf; a cloth in a
+/// single point has all pairs.
 const CROWD: [usize; 2] = [100_000, 512];
 
-/// Places of the features' boxes.
+/// Indices of the features' boxes.
 const TRIANGLES: usize = 0;
 const EDGES: usize = 1;
 const VERTICES: usize = 2;
 
-/// Which features a pair is of.
+/// The kinds of pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     VertexTriangle,
@@ -41,66 +43,66 @@ impl Kind {
     pub(super) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
 }
 
-/// A pair that is listed.
+/// A listed pair.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Listed {
     pub corners: [u32; 4],
-    /// The first feature is the list's row; this is the second.
+    /// The second feature; the first is the row of the list.
     pub other: u32,
-    /// How near (m) they may come.
+    /// Distance (m) at which they are held apart.
     pub thickness: f32,
 }
 
-/// The pairs of one kind by their first feature, a row each, with what holds each apart.
+/// The pairs of one kind, in a row for each first feature, with their multipliers.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
-    /// Where each row begins, and the last ends.
+    /// The start of each row, and the end of the last.
     pub starts: Vec<u32>,
     pub pairs: Vec<Listed>,
-    /// Multipliers (kg m): xyz along the friction, w along the normal.
+    /// Multipliers (kg m): xyz for friction, w along the normal.
     pub lambda: Vec<Vec4>,
 }
 
-/// Pairs that a task finds.
+/// The pairs that a task finds.
 #[derive(Debug, Default)]
 struct Found {
     /// Candidates of each kind: first and second feature.
     near: [Vec<[u32; 2]>; 2],
-    /// Their first feature, and the rest.
+    /// Pairs to list, each with its first feature.
     listed: [Vec<(u32, Listed)>; 2],
 }
 
-/// Buffers, kept from detection to detection.
+/// Buffers that are reused between detections.
 #[derive(Debug, Default)]
 pub(super) struct Detection {
-    /// Pairs of leaves of the cloth, and of a leaf of the cloth and one of the bodies.
+    /// Pairs of leaves within the cloth, and pairs of a leaf of the cloth and a leaf of the bodies.
     leaves: [Vec<[u32; 2]>; 2],
-    /// Vertices in the middle of their paths (m), w what they may stray from them.
+    /// Midpoints of the vertices' paths (m); w is the distance that they may stray from them.
     middle: Vec<Vec4>,
-    /// Boxes around all that triangles, edges and vertices may stray to from there.
+    /// Boxes around all points that triangles, edges and vertices may stray to from there.
     boxes: [Boxes; 3],
     found: Vec<Found>,
     before: Rows,
 }
 
-/// What is looked at.
+/// The input of a detection.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub surface: &'a Surface,
-    /// Whether the cloth meets itself.
+    /// Whether contact of the cloth with itself is on.
     pub meets_itself: bool,
-    /// Whether bodies are where they were when detection looked last.
+    /// Whether bodies are where they were at the last detection.
     pub bodies_rest: bool,
     pub path: Path<'a>,
     pub look: Look,
-    /// Thickness (m) of what is far apart at rest.
+    /// Thickness (m) of features that are far apart at rest.
     pub thickness: f32,
     pub width: Width,
 }
 
 impl Detection {
-    /// Lists all pairs anew; what held a pair apart that was listed before is carried over. Pairs that `is_let_go` are left out. If there are too
-    /// many pairs of leaves to look into, says how many.
+    /// Lists all pairs anew, with the multipliers of pairs that were listed before. Pairs that `is_let_go` accepts are
+    /// left out. If there are too many pairs of leaves, returns their number as an error.
     pub(super) fn run(
         &mut self,
         scene: Scene<'_>,
@@ -166,7 +168,7 @@ impl Detection {
         Ok(())
     }
 
-    /// Puts all vertices in the middle of their paths.
+    /// Computes the midpoints of all vertices' paths.
     fn move_on(&mut self, scene: &Scene<'_>) {
         let Scene { path, look, .. } = *scene;
         self.middle.resize(path.x.len(), Vec4::ZERO);
@@ -176,7 +178,7 @@ impl Detection {
         });
     }
 
-    /// Bounds some triangles, edges and vertices there.
+    /// Computes the boxes of some triangles, edges and vertices.
     fn bound(&mut self, scene: &Scene<'_>, [triangles, edges, vertices]: [Range<usize>; 3]) {
         let Scene { surface, path, .. } = *scene;
         let middle = &self.middle;
@@ -194,14 +196,14 @@ impl Detection {
 }
 
 impl Rows {
-    /// Lists nothing.
+    /// Removes all pairs.
     pub(super) fn clear(&mut self) {
         self.starts.clear();
         self.pairs.clear();
         self.lambda.clear();
     }
 
-    /// Takes pairs, row by row as they come, with the multipliers of those that were there.
+    /// Replaces the pairs, in the order of their rows, with the multipliers of pairs that were listed before.
     fn fill<'a, I: Iterator<Item = &'a (u32, Listed)>>(&mut self, rows: usize, found: impl Fn() -> I, before: &mut Rows) {
         std::mem::swap(self, before);
         self.starts.clear();
@@ -209,10 +211,10 @@ impl Rows {
         found().for_each(|(row, _)| self.starts[*row as usize + 1] += 1);
         let mut total = 0;
         for start in &mut self.starts {
-            // Where the row before ends for now is where this one begins.
+            // For now each entry is the end of the row before it, that is, the start of its own row.
             total += std::mem::replace(start, total);
         }
-        // Each is now where the row before its own begins.
+        // Each entry is now the start of the row before its own; adding the pairs moves it to that row's end.
         let total = total as usize;
         self.pairs.clear();
         self.pairs.resize(total, Listed { corners: [0; 4], other: 0, thickness: 0.0 });
@@ -228,7 +230,7 @@ impl Rows {
         }
     }
 
-    /// Gives multipliers to the same pairs in another list.
+    /// Copies multipliers to the same pairs in another list.
     fn hand_on(&self, to: &mut Rows) {
         for (old, new) in self.starts.windows(2).zip(to.starts.windows(2)) {
             let (old, new) = (old[0] as usize..old[1] as usize, new[0] as usize..new[1] as usize);
@@ -241,12 +243,12 @@ impl Rows {
     }
 }
 
-/// Pairs of features of two leaves, or of one, whose boxes are within reach.
+/// Finds pairs of features of two leaves, or of one, whose boxes are within reach.
 struct Candidates<'a> {
     scene: &'a Scene<'a>,
     boxes: &'a [Boxes; 3],
     trees: [&'a Tree; 2],
-    /// The trees are one.
+    /// Whether both trees are the same.
     is_own: bool,
     leaves: &'a [[u32; 2]],
     near: &'a mut [Vec<[u32; 2]>; 2],
@@ -276,13 +278,13 @@ impl Loop for Candidates<'_> {
     }
 }
 
-/// A box, made larger by so much.
+/// A box enlarged by `by`.
 #[inline(always)]
 fn grown([low, high]: [Vec3A; 2], by: Vec3A) -> [Vec3A; 2] {
     [low - by, high + by]
 }
 
-/// Pairs of some vertices and triangles, which are within reach of `place`.
+/// Pairs of vertices and triangles whose boxes are within `reach` of each other; vertices outside `place` are skipped.
 #[inline(always)]
 fn pierce<L: Registers>(
     surface: &Surface,
@@ -312,7 +314,7 @@ fn pierce<L: Registers>(
     }
 }
 
-/// Pairs of some edges and others, which are within reach of `place`, or of the same edges.
+/// The same for edges and other edges, or the same edges.
 #[inline(always)]
 fn meet<L: Registers>(
     surface: &Surface,
@@ -329,7 +331,7 @@ fn meet<L: Registers>(
             let edge = first + left.trailing_zeros() as usize;
             left &= left - 1;
             let ([i, j], around) = (surface.edges[edge], grown(boxes.get(edge), reach));
-            // Of the same edges each pair is looked at once.
+            // Within the same edges each pair is visited once.
             let start = if is_one { edge + 1 } else { others.start };
             for first in (start..others.end).step_by(L::LANES) {
                 let mut found = boxes.touching::<L>(first, others.end - first, around);
@@ -360,7 +362,7 @@ pub(super) fn corners(surface: &Surface, kind: Kind, [first, second]: [u32; 2]) 
     }
 }
 
-/// The weights of the closest points of pairs of a kind.
+/// The weights of the closest points of pairs.
 #[inline(always)]
 pub(super) fn closest<L: Registers>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
     match kind {
@@ -380,7 +382,7 @@ pub(super) fn square<L: Registers>(v: Vector<L>) -> L {
     v.dot(v)
 }
 
-/// Lists candidates that are near enough.
+/// Lists the candidates that are close enough.
 struct Measure<'a> {
     scene: &'a Scene<'a>,
     middle: &'a [Vec4],
@@ -412,7 +414,7 @@ impl Loop for Measure<'_> {
                 Kind::VertexTriangle => a + b.max(c).max(d),
                 Kind::EdgeEdge => a.max(b) + c.max(d),
             };
-            // What is left of the distance for the pair's own thickness.
+            // The part of the distance that is left for the pair's thickness.
             let left = distance - stray - relative.sqrt() * half;
             if L::all(L::splat(thickness).lt(left)) {
                 continue;

@@ -1,4 +1,5 @@
-//! Corners of pairs by lanes. What a [`Loop`](crate::simd::Loop) calls must be inlined into it, so nothing here is a closure.
+//! Corners of pairs in SIMD lanes. Everything that a [`Loop`](crate::simd::Loop) calls must be inlined into it, so
+//! nothing here is a closure.
 
 use glam::Vec4;
 
@@ -15,7 +16,7 @@ fn gathered<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner:
     ])
 }
 
-/// Of lanes `k`, `k + 4` ...
+/// One register of that corner: lanes `k`, `k + 4` and so on.
 #[inline(always)]
 fn register<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner: usize, k: usize) -> L {
     let mut vectors = [from[places[k][corner] as usize]; 4];
@@ -41,7 +42,7 @@ pub(super) fn fourth_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LAN
     L::from_slice(&numbers[..L::LANES])
 }
 
-/// A vector for each lane.
+/// Stores the vector of each lane.
 #[inline(always)]
 pub(super) fn scattered<L: Registers>(from: Vector<L>, to: &mut [Vec4; MAX_LANES]) {
     let [a, b, c, d] = L::vectors(from);
@@ -53,7 +54,7 @@ pub(super) fn scattered<L: Registers>(from: Vector<L>, to: &mut [Vec4; MAX_LANES
     }
 }
 
-/// As many vectors as lanes, one after another.
+/// Loads as many consecutive vectors as lanes.
 #[inline(always)]
 pub(super) fn loaded<L: Registers>(from: &[Vec4]) -> Vector<L> {
     let each = L::VECTORS;

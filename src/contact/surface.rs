@@ -1,4 +1,5 @@
-//! What can touch: the vertices, edges and triangles of a cloth and of bodies, in the order of fixed trees over their triangles.
+//! The features that can touch: the vertices, edges and triangles of the cloth and of mesh colliders, in the order of
+//! fixed trees over their triangles.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,44 +13,48 @@ use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{self, EdgeIndex, Mesh, sides};
 use crate::simd::MAX_LANES;
 
-/// [`Surface::roam`] (m per m of thickness), at least and at most.
+/// Bounds on [`Surface::roam`], in units of the thickness.
 const ROAM: [f32; 2] = [0.3, 1.6];
-/// Triangles in a leaf, at least.
+/// Fewest triangles in a leaf.
 const LEAF: usize = 6;
 
-/// The features of a cloth, and behind them those of the bodies. Nothing of it changes.
+/// The features of the cloth, followed by those of the bodies. They do not change between steps.
 #[derive(Debug)]
 pub(super) struct Surface {
     /// Triangles in the order of the leaves.
     pub triangles: Vec<[u32; 3]>,
     pub edges: Vec<[u32; 2]>,
-    /// The three edges of each triangle.
+    /// The three edges of each triangle, as indices of `edges`.
     pub sides: Vec<[u32; 3]>,
     /// Vertices in the order of the leaves.
     pub order: Vec<u32>,
-    /// Where each vertex is at rest (m); w means nothing.
+    /// Position of each vertex at rest (m); w is unused.
     pub rest: Vec<Vec4>,
-    /// The piece of cloth, or the body, that each vertex belongs to; and whose it is: 0 is the cloth, the bodies follow.
+    /// For each vertex the piece of cloth or the body that it belongs to, and its owner: 0 is the cloth, followed by
+    /// the bodies.
     pub piece: Vec<u32>,
     pub owner: Vec<u32>,
     /// A triangle at each vertex; `u32::MAX` where there is none.
     pub triangle_at: Vec<u32>,
     bodies: u32,
-    /// How near (m) to half its rest distance from anything not beside it a vertex may be, at least.
+    /// For each vertex a lower bound (m) of half its distance at rest from features that are not adjacent, at most the
+    /// thickness.
     pub reach: Vec<f32>,
-    /// How far (m) a vertex may stray from its path, at most: where it lies flat nothing that is beside it comes to be listed by that.
+    /// Largest distance (m) that a vertex may stray from its path. It is limited so that where cloth lies flat,
+    /// neighboring features are not listed because of it.
     pub roam: Vec<f32>,
-    /// By how much (rad) there is more cloth around a vertex than a flat, convex sheet has: what can come to lie on itself without
-    /// turning over.
+    /// The angle (rad) of cloth around a vertex in excess of that of a flat, convex sheet. Where it is positive, cloth
+    /// can come to lie on itself without turning over.
     pub excess: Vec<f32>,
 }
 
-/// What the leaves of a tree own: each vertex, edge and triangle is owned by one leaf, whose features of a kind come one after another.
+/// The features that each leaf of a tree owns: each vertex, edge and triangle belongs to one leaf, whose features of a
+/// kind are consecutive.
 #[derive(Debug, Default)]
 pub(super) struct Leaves {
-    /// Levels of the tree below its root.
+    /// Number of levels of the tree below its root.
     pub depth: u32,
-    /// Where the triangles, the edges and, in [`Surface::order`], the vertices of each leaf begin, and those of the last end.
+    /// The first triangle, edge and, in [`Surface::order`], vertex of each leaf, and the end of the last leaf's.
     pub triangles: Vec<u32>,
     pub edges: Vec<u32>,
     pub vertices: Vec<u32>,
@@ -65,7 +70,7 @@ impl Leaves {
         self.edges[leaf] as usize..self.edges[leaf + 1] as usize
     }
 
-    /// Places in [`Surface::order`] of the vertices of a leaf.
+    /// The places in [`Surface::order`] of the vertices of a leaf.
     pub(super) fn vertices_of(&self, leaf: usize) -> Range<usize> {
         self.vertices[leaf] as usize..self.vertices[leaf + 1] as usize
     }
@@ -75,14 +80,14 @@ impl Leaves {
         [&self.triangles, &self.edges, &self.vertices].map(|starts| starts[0] as usize..starts[starts.len() - 1] as usize)
     }
 
-    /// The leaf of each triangle, from the first on.
+    /// The leaf of each triangle, in order.
     pub(super) fn of_triangles(&self) -> Vec<u32> {
         (0..1 << self.depth).flat_map(|leaf| self.triangles_of(leaf).map(move |_| leaf as u32)).collect()
     }
 }
 
 impl Surface {
-    /// Of the cloth alone; none if it has no triangles.
+    /// The features of the cloth alone; `None` if it has no triangles.
     pub(super) fn new(cloth: &Cloth, thickness: f32) -> Option<(Surface, Leaves)> {
         if cloth.triangles.is_empty() {
             return None;
@@ -106,7 +111,7 @@ impl Surface {
         };
         let leaves = surface.add(cloth.triangles.clone());
         surface.excess = surface.excesses(cloth);
-        // The state ends with a whole group of lanes, and bodies come behind that.
+        // The state's arrays end with a full group of lanes, and bodies follow after that.
         surface.lengthen(vertices.next_multiple_of(MAX_LANES), 0, thickness);
         Some((surface, leaves))
     }
@@ -130,7 +135,7 @@ impl Surface {
         self.add(all)
     }
 
-    /// Whether what two vertices belong to can meet: the cloth and a body, or the cloth and itself if it does.
+    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself if `meets_itself`.
     pub(super) fn may_meet(&self, a: u32, b: u32, meets_itself: bool) -> bool {
         match [a, b].map(|vertex| self.owner[vertex as usize]) {
             [0, 0] => meets_itself,
@@ -142,7 +147,7 @@ impl Surface {
         self.bodies > 0
     }
 
-    /// Makes room for so many vertices.
+    /// Extends the arrays to this many vertices.
     fn lengthen(&mut self, vertices: usize, owner: u32, thickness: f32) {
         self.rest.resize(vertices, Vec4::ZERO);
         self.piece.resize(vertices, u32::MAX);
@@ -152,7 +157,7 @@ impl Surface {
         self.roam.resize(vertices, 0.5 * thickness);
     }
 
-    /// Adds triangles of their own vertices.
+    /// Adds triangles whose vertices no other triangles use.
     fn add(&mut self, mut triangles: Vec<[u32; 3]>) -> Leaves {
         let (count, vertices) = (triangles.len(), self.rest.len());
         let depth = (count / LEAF).max(1).ilog2();
@@ -196,11 +201,12 @@ impl Surface {
         Csr::new(self.edges.len(), sides.flat_map(|(triangle, sides)| sides.map(|edge| (edge, triangle as u32))))
     }
 
-    /// [`Surface::excess`].
+    /// Computes [`Surface::excess`].
     ///
-    /// A sheet that is convex at rest, and whose normals stay near one axis, cannot reach itself: it lies over a convex part of a plane
-    /// without a fold (Volino and Magnenat-Thalmann 1994). One with a slit or a notch can: its border turns the other way there. So can one
-    /// with more than a full turn around a vertex, and wherever triangles meet otherwise than two at an edge.
+    /// A sheet that is convex at rest, and whose normals stay close to one axis, cannot touch itself: it lies over a
+    /// convex part of a plane without a fold (Volino and Magnenat-Thalmann 1994). A sheet with a slit or a notch can,
+    /// because its border turns the other way there. So can a sheet with more than a full turn around a vertex, and one
+    /// where an edge does not have exactly two consistently oriented triangles.
     fn excesses(&self, cloth: &Cloth) -> Vec<f32> {
         let mut angle = vec![0.0_f32; cloth.rest.len()];
         for &triangle in &self.triangles {
@@ -234,12 +240,12 @@ impl Surface {
             2 => angle[vertex] - pi,
             _ => pi,
         };
-        // What rounding leaves of a flat vertex would add up.
+        // Rounding errors at flat vertices would add up otherwise.
         (0..angle.len()).map(of).map(|excess| if excess < 0.01 { 0.0 } else { excess }).collect()
     }
 }
 
-/// The piece that each vertex belongs to, by one of its vertices.
+/// The piece of each vertex, identified by one of its vertices.
 fn pieces(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
     let mut pieces = DisjointSets::new(vertices);
     triangles.iter().for_each(|&[a, b, c]| {
@@ -249,7 +255,7 @@ fn pieces(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
     (0..vertices as u32).map(|vertex| pieces.root(vertex)).collect()
 }
 
-/// Items in the order of the leaves that own them, and where those of each leaf begin.
+/// The items in the order of the leaves that own them, and the first item of each leaf.
 fn by_leaf(owner: &[u32], depth: u32) -> (Vec<u32>, Vec<u32>) {
     let mut order: Vec<u32> = (0..owner.len() as u32).filter(|&item| owner[item as usize] != u32::MAX).collect();
     order.sort_by_key(|&item| owner[item as usize]);
@@ -258,7 +264,7 @@ fn by_leaf(owner: &[u32], depth: u32) -> (Vec<u32>, Vec<u32>) {
     (order, starts)
 }
 
-/// The least height (m) of the triangles around each vertex; infinite where there is none.
+/// The smallest height (m) of the triangles around each vertex; infinite if there are none.
 fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
     let mut heights = vec![f32::INFINITY; cloth.rest.len()];
     for triangle in triangles {
@@ -270,9 +276,9 @@ fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
     heights
 }
 
-/// Sorts a range of all triangles into leaves, level by level: pieces apart first, then halves along the longest axis.
+/// Sorts triangles into leaves, level by level: first by piece, then in halves along the longest axis.
 fn split(triangles: &mut [[u32; 3]], range: Range<usize>, count: usize, depth: u32, key: &impl Fn(&[u32; 3]) -> (u32, Vec3A)) {
-    // Of node `index` of so many levels above the leaves; the root is the first of all.
+    // Splits node `node` of level `level`; the root is level 0.
     fn recurse(
         triangles: &mut [[u32; 3]],
         first: usize,

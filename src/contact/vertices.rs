@@ -1,4 +1,4 @@
-//! The loop over all vertices that takes them out of the colliders.
+//! The loop that moves vertices out of the colliders.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,7 +11,7 @@ use crate::kernels::params::Substep;
 use crate::simd::{Loop, Registers};
 use crate::step::plan::Plan;
 
-/// Takes vertices out of the colliders.
+/// Moves vertices out of the colliders.
 pub(super) struct Meet<'a> {
     pub plan: &'a Plan<'a>,
     pub substep: &'a Substep,

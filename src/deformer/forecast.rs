@@ -129,13 +129,13 @@ impl Deformer {
         let (substeps, needed) = ((1.0 / (60.0 * h)).round(), (self.rates.explicit() / 60.0).ceil());
         match (self.options.method, cause) {
             (Method::Springs, _) if substeps < needed => format!(
-                "{substeps} substeps in 1/60 s are too few for explicit springs, which need {needed} here; take as many, a softer fabric or SmallSteps"
+                "{substeps} substeps per 1/60 s are too few for explicit springs, which need {needed} here; use that many, a softer fabric or SmallSteps"
             ),
             (_, Instability::Edge { .. }) => {
-                "lead pins and colliders no farther apart than the cloth reaches, or put it there with set_state".to_owned()
+                "move pins and colliders no farther apart than the cloth reaches, or move the cloth with set_state".to_owned()
             }
             (Method::Springs, _) => {
-                "explicit springs do not last through every motion; take more substeps, gentler attributes or SmallSteps"
+                "explicit springs may become unstable in a violent motion; use more substeps, smaller attributes or SmallSteps"
                     .to_owned()
             }
             _ => "use a shorter dt, more substeps or smaller attributes".to_owned(),

@@ -1,4 +1,4 @@
-//! Cloth that goes through itself or through bodies, parted before it moves.
+//! Separates cloth that crosses itself or mesh colliders before it moves.
 
 use glam::{Vec3, Vec4};
 
@@ -8,29 +8,31 @@ use crate::contact::untangle::untangle;
 use crate::error::StepError;
 use crate::model::mesh::Mesh;
 
-/// What [`Deformer::untangle`] did.
+/// The result of [`Deformer::untangle`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Untangled {
-    /// Edges that went through triangles before, of the cloth and of the bodies.
+    /// Pairs of an edge and a triangle that crossed before, of the cloth and of mesh colliders.
     pub before: usize,
-    /// Those that are left.
+    /// Pairs that still cross.
     pub after: usize,
-    /// How far (m) the vertex that was moved the most was moved.
+    /// The largest distance (m) that a vertex was moved.
     pub farthest: f32,
 }
 
 impl Deformer {
-    /// Tries to part cloth that goes through itself or through mesh colliders where it is now: garments are often modeled so. Vertices are moved
-    /// as little as need be, velocities stay, pins stay where they are, and bodies are where the attributes have them. Vertices inside a closed
-    /// mesh are taken out of it. Cloth that crosses nothing is left as it is, bit for bit.
+    /// Tries to separate cloth that crosses itself or mesh colliders in its present state, as garments are often
+    /// modeled. Vertices are moved as little as necessary, velocities stay, pins stay where they are, and mesh
+    /// colliders are where the attributes place them. Vertices inside a closed mesh are moved out of it. Cloth that
+    /// crosses nothing stays as it is, bit for bit.
     ///
-    /// Contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006), which is a local method: it may not find
-    /// the way out. [`Untangled::after`] says what is left; [`Options::contact`](crate::Options::contact)
-    /// lets it go until it parts. Takes up to some hundred rounds, each of about the time of [`Deformer::crossings`].
+    /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006). This is a
+    /// local method, which may not find a way out: [`Untangled::after`] says what remains, and
+    /// [`Options::contact`](crate::Options::contact) ignores that until it has separated. It takes up to some hundred
+    /// rounds, each of about the time of [`Deformer::crossings`].
     ///
     /// # Errors
-    /// If an attribute is out of its range, and as [`Deformer::positions`]; the state is then as it was.
+    /// If an attribute is out of its range, and those of [`Deformer::positions`]; the state is then unchanged.
     pub fn untangle(&mut self, attributes: &Attributes) -> Result<Untangled, StepError> {
         attributes.validate(self.cloth.pinned.len())?;
         self.positions()?;

@@ -48,7 +48,7 @@ pub enum Pc2Error {
         sample: usize,
     },
     /// The number of samples is not the number announced.
-    #[error("the cache was to hold {expected} samples, not {given}; write as many as PointCache::create was told")]
+    #[error("the cache was created for {expected} samples, not {given}; write exactly that many")]
     Samples {
         /// Number of samples given, including the one that was refused.
         given: usize,

@@ -161,10 +161,10 @@ pub fn tune(
     let (Tolerance::Position(most) | Tolerance::Strain(most)) = tolerance;
     let value = |name: &str, value: String, remedy| BuildError::Value { name: name.into(), value, remedy };
     if !(most > 0.0 && most.is_finite()) {
-        return Err(value("tolerance", most.to_string(), "it must be finite and above 0"));
+        return Err(value("tolerance", most.to_string(), "must be finite and above 0"));
     }
     if frames == 0 {
-        return Err(value("frames", frames.to_string(), "a scene has at least one"));
+        return Err(value("frames", frames.to_string(), "must be at least 1"));
     }
     Search::new(Scene { mesh, options, attributes: &attributes, frames }, f64::from(most)).run(tolerance)
 }

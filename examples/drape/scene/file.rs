@@ -98,7 +98,7 @@ pub(crate) struct Contact {
     pub(crate) thickness: Option<Positive>,
     /// Coefficient of Coulomb friction. 0.3.
     pub(crate) friction: Option<NotNegative>,
-    /// Whether a start that crosses itself or a body is parted before the first frame. False.
+    /// Whether a start that crosses itself or a mesh collider is separated before the first frame. False.
     pub(crate) untangle: bool,
 }
 

@@ -38,7 +38,7 @@ pub(crate) struct Scene {
     /// The file that the mesh was read from, if it is a single file.
     pub(crate) template: Option<ObjTemplate>,
     pub(crate) options: Options,
-    /// A start that crosses is parted before the first frame.
+    /// Whether a start that crosses is separated before the first frame.
     pub(crate) untangle: bool,
     pub(crate) outputs: Outputs,
     gravity: Animated<Vec3>,

@@ -6,13 +6,15 @@ use glam::Vec3A;
 
 use super::Tangle;
 
-/// The least cosine between an edge and the normal of the triangle that it crosses; a flatter crossing would ask for any distance.
+/// Smallest cosine between an edge and the normal of the triangle that it crosses; a flatter crossing would require an
+/// arbitrarily large distance.
 const FLATTEST: f32 = 0.1;
 
-/// For each crossing the direction in which its edge is to move, and its triangle the other way; of length 1 at most.
+/// For each crossing the direction in which its edge is to move, and its triangle in the opposite direction; at most of
+/// length 1.
 ///
-/// Each is the sum of its own gradient and of the mean over its contour: the first alone leaves the straight parts of a contour
-/// where they are.
+/// Each is the sum of its own gradient and of the mean over its contour, because its own gradient alone does not move
+/// the straight parts of a contour.
 pub(super) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
     let own: Vec<Vec3A> = found.iter().map(|&crossing| gradient(tangle, crossing)).collect();
     let mut all = own.clone();
@@ -20,15 +22,15 @@ pub(super) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
         let mean = contour.iter().map(|&(crossing, sign)| own[crossing] * sign).sum::<Vec3A>() / contour.len() as f32;
         contour.iter().for_each(|&(crossing, sign)| all[crossing] += mean * sign);
     }
-    // A small one is kept small, or the last crossings would jump to and fro.
+    // A small sum is not normalized, because the last crossings would oscillate otherwise.
     all.iter().map(|&gradient| gradient / (gradient.length_squared() + 0.01).sqrt()).collect()
 }
 
-/// How the edge of a crossing is to move for the contour to become shorter the fastest.
+/// The direction in which the edge of a crossing has to move to shorten the contour fastest.
 ///
-/// If the edge's side moves by `d`, the point where its direction `E` meets the triangle's plane of normal `N` moves in that plane by
-/// `d - E (N.d)/(E.N)`. From there the contour leaves along `R` through each of the triangles at the edge, so that it becomes shorter
-/// by `R.d - (E.R)(N.d)/(E.N)`.
+/// If the edge's side moves by `d`, the point where its direction `E` meets the triangle's plane with normal `N` moves
+/// in that plane by `d - E (N.d)/(E.N)`. From there the contour continues along `R` through each of the triangles at
+/// the edge, so that it becomes shorter by `R.d - (E.R)(N.d)/(E.N)`.
 fn gradient(tangle: &Tangle, [edge, triangle]: [u32; 2]) -> Vec3A {
     let [p, q] = tangle.edges[edge as usize].map(|vertex| tangle.at(vertex));
     let normal = |triangle: u32| {
@@ -48,10 +50,10 @@ fn gradient(tangle: &Tangle, [edge, triangle]: [u32; 2]) -> Vec3A {
     tangle.at_edges.of(edge).iter().map(through).sum()
 }
 
-/// The crossings of each contour, and on which side of it the edge is, 1 or -1. Two crossings follow each other on a contour if the same two
-/// triangles meet at both.
+/// The crossings of each contour, each with the side of the contour on which its edge is, 1 or -1. Two crossings are
+/// consecutive on a contour if the same two triangles meet at both.
 fn contours(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec<(usize, f32)>> {
-    // Pairs of triangles, the lower first; the crossing; whether the edge's triangle is the lower.
+    // Pairs of triangles, the lower index first; the crossing; and whether the edge's triangle is the lower one.
     let mut meetings: Vec<([u32; 2], usize, f32)> = Vec::new();
     for (crossing, &[edge, triangle]) in found.iter().enumerate() {
         for &beside in tangle.at_edges.of(edge) {

@@ -1,4 +1,4 @@
-//! Vertices inside closed bodies, and their way out.
+//! Vertices inside closed mesh colliders, and moving them out.
 
 use std::collections::HashMap;
 use std::f32::consts::PI;
@@ -11,11 +11,11 @@ use crate::kernels::pair::vertex_triangle;
 use crate::model::mesh::Mesh;
 use crate::simd::Vector;
 
-/// How far apart (in extents of the body) vertices in one place are at most.
+/// Largest distance (relative to the extent of the body) of vertices that count as one.
 const SEAM: f32 = 1e-5;
 
-/// Whether a body has an inside: each side of each triangle is a side of one other, which runs the other way. Vertices in one place count as
-/// one, for many meshes have seams.
+/// Whether a body has an inside: each side of each triangle is a side of exactly one other triangle, in the opposite
+/// direction. Vertices at the same place count as one, because many meshes have seams.
 pub(super) fn is_closed(body: &Mesh) -> bool {
     let mut names = HashMap::new();
     let [low, high] = body.bounds();
@@ -32,7 +32,8 @@ pub(super) fn is_closed(body: &Mesh) -> bool {
     !sides.is_empty() && sides == back && sides.windows(2).all(|two| two[0] != two[1])
 }
 
-/// Moves vertices that are inside a body to the nearest point of its surface, and on by `thickness` (m). Returns their number.
+/// Moves vertices that are inside a body to the nearest point of its surface, and beyond it by `thickness` (m). Returns
+/// their number.
 pub(super) fn leave(tangle: &mut Tangle, bodies: &[&Mesh], thickness: f32) -> usize {
     let mut count = 0;
     for body in bodies {
@@ -54,7 +55,8 @@ fn corners(body: &Mesh, triangle: &[u32; 3]) -> [Vec3A; 3] {
     triangle.map(|vertex| Vec3A::from(body.positions[vertex as usize]))
 }
 
-/// Whether the triangles go around a point once or more (winding number; solid angles after van Oosterom and Strackee 1983).
+/// Whether the winding number of the triangles around a point is one or more (solid angles by van Oosterom and Strackee
+/// 1983).
 fn is_inside(body: &Mesh, point: Vec3A) -> bool {
     let angle = |triangle: &[u32; 3]| {
         let [a, b, c] = corners(body, triangle).map(|corner| corner - point);
@@ -65,7 +67,7 @@ fn is_inside(body: &Mesh, point: Vec3A) -> bool {
     around.abs() > 2.0 * PI
 }
 
-/// The point of the surface nearest to another.
+/// The point of the surface that is nearest to another point.
 fn nearest(body: &Mesh, point: Vec3A) -> Vec3A {
     let on = |triangle: &[u32; 3]| {
         let [a, b, c] = corners(body, triangle);

@@ -1,15 +1,16 @@
-//! Untangling: moves a cloth a little at a time until no edge goes through a triangle.
+//! Untangling: moves a cloth in small steps until no edge passes through a triangle.
 //!
 //! # Theory
-//! Two surfaces that cross do so along a contour, a polyline whose vertices are the crossings of edges with triangles. The gradient of the
-//! contour's length tells at each of its vertices how the two sides are to move against each other so that it becomes shorter; a contour
-//! without length is gone (Volino and Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour Minimization").
-//! See [`contour`]. Cloth that is then still inside a closed body, and crosses nothing there, is moved to the nearest point
-//! of its surface ([`inside`]); in the other order a sheet halfway through a body would be torn to both sides of it.
+//! Two surfaces cross along a contour, a polyline whose vertices are the crossings of edges with triangles. At each of
+//! these vertices the gradient of the contour's length gives the direction in which the two sides have to move relative
+//! to each other to make it shorter; a contour of length zero has vanished (Volino and Magnenat-Thalmann 2006,
+//! "Resolving Surface Collisions through Intersection Contour Minimization"). See [`contour`]. Cloth that is then still
+//! inside a closed body without crossing it is moved to the nearest point of its surface ([`inside`]); in the opposite
+//! order a sheet halfway through a body would be torn to both sides of it.
 //!
 //! # Limits
-//! The method is local: it descends, and may end with crossings that are left. So two
-//! sheets in the shape of an X stay where their borders are pinned.
+//! The method is a local descent and may end with crossings. For example, two sheets in the shape of an X stay as they
+//! are if their borders are pinned.
 
 mod contour;
 mod inside;
@@ -22,21 +23,21 @@ use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::mesh::{EdgeIndex, Mesh, edges, sides};
 
-/// The most rounds, and the most rounds in a row that may pass without fewer crossings.
+/// Most rounds, and most rounds in a row without a decrease in the number of crossings.
 const ROUNDS: usize = 400;
 const PATIENCE: usize = 60;
 /// Length of a move, in mean edge lengths of the cloth.
 const STEP: f32 = 0.2;
-/// Passes over the edges in each round, which bring them back towards their rest lengths.
+/// Passes over the edges in each round, which move them toward their rest lengths.
 const PASSES: usize = 4;
-/// The most rounds of such passes after the last crossing is gone.
+/// Most rounds of such passes after the last crossing has vanished.
 const SETTLES: usize = 20;
 
-/// The cloth and the bodies as one list of features.
+/// The features of the cloth and the bodies together.
 struct Tangle {
-    /// Positions (m) of the cloth's vertices, then of the bodies'; `w` is 1 where the vertex may be moved, else 0.
+    /// Positions (m) of the cloth's vertices, then of the bodies'; `w` is 1 if the vertex may be moved, otherwise 0.
     x: Vec<Vec4>,
-    /// The number of the cloth's vertices.
+    /// Number of the cloth's vertices.
     of_cloth: usize,
     triangles: Vec<[u32; 3]>,
     edges: Vec<[u32; 2]>,
@@ -61,7 +62,7 @@ impl Tangle {
         Tangle { x: all, of_cloth: x.len(), triangles, edges, at_edges }
     }
 
-    /// What crosses: an edge and a triangle each, of which at least one belongs to the cloth.
+    /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth.
     fn crossings(&self) -> Vec<[u32; 2]> {
         let is_cloth = |vertex: u32| (vertex as usize) < self.of_cloth;
         crossings(&self.edges, &self.triangles, &self.x, |a, b| is_cloth(a) || is_cloth(b))
@@ -71,7 +72,7 @@ impl Tangle {
         xyz(self.x[vertex as usize])
     }
 
-    /// Moves vertices by the mean of what the crossings ask of them, at most by `step` (m).
+    /// Moves vertices by the mean of the directions that the crossings ask for, at most by `step` (m).
     fn shorten_contours(&mut self, found: &[[u32; 2]], step: f32) {
         let mut moves = vec![Vec4::ZERO; self.x.len()];
         for (&[edge, triangle], toward) in found.iter().zip(contour::gradients(self, found)) {
@@ -84,7 +85,7 @@ impl Tangle {
         }
     }
 
-    /// Brings the cloth's edges back towards their rest lengths, one after another.
+    /// Moves the cloth's edges toward their rest lengths, one after another.
     fn relax(&mut self, cloth: &Cloth) {
         for link in &cloth.links {
             let [a, b] = link.ends.map(|end| end as usize);
@@ -100,7 +101,7 @@ impl Tangle {
     }
 }
 
-/// Brings the edges of a cloth at `x` (m) that crosses nothing closer to their rest lengths, as long as it crosses nothing.
+/// Moves the edges of a cloth at `x` (m) without crossings toward their rest lengths, as long as none arises.
 fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh], thickness: f32) -> Vec<Vec4> {
     tangle.x.clone_from(&x);
     let mut settled = x;
@@ -114,8 +115,9 @@ fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh], th
     settled
 }
 
-/// Moves the cloth's vertices `x` (m; `w` is the inverse mass, 0 where a vertex is fixed) until no edge of the cloth goes through a triangle
-/// of it or of a body, or nothing helps any more. Returns the crossings before and after.
+/// Moves the cloth's vertices `x` (m; `w` is the inverse mass, 0 where a vertex is fixed) until no edge of the cloth
+/// passes through a triangle of the cloth or of a body, or no further progress is made. Returns the numbers of
+/// crossings before and after.
 pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> [usize; 2] {
     let mut tangle = Tangle::new(cloth, x, bodies);
     let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
