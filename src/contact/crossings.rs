@@ -1,12 +1,12 @@
-//! Edges that go through triangles: counted in double precision, whatever the lists say.
+//! Intersections of edges with triangles, found in double precision and independently of the lists.
 
 use glam::{DVec3, Vec4};
 
 use super::detection::{Kind, Listed};
 use super::surface::Surface;
 
-/// Pairs of an edge and a triangle, by their places in the lists, that share no vertex and go through one another where the vertices are at
-/// `x` (m), of those of which `may_meet` is true of a vertex of each; in order.
+/// Finds the pairs of an edge and a triangle that intersect at the positions `x` (m) and share no vertex, as indices in
+/// sorted order. Only pairs are tested for which `may_meet` accepts a vertex of each.
 pub(crate) fn crossings(
     edges: &[[u32; 2]],
     triangles: &[[u32; 3]],
@@ -17,7 +17,8 @@ pub(crate) fn crossings(
     let (low, high) = triangles.iter().flatten().map(|&v| at(v)).fold((at(0), at(0)), |(low, high), x| (low.min(x), high.max(x)));
     let extent = high - low;
     let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
-    // A sweep along the longest axis: triangles that an edge may meet begin before it ends, and end after it begins.
+    // Sweep and prune along the longest axis: a triangle is active for an edge if it begins before the edge ends and
+    // ends after it begins.
     let spans = |from: f32, to: f32, index: usize| (from, to, index as u32);
     let mut of_edges: Vec<(f32, f32, u32)> = edges
         .iter()
@@ -64,7 +65,8 @@ pub(crate) fn crossings(
     found
 }
 
-/// Whether a segment's ends are on either side of a triangle's plane, and all sides of the triangle pass it on one hand.
+/// Whether a segment's ends are on different sides of a triangle's plane, and its line passes all sides of the triangle
+/// on the same hand (that is, inside the triangle).
 fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     let volume = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| (b - a).cross(c - a).dot(d - a);
     let (above, below) = (volume(a, b, c, p), volume(a, b, c, q));
@@ -72,18 +74,18 @@ fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     (above > 0.0) != (below > 0.0) && (hands.iter().all(|&hand| hand > 0.0) || hands.iter().all(|&hand| hand < 0.0))
 }
 
-/// The pairs that hold cloth in a crossing, which are let go: its way out is through them.
+/// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
 pub(super) struct LetGo {
-    /// What crosses: an edge and a triangle, in order.
+    /// Each an edge and a triangle, sorted.
     pub crossings: Vec<[u32; 2]>,
-    /// Pairs of a vertex and a triangle, and of two edges, in order.
+    /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
     pairs: [Vec<[u32; 2]>; 2],
 }
 
 impl LetGo {
-    /// Looks for crossings: of the cloth with itself, if it meets itself, and with bodies. An edge whose end is no farther than `touching` (m)
-    /// beyond the triangle's plane touches it: see [`super::coincident`].
+    /// Searches for intersections with bodies and, if `meets_itself`, of the cloth with itself. An edge with an end at
+    /// most `touching` (m) from the triangle's plane does not count: see [`super::coincident`].
     pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, touching: f32) {
         let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
         let mut found = crossings(&surface.edges, &surface.triangles, x, may_meet);
@@ -97,11 +99,12 @@ impl LetGo {
         self.take(found, surface);
     }
 
-    /// Whether anything crosses of what is led at all its vertices, pins and bodies, which nothing holds apart.
+    /// Whether anything intersects whose vertices are all led (by pins or as parts of bodies). Contact cannot hold
+    /// these apart.
     pub(super) fn led_cross(surface: &Surface, x: &[Vec4], meets_itself: bool) -> bool {
         let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
         let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0 && is_led(vertices);
-        // Only where the cloth is led can it be gone through.
+        // Only the region of led cloth needs a test.
         let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
         for &vertex in surface.edges.iter().filter(|ends| of_cloth(*ends)).flatten() {
             (low, high) = (low.min(x[vertex as usize]), high.max(x[vertex as usize]));
@@ -117,7 +120,7 @@ impl LetGo {
         !triangles.is_empty() && !crossings(&edges, &triangles, x, may_meet).is_empty()
     }
 
-    /// Takes what crosses.
+    /// Replaces the intersections.
     pub(super) fn take(&mut self, crossings: Vec<[u32; 2]>, surface: &Surface) {
         self.crossings = crossings;
         let [with_vertices, with_edges] = &mut self.pairs;
@@ -130,7 +133,7 @@ impl LetGo {
         self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
     }
 
-    /// Whether a pair is let go.
+    /// Whether a pair is ignored.
     pub(super) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
         let pairs = &self.pairs[kind as usize];
         !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()

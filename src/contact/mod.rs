@@ -1,13 +1,16 @@
-//! Contact of cloth with itself, of each piece with itself and with the others, and with bodies that are meshes.
+//! Contact of cloth with itself (within a piece and between pieces) and with bodies that are triangle meshes.
 //!
 //! # Theory
-//! The state is held free of crossings, rather than mended. [`detection`] lists what may meet within some substeps ([`tree`]).
-//! Of that, each substep takes what may meet in it ([`near`]), holds it apart by the thickness with friction ([`response`]), and whatever
-//! that comes to, cuts displacements so that the two sides of a pair stay on their sides of a plane ([`truncation`]).
+//! The method keeps the cloth free of intersections instead of resolving them afterwards. [`detection`] lists the pairs
+//! of features that may come closer than the thickness within some substeps ([`tree`]). In each substep, [`near`]
+//! selects those that may do so in that substep, [`response`] holds them apart by the thickness, with friction, and
+//! [`truncation`] then shortens displacements so that the two sides of a pair stay on their sides of a plane, whatever
+//! the response achieved.
 //!
 //! # Practice
-//! Between the sweep and the move ([`SelfContact::resolve`]); loops over vertices, pairs and leaves, each of which writes what is its own and
-//! gathers what is others', in an order that does not depend on threads.
+//! [`SelfContact::resolve`] runs in each substep, after the sweeps and before positions are updated. It loops over
+//! vertices, pairs and leaves. Each item writes only its own data and gathers the contributions of others in a fixed
+//! order, so the result does not depend on the number of threads.
 
 mod acting;
 mod bodies;
@@ -58,59 +61,60 @@ const LEAST_STRAY: f32 = 0.1;
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
 
-/// Positions (m) and displacements (m) over a substep.
+/// A substep's start positions (m) and displacements (m).
 #[derive(Clone, Copy)]
 struct Path<'a> {
     x: &'a [Vec4],
     u: &'a [Vec4],
-    /// How far (m) each vertex may stray from it.
+    /// How far (m) each vertex may stray from its path.
     stray: &'a [f32],
     is_shared: bool,
 }
 
-/// What contact did in the last step.
+/// Counts for the report of a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Tally {
-    /// Pairs that press on one another at the end.
+    /// Pairs with a normal impulse in the last substep.
     pub contacts: u32,
-    /// Detections.
+    /// Number of detections.
     pub detections: u32,
-    /// Pairs listed at the end.
+    /// Pairs listed at the end of the step.
     pub listed: u32,
-    /// Near pairs at the end.
+    /// Near pairs at the end of the step.
     pub near: u32,
 }
 
-/// A cloth's contact with itself, from step to step.
+/// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
 #[derive(Debug)]
 pub(crate) struct SelfContact {
     options: Contact,
-    /// Whether the cloth meets itself, or bodies alone.
+    /// Whether contact of the cloth with itself is on; otherwise there is contact with bodies only.
     meets_itself: bool,
     surface: Surface,
-    /// Over the cloth, and over the bodies.
+    /// Over the triangles of the cloth, and over those of the bodies.
     trees: [Tree; 2],
     bodies: Bodies,
     lists: [Rows; 2],
     detection: Detection,
     contacts: Contacts,
     paths: Paths,
-    /// What crosses, if anything may: nothing comes to cross by itself.
+    /// Known intersections. They are searched for only while `may_cross` is set, because contact lets no new ones
+    /// arise.
     let_go: LetGo,
     may_cross: bool,
-    /// Pins are led in this step, or bodies beside pins, which may come to cross one another.
+    /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
     led_may_cross: bool,
-    /// What colliders move vertices by besides (m); empty where there are none.
+    /// Corrections of positions (m) that colliders add without changing velocities; empty if there are none.
     push: Vec<Vec4>,
-    /// The substep (s) that multipliers are of.
+    /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
-    /// Pairs of leaves that were too many to look into; 0 if none were.
+    /// The number of pairs of leaves if there were too many to test; 0 otherwise.
     pub crowd: usize,
     pub tally: Tally,
 }
 
 impl SelfContact {
-    /// None if the cloth has no triangles.
+    /// Returns `None` if the cloth has no triangles.
     pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<SelfContact> {
         let options = contact.unwrap_or_default();
         let (mut surface, leaves) = Surface::new(cloth, options.thickness)?;
@@ -138,17 +142,17 @@ impl SelfContact {
         })
     }
 
-    /// Whether it is of these bodies.
+    /// Whether these are its bodies.
     pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
         self.bodies.are(meshes)
     }
 
-    /// Vertices, those of bodies included, that the state must have room for.
+    /// The number of vertices, including those of bodies, that the state must hold.
     pub(crate) fn vertices(&self) -> usize {
         self.surface.rest.len()
     }
 
-    /// Forgets what it knows of the state, which was put elsewhere.
+    /// Discards everything that depends on positions, because the state was replaced.
     pub(crate) fn forget(&mut self) {
         self.may_cross = true;
         self.h = 0.0;
@@ -156,13 +160,14 @@ impl SelfContact {
         self.lists.iter_mut().for_each(Rows::clear);
     }
 
-    /// Edges that go through triangles of the cloth where detection looked last, by its vertices.
+    /// Edges that pass through triangles of the cloth, as of the last detection, given by vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
         let crossing = |(edge, triangle)| Crossing { edge, triangle };
         self.all_crossings().filter(|(edge, triangle)| self.owner(edge[0]) + self.owner(triangle[0]) == 0).map(crossing)
     }
 
-    /// Edges and triangles of the cloth and of a body that go through one another there: of each pair the place of the body.
+    /// For each pair of an edge and a triangle that intersect, one on the cloth and one on a body: the index of the
+    /// body.
     pub(crate) fn crossings_with_bodies(&self) -> impl Iterator<Item = usize> {
         let bodies = self.all_crossings().map(|(edge, triangle)| self.owner(edge[0]).max(self.owner(triangle[0])) as usize);
         bodies.filter(|&owner| owner > 0).map(|owner| owner - 1)
@@ -177,7 +182,7 @@ impl SelfContact {
         self.surface.owner[vertex as usize]
     }
 
-    /// Where a step begins.
+    /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.crowd) = (Tally::default(), 0);
         if self.bodies.begin(plan, self.options.friction, x, u) {
@@ -187,8 +192,8 @@ impl SelfContact {
         self.led_may_cross = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
     }
 
-    /// Contact in one substep, with the colliders and of the cloth with itself: changes displacements `u` (m), and positions `x` (m) by what
-    /// gives no velocity.
+    /// Resolves contact in one substep, with colliders, bodies and the cloth itself. Changes the displacements `u` (m),
+    /// and the positions `x` (m) by the corrections that are to add no velocity.
     pub(crate) fn resolve(
         &mut self,
         plan: &Plan<'_>,
@@ -223,7 +228,7 @@ impl SelfContact {
             self.contacts.gather(&mut self.lists, start, scale);
             if !self.contacts.is_empty() {
                 let lost = self.hold(plan, substep, mean, u, is_shared, width);
-                // Pins, bodies and colliders would take it up.
+                // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
                     give_back(&plan.cloth.mass, lost, u);
                 }
@@ -238,7 +243,7 @@ impl SelfContact {
         }
     }
 
-    /// Holds near pairs apart; the momentum (kg m) that it takes away.
+    /// Holds near pairs apart. Returns the momentum, in kg m (mass times displacement), that truncation removes.
     fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool, width: Width) -> DVec3 {
         let SelfContact { contacts, push, .. } = self;
         contacts.respond(plan, substep, is_shared, width);
@@ -252,7 +257,7 @@ impl SelfContact {
         lost
     }
 
-    /// Takes vertices out of the colliders; the most that one is moved by besides its displacement (m).
+    /// Moves vertices out of the colliders. Returns the largest correction (m) that is not part of a displacement.
     fn meet_colliders(
         &mut self,
         plan: &Plan<'_>,
@@ -284,7 +289,8 @@ impl SelfContact {
         self.push.iter().map(|push| xyz(*push).length()).fold(0.0, f32::max)
     }
 
-    /// Lists what may meet from here on; false if the state is not finite, which the end of the step reports.
+    /// Lists the pairs that may meet from here on. Returns false if there are too many, or if the state is not finite,
+    /// which the end of the step reports.
     fn detect(&mut self, path: Path<'_>, is_free: bool, width: Width) -> bool {
         let SelfContact { options, surface, trees, lists, detection, paths, bodies, .. } = self;
         let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
@@ -323,7 +329,7 @@ impl SelfContact {
     }
 }
 
-/// The mean displacement (m) by mass.
+/// The mean displacement (m), weighted by mass.
 fn mean(mass: &[f32], u: &[Vec4]) -> Vec3A {
     let (mut sum, mut total) = (Vec3A::ZERO, 0.0);
     for (&u, &mass) in u.iter().zip(mass) {
@@ -333,14 +339,14 @@ fn mean(mass: &[f32], u: &[Vec4]) -> Vec3A {
     sum / total
 }
 
-/// Gives the cloth as a whole a momentum (kg m) back that was taken away.
+/// Returns lost momentum (kg m) to the cloth by a uniform displacement.
 fn give_back(mass: &[f32], lost: DVec3, u: &mut [Vec4]) {
     let mass: f64 = mass.iter().map(|&mass| f64::from(mass)).sum();
     let back = (lost / mass).as_vec3().extend(0.0);
     u.iter_mut().for_each(|u| *u += back);
 }
 
-/// Calls `work(first, items)` for chunks of a list.
+/// Calls `work(first, chunk)` for the chunks of a list, in parallel if `is_shared`.
 fn for_chunks<T: Send>(is_shared: bool, items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     if is_shared && items.len() > grain {
         items.par_chunks_mut(grain).enumerate().for_each(|(chunk, items)| work(chunk * grain, items));

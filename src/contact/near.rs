@@ -1,4 +1,5 @@
-//! Near pairs: those of the lists that may come nearer than their thickness in this substep, with the numbers of their contact.
+//! Near pairs: the listed pairs that may come closer than their thickness in this substep, with the data of their
+//! contact.
 
 use glam::{Vec3A, Vec4};
 
@@ -11,26 +12,27 @@ use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 /// A pair that comes as near as this (m per m of thickness) beyond its thickness acts; others are only kept from crossing.
 const ACTING: f32 = 0.3;
 
-/// A pair in this substep.
+/// A pair that is near in this substep.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Near {
-    /// The cloth's vertices; once these are indexed, places among those of near pairs.
+    /// Vertices of the cloth; after [`Contacts`](super::contacts::Contacts) has gathered them, indices of near
+    /// vertices.
     pub corners: [u32; 4],
-    /// From the second side to the first.
+    /// Unit vector from the second side to the first.
     pub normal: [f32; 3],
-    /// How far apart they are at the start (m), and how near they may come.
+    /// The distance at the start of the substep (m), and the distance at which the pair is held (m).
     pub distance: f32,
     pub thickness: f32,
-    /// The weights that the others follow from: see [`Kind::weights`].
+    /// The two weights that determine all four: see [`Kind::weights`].
     pub free: f32,
     pub last: f32,
-    /// Where it is listed.
+    /// Index in the list.
     pub listed: u32,
     pub acts: bool,
 }
 
 impl Kind {
-    /// The weights of a pair's corners.
+    /// The weights of a pair's four corners; they sum to 1 on the first side and -1 on the second.
     pub(super) fn weights(self, free: f32, last: f32) -> [f32; 4] {
         match self {
             Kind::VertexTriangle => [1.0, -1.0 - free - last, free, last],
@@ -38,7 +40,7 @@ impl Kind {
         }
     }
 
-    /// The same of as many pairs as lanes.
+    /// The same for as many pairs as there are lanes.
     #[inline(always)]
     pub(super) fn wide_weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
         let one = L::splat(1.0);
@@ -48,7 +50,7 @@ impl Kind {
         }
     }
 
-    /// Corners of the first side.
+    /// The number of corners on the first side.
     pub(super) fn first_side(self) -> usize {
         match self {
             Kind::VertexTriangle => 1,
@@ -61,42 +63,43 @@ impl Kind {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Vertex {
     pub index: u32,
-    /// Position (m), w the inverse mass (1/kg).
+    /// Position (m); w is the inverse mass (1/kg).
     pub x: Vec4,
-    /// What moves it besides its displacement (m) without giving it a velocity.
+    /// Correction of the position (m) that adds no velocity.
     pub push: Vec3A,
     /// Sum of its weights in the pairs that act.
     pub weight: f32,
-    /// How far (m) it was on its way to go with the cloth as a whole left out, and half its least thickness.
+    /// How far (m) it was about to move relative to the mean displacement, and half of the smallest thickness around
+    /// it.
     pub travel: f32,
     pub reach: f32,
-    /// How much of its displacement it may take.
+    /// The share of its displacement that truncation leaves.
     pub share: f32,
 }
 
-/// The state at the start of contact.
+/// The input of contact in a substep.
 #[derive(Clone, Copy)]
 pub(super) struct Start<'a> {
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
-    /// What colliders moved vertices besides (m); empty if there are none.
+    /// Corrections of positions (m) by colliders; empty if there are none.
     pub push: &'a [Vec4],
-    /// The most of it.
+    /// The length of the longest of them (m).
     pub most_push: f32,
     pub mean: Vec3A,
-    /// Nothing was near before.
+    /// Whether there are no multipliers from an earlier substep.
     pub begins: bool,
     pub surface: &'a Surface,
-    /// By the owners of a pair's second side, or its first: see [`Bodies::friction`](super::bodies::Bodies).
+    /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],
     pub is_shared: bool,
     pub width: Width,
 }
 
-/// Finds near pairs among some that are listed.
+/// Finds the near pairs among listed pairs.
 pub(super) struct Find<'a> {
     pub kind: Kind,
-    /// The place of the first of them in the list.
+    /// Index in the list of the first pair.
     pub first: usize,
     pub pairs: &'a [Listed],
     pub start: &'a Start<'a>,
@@ -129,7 +132,7 @@ impl Loop for Find<'_> {
             let all = (1_u32 << listed.len()) - 1;
             let (near, is_apart) = (left.lt(thickness), least.lt(distance));
             let mut touching = L::bits(near) & all & !L::bits(is_apart);
-            // Edges at no distance have no direction, and are held once their ends are.
+            // The vector between edges that touch has no direction. They are held apart once their ends are.
             while start.begins && kind == Kind::VertexTriangle && touching != 0 {
                 let lane = touching.trailing_zeros() as usize;
                 touching &= touching - 1;
@@ -144,7 +147,7 @@ impl Loop for Find<'_> {
             let mut acts = gap.lt(thickness * L::splat(ACTING));
             let free = match kind {
                 Kind::VertexTriangle => weights[2],
-                // Where edges meet at an end, a vertex meets a triangle there, which acts.
+                // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
                 Kind::EdgeEdge => {
                     let (s, t) = (weights[1], weights[3]);
                     let inner = L::and(L::and(zero.lt(s), s.lt(one)), L::and(t.lt(zero), L::splat(-1.0).lt(t)));

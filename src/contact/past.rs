@@ -1,4 +1,5 @@
-//! What contact knows of the motion so far, to go on from: the lists, what holds their pairs apart, and where detection looked last.
+//! The part of contact's state that is saved, so that a run can be continued: the lists, their multipliers, and the
+//! paths of the last detection.
 
 use std::sync::Arc;
 
@@ -36,11 +37,11 @@ recorded!(Past { bodies, lists, paths, crossings, may_cross, h });
 recorded!(ListedRows { starts, others, thickness, lambda });
 
 impl Past {
-    /// The same of a cloth that was moved as a whole.
+    /// Applies a rigid motion of the whole cloth.
     pub(crate) fn warp(&mut self, rigid: &Rigid) {
         self.paths.warp(rigid);
         self.lists.iter_mut().for_each(|rows| rigid.vectors4(&mut rows.lambda));
-        // Bodies stay where they are.
+        // Bodies do not move with the cloth, so pairs with them must be detected again.
         if !self.bodies.is_empty() {
             self.paths.forget();
             self.may_cross = true;
@@ -57,7 +58,7 @@ impl SelfContact {
             let_go,
             may_cross,
             h,
-            // These follow from the cloth, or are made anew in each substep.
+            // These follow from the cloth and the options, or are recomputed in each substep.
             options: _,
             meets_itself: _,
             led_may_cross: _,
@@ -85,7 +86,7 @@ impl SelfContact {
         }
     }
 
-    /// Goes on from there, where it is of its bodies; false, and as it was, if that is the past of no such cloth.
+    /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     pub(crate) fn resume(&mut self, past: &Past) -> bool {
         let kinds = [Kind::VertexTriangle, Kind::EdgeEdge];
         let lists = kinds.map(|kind| self.rows(kind, &past.lists[kind as usize]));

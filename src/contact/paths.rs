@@ -1,4 +1,4 @@
-//! The straight paths that detection looked along, and whether vertices are still near them.
+//! The straight paths that detection assumes for the vertices, and the test whether vertices are still close to them.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -22,15 +22,15 @@ const FARTHER: f32 = 1.5;
 /// Vertices that how the cloth falls as a whole is told by.
 const SAMPLES: usize = 32;
 
-/// Paths from the last detection on.
+/// The paths since the last detection.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Paths {
     pub from: Vec<Vec4>,
-    /// Displacement (m) in a substep, w the inverse of how far vertices may stray (1/m).
+    /// Displacement per substep (m); w is the inverse of the distance that the vertex may stray (1/m).
     by: Vec<Vec4>,
     /// How far (m) each vertex may stray.
     pub stray: Vec<f32>,
-    /// How many substeps the paths reach, and how many of these are over; none before the first detection.
+    /// The number of substeps that the paths cover, and how many of them are over; `None` before the first detection.
     pub ahead: f32,
     pub since: Option<f32>,
 }
@@ -38,26 +38,26 @@ pub(super) struct Paths {
 recorded!(Paths { from, by, stray, ahead, since });
 
 impl Paths {
-    /// Whether they can be those of so many vertices, or are none.
+    /// Whether these are valid paths of this many vertices, or there are none.
     pub(super) fn are_of(&self, vertices: usize) -> bool {
         let Paths { from, by, stray, since, .. } = self;
         let counts = [from.len(), by.len(), stray.len()];
         counts == [vertices; 3] || counts == [0; 3] && since.is_none()
     }
 
-    /// Those of a cloth that was moved as a whole.
+    /// Applies a rigid motion of the whole cloth.
     pub(super) fn warp(&mut self, rigid: &Rigid) {
         rigid.points4(&mut self.from);
         rigid.vectors4(&mut self.by);
     }
 
-    /// Forgets the state, which was put elsewhere.
+    /// Discards the paths, because the state was replaced.
     pub(super) fn forget(&mut self) {
         self.since = None;
     }
 
-    /// Whether all vertices will be near their paths after this substep. Where `is_free`, nothing is led, and how the cloth strays as a whole
-    /// counts for nothing: it brings no two vertices nearer to one another.
+    /// Whether all vertices will be close to their paths after this substep. If `is_free`, nothing is led, and the mean
+    /// deviation is subtracted first: a common translation brings no two vertices closer to each other.
     pub(super) fn hold(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
         let Some(since) = self.since else { return false };
         if since >= self.ahead || self.from.len() < path.x.len() {
@@ -76,13 +76,14 @@ impl Paths {
         all.into_inner()
     }
 
-    /// How far (m) a vertex will have strayed after this substep.
+    /// The vector (m) by which a vertex will have strayed after this substep.
     fn strayed(&self, path: Path<'_>, vertex: usize) -> Vec3A {
         let steps = self.since.map_or(0.0, |since| since + 1.0);
         (xyz(path.x[vertex]) - xyz(self.from[vertex])) + (xyz(path.u[vertex]) - xyz(self.by[vertex]) * steps)
     }
 
-    /// How the cloth as a whole strays (m), by a few of its vertices: any vector will do.
+    /// An estimate of the common deviation (m), from a few vertices. Accuracy does not matter: subtracting the same
+    /// vector from all vertices is always valid.
     fn common(&self, path: Path<'_>) -> Vec3A {
         let each = path.x.len().div_ceil(SAMPLES);
         let samples = (0..path.x.len()).step_by(each);
@@ -90,8 +91,9 @@ impl Paths {
         samples.map(|vertex| self.strayed(path, vertex)).sum::<Vec3A>() / count
     }
 
-    /// Allows each vertex to stray so far that the next paths last, told from how it strayed from the last; where `few` pairs are listed, as far
-    /// as can be. Looks farther ahead if the last paths lasted, unless the list is `is_long` already.
+    /// Chooses how far each vertex may stray, from how far it strayed since the last detection, so that the next paths
+    /// last; with `few` listed pairs, as far as the surface allows. Looks farther ahead if the last paths lasted,
+    /// unless the list `is_long` already.
     pub(super) fn adapt(&mut self, path: Path<'_>, [few, is_long]: [bool; 2], surface: &Surface, least: f32, is_free: bool) {
         let most = &surface.roam;
         let known = self.since.filter(|_| self.from.len() == path.x.len() && !few);
@@ -119,7 +121,7 @@ impl Paths {
         self.ahead = ahead.round().clamp(AHEAD[0], AHEAD[1]);
     }
 
-    /// Begins new paths.
+    /// Starts new paths.
     pub(super) fn begin(&mut self, x: &[Vec4], u: &[Vec4]) {
         self.from.clear();
         self.from.extend_from_slice(x);
@@ -129,7 +131,7 @@ impl Paths {
     }
 }
 
-/// Looks whether vertices are as near their paths as they are to be.
+/// Tests whether vertices are close enough to their paths.
 struct OnPath<'a> {
     x: &'a [Vec4],
     u: &'a [Vec4],
@@ -141,7 +143,7 @@ struct OnPath<'a> {
 }
 
 impl OnPath<'_> {
-    /// How far vertices strayed over how far they may.
+    /// The deviation, in units of the allowed distance.
     #[inline(always)]
     fn row<L: Registers>(&self, first: usize, steps: L, common: L) -> L {
         let range = first..first + L::VECTORS;
@@ -160,7 +162,7 @@ impl Loop for OnPath<'_> {
             let (a, b) = (self.row(first, steps, common), self.row(first + L::VECTORS, steps, common));
             let (c, d) = (self.row(first + 2 * L::VECTORS, steps, common), self.row(first + 3 * L::VECTORS, steps, common));
             let stray = L::transpose([a, b, c, d]);
-            // What is not a number is not below the limit.
+            // Written so that NaN counts as too far.
             farthest = L::select(stray.dot(stray).lt(one), farthest, L::splat(f32::INFINITY));
         }
         let mut is_near = L::all(farthest.lt(one));

@@ -1,5 +1,6 @@
-//! The response: each pair that acts is held apart by a multiplier. All step at once (Jacobi) and are gathered vertex by vertex, in the order of
-//! the pairs, so that nothing depends on who computes what.
+//! The response: each acting pair is held apart by a multiplier. All multipliers are updated at once (Jacobi
+//! iteration). Each vertex then sums the impulses of its pairs in the order of the pairs, so the result does not depend
+//! on the number of threads.
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -17,15 +18,16 @@ use crate::step::plan::Plan;
 
 /// Steps of the multipliers in a substep.
 const ITERATIONS: usize = 4;
-/// Vertices, and groups of pairs, that a task steps.
+/// Vertices per task, and groups of pairs per task.
 pub(super) const GRAIN: usize = 512;
 const GROUPS: usize = 32;
 
 impl Contacts {
-    /// Moves the vertices of near pairs so that pairs stay apart by their thickness, with friction, and out of the colliders.
+    /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
+    /// vertices stay outside the colliders.
     pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, is_shared: bool, width: Width) {
         let most = DEPENETRATION * plan.params.h;
-        // What held them apart in the last substep most likely does.
+        // Warm start with the impulses of the last substep, which are usually close to the new ones.
         self.step(Turn::Warm, is_shared, width);
         self.give(plan, substep, is_shared);
         for _ in 0..ITERATIONS {
@@ -38,7 +40,7 @@ impl Contacts {
         }
     }
 
-    /// Steps the multipliers.
+    /// Updates the multipliers, and computes the impulses of the pairs.
     fn step(&mut self, turn: Turn, is_shared: bool, width: Width) {
         let Contacts { acting: Acting { groups, impulses, .. }, u, .. } = self;
         let step = |(groups, impulses): (&mut [Group], &mut [Vec4])| simd::run(width, Step { groups, impulses, u, turn });
@@ -49,7 +51,7 @@ impl Contacts {
         }
     }
 
-    /// Gives vertices the impulses of their pairs, and meets the colliders with them.
+    /// Applies the impulses to the vertices, then resolves their contact with the colliders.
     fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_shared: bool) {
         let Contacts { acting, vertices, u, .. } = self;
         super::for_chunks(is_shared, u, GRAIN, |first, u| {
@@ -67,14 +69,14 @@ impl Contacts {
     }
 }
 
-/// What impulses pairs are to give.
+/// What a pass over the pairs computes.
 #[derive(Debug, Clone, Copy)]
 enum Turn {
-    /// Those that they begin with.
+    /// The impulses of the warm start.
     Warm,
-    /// Those of a step of the multipliers.
+    /// Changes of impulse from one iteration of the multipliers.
     Step,
-    /// Not impulses, but what moves those that are too near apart, by at most so far (m).
+    /// Corrections of positions, not impulses, that separate pairs closer than their thickness by at most `most` (m).
     Push { most: f32 },
 }
 

@@ -1,7 +1,9 @@
-//! Trees of bounding volumes over triangles, the cloth's and the bodies': built once, refit where these are, walked for what may meet.
+//! Bounding volume hierarchies over the triangles of the cloth and of the bodies. They are built once, refitted to new
+//! positions, and traversed for pairs of triangles that may meet.
 //!
-//! Each is a complete binary tree, its nodes numbered as a heap's from 1 at the root, so that what is compared is of one level where
-//! there are as many. As it never changes, what is found always comes in the same order.
+//! Each is a complete binary tree with its nodes numbered like a binary heap, the root being 1. Therefore both nodes of
+//! a compared pair are on the same level if the trees have the same depth, and, as the topology never changes, pairs
+//! are always found in the same order.
 
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -21,8 +23,8 @@ const MOST_EXCESS: f32 = 0.6;
 const GRAIN: usize = 64;
 const SHARED_LEVELS: u32 = 5;
 
-/// What is bounded: where the triangles are in the middle of the paths that detection looks along (m), how far they move in a substep
-/// (m), and their normals at the start and at the end.
+/// Bounds of a node's triangles: their places (m) at the midpoints of the paths, their displacements per substep (m),
+/// and their unit normals at the start and at the end of the paths.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     pub place: [Vec3A; 2],
@@ -45,7 +47,7 @@ impl Bounds {
         }
     }
 
-    /// Of a triangle, which is within `place`.
+    /// Of one triangle, which is within the box `place`.
     fn of(x: [Vec3A; 3], u: [Vec3A; 3], place: [Vec3A; 2], substeps: f32) -> Bounds {
         let bound = |v: [Vec3A; 3]| [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
         let normal = |x: [Vec3A; 3]| (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
@@ -54,7 +56,8 @@ impl Bounds {
         Bounds { place, step: bound(u), normal: [before.min(after), before.max(after)] }
     }
 
-    /// How far (m), along each axis, two that are listed may be apart, if `margin` (m) is how thick they are.
+    /// The distance (m) along each axis within which two nodes may contain a pair to list. `margin` (m) is the
+    /// thickness.
     pub(super) fn reach(&self, other: &Bounds, margin: f32, substeps: f32) -> Vec3A {
         let relative = (self.step[1] - other.step[0]).max(other.step[1] - self.step[0]).max(Vec3A::ZERO);
         relative * (0.5 * substeps) + margin
@@ -75,7 +78,7 @@ impl Bounds {
     }
 }
 
-/// What detection looks along: so many substeps from here on, and how near (m) may be met: the thickness.
+/// The number of substeps that detection covers, and the thickness (m).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Look {
     pub substeps: f32,
@@ -86,25 +89,25 @@ pub(super) struct Look {
 pub(super) struct Tree {
     pub leaves: Leaves,
     depth: u32,
-    /// By heap number; 0 is nobody's.
+    /// Indexed by heap number; entry 0 is unused.
     nodes: Vec<Bounds>,
-    /// Sum of the excess of a node's vertices (rad); infinite if its triangles do not all hang together by edges.
+    /// Sum of the excess angles (rad) of a node's vertices; infinite if its triangles are not connected by edges.
     excess: Vec<f32>,
-    /// Of each level, the nodes of the same level that share a vertex with each, itself left out.
+    /// For each level, the other nodes of that level that share a vertex with each node.
     beside: Vec<Csr<u32>>,
     frontier: Vec<[u32; 2]>,
     found: Vec<Vec<[u32; 2]>>,
 }
 
 impl Tree {
-    /// Over the bodies, which do not meet one another.
+    /// Over the bodies, which are not tested against each other.
     pub(super) fn of_bodies(leaves: Leaves) -> Tree {
         let (depth, nodes) = (leaves.depth, vec![Bounds::NOTHING; 2 << leaves.depth]);
         let (excess, beside, frontier, found) = Default::default();
         Tree { leaves, depth, nodes, excess, beside, frontier, found }
     }
 
-    /// Over the cloth, which is all that there is of the surface yet.
+    /// Over the cloth. The surface must contain nothing else yet.
     pub(super) fn of_cloth(surface: &Surface, leaves: Leaves) -> Tree {
         let mut tree = Tree::of_bodies(leaves);
         tree.excess = vec![0.0; tree.nodes.len()];
@@ -143,7 +146,7 @@ impl Tree {
         }
     }
 
-    /// Finds nodes in several parts.
+    /// Sets the excess of nodes whose triangles are not connected to infinity.
     fn find_parts(&mut self, surface: &Surface, leaf_of: &[u32]) {
         let at_edges = surface.at_edges();
         for level in 0..=self.depth {
@@ -162,12 +165,12 @@ impl Tree {
         }
     }
 
-    /// What bounds a leaf.
+    /// The bounds of a leaf.
     pub(super) fn leaf(&self, leaf: u32) -> &Bounds {
         &self.nodes[leaf as usize + (1 << self.depth)]
     }
 
-    /// Bounds everything on its path, its triangles being within `boxes`.
+    /// Refits all bounds to the paths; `boxes` contains the box of each triangle at the midpoint of its path.
     pub(super) fn refit(&mut self, surface: &Surface, boxes: &Boxes, path: Path<'_>, substeps: f32) {
         let leaves = 1_usize << self.depth;
         let (above, below) = self.nodes.split_at_mut(leaves);
@@ -188,7 +191,8 @@ impl Tree {
         }
     }
 
-    /// Pairs of leaves, from 0, whose triangles may meet, the lower first; in an order that depends on nothing but what there is.
+    /// Finds the pairs of leaves (numbered from 0, the lower first) whose triangles may meet. Their order does not
+    /// depend on the number of threads.
     pub(super) fn walk(&mut self, look: Look, is_shared: bool, leaves: &mut Vec<[u32; 2]>) {
         let (mut frontier, mut found) = (std::mem::take(&mut self.frontier), std::mem::take(&mut self.found));
         frontier.clear();
@@ -211,7 +215,8 @@ impl Tree {
         (self.frontier, self.found) = (frontier, found);
     }
 
-    /// Pairs of a leaf here and a leaf of another tree, from 0, whose triangles may meet; in an order that depends on nothing but what there is.
+    /// Finds the pairs of a leaf of this tree and a leaf of another (both numbered from 0) whose triangles may meet.
+    /// Their order does not depend on the number of threads.
     pub(super) fn walk_across(&mut self, other: &Tree, look: Look, is_shared: bool, leaves: &mut Vec<[u32; 2]>) {
         let (mut frontier, mut found) = (std::mem::take(&mut self.frontier), std::mem::take(&mut self.found));
         frontier.clear();
@@ -232,7 +237,7 @@ impl Tree {
         (self.frontier, self.found) = (frontier, found);
     }
 
-    /// Pairs of nodes here and in another tree that may meet, at most so many levels below a pair.
+    /// Pairs of nodes of two trees that may meet, at most `levels` below the given pair.
     fn descend_across(&self, other: &Tree, [a, b]: [u32; 2], levels: u32, look: Look, found: &mut Vec<[u32; 2]>) {
         if self.nodes[a as usize].is_apart(&other.nodes[b as usize], look.margin, look.substeps) {
             return;
@@ -249,7 +254,7 @@ impl Tree {
         }
     }
 
-    /// Pairs of nodes at a level that may meet, from a pair above on.
+    /// Pairs of nodes on `level` that may meet, below the given pair.
     fn descend(&self, [a, b]: [u32; 2], level: u32, look: Look, found: &mut Vec<[u32; 2]>) {
         let here = a.ilog2();
         if self.is_clear([a, b], here, look) {
@@ -263,7 +268,8 @@ impl Tree {
         pairs.iter().for_each(|&pair| self.descend(pair, level, look, found));
     }
 
-    /// Whether two nodes, or a node and itself, surely do not meet.
+    /// Whether two nodes, or a node and itself, certainly do not meet. Besides distance, it uses that connected cloth
+    /// whose normals are all within a cone, and which is nearly flat, does not meet itself.
     fn is_clear(&self, [a, b]: [u32; 2], level: u32, look: Look) -> bool {
         let (one, other) = (&self.nodes[a as usize], &self.nodes[b as usize]);
         if a != b && one.is_apart(other, look.margin, look.substeps) {

@@ -1,9 +1,11 @@
-//! The guarantee: whatever moves them, the two sides of a near pair stay on either side of the plane half way between them.
+//! Guarantees that the two sides of a near pair stay on either side of the plane halfway between them, whatever moves
+//! them.
 //!
-//! Displacements are taken relative to how the cloth moves as a whole, which brings nothing nearer to anything, and shortened to the
-//! largest share with which a vertex stays on its side of all its planes (Lan et al. 2022 do so along the path; here
-//! a share for each vertex needs no order). Pairs that are not near are held by nothing, and need not be: no vertex goes farther than it was on
-//! its way to, but for [`FARTHER`]. What momentum that takes away is given back to the cloth as a whole, where nothing else holds it.
+//! Displacements are taken relative to the mean displacement of the cloth, which brings nothing closer together, and
+//! scaled to the largest share with which a vertex stays on its side of all its planes. (Lan et al. 2022 truncate along
+//! the path; with one share per vertex, no order of pairs is needed.) Pairs that are not near need no plane: truncation
+//! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
+//! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
 
 use glam::{DVec3, Vec3A, Vec4};
 use rayon::prelude::*;
@@ -18,14 +20,16 @@ use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
 /// How much farther (m per m of its [`Vertex::reach`](super::near::Vertex::reach)) than it was on its way contact may send a vertex.
 const FARTHER: f32 = 0.45;
-/// Pairs that a task looks at.
+/// Pairs per task.
 const GRAIN: usize = 512;
 
-/// What pairs of a kind leave of displacements: of each vertex that they cut, by its place, a share.
+/// The shares of displacements that the pairs of a task leave: near vertex and share, for each vertex that is
+/// shortened.
 type Cut = Vec<(u32, f32)>;
 
 impl Contacts {
-    /// Shortens the displacements of vertices; `mean` is how the cloth moves as a whole. Returns the momentum (kg m) that is lost.
+    /// Shortens the displacements of vertices; `mean` is the mean displacement (m). Returns the momentum (kg m) that
+    /// this removes.
     pub(super) fn truncate(&mut self, mean: Vec3A, mass: &[f32], is_shared: bool, width: Width) -> DVec3 {
         let Contacts { pairs, vertices, x, u, by, cutting, .. } = self;
         by.clear();
@@ -68,7 +72,7 @@ impl Contacts {
     }
 }
 
-/// How much of its displacement, the cloth's as a whole left out, each vertex of some pairs may take.
+/// Computes the share of its displacement, relative to the mean, that each vertex of some pairs may take.
 struct Shares<'a> {
     kind: Kind,
     pairs: &'a [Near],
@@ -96,7 +100,7 @@ impl Loop for Shares<'_> {
             let (distance, thickness): (L, L) = (number(&numbers[3]), number(&numbers[4]));
             let weights = kind.wide_weights::<L>(number(&numbers[5]), number(&numbers[6]));
             let (at, by) = (corners_of::<L>(x, &places), corners_of::<L>(by, &places));
-            // Half way between the closest points.
+            // A point halfway between the closest points.
             let none = Vector::<L>::zero();
             let first = match kind {
                 Kind::VertexTriangle => at[0],
@@ -114,7 +118,7 @@ impl Loop for Shares<'_> {
                 heights[k] = side * normal.dot(at[k] - middle);
                 towards[k] = (zero - side) * normal.dot(by[k]);
                 is_led[k] = L::select(L::eq(fourth_of::<L>(x, &places, k), zero), one, zero);
-                // Planes go with vertices that are led, which nothing shortens, out of their way.
+                // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
                 let out = (kept - (heights[k] - towards[k])).max(zero) * is_led[k];
                 if is_first {
                     led_down = led_down.max(out);
