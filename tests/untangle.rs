@@ -1,5 +1,5 @@
-//! Starts that cross, parted: by a count of crossings that is not the solver's. What is parted then stays apart, and what cannot be parted
-//! is reported.
+//! Separation of cloth that starts with intersections. An implementation independent of the solver's counts the
+//! intersections. Separated cloth must then stay apart, and intersections that remain must be reported.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn cloth_at(mesh: &Mesh, x: &[Vec3], pinned: Vec<u32>) -> Deformer {
     cloth
 }
 
-/// Parts a cloth that starts at `x` (m). What is reported must be what there is.
+/// Separates a cloth that starts at `x` (m), and compares the returned counts and distance with the actual ones.
 fn part(mesh: &Mesh, x: &[Vec3], pinned: Vec<u32>) -> (Deformer, Untangled) {
     let mut cloth = cloth_at(mesh, x, pinned);
     let parted = cloth.untangle(&Attributes::default()).unwrap();
@@ -35,7 +35,7 @@ fn part(mesh: &Mesh, x: &[Vec3], pinned: Vec<u32>) -> (Deformer, Untangled) {
     (cloth, parted)
 }
 
-/// Parts a start with crossings, with as little stretch, and plays on: none may come back.
+/// Separates a cloth with intersections, which must hardly stretch it, and steps on: no intersection may return.
 fn parts_for_good(name: &str, mesh: &Mesh, x: &[Vec3]) {
     let (mut cloth, parted) = part(mesh, x, Vec::new());
     let strain = cloth.measure().unwrap().max_strain;
@@ -50,7 +50,7 @@ fn parts_for_good(name: &str, mesh: &Mesh, x: &[Vec3]) {
     }
 }
 
-/// The upper of two sheets dips through the lower by `depth(x)` (m).
+/// Two sheets of which the upper one is pressed through the lower one by `depth(x)` (m).
 fn dipped(mesh: &Mesh, depth: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
     let half = mesh.positions.len() / 2;
     let dip = |(vertex, &x): (usize, &Vec3)| if vertex < half { x } else { x - Vec3::Y * depth(x).max(0.0) };
@@ -66,7 +66,7 @@ fn two_sheets_part() {
     parts_for_good("a crease", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.x.abs() / 0.15)));
 }
 
-/// A towel that fell without contact goes through itself all over its folds.
+/// A towel that fell without contact intersects itself all over its folds.
 #[test]
 fn a_towel_that_fell_without_contact() {
     let mut mesh = jittered(Mesh::grid(36, 36, 1.2, 1.2), 4);
@@ -80,7 +80,7 @@ fn a_towel_that_fell_without_contact() {
     parts_for_good("a towel", &mesh, fallen.positions().unwrap());
 }
 
-/// Two sheets in the shape of an X whose borders are pinned have no way out.
+/// Two crossing sheets with pinned borders (an X seen from the side) cannot be separated.
 #[test]
 fn what_is_left_is_reported() {
     let mut mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
@@ -118,7 +118,8 @@ fn pins_and_velocities_stay() {
     assert!(off < 1e-4, "velocities changed by {off} m/s");
 }
 
-/// A sheet through a ball, deeper and deeper, until most of it that is there is inside: every vertex leaves it.
+/// A sheet through a ball, in several depths, until most of the sheet there is inside: every vertex must leave the
+/// ball.
 #[test]
 fn a_ball_in_a_sheet() {
     let mesh = jittered(Mesh::grid(24, 24, 1.0, 1.0), 3);
@@ -132,7 +133,7 @@ fn a_ball_in_a_sheet() {
         let x = cloth.positions().unwrap().to_vec();
         assert_eq!([parted.before, crossings_with(&mesh, &x, &body)], [before, 0], "{depth} m deep: {parted:?}");
         assert!(before > 10 && crossings(&mesh, &x).is_empty(), "{depth} m deep: {parted:?}");
-        // The body is a polyhedron, whose faces are up to 2 mm inside the sphere.
+        // The body is a polyhedron with faces up to 2 mm inside the sphere.
         let nearest = x.iter().map(|x| x.distance(center)).fold(f32::INFINITY, f32::min);
         assert!(nearest > 0.198, "{depth} m deep: a vertex {nearest} m from the center of a ball of 0.2 m");
         let strain = cloth.measure().unwrap().max_strain;
@@ -140,7 +141,7 @@ fn a_ball_in_a_sheet() {
     }
 }
 
-/// A handkerchief all inside a ball crosses nothing, and is out of place all the same.
+/// A handkerchief entirely inside a ball intersects nothing, but must leave the ball too.
 #[test]
 fn cloth_inside_a_body_leaves_it() {
     let mesh = jittered(Mesh::grid(6, 6, 0.04, 0.04), 3);

@@ -206,7 +206,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.png")]
     pub(crate) preview: Option<PathBuf>,
 
-    /// Figures of every frame; "ms" is the step alone, without measuring, reading back from a GPU or writing files
+    /// Write measurements of every frame (JSON); "ms" is the time of the step alone, without measuring, reading back from
+    /// a GPU and writing files
     #[arg(long, value_name = "FILE.json")]
     pub(crate) report: Option<PathBuf>,
 

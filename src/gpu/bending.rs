@@ -1,5 +1,5 @@
-//! Bending on the GPU: all of its passes in one dispatch over tiles, or where those would hold too much, a dispatch for each time that
-//! neighbors look at one another.
+//! Bending on the GPU. All passes run in one dispatch over tiles, or, where tiles would hold too much, in a dispatch
+//! for each exchange between neighbors.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::bend_tiles::BendTiles;
@@ -13,34 +13,36 @@ use crate::step::bending::{BendRows, MOST_PASSES};
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
-/// Vertices up to which waiting for dispatches takes longer than computing rings again.
+/// Number of vertices up to which recomputing rings of neighbors is faster than waiting for more dispatches.
 const LARGE: usize = 1 << 16;
-/// Tiles that keep a large GPU busy, and the vertices of its own that one has at least and at most.
+/// Number of tiles that keep a large GPU busy, and the range of a tile's own vertices.
 const TILES: usize = 256;
 const OWN: [usize; 2] = [32, 128];
 /// Bytes of workgroup memory that a vertex takes with one pass, and with several.
 const IN_TILE: [usize; 2] = [24, 72];
 /// Vertices by which tiles have room for more.
 const ROOMS: usize = 32;
-/// A single pass, which filters nothing.
+/// A single, unfiltered pass.
 const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 }];
 
-/// The kernels of bending, and what they read.
+/// The kernels of bending and their buffers.
 #[derive(Debug)]
 pub(super) struct Bending {
     lists: Lists,
-    /// The substep that the rows are for.
+    /// The substep that the rows were computed for.
     length: Option<Length>,
-    /// For each number of passes that a step has asked for, and which the last one did: substeps that change ask for others.
+    /// Kernels for each number of passes used so far; `in_use` is the index of the last ones. A change of the substep
+    /// changes the number.
     kernels: Vec<(usize, Kernels)>,
     in_use: usize,
 }
 
 #[derive(Debug)]
 enum Kernels {
-    /// In so many tiles.
+    /// With this number of tiles.
     Tiles(Stage, usize),
-    /// The first moments with the prediction; vertices give way, and moments again; the forces.
+    /// `moments` computes the first moments along with the prediction. In each further pass, `again` displaces the
+    /// vertices tentatively, then recomputes the moments. `forces` turns these into forces.
     Apart { moments: Stage, again: [Stage; 2], forces: Stage },
 }
 
@@ -57,7 +59,7 @@ impl Bending {
         Bending { lists, length: None, kernels: Vec::new(), in_use: 0 }
     }
 
-    /// Makes ready for a plan; in tiles if that pays and is wanted.
+    /// Prepares for a plan; with tiles if `tiled` and the cloth is small enough for them to be faster.
     pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, tiled: bool) {
         if self.length == Some(plan.coefficients.length) {
             return;
@@ -82,12 +84,12 @@ impl Bending {
         gpu.write(&self.lists.passes, 0, &slots);
     }
 
-    /// Whether it is done in tiles.
+    /// Whether the kernels use tiles.
     pub(super) fn in_tiles(&self) -> bool {
         matches!(self.kernels[self.in_use].1, Kernels::Tiles(..))
     }
 
-    /// Dispatches of a substep, that of the prediction among them.
+    /// Number of dispatches in a substep, including the prediction.
     pub(super) fn dispatches(&self) -> usize {
         match self.kernels[self.in_use] {
             (_, Kernels::Tiles(..)) => 1,
@@ -95,7 +97,7 @@ impl Bending {
         }
     }
 
-    /// Encodes the prediction of a substep that starts from state number `from`, and the forces on it.
+    /// Encodes the prediction from state `from`, and the bending forces.
     pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
         match &self.kernels[self.in_use] {
@@ -111,7 +113,7 @@ impl Bending {
     }
 }
 
-/// What the forces bind: the states, the displacements in the making, the uniforms and the pins.
+/// Resources of the kernels: the states, the displacements, the uniforms and the pins.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bound<'a> {
     pub states: &'a [State],
@@ -120,7 +122,7 @@ pub(super) struct Bound<'a> {
     pub pins: &'a Sent,
 }
 
-/// The buffers of the rows.
+/// The coefficients and the neighbor lists.
 #[derive(Debug)]
 struct Lists {
     rows: wgpu::Buffer,
@@ -130,7 +132,7 @@ struct Lists {
 }
 
 impl Lists {
-    /// For so many passes.
+    /// Creates kernels for `count` passes.
     fn kernels(&self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, count: usize, tiled: bool) -> Kernels {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
@@ -147,8 +149,8 @@ impl Lists {
         [&self.rows, &self.spans, &self.entries].map(Bind::Read)
     }
 
-    /// Tiles about as large share a kernel, so that substeps that change hardly ever compile one. All the room that there is would take all of the
-    /// memory of a multiprocessor, on which then one tile waits for another.
+    /// The room of a tile is rounded up, so that tiles of similar size share a kernel and changes of the substep rarely
+    /// compile one. It is not all of the memory, because a multiprocessor could then hold only one tile at a time.
     fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, room: usize, filtered: bool) -> Kernels {
         let room = tiles.largest.next_multiple_of(ROOMS).min(room);
         let table = gpu.filled("bend tiles", &tiles.table);

@@ -27,15 +27,16 @@ use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
 use crate::step::plan::Plan;
 
-/// Sweeps in one dispatch: a driver takes the device away from work that holds it for seconds.
+/// Limit on the sweeps in one dispatch, because drivers reset a device that is busy with one dispatch for seconds.
 const LONGEST_DISPATCH: u32 = 2048;
-/// Vertices up to which one workgroup is faster than many, and how many cloths make a crowd, in which that holds for any size.
+/// Number of vertices up to which one workgroup is faster than many, and number of cloths from which each is given one
+/// workgroup whatever its size.
 const SMALL: usize = 1024;
 const CROWD: usize = 4;
-/// Workgroups that, with a tile each, keep a large GPU busy, and the own vertices that a tile has at least and at most.
+/// Number of workgroups, with a tile each, that keep a large GPU busy, and the range of a tile's own vertices.
 const TILES: usize = 256;
 const OWN: [usize; 2] = [48, 256];
-/// Bytes of workgroup memory that a vertex takes in a tile.
+/// Bytes of workgroup memory per vertex of a tile.
 pub(crate) const IN_TILE: usize = 32;
 
 /// A cloth on the GPU.
@@ -45,35 +46,36 @@ pub(crate) struct GpuEngine {
     pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: Sweep,
-    /// Made when a step first asks for levels.
+    /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
-    /// Vertices or aggregates that a tile has room for.
+    /// Vertices or aggregates that fit into a tile.
     pub(crate) room: usize,
-    /// Whether a single workgroup is best, crowd or no crowd; and that, made when a step first asks for it.
+    /// Whether a single workgroup is the fastest path even for a cloth alone. `single_workgroup` is created when a step
+    /// first uses it.
     small: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
     commit: Commit,
     readback: Readback,
-    /// Made when statistics are first asked for; and whether the last step's are.
+    /// Created when statistics are first wanted; `counts` says whether those of the last step are.
     counter: Option<Counter>,
     counts: bool,
     report: Report,
-    /// Made when the cloth is first drawn.
+    /// Created when the cloth is first drawn.
     normals: Option<Normals>,
-    /// What the last step came to.
+    /// The work of the last step.
     stats: GpuStats,
-    /// Why a step could not be made ready: what it built by half must not be used by another.
+    /// The error that kept a step from being prepared. Later steps fail with it too, because buffers may be incomplete.
     broken: Option<GpuFault>,
 }
 
-/// How a substep's edges are swept, unless a step is done by a single workgroup.
+/// How the edges are swept in a substep, unless a single workgroup does the step.
 #[derive(Debug)]
 pub(crate) enum Sweep {
     PerColor(PerColor),
     Tiled(Tiled),
 }
 
-/// How a step is done; tests force one.
+/// How a step is executed. Tests can force one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Path {
     PerColor,
@@ -99,14 +101,14 @@ impl GpuEngine {
         (path, size)
     }
 
-    /// With the best path up to `path`.
+    /// Uses the fastest path that the cloth fits, at most `path`.
     pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, GpuFault> {
         let mut engine = GpuEngine::make(gpu, cloth, method, (path, size), None)?;
         engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
         Ok(engine)
     }
 
-    /// Without a state, or with one that is there.
+    /// With the given state, or with an uninitialized one.
     fn make(
         gpu: Gpu,
         cloth: &Cloth,
@@ -146,7 +148,8 @@ impl GpuEngine {
         })
     }
 
-    /// Goes on as a cloth that was changed, at `x` with its inverse masses; in the same buffers, which renderers hold.
+    /// Continues with a cloth that was changed, at `x` with its inverse masses, in the same buffers, because renderers
+    /// hold them.
     pub(crate) fn change(&mut self, cloth: &Cloth, method: Method, change: Change, [x, p]: [&[Vec4]; 2]) -> Result<(), Failure> {
         self.is_whole()?;
         if change == Change::Stiffness {
@@ -157,7 +160,7 @@ impl GpuEngine {
         let (gpu, own) = (self.gpu.clone(), self.forces.states[0].clone());
         let best = GpuEngine::best(&gpu, cloth, method);
         let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own)).map_err(Failure::Gpu)?;
-        // What is on its way to the caller arrives.
+        // Read-backs that are under way still arrive.
         std::mem::swap(&mut made.readback, &mut self.readback);
         (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());
         *self = made;
@@ -175,7 +178,7 @@ impl GpuEngine {
         &self.forces.states[0].x
     }
 
-    /// Prepares for steps in one workgroup, if the cloth fits into one, with all that this step and those before it have asked for.
+    /// Prepares for steps in one workgroup, if the cloth fits, with everything that this step and earlier ones use.
     fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
         let [bends, blows] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
@@ -188,7 +191,7 @@ impl GpuEngine {
         }
     }
 
-    /// Submits one step; returns before it is done.
+    /// Submits a step. Returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         self.is_whole()?;
@@ -205,7 +208,7 @@ impl GpuEngine {
         stepped.map_err(|fault| self.break_off(fault))
     }
 
-    /// Fails if a step before could not be made ready.
+    /// Fails if an earlier step could not be prepared.
     pub(crate) fn is_whole(&self) -> Result<(), Failure> {
         self.broken.clone().map_or(Ok(()), |fault| Err(Failure::Gpu(fault)))
     }
@@ -215,10 +218,10 @@ impl GpuEngine {
         Failure::Gpu(fault)
     }
 
-    /// Submits a step of each, those on one device together; returns before they are done. The failures, by the number
-    /// that each was given.
+    /// Submits a step of each cloth, those on one device together. Returns before they are done. Returns the failures
+    /// by the number given with each cloth.
     ///
-    /// Dispatches that share no buffer run side by side, so each of many small cloths is one workgroup's work.
+    /// Dispatches that share no buffer run concurrently, so each of many small cloths gets one workgroup.
     pub(crate) fn step_all(jobs: &mut [(usize, &mut GpuEngine, Plan<'_>)]) -> Vec<(usize, Failure)> {
         let mut failures = Vec::new();
         let crowd = jobs.len() >= CROWD;
@@ -230,7 +233,7 @@ impl GpuEngine {
                 let mut paths = Vec::new();
                 for (_, engine, plan) in together.iter_mut() {
                     paths.push(engine.prepare(plan, crowd));
-                    // What fails one of them fails this step of all; the others can be stepped again.
+                    // A failure of one cloth fails this step for all of them. The others can be stepped again.
                     Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
                 }
                 together.iter().zip(paths).for_each(|((_, engine, plan), path)| engine.encode(&mut submission, plan, path));
@@ -249,7 +252,7 @@ impl GpuEngine {
         failures
     }
 
-    /// Uploads what the step needs and is not there yet; returns how it is to be done, alone or in a crowd.
+    /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
         let levels = plan.coefficients.levels.len();
         if crowd || self.small {
@@ -289,7 +292,7 @@ impl GpuEngine {
         path
     }
 
-    /// Makes ready to count, if the step is to be.
+    /// Prepares the statistics of the step, if they are wanted.
     fn prepare_counter(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, counter, counts, .. } = self;
         *counts = plan.gauges.is_some();
@@ -300,7 +303,8 @@ impl GpuEngine {
     }
 
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        // Levels have some more colors than the cloth, together; a pass of bending, and the wind, take as long as a sweep.
+        // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
+        // as a sweep.
         let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
         let sweeps = plan.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
         let lasts = plan.params.substeps.saturating_mul(sweeps);
@@ -312,12 +316,12 @@ impl GpuEngine {
         }
     }
 
-    /// The levels, if the step has any.
+    /// The levels, if the step uses any.
     fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
         self.multigrid.as_ref().filter(|_| plan.params.levels > 0)
     }
 
-    /// Encodes a step.
+    /// Encodes the commands of a step.
     fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) {
         if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
             let pass = submission.room_for(1 + Counter::DISPATCHES);
@@ -350,7 +354,7 @@ impl GpuEngine {
         self.counter().into_iter().for_each(|counter| counter.encode(pass));
     }
 
-    /// What counts the step, if it is to be counted.
+    /// The statistics' kernels, if the step's are wanted.
     fn counter(&self) -> Option<&Counter> {
         self.counter.as_ref().filter(|_| self.counts)
     }

@@ -1,4 +1,4 @@
-//! Every shader as it is put together: the mathematics it uses, from `shaders/`, then how it is run, from `shaders/stages/`.
+//! The source of each shader: the functions that it uses, from `shaders/`, then its entry points, from `shaders/stages/`.
 
 use crate::device::Shader;
 
@@ -13,7 +13,7 @@ macro_rules! shaders {
             ),
         };)+
 
-        /// All of them.
+        /// All shaders.
         #[cfg(test)]
         pub(crate) const ALL: &[Shader] = &[$($name),+];
     };

@@ -30,7 +30,7 @@ pub(super) struct Cloths {
     pub(super) template: Option<ObjTemplate>,
     pub(super) fabric: Fabric,
     pub(super) pins: Vec<Group>,
-    /// Files that were read.
+    /// Files that were read. Outputs must not overwrite them, and the receipt names them.
     pub(super) files: Vec<PathBuf>,
 }
 

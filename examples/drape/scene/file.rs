@@ -285,7 +285,7 @@ pub(crate) enum ShapeName {
     Mesh,
 }
 
-/// Files that are written.
+/// The files to write.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Output {
@@ -298,7 +298,7 @@ pub(crate) struct Output {
     pub(crate) pc2: Option<PathBuf>,
     /// A contact sheet of twelve frames (PNG).
     pub(crate) preview: Option<PathBuf>,
-    /// Figures of every frame (JSON).
+    /// Measurements of every frame (JSON).
     pub(crate) report: Option<PathBuf>,
 }
 

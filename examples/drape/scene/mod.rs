@@ -103,7 +103,7 @@ impl Scene {
         1.0 / self.outputs.fps
     }
 
-    /// All that acts on the cloth, as text: by it a run is known again.
+    /// Describes everything that acts on the cloth. A run can be resumed only if this text is unchanged.
     pub(crate) fn acts(&self) -> String {
         let Scene { gravity, wind, colliders, pins, untangle, .. } = self;
         let led: Vec<&Group> = pins.iter().filter(|group| group.moves()).collect();

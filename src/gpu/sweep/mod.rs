@@ -1,4 +1,5 @@
-//! The edges, visited color after color, then contact and the move: in three ways with one result.
+//! The sweeps over the edges, color by color, followed by contact and the update of positions: three ways with the same
+//! result.
 
 pub(crate) mod forces_in_workgroup;
 mod per_color;

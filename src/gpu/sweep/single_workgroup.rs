@@ -1,4 +1,4 @@
-//! One dispatch a step: the cloth is one tile, in one workgroup.
+//! A whole step in one dispatch: one workgroup holds the cloth as a single tile.
 
 use glam::Vec4;
 
@@ -16,29 +16,30 @@ use crate::options::Method;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
-/// Bytes of workgroup memory that a vertex takes, and an aggregate.
+/// Bytes of workgroup memory per vertex, and per aggregate.
 const OF_VERTEX: usize = 12;
 const OF_AGGREGATE: usize = 40;
 
-/// A step by one workgroup.
+/// A step in one workgroup.
 #[derive(Debug)]
 pub(crate) struct SingleWorkgroup {
     tiles: Tiles,
-    /// All levels, if any is wanted.
+    /// All levels, if levels are used.
     levels: Option<LevelTable>,
     forces: ForceTable,
-    /// The tile, then the levels, then their aggregates' inverse masses, then from a byte on the tethers, if there are any, then the
-    /// forces.
+    /// Contains the tile, the levels, the inverse masses of their aggregates, the tethers (from byte `tethers` on), and
+    /// the forces.
     table: wgpu::Buffer,
     tethers: usize,
     state: wgpu::Buffer,
-    /// The substep and the levels that the table's edges are for.
+    /// The substep and the number of levels that the table's edges were computed for.
     sent: Option<(Length, usize)>,
     stage: Stage,
 }
 
 impl SingleWorkgroup {
-    /// With bending and wind, if they are wanted. `None` if the cloth or its levels do not fit into a workgroup's memory.
+    /// Includes bending and wind if `wanted`. Returns `None` if the cloth or its levels do not fit into the memory of a
+    /// workgroup.
     pub(crate) fn new(
         gpu: &Gpu,
         cloth: &Cloth,
@@ -104,12 +105,12 @@ impl SingleWorkgroup {
         self.stage.rebind(gpu, &[bound]);
     }
 
-    /// Whether it can sweep levels.
+    /// Whether it includes levels.
     pub(crate) fn has_levels(&self) -> bool {
         self.levels.is_some()
     }
 
-    /// Whether it can do bending and wind.
+    /// Whether it includes bending, and wind.
     pub(crate) fn forces(&self) -> [bool; 2] {
         [self.forces.bends, self.forces.blows]
     }
@@ -128,7 +129,7 @@ impl SingleWorkgroup {
         }
     }
 
-    /// Colors one after another, and edges, of a substep.
+    /// Number of colors that are swept one after another, and of edges, in a substep.
     pub(crate) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
         let used = plan.coefficients.levels.len();
         let [rounds, edges] = self.levels.as_ref().map_or([0, 0], |levels| levels.counts(used));
@@ -136,24 +137,24 @@ impl SingleWorkgroup {
         [rounds + sweeps * self.tiles.colors, edges + sweeps * self.tiles.swept]
     }
 
-    /// Bytes of a step, those that stay on the chip counted once.
+    /// Bytes of memory traffic in a step; what stays on the chip counts once.
     pub(crate) fn bytes(&self) -> usize {
         self.table.size() as usize + 2 * self.state.size() as usize
     }
 
-    /// The place of an edge that the shader names by its place in the table.
+    /// The edge at a position in the shader's table.
     pub(crate) fn edge(&self, place: usize) -> usize {
         self.tiles.edge(place)
     }
 
-    /// Whether it has all that a step asks for.
+    /// Whether it includes everything that a step uses.
     pub(crate) fn does(&self, plan: &Plan<'_>) -> bool {
         let has_levels = plan.params.levels == 0 || self.has_levels();
         let [bends, blows] = self.forces();
         has_levels && (bends || !plan.bending) && (blows || !plan.wind) && plan.method != Method::Springs
     }
 
-    /// Encodes a step.
+    /// Encodes the dispatch of a step.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.stage.dispatch_workgroups(pass, 0, &[], 1);
     }
