@@ -46,10 +46,11 @@ pub(crate) struct Batch<'a> {
 /// The vertices of all rows, a list for each layout.
 #[derive(Debug, Default)]
 pub(crate) struct EndLists {
-    /// For [`Ends::Rows`] the first vertex of both ends, for [`Ends::Pairs`] the first vertex, for [`Ends::Listed`] all
-    /// vertices.
+    /// For [`Ends::Rows`], the first vertex of both ends.
     pub rows: Rows,
+    /// For [`Ends::Pairs`], the first vertex.
     pub pairs: Rows,
+    /// For [`Ends::Listed`], all vertices.
     pub listed: Indices,
 }
 

@@ -82,8 +82,9 @@ impl Mapped {
 pub(crate) struct Exchange {
     outbox: wgpu::Buffer,
     inbox: wgpu::Buffer,
-    /// Copies of the buffers on the device, if it cannot use mapped buffers directly.
+    /// The copy of `outbox` on the device, if that cannot use the mapped buffer directly.
     sent: Option<wgpu::Buffer>,
+    /// The copy of `inbox` on the device, likewise.
     given: Option<wgpu::Buffer>,
     arrive: Vec<Stage>,
     leave: Stage,

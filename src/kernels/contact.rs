@@ -20,9 +20,11 @@ pub(crate) struct Body {
     /// axes.
     pub b: [f32; 3],
     pub friction: f32,
-    /// Changes over the step of `a`, of `radius`, and of `b` (not of a plane's normal).
+    /// Change of `a` over the step.
     pub a_travel: [f32; 3],
+    /// Change of `radius` over the step.
     pub radius_travel: f32,
+    /// Change of `b` over the step; 0 for a plane, whose normal is that at the step's end.
     pub b_travel: [f32; 3],
     /// [`PLANE`], [`ROUND`] or [`BOX`].
     pub kind: u32,

@@ -66,7 +66,8 @@ pub(crate) struct Substep {
     pub gain: f32,
     /// One over the last substep (1/s), which turns `p` into a velocity.
     pub rate: f32,
-    /// Where the substep begins and ends within the step, from 0 to 1.
+    /// Where the substep begins within the step, from 0 to 1.
     pub start: f32,
+    /// Where it ends, likewise.
     pub end: f32,
 }

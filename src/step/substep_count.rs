@@ -18,6 +18,7 @@ const STANDARD_GRAVITY: f64 = 9.81;
 /// Below this number of vertices, levels cost more than they gain, unless resolving the stiffness would take [`FAR`]
 /// times as many substeps.
 const SMALL: usize = 1000;
+/// Ratio of the substeps that resolve the stiffness to those taken, from which levels pay in small cloths too.
 const FAR: f64 = 8.0;
 /// Ratio of wind pressure to the cloth's weight above which levels are off, because they would turn small wrinkles into
 /// stretch: see [`hierarchy`](crate::multigrid::hierarchy).

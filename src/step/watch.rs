@@ -35,10 +35,10 @@ const MARGIN: f64 = 8.0;
 const LEAST_EXTENT: f64 = 1e-6;
 /// Ratio of the peak stress in motion to the static stress `rho g L`.
 const TRANSIENT: f64 = 5.0;
-/// Each step checks one of so many parts of the edges, in turn, but at least [`LEAST`] edges at a time; both constants
-/// are in `stages/watch.wgsl` too. Checking an edge that is out of cache costs more than sweeping it, and overstretched
-/// edges persist for many steps.
+/// Each step checks one of so many parts of the edges, in turn; `stages/watch.wgsl` has the same constant. Checking an
+/// edge that is out of cache costs more than sweeping it, and overstretched edges persist for many steps.
 pub(crate) const TURNS: usize = 128;
+/// Minimum number of edges that a step checks; `stages/watch.wgsl` has the same constant.
 pub(crate) const LEAST: usize = 64;
 
 /// What the bounds follow from: constants of the cloth, and the largest motions in the scene so far.
