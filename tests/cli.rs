@@ -150,7 +150,7 @@ fn untangle_parts_a_start_before_frame_1() {
     succeeds(&plain);
     assert_eq!(bits(&frame_1().positions), bits(&mesh.positions));
     let before = crossings::crossings(&mesh, &mesh.positions).len();
-    assert!(before > 0 && stderr(&plain).contains(&format!("{before} edges go through triangles")), "{}", stderr(&plain));
+    assert!(before > 0 && stderr(&plain).contains(&format!("{before} edges pass through triangles")), "{}", stderr(&plain));
 
     let parted = run(&directory, &["strip.obj", "--frames", "2", "--self-contact", "--untangle"]);
     succeeds(&parted);
@@ -159,7 +159,7 @@ fn untangle_parts_a_start_before_frame_1() {
         "{}",
         stderr(&parted)
     );
-    assert!(!stderr(&parted).contains("go through triangles"), "{}", stderr(&parted));
+    assert!(!stderr(&parted).contains("pass through triangles"), "{}", stderr(&parted));
     let parted = frame_1().positions;
     assert!(crossings::crossings(&mesh, &parted).is_empty());
     let moved = parted.iter().zip(&mesh.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
@@ -246,6 +246,45 @@ fn a_preview_of_few_frames_has_few_cells() {
         succeeds(&run(&directory, &["crooked.obj", "--frames", count, "--preview", "p.png"]));
         let (width, height, _) = read_png(&directory.path().join("p.png"));
         assert_eq!((width, height), size, "{count} frames");
+    }
+}
+
+/// An animation shows every other frame of 60 a second, in the run's own time and over and over; every frame of 24 a second. What does not change is
+/// not in it again: put together, its frames are whole pictures.
+#[test]
+fn an_animation_plays_in_the_run_s_own_time() {
+    for (fps, frames, delay) in [("60", 4, 33), ("24", 7, 42)] {
+        let directory = TempDir::new().unwrap();
+        succeeds(&run(&directory, &["--frames", "7", "--fps", fps, "--substeps", "2", "--format", "pc2", "--animate", "a.png"]));
+        assert_eq!(names(&directory), set(["a.png", "frames"]));
+        let file = BufReader::new(fs::File::open(directory.path().join("a.png")).unwrap());
+        let mut decoder = png::Decoder::new(file);
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let mut reader = decoder.read_info().unwrap();
+        let animation = *reader.info().animation_control().unwrap();
+        assert_eq!((animation.num_frames, animation.num_plays), (frames, 0), "{fps} frames a second");
+        let (mut picture, mut heights) = (vec![0; 480 * 360 * 4], Vec::new());
+        for _ in 0..frames {
+            let mut part = vec![0; reader.output_buffer_size().unwrap()];
+            let info = reader.next_frame(&mut part).unwrap();
+            let control = reader.info().frame_control().unwrap();
+            assert_eq!((control.delay_num, control.delay_den), (delay, 1000));
+            for (row, line) in part.chunks_exact(info.line_size).take(info.height as usize).enumerate() {
+                for (column, pixel) in
+                    line.chunks_exact(4).take(info.width as usize).enumerate().filter(|(_, pixel)| pixel[3] > 0)
+                {
+                    let at = (control.y_offset as usize + row) * 480 + control.x_offset as usize + column;
+                    picture[4 * at..][..4].copy_from_slice(pixel);
+                }
+            }
+            assert!(picture.chunks_exact(4).all(|pixel| pixel[3] == 255), "every pixel was drawn");
+            // The middle of the cloth, which is red and falls.
+            let red = |at: &usize| i32::from(picture[4 * at]) > i32::from(picture[4 * at + 1]) + 60;
+            let rows: Vec<usize> = (0..480 * 360).filter(red).map(|at| at / 480).collect();
+            assert!(rows.len() > 5000, "{} red pixels", rows.len());
+            heights.push(rows.iter().sum::<usize>() as f32 / rows.len() as f32);
+        }
+        assert!(heights.is_sorted() && heights[heights.len() - 1] > heights[0] + 1.0, "it falls: {heights:?}");
     }
 }
 

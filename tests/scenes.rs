@@ -37,7 +37,7 @@ fn every_example_runs() {
     let mut scenes: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|extension| extension == "toml")).collect();
     scenes.sort();
     let names: Vec<&str> = scenes.iter().map(|path| path.file_stem().unwrap().to_str().unwrap()).collect();
-    for wanted in ["towel", "flag", "tablecloth", "cape", "curtain", "hammock", "skirt"] {
+    for wanted in ["towel", "flag", "tablecloth", "cape", "curtain", "hammock", "skirt", "heap"] {
         assert!(names.contains(&wanted), "{wanted} among {names:?}");
     }
     for (scene, name) in scenes.iter().zip(names) {
@@ -324,6 +324,9 @@ fn what_cannot_be_is_refused_with_its_line() {
             &["id = 4", "it"],
         ),
         (in_cloth("[output]\nformat = [\"mp4\"]"), 4, &["mp4", "usda"]),
+        (in_cloth("[picture]\nfrom = [0, 0, 0]"), 4, &["not all of them 0"]),
+        (in_cloth("[picture]\nbegin = -1"), 4, &["0 or above"]),
+        (in_cloth("color = [1, 0, 1.5]"), 3, &["from 0 to 1"]),
     ];
     for (text, line, words) in table {
         let (directory, output) = scene(&text, &[]);
@@ -370,6 +373,40 @@ fn a_body_comes_from_numbered_files() {
     fails(&run(&directory, &["sheet.obj", "--body", "body_01.obj", "--report", "body_01.obj"]), 2, &["--report"]);
     write("body_07.obj", 0.0, true);
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "9"]), 2, &["body_07.obj", "first frame"]);
+}
+
+/// The colors of two cloths, seen from the side from which their triangles are counter-clockwise and from the other; an animation begins when it is told
+/// to, and has a frame in any case.
+#[test]
+fn a_picture_is_as_the_scene_says() {
+    let cloth = |x: i32, color: &str, lining: &str| {
+        let place = format!("at = [{x}, 0, 0]\ngrid = {{ columns = 3, rows = 3, width = 0.8, height = 0.8 }}");
+        format!("[[cloth]]\n{place}\ncolor = [{color}]\nlining = [{lining}]\n")
+    };
+    let cloths = cloth(0, "0, 0, 1", "0, 1, 0") + &cloth(1, "1, 0, 0", "1, 1, 0");
+    for (from, begin, frames, wanted) in [
+        ("[0, 1, 0.2]", 0.0, 5, [[0, 0, 1], [1, 0, 0]]),
+        ("[0, -1, 0.2]", 0.1, 2, [[0, 1, 0], [1, 1, 0]]),
+        ("[0, 1, 0.2]", 9.0, 1, [[0, 0, 1], [1, 0, 0]]),
+    ] {
+        let text = format!("frames = 9\ngravity = [0, 0, 0]\n[picture]\nfrom = {from}\nbegin = {begin}\n{cloths}");
+        let (directory, output) = scene(&text, &["--animate", "a.png"]);
+        succeeds(&output);
+        let file = fs::File::open(directory.path().join("a.png")).unwrap();
+        let mut decoder = png::Decoder::new(std::io::BufReader::new(file));
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let mut reader = decoder.read_info().unwrap();
+        assert_eq!(reader.info().animation_control().unwrap().num_frames, frames, "from {begin} s on");
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        let count = |hue: [u8; 3]| {
+            let is = |pixel: &&[u8]| (0..3).all(|channel| (pixel[channel] > 90) == (hue[channel] == 1));
+            pixels.chunks_exact(4).filter(is).count()
+        };
+        for hue in [[0, 0, 1], [0, 1, 0], [1, 0, 0], [1, 1, 0]] {
+            assert_eq!(count(hue) > 5000, wanted.contains(&hue), "from {from}: {} pixels of {hue:?}", count(hue));
+        }
+    }
 }
 
 /// A scene file and its meshes are not overwritten.

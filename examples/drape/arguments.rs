@@ -206,6 +206,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.png")]
     pub(crate) preview: Option<PathBuf>,
 
+    /// The run as a moving picture in its own time, at most 30 frames a second: a PNG file that browsers play
+    #[arg(long, value_name = "FILE.png")]
+    pub(crate) animate: Option<PathBuf>,
+
     /// Write measurements of every frame (JSON); "ms" is the time of the step alone, without measuring, reading back from
     /// a GPU and writing files
     #[arg(long, value_name = "FILE.json")]

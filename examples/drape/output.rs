@@ -25,6 +25,7 @@ pub(crate) struct Outputs {
     pub(crate) formats: Vec<Format>,
     pub(crate) pc2: Option<PathBuf>,
     pub(crate) preview: Option<PathBuf>,
+    pub(crate) animation: Option<PathBuf>,
     pub(crate) report: Option<PathBuf>,
     /// The file with the state of the run, the number of frames between saves, and the state to continue from.
     pub(crate) save: Option<PathBuf>,
@@ -89,13 +90,13 @@ pub(crate) fn frame_number(name: &str) -> Option<u32> {
 
 /// Rejects outputs that would overwrite each other or an input.
 pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
-    let Outputs { folder, formats, pc2, preview, report, save, read, .. } = outputs;
+    let Outputs { folder, formats, pc2, preview, animation, report, save, read, .. } = outputs;
     let read = read.iter().map(|path| {
         let is_scene = path.extension().is_some_and(|extension| extension == "toml");
         (if is_scene { "the scene" } else { "the mesh" }, resolved(path))
     });
     let read: Vec<(&str, PathBuf)> = read.collect();
-    let named = [("--pc2", pc2), ("--preview", preview), ("--report", report), ("--save", save)];
+    let named = [("--pc2", pc2), ("--preview", preview), ("--animate", animation), ("--report", report), ("--save", save)];
     let named = named.into_iter().filter_map(|(name, path)| Some((name, resolved(path.as_ref()?))));
     let caches = formats.iter().filter_map(|&format| cache_name(format));
     let written = named.chain(caches.map(|name| ("--format", resolved(&folder.join(name)))));

@@ -45,9 +45,10 @@ pub(crate) fn play(
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
     let report_file = reserve(&outputs.report)?;
     let preview_file = reserve(&outputs.preview)?;
+    let animation_file = reserve(&outputs.animation)?;
 
     let mut report = Report::new(&deformer, options.method, mesh);
-    let mut cells: Vec<Cell> = Vec::new();
+    let (mut cells, mut moving): (Vec<Cell>, Vec<Cell>) = (Vec::new(), Vec::new());
     let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
     // The forecast warns of what the scene asks too much of before the first frame.
     for warning in deformer.forecast(dt, &scene.attributes(1)).map_err(|error| Failure::step(1, &error))?.warnings {
@@ -70,16 +71,19 @@ pub(crate) fn play(
     if scene.untangle && done == 0 {
         untangle(scene, &mut deformer, &mut shape)?;
     }
-    let cell = |frame: u32, shape: &Mesh| {
-        let is_cell = preview_file.is_some() && is_shown(frame, outputs.frames);
-        is_cell.then(|| Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame).colliders })
+    let is_cell = |frame| preview_file.is_some() && is_shown(frame, outputs.frames);
+    let is_moving = |frame| animation_file.is_some() && scene.is_animated(frame);
+    let mut keep = |frame: u32, shape: &Mesh| {
+        let cell = || Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame).colliders };
+        cells.extend(is_cell(frame).then(cell));
+        moving.extend(is_moving(frame).then(cell));
     };
     for frame in 1..=done {
-        if frames.has_caches() || cell(frame, &shape).is_some() {
+        if frames.has_caches() || is_cell(frame) || is_moving(frame) {
             save::written(outputs, frame, &mut shape)?;
         }
         frames.cache(&shape.positions)?;
-        cells.extend(cell(frame, &shape));
+        keep(frame, &shape);
     }
     for frame in done + 1..=outputs.frames {
         let failed = |error: StepError| Failure::step(frame, &error);
@@ -104,7 +108,7 @@ pub(crate) fn play(
         // Frame 1 is the input mesh bit for bit unless it was untangled, because it has not passed through the
         // deformer.
         frames.write(frame, &shape)?;
-        cells.extend(cell(frame, &shape));
+        keep(frame, &shape);
         let measure = deformer.measure().map_err(failed)?;
         let row = Frame::new(frame, seconds, counts, measure);
         report.frames.push(row.ok_or_else(|| {
@@ -129,8 +133,12 @@ pub(crate) fn play(
         file.write(&report.json()?)?;
     }
     if let Some(file) = preview_file {
-        let sheet = preview::contact_sheet(&cells, &shape.triangles);
+        let sheet = preview::contact_sheet(&cells, &shape.triangles, &scene.look);
         file.write(&sheet.map_err(|error| Failure::input(format_args!("--preview: {error}")))?)?;
+    }
+    if let Some(file) = animation_file {
+        let animation = preview::animation(&moving, &shape.triangles, &scene.look, dt * scene.animated_every() as f32);
+        file.write(&animation.map_err(|error| Failure::input(format_args!("--animate: {error}")))?)?;
     }
     Ok(report)
 }

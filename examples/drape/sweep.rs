@@ -185,7 +185,7 @@ impl Outputs {
     /// Moves all outputs into one folder.
     fn move_into(&mut self, folder: &Path) {
         folder.clone_into(&mut self.folder);
-        for path in [&mut self.pc2, &mut self.preview, &mut self.report].into_iter().flatten() {
+        for path in [&mut self.pc2, &mut self.preview, &mut self.animation, &mut self.report].into_iter().flatten() {
             *path = path.file_name().map_or_else(|| path.clone(), |name| folder.join(name));
         }
     }

@@ -27,9 +27,13 @@ pub(super) fn trace(shape: &Shape, origin: Vec3, direction: Vec3) -> Option<f32>
             let (near, far) = (ball(center, radius)?.max(0.0), 2.0 * radius);
             let unit = direction.length();
             let mut s = near;
+            let mut last = f32::INFINITY;
             let is_hit = (0..STEPS).any(|_| {
                 let distance = collider.distance(origin + s * direction);
-                s += distance / unit;
+                // The shape is convex: a ray that goes away from it never comes back.
+                let is_over = distance > last;
+                last = distance;
+                s += if is_over { f32::INFINITY } else { distance / unit };
                 distance < 1e-4 * radius || (s - near) * unit > far
             });
             (is_hit && (s - near) * unit <= far).then_some(s)

@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use cloth_deformer::glam::{Vec2, Vec3, Vec3Swizzles};
 
-use super::{CAMERA, HEIGHT, LENS, LIGHT, WIDTH};
+/// Tangent of half the vertical angle of view: a long lens, so that pictures of a motion compare well.
+const LENS: f32 = 0.22;
 
 /// A view of the scene: where from, along which axes, and whether the rays spread.
 pub(super) struct Frame {
@@ -20,15 +21,14 @@ pub(super) struct Frame {
 impl Frame {
     fn toward(eye: Vec3, back: Vec3, half: f32, spreads: bool) -> Frame {
         let back = back.normalize();
-        let right = Vec3::Y.cross(back).normalize();
+        let right = Vec3::Y.cross(back).normalize_or(Vec3::X);
         Frame { eye, right, up: back.cross(right), back, half, spreads }
     }
 
-    /// The camera: from [`CAMERA`], as near as it can be with every point in sight.
-    pub(super) fn perspective(points: &[Vec3]) -> Frame {
+    /// The camera: it looks along `-toward`, from as near as it can with every point in sight of a picture `aspect` times as wide as high.
+    pub(super) fn perspective(points: &[Vec3], toward: Vec3, aspect: f32) -> Frame {
         const MARGIN: f32 = 1.06;
-        let mut frame = Frame::toward(Vec3::ZERO, CAMERA, LENS, true);
-        let aspect = WIDTH as f32 / HEIGHT as f32;
+        let mut frame = Frame::toward(Vec3::ZERO, toward, LENS, true);
         let local: Vec<Vec3> =
             points.iter().map(|point| Vec3::new(point.dot(frame.right), point.dot(frame.up), point.dot(frame.back))).collect();
         // A point is in sight when |x| <= slope (eye.z - z): each side's plane is as far out as its outermost point.
@@ -46,9 +46,9 @@ impl Frame {
         frame
     }
 
-    /// The light: parallel rays around everything within `radius` of `middle`.
-    pub(super) fn parallel(middle: Vec3, radius: f32) -> Frame {
-        Frame::toward(middle + 2.0 * radius * LIGHT.normalize(), LIGHT, 1.02 * radius, false)
+    /// A lamp's view: parallel rays along `-toward` around everything within `radius` of `middle`.
+    pub(super) fn parallel(middle: Vec3, radius: f32, toward: Vec3) -> Frame {
+        Frame::toward(middle + 2.0 * radius * toward.normalize(), toward, 1.02 * radius, false)
     }
 
     /// The ray through the middle of a sample: origin, and a direction that is 1 m long along the view.
@@ -68,6 +68,11 @@ impl Frame {
         let x = 0.5 * width as f32 + shrink * seen.dot(self.right);
         let y = 0.5 * height as f32 - shrink * seen.dot(self.up);
         Vec3::new(x, y, self.nearness(depth))
+    }
+
+    /// The direction against which it looks, along its middle; of length 1.
+    pub(super) fn back(&self) -> Vec3 {
+        self.back
     }
 
     pub(super) fn nearness(&self, depth: f32) -> f32 {

@@ -13,6 +13,7 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::command::warn;
 use crate::pins::{Pin, bounds};
+use crate::preview::{Look, Piece, linear};
 
 /// Most vertices of a mesh.
 const MOST: u64 = 1 << 24;
@@ -30,6 +31,8 @@ pub(super) struct Cloths {
     pub(super) template: Option<ObjTemplate>,
     pub(super) fabric: Fabric,
     pub(super) pins: Vec<Group>,
+    /// What each looks like.
+    pub(super) pieces: Vec<Piece>,
     /// Files that were read. Outputs must not overwrite them, and the receipt names them.
     pub(super) files: Vec<PathBuf>,
 }
@@ -44,7 +47,7 @@ impl Cloths {
         let pins = vec![Group::still(arguments.pin.as_ref().unwrap_or(&Pin::None), &mesh)];
         let fabric = arguments.fabric.unwrap_or(Fabric::TOWEL);
         doubt(&name, &mesh);
-        Ok(Cloths { name, mesh, template, fabric, pins, files: arguments.mesh.iter().cloned().collect() })
+        Ok(Cloths { name, mesh, template, fabric, pins, pieces: Vec::new(), files: arguments.mesh.iter().cloned().collect() })
     }
 
     /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, the
@@ -63,6 +66,7 @@ impl Cloths {
             template: None,
             fabric: arguments.fabric.or(file.cloth[0].get_ref().fabric).unwrap_or(Fabric::TOWEL),
             pins: Vec::new(),
+            pieces: Vec::new(),
             files: Vec::new(),
         };
         for (number, given) in file.cloth.iter().enumerate() {
@@ -128,6 +132,9 @@ impl Cloths {
             }
         }
         self.mesh.positions.append(&mut piece.positions);
+        let [color, lining] = Look::SIDES;
+        let sides = [cloth.color.map_or(color, |color| linear(color.0)), cloth.lining.map_or(lining, |color| linear(color.0))];
+        self.pieces.push(Piece { end: self.mesh.positions.len() as u32, sides });
         self.mesh.triangles.extend(piece.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
         self.files.extend(obj);
         self.template = template.filter(|_| number == 1);

@@ -16,7 +16,7 @@ use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use toml::Spanned;
 
-use super::keys::{Animated, Extent, NotNegative, Positive, maybe, plain};
+use super::keys::{Animated, Color, Direction, Extent, NotNegative, Positive, maybe, plain};
 use crate::Failure;
 use crate::arguments::{BACKENDS, FORMATS, Format, LEVELS, METHODS};
 
@@ -45,6 +45,7 @@ pub(crate) struct File {
     pub(crate) cloth: Vec<Spanned<Cloth>>,
     /// What they meet.
     pub(crate) collider: Vec<Spanned<Collider>>,
+    pub(crate) picture: Picture,
     pub(crate) output: Output,
     /// Keys that vary between the runs of a sweep, in all combinations. Without `--variant` this is ignored.
     pub(crate) vary: Vec<Spanned<Vary>>,
@@ -158,6 +159,12 @@ pub(crate) struct Cloth {
     pub(crate) fabric: Option<Fabric>,
     /// Its pins.
     pub(crate) pin: Vec<Spanned<Pin>>,
+    /// Its color in pictures (sRGB: red, green, blue from 0 to 1): of the side from which its triangles are counter-clockwise. Red.
+    #[serde(deserialize_with = "maybe")]
+    pub(crate) color: Option<Color>,
+    /// Of the other side. Tan.
+    #[serde(deserialize_with = "maybe")]
+    pub(crate) lining: Option<Color>,
 }
 
 /// A flat sheet.
@@ -285,6 +292,17 @@ pub(crate) enum ShapeName {
     Mesh,
 }
 
+/// How the run is drawn: a preview, an animation.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Picture {
+    /// The direction from the scene toward the camera; any length but 0. [0.52, 0.5, 1].
+    #[serde(deserialize_with = "maybe")]
+    pub(crate) from: Option<Direction>,
+    /// The time (s) from which on a frame is in an animation. 0.
+    pub(crate) begin: Option<NotNegative>,
+}
+
 /// The files to write.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -298,6 +316,8 @@ pub(crate) struct Output {
     pub(crate) pc2: Option<PathBuf>,
     /// A contact sheet of twelve frames (PNG).
     pub(crate) preview: Option<PathBuf>,
+    /// The run as a moving picture (PNG).
+    pub(crate) animation: Option<PathBuf>,
     /// Measurements of every frame (JSON).
     pub(crate) report: Option<PathBuf>,
 }

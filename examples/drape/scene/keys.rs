@@ -66,6 +66,38 @@ impl Value for Extent {
     }
 }
 
+/// A vector that has a direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Direction(pub(crate) Vec3);
+
+impl Value for Direction {
+    const WANTED: &'static str = "three finite numbers [x, y, z], not all of them 0";
+
+    fn from_numbers(numbers: &[f64]) -> Option<Direction> {
+        Vec3::from_numbers(numbers)?.try_normalize().map(Direction)
+    }
+
+    fn toward(self, other: Direction, share: f32) -> Direction {
+        Direction(self.0.lerp(other.0, share))
+    }
+}
+
+/// Red, green and blue, each from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Color(pub(crate) Vec3);
+
+impl Value for Color {
+    const WANTED: &'static str = "three numbers [red, green, blue] from 0 to 1";
+
+    fn from_numbers(numbers: &[f64]) -> Option<Color> {
+        Vec3::from_numbers(numbers).filter(|color| color.min_element() >= 0.0 && color.max_element() <= 1.0).map(Color)
+    }
+
+    fn toward(self, other: Color, share: f32) -> Color {
+        Color(self.0.lerp(other.0, share))
+    }
+}
+
 /// A number from 0 on, 0 included if `ZERO`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Size<const ZERO: bool>(pub(crate) f32);

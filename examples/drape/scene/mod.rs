@@ -17,6 +17,7 @@ use toml::Spanned;
 use crate::Failure;
 use crate::arguments::{Arguments, Format};
 use crate::output::Outputs;
+use crate::preview::Look;
 use cloths::Cloths;
 use colliders::{Moving, colliders};
 use file::{File, Source, Wind};
@@ -41,6 +42,7 @@ pub(crate) struct Scene {
     /// Whether a start that crosses is separated before the first frame.
     pub(crate) untangle: bool,
     pub(crate) outputs: Outputs,
+    pub(crate) look: Look,
     gravity: Animated<Vec3>,
     wind: Option<Wind>,
     colliders: Vec<Moving>,
@@ -60,7 +62,7 @@ impl Scene {
 
         let frames = arguments.frames.or(file.frames.map(u32::from)).unwrap_or(FRAMES);
         let rate = rate(arguments, scene)?;
-        let Cloths { name, mesh, template, fabric, pins, mut files } = match scene {
+        let Cloths { name, mesh, template, fabric, pins, pieces, mut files } = match scene {
             Some((source, file)) => Cloths::of_scene(arguments, source, file)?,
             None => Cloths::of_arguments(arguments)?,
         };
@@ -91,6 +93,11 @@ impl Scene {
             options,
             untangle,
             outputs: outputs(arguments, file, frames, rate, files)?,
+            look: Look {
+                from: file.picture.from.map_or(Look::FROM, |from| from.0),
+                begin: file.picture.begin.map_or(0.0, |begin| begin.0),
+                pieces,
+            },
             gravity: gravity.unwrap_or(Animated::still(Attributes::default().gravity)),
             wind,
             colliders,
@@ -101,6 +108,17 @@ impl Scene {
     /// Length of a frame (s).
     pub(crate) fn dt(&self) -> f32 {
         1.0 / self.outputs.fps
+    }
+
+    /// Every so many frames one is in an animation: at most 30 in a second.
+    pub(crate) fn animated_every(&self) -> u32 {
+        (self.outputs.fps / 30.0).ceil().max(1.0) as u32
+    }
+
+    /// Whether an animation shows a frame.
+    pub(crate) fn is_animated(&self, frame: u32) -> bool {
+        let first = (1.0 + (self.look.begin * self.outputs.fps).ceil()).min(self.outputs.frames as f32) as u32;
+        frame >= first && (frame - first).is_multiple_of(self.animated_every())
     }
 
     /// Describes everything that acts on the cloth. A run can be resumed only if this text is unchanged.
@@ -235,6 +253,7 @@ fn outputs(arguments: &Arguments, file: &File, frames: u32, fps: f32, read: Vec<
         formats,
         pc2: of(&arguments.pc2, &output.pc2),
         preview: of(&arguments.preview, &output.preview),
+        animation: of(&arguments.animate, &output.animation),
         report: of(&arguments.report, &output.report),
         save: save.clone(),
         every: *every,

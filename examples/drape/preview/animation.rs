@@ -1,0 +1,97 @@
+//! An animation: a PNG file of several frames (APNG), which browsers play.
+//!
+//! Its colors are a palette of 255, chosen once for all frames, and each frame holds the rectangle that differs from the last one, with the
+//! pixels that stay transparent: a tenth of the size of full color.
+
+use color_quant::NeuQuant;
+use rayon::prelude::*;
+
+use super::moment::Stage;
+use super::{Cell, Look};
+
+/// Size of the picture (pixels).
+const SIZE: [usize; 2] = [480, 360];
+/// The index of the palette that shows what was there before.
+const STAYS: u8 = 0;
+/// Every so many pixels one takes part in the choice of the palette.
+const SAMPLED: usize = 37;
+/// How far a color may be from what is shown for the pixel to stay: the squared distance in sRGB, of 255 each.
+const NEAR: i32 = 40;
+
+/// Draws each frame; returns the bytes of a PNG file that shows `every` th frame of a run of so many frames a second, over and over.
+///
+/// # Errors
+/// If the PNG encoder refuses; an animation of no frames is not a picture.
+pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, delay: f32) -> Result<Vec<u8>, png::EncodingError> {
+    let [width, height] = SIZE;
+    let stage = Stage::new(frames, triangles, look, SIZE);
+    let drawn: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|cell| stage.draw(cell)).collect();
+    let palette = Palette::new(&drawn);
+
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_palette(palette.colors.as_flattened().to_vec());
+    encoder.set_trns(vec![0]);
+    encoder.set_deflate_compression(png::DeflateCompression::Level(9));
+    encoder.set_filter(png::Filter::NoFilter);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_animated(frames.len() as u32, 0)?;
+    encoder.set_frame_delay((1000.0 * delay).round().clamp(1.0, f32::from(u16::MAX)) as u16, 1000)?;
+    encoder.set_dispose_op(png::DisposeOp::None)?;
+    encoder.set_blend_op(png::BlendOp::Over)?;
+    let mut writer = encoder.write_header()?;
+    let mut shown: Vec<u8> = vec![STAYS; width * height];
+    for pixels in &drawn {
+        let changed = palette.change(&mut shown, pixels);
+        let [columns, rows] = [0, 1].map(|axis| {
+            let place = |index: usize| if axis == 0 { index % width } else { index / width };
+            let places = changed.iter().enumerate().filter(|&(_, &color)| color != STAYS).map(|(index, _)| place(index));
+            let (low, high) = places.fold((usize::MAX, 0), |(low, high), place| (low.min(place), high.max(place)));
+            // A frame is a pixel at least.
+            if low > high { 0..1 } else { low..high + 1 }
+        });
+        writer.set_frame_position(0, 0)?;
+        writer.set_frame_dimension(columns.len() as u32, rows.len() as u32)?;
+        writer.set_frame_position(columns.start as u32, rows.start as u32)?;
+        let part: Vec<u8> = rows.flat_map(|row| &changed[row * width..][columns.clone()]).copied().collect();
+        writer.write_image_data(&part)?;
+    }
+    writer.finish()?;
+    Ok(file)
+}
+
+/// 255 colors, after one that shows what was there before.
+struct Palette {
+    colors: Vec<[u8; 3]>,
+}
+
+impl Palette {
+    fn new(pictures: &[Vec<[u8; 3]>]) -> Palette {
+        let some = pictures.iter().flatten().step_by(SAMPLED);
+        let rgba: Vec<u8> = some.flat_map(|&[r, g, b]| [r, g, b, u8::MAX]).collect();
+        let chosen = NeuQuant::new(1, 255, &rgba).color_map_rgb();
+        let mut colors = vec![[0; 3]];
+        colors.extend(chosen.chunks_exact(3).map(|color| [color[0], color[1], color[2]]));
+        Palette { colors }
+    }
+
+    /// Shows a picture: the colors that change, and [`STAYS`] for those that do not.
+    fn change(&self, shown: &mut [u8], picture: &[[u8; 3]]) -> Vec<u8> {
+        let change = |(shown, &wanted): (&mut u8, &[u8; 3])| {
+            if *shown != STAYS && distance(self.colors[usize::from(*shown)], wanted) <= NEAR {
+                return STAYS;
+            }
+            let nearest = (1..self.colors.len()).min_by_key(|&color| distance(self.colors[color], wanted));
+            let nearest = nearest.map_or(STAYS, |color| color as u8);
+            let stays = *shown == nearest;
+            *shown = nearest;
+            if stays { STAYS } else { nearest }
+        };
+        shown.par_iter_mut().zip(picture).map(change).collect()
+    }
+}
+
+fn distance(a: [u8; 3], b: [u8; 3]) -> i32 {
+    a.into_iter().zip(b).map(|(a, b)| (i32::from(a) - i32::from(b)).pow(2)).sum()
+}

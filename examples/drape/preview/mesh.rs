@@ -1,0 +1,42 @@
+//! Normals and measures of a mesh of triangles.
+
+use cloth_deformer::glam::Vec3;
+
+/// Corners of the box around some points, lowest and highest.
+pub(super) fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
+    points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &point| (low.min(point), high.max(point)))
+}
+
+/// The longest edge of some triangles (m).
+pub(super) fn longest_edge(positions: &[Vec3], triangles: &[[u32; 3]]) -> f32 {
+    let at = |vertex: u32| positions[vertex as usize];
+    triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).map(|(i, j)| at(i).distance(at(j))).fold(0.0, f32::max)
+}
+
+/// Normal of a triangle, as long as twice its area.
+pub(super) fn normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(c - a)
+}
+
+/// Normals of the vertices: their triangles' mean by area, not yet of length 1.
+pub(super) fn vertex_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; positions.len()];
+    for triangle in triangles.iter().map(|triangle| triangle.map(|vertex| vertex as usize)) {
+        let flat = normal(triangle.map(|vertex| positions[vertex]));
+        for vertex in triangle {
+            normals[vertex] += flat;
+        }
+    }
+    normals
+}
+
+/// The unit vector at `point` between the vectors at a triangle's corners.
+pub(super) fn interpolate(point: Vec3, [a, b, c]: [Vec3; 3], vectors: [Vec3; 3]) -> Vec3 {
+    let flat = normal([a, b, c]);
+    let weight = |from: Vec3, to: Vec3| (to - from).cross(point - from).dot(flat);
+    let weights = [weight(b, c), weight(c, a), weight(a, b)];
+    (0..3)
+        .map(|corner| weights[corner] * vectors[corner].normalize_or_zero())
+        .sum::<Vec3>()
+        .normalize_or(flat.normalize_or_zero())
+}

@@ -1,0 +1,258 @@
+//! The scene in one frame, and how it is drawn.
+
+use cloth_deformer::glam::{Vec3, Vec3Swizzles};
+use cloth_deformer::{Collider, Mesh, Shape};
+
+use super::mesh::{bounds, interpolate, longest_edge, normal, vertex_normals};
+use super::shade::{Reach, SOLID, SUN, backdrop, checker, gloss, smoothstep, srgb, surface, thin};
+use super::shapes::{collider_normal, corners, shrunk, trace};
+use super::view::{Frame, rasterise};
+use super::{Cell, Look};
+
+/// Samples a pixel, along each side.
+const SAMPLES: usize = 3;
+/// Colliders that are farther from the cloth than this share of its size need not be in sight.
+const AROUND: f32 = 0.46;
+/// The softness that a shadow may have.
+const MOST_SOFTNESS: usize = 5;
+
+/// What all frames share.
+pub(super) struct Stage<'a> {
+    triangles: &'a [[u32; 3]],
+    look: &'a Look,
+    width: usize,
+    height: usize,
+    camera: Frame,
+    lamps: [Lamp; 2],
+    /// Middle and radius of all that moves or stands there (m).
+    middle: Vec3,
+    radius: f32,
+    /// The cloth's longest edge (m) in the first frame.
+    edge: f32,
+}
+
+/// A light that casts shadows: its view, texels of its map along each side, and how far its shadows are smoothed (texels).
+struct Lamp {
+    frame: Frame,
+    texels: usize,
+    softness: usize,
+}
+
+impl<'a> Stage<'a> {
+    /// For pictures of `width` times `height` pixels of these frames.
+    pub(super) fn new(frames: &[Cell], triangles: &'a [[u32; 3]], look: &'a Look, [width, height]: [usize; 2]) -> Stage<'a> {
+        let mut points: Vec<Vec3> = frames.iter().flat_map(|cell| cell.positions.iter().copied()).collect();
+        let (low, high) = bounds(&points);
+        let margin = AROUND * low.distance(high);
+        let solids = frames.iter().flat_map(|cell| &cell.colliders).flat_map(|collider| corners(&collider.shape));
+        points.extend(solids.map(|point| point.clamp(low - margin, high + margin)));
+        let (low, high) = bounds(&points);
+        let middle = 0.5 * (low + high);
+        let radius = points.iter().map(|point| point.distance(middle)).fold(f32::MIN_POSITIVE, f32::max);
+        Stage {
+            triangles,
+            look,
+            width,
+            height,
+            camera: Frame::perspective(&points, look.from, width as f32 / height as f32),
+            // The sun, and the sky as a very soft light from above.
+            lamps: [
+                Lamp { frame: Frame::parallel(middle, radius, SUN), texels: 512, softness: 3 },
+                Lamp { frame: Frame::parallel(middle, radius, Vec3::Y), texels: 96, softness: MOST_SOFTNESS },
+            ],
+            middle,
+            radius,
+            edge: frames.first().map_or(0.0, |cell| longest_edge(&cell.positions, triangles)),
+        }
+    }
+
+    /// One frame, in sRGB.
+    pub(super) fn draw(&self, cell: &Cell) -> Vec<[u8; 3]> {
+        let colliders = cell.colliders.iter().map(|collider| shrunk(collider, self.edge, self.radius)).collect();
+        let normals_of = |collider: &Collider| body(collider).map(|mesh| vertex_normals(&mesh.positions, &mesh.triangles));
+        let body_normals = cell.colliders.iter().map(|collider| normals_of(collider).unwrap_or_default()).collect();
+        let normals = vertex_normals(&cell.positions, self.triangles);
+        let mut moment = Moment {
+            stage: self,
+            positions: &cell.positions,
+            normals,
+            colliders,
+            body_normals,
+            shadows: [const { Vec::new() }; 2],
+        };
+        moment.shadows = self.lamps.each_ref().map(|lamp| moment.shadow(lamp));
+        let (columns, rows) = (self.width * SAMPLES, self.height * SAMPLES);
+        let seen = moment.visible(&self.camera, columns, rows);
+
+        let mut pixels = vec![Vec3::ZERO; self.width * self.height];
+        for (index, sample) in seen.iter().enumerate() {
+            let (column, row) = (index % columns, index / columns);
+            let color = moment.shade(sample, column, row);
+            pixels[row / SAMPLES * self.width + column / SAMPLES] += color / (SAMPLES * SAMPLES) as f32;
+        }
+        pixels.into_iter().map(srgb).collect()
+    }
+}
+
+/// The scene in one frame.
+struct Moment<'a> {
+    stage: &'a Stage<'a>,
+    positions: &'a [Vec3],
+    /// Normals at the cloth's vertices.
+    normals: Vec<Vec3>,
+    /// The colliders, a little smaller than they are: see [`shrunk`].
+    colliders: Vec<Collider>,
+    /// Normals at the vertices of those that are meshes.
+    body_normals: Vec<Vec<Vec3>>,
+    /// How near to each lamp what it sees is.
+    shadows: [Vec<f32>; 2],
+}
+
+impl Moment<'_> {
+    /// What `frame` sees through the middle of each of its samples.
+    fn visible(&self, frame: &Frame, width: usize, height: usize) -> Vec<Sample> {
+        let mut samples: Vec<Sample> = (0..width * height)
+            .map(|index| {
+                let (origin, direction) = frame.ray(index % width, index / width, width, height);
+                let mut nearest = Sample { nearness: f32::NEG_INFINITY, thing: Thing::Nothing };
+                for (number, collider) in self.colliders.iter().enumerate() {
+                    if let Some(depth) = trace(&collider.shape, origin, direction) {
+                        nearest = nearest.or(Sample { nearness: frame.nearness(depth), thing: Thing::Collider(number) });
+                    }
+                }
+                nearest
+            })
+            .collect();
+        for (number, collider) in self.colliders.iter().enumerate() {
+            let Some(mesh) = body(collider) else { continue };
+            for (place, &triangle) in mesh.triangles.iter().enumerate() {
+                let corners = triangle.map(|vertex| frame.project(mesh.positions[vertex as usize], width, height));
+                rasterise(corners, width, height, |index, nearness| {
+                    samples[index] = samples[index].or(Sample { nearness, thing: Thing::Body(number, place) });
+                });
+            }
+        }
+        for (number, &triangle) in self.stage.triangles.iter().enumerate() {
+            let corners = triangle.map(|vertex| frame.project(self.positions[vertex as usize], width, height));
+            rasterise(corners, width, height, |index, nearness| {
+                samples[index] = samples[index].or(Sample { nearness, thing: Thing::Triangle(number) });
+            });
+        }
+        samples
+    }
+
+    /// Light that reaches the camera through one sample, linear.
+    fn shade(&self, sample: &Sample, column: usize, row: usize) -> Vec3 {
+        let (stage, rows) = (self.stage, self.stage.height * SAMPLES);
+        let (origin, direction) = stage.camera.ray(column, row, stage.width * SAMPLES, rows);
+        let backdrop = backdrop(1.0 - row as f32 / rows as f32);
+        let point = origin + stage.camera.depth(sample.nearness) * direction;
+        let to_eye = -direction.normalize();
+        match sample.thing {
+            Thing::Nothing => backdrop,
+            Thing::Triangle(number) => {
+                let triangle = stage.triangles[number];
+                let piece = stage.look.pieces.partition_point(|piece| piece.end <= triangle[0]);
+                let sides = stage.look.pieces.get(piece).map_or(Look::SIDES, |piece| piece.sides);
+                let triangle = triangle.map(|vertex| vertex as usize);
+                let corners = triangle.map(|vertex| self.positions[vertex]);
+                let flat = normal(corners).normalize_or_zero();
+                let side = if flat.dot(to_eye) >= 0.0 { 1.0 } else { -1.0 };
+                let facing = side * interpolate(point, corners, triangle.map(|vertex| self.normals[vertex]));
+                let albedo = sides[usize::from(side < 0.0)];
+                // What the sun reaches is in front of the cloth, or behind it.
+                let behind = if facing.dot(SUN) < 0.0 { self.lit(0, point, -side * flat) } else { 0.0 };
+                surface(albedo, facing, self.reach(point, side * flat)) + thin(albedo, facing, to_eye, behind)
+            }
+            Thing::Body(number, place) => {
+                let Some(mesh) = body(&self.colliders[number]) else { return backdrop };
+                let triangle = mesh.triangles[place].map(|vertex| vertex as usize);
+                let corners = triangle.map(|vertex| mesh.positions[vertex]);
+                let smooth = interpolate(point, corners, triangle.map(|vertex| self.body_normals[number][vertex]));
+                let facing = if normal(corners).dot(to_eye) >= 0.0 { smooth } else { -smooth };
+                surface(SOLID, facing, self.reach(point, facing))
+            }
+            Thing::Collider(number) => {
+                let shape = &self.colliders[number].shape;
+                let facing = collider_normal(shape, point);
+                let reach = self.reach(point, facing);
+                let Shape::Plane { point: on, normal } = shape else {
+                    return surface(SOLID, facing, reach) + gloss(facing, to_eye, reach);
+                };
+                let tile = checker(stage.middle, stage.radius, *on, *normal, point);
+                let far = smoothstep(1.3, 4.5, point.distance(stage.middle) / stage.radius);
+                surface(tile, facing, reach).lerp(backdrop, far)
+            }
+        }
+    }
+
+    fn reach(&self, point: Vec3, facing: Vec3) -> Reach {
+        Reach { sun: self.lit(0, point, facing), sky: self.lit(1, point, facing) }
+    }
+
+    /// Part of a lamp's light that reaches `point`: the shadow map's neighborhood, weighted by distance, so that shadows are soft.
+    fn lit(&self, lamp: usize, point: Vec3, facing: Vec3) -> f32 {
+        let (Lamp { frame, texels, softness }, shadow) = (&self.stage.lamps[lamp], &self.shadows[lamp]);
+        let slope = 1.0 - facing.dot(frame.back()).clamp(0.0, 1.0);
+        // A texel is wide: lift the point off its own surface, the more the more the light grazes it.
+        let lifted = point + facing * self.stage.radius * (0.010 + 0.014 * slope) * (512.0 / *texels as f32).sqrt();
+        let at = frame.project(lifted, *texels, *texels);
+        let first = at.xy().floor() - *softness as f32;
+        let width = 0.55 * (softness * softness) as f32;
+        let weights = |axis: f32| {
+            let mut weights = [0.0; 2 * MOST_SOFTNESS + 1];
+            weights.iter_mut().enumerate().for_each(|(k, weight)| *weight = (-(axis - k as f32).powi(2) / width).exp());
+            weights
+        };
+        let offset = at.xy() - first - 0.5;
+        let (columns, rows) = (weights(offset.x), weights(offset.y));
+        let (mut light, mut total) = (0.0, 0.0);
+        for (y, row) in (first.y as isize..).zip(&rows[..=2 * softness]) {
+            for (x, column) in (first.x as isize..).zip(&columns[..=2 * softness]) {
+                let texel = usize::try_from(y).ok().zip(usize::try_from(x).ok()).filter(|&(y, x)| y < *texels && x < *texels);
+                let blocked = texel.is_some_and(|(y, x)| shadow[y * texels + x] > at.z);
+                total += row * column;
+                light += if blocked { 0.0 } else { row * column };
+            }
+        }
+        light / total
+    }
+
+    /// How near to a lamp what it sees is: a number that grows toward it.
+    fn shadow(&self, lamp: &Lamp) -> Vec<f32> {
+        let seen = self.visible(&lamp.frame, lamp.texels, lamp.texels);
+        // A floor shades nothing, and would shade itself at the map's resolution.
+        seen.iter().map(|sample| if self.is_plane(sample.thing) { f32::NEG_INFINITY } else { sample.nearness }).collect()
+    }
+
+    fn is_plane(&self, thing: Thing) -> bool {
+        matches!(thing, Thing::Collider(number) if matches!(self.colliders[number].shape, Shape::Plane { .. }))
+    }
+}
+
+/// What is seen through one sample, and how near: a number that grows toward the eye and is linear on the screen.
+#[derive(Clone, Copy)]
+struct Sample {
+    nearness: f32,
+    thing: Thing,
+}
+
+impl Sample {
+    fn or(self, other: Sample) -> Sample {
+        if other.nearness > self.nearness { other } else { self }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Thing {
+    Nothing,
+    Triangle(usize),
+    Collider(usize),
+    /// A triangle of a collider that is a mesh.
+    Body(usize, usize),
+}
+
+/// The mesh of a collider that is one.
+fn body(collider: &Collider) -> Option<&Mesh> {
+    if let Shape::Mesh { mesh } = &collider.shape { Some(mesh) } else { None }
+}

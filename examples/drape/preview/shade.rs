@@ -1,0 +1,70 @@
+//! Light and color.
+
+use cloth_deformer::glam::Vec3;
+
+/// Toward the sun.
+pub(super) const SUN: Vec3 = Vec3::new(-0.80, 1.20, 0.72);
+
+/// Colors in linear light.
+pub(super) const SOLID: Vec3 = Vec3::new(0.16, 0.25, 0.36);
+const TILES: [Vec3; 2] = [Vec3::new(0.64, 0.65, 0.67), Vec3::new(0.50, 0.515, 0.54)];
+const HORIZON: Vec3 = Vec3::new(0.90, 0.91, 0.93);
+const ZENITH: Vec3 = Vec3::new(0.62, 0.69, 0.78);
+const SUNLIGHT: Vec3 = Vec3::new(1.04, 1.01, 0.96);
+const SKYLIGHT: Vec3 = Vec3::new(0.92, 0.98, 1.08);
+
+/// How much of the sun's light, and of the sky's, reaches a point: 0 to 1.
+#[derive(Clone, Copy)]
+pub(super) struct Reach {
+    pub(super) sun: f32,
+    pub(super) sky: f32,
+}
+
+/// What is behind everything, at a height of the picture from 0 to 1.
+pub(super) fn backdrop(height: f32) -> Vec3 {
+    HORIZON.lerp(ZENITH, height.powf(1.5))
+}
+
+/// A matt surface under the sun, with the sky above and the light that the ground throws back.
+pub(super) fn surface(albedo: Vec3, facing: Vec3, reach: Reach) -> Vec3 {
+    let sun = reach.sun * facing.dot(SUN.normalize()).max(0.0) * SUNLIGHT;
+    let sky = (0.25 + 0.16 * facing.y) * (0.45 + 0.55 * reach.sky) * SKYLIGHT;
+    albedo * (sun + sky)
+}
+
+/// What cloth has beside a matt surface: of the sun behind it some light comes through, in its color twice over, and where it is seen at a
+/// grazing angle it scatters a faint sheen.
+pub(super) fn thin(albedo: Vec3, facing: Vec3, to_eye: Vec3, behind: f32) -> Vec3 {
+    let through = 0.22 * behind * (-facing.dot(SUN.normalize())).max(0.0) * SUNLIGHT;
+    let sheen = 0.07 * (1.0 - facing.dot(to_eye).clamp(0.0, 1.0)).powi(3);
+    albedo * (albedo + 0.25) * through + sheen * HORIZON
+}
+
+/// The sun in a smooth surface.
+pub(super) fn gloss(facing: Vec3, to_eye: Vec3, reach: Reach) -> Vec3 {
+    let half = (to_eye + SUN.normalize()).normalize();
+    Vec3::splat(0.18 * reach.sun * facing.dot(half).max(0.0).powi(40))
+}
+
+/// The color of a plane's tile at `at`; a tile is about a sixth of a scene of some radius (m) about `middle`.
+pub(super) fn checker(middle: Vec3, radius: f32, on: Vec3, normal: Vec3, at: Vec3) -> Vec3 {
+    let (u, v) = normal.normalize().any_orthonormal_pair();
+    let origin = middle - normal.normalize() * (middle - on).dot(normal.normalize());
+    let tile = |axis: Vec3| ((at - origin).dot(axis) * 3.0 / radius).rem_euclid(2.0) < 1.0;
+    TILES[usize::from(tile(u) != tile(v))]
+}
+
+/// From 0 below `low` to 1 above `high`.
+pub(super) fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Linear light to sRGB (IEC 61966-2-1), 8 bits.
+pub(super) fn srgb(linear: Vec3) -> [u8; 3] {
+    linear.to_array().map(|x| {
+        let x = x.clamp(0.0, 1.0);
+        let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+        (255.0 * encoded).round() as u8
+    })
+}
