@@ -35,7 +35,7 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
-use crate::step::controller::Controller;
+use crate::step::controller::{Caution, Controller};
 use crate::step::load::Load;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
@@ -236,11 +236,12 @@ impl Deformer {
         self.motion.check(&attributes.colliders)?;
         let thickness = self.contact_thickness(attributes)?;
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
-        let controller = self.controlled(dt, &load);
+        let trades = self.trades_levels(attributes);
+        let controller = self.controlled(dt, &load, if trades { Caution::LATE } else { Caution::USUAL });
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.led_speed)));
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
-        let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
+        let levels = if trades { 0 } else { self.rates.levels(&self.cloth, &self.options, division.length, attributes) };
         Ok(Taken { dt, load, controller, rate, division, levels })
     }
 

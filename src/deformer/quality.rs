@@ -1,12 +1,20 @@
 //! How a bound on strain is kept: choosing the substeps of the next step, and learning from the last one.
 
 use super::{Deformer, Taken};
+use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
-use crate::options::{Cause, Method, Options, Quality, Stretch, Warning};
-use crate::step::controller::{Controller, LEAST, Promise, excess, most};
+use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
+use crate::step::controller::{Caution, Controller, LEAST, Promise, excess, most};
 use crate::step::load::Load;
-use crate::step::substep_count::FRAMES;
+use crate::step::substep_count::{FRAMES, is_gale};
+
+/// The number of vertices from which levels pay on a GPU when the substeps are chosen by a promise.
+///
+/// A substep costs 6 us without levels on an H200 and 35 us with them, whatever the size below 16,384 vertices: their colors wait for one
+/// another. Without levels 4,000 vertices take 1.3 to 2.5 times as many substeps for the same promise, 14,161 take 3.6 times
+/// (`benches/results/quality.md`), and a hung sheet of 65,536 takes 11 times (`gpu_h200.md`). Times are equal near 8,600.
+const LEVELS_PAY: usize = 8192;
 
 impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept.
@@ -33,9 +41,9 @@ impl Deformer {
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).
-    pub(super) fn controlled(&self, dt: f32, load: &Load) -> Controller {
+    pub(super) fn controlled(&self, dt: f32, load: &Load, caution: Caution) -> Controller {
         match (self.promise(), self.options.quality) {
-            (Some(promise), _) => self.controller.next(&self.rates, &self.cloth, promise, load, dt),
+            (Some(promise), _) => self.controller.next(&self.rates, &self.cloth, (promise, caution), load, dt),
             (None, Quality::Budget(time)) => {
                 // The controller counts substeps per 1/60 s.
                 let steps = f64::from(dt) * FRAMES;
@@ -45,6 +53,16 @@ impl Deformer {
             }
             _ => self.controller,
         }
+    }
+
+    /// Whether a step keeps its promise by more substeps in place of coarse levels, which cost more than those on a GPU.
+    pub(super) fn trades_levels(&self, attributes: &Attributes) -> bool {
+        let may = match self.options.levels {
+            Levels::Auto => self.cloth.rest.len() < LEVELS_PAY,
+            Levels::Off => true,
+            Levels::Count(_) => false,
+        };
+        may && self.backend() == Backend::Gpu && self.promise().is_some() && !is_gale(&self.cloth, attributes)
     }
 
     /// Discards what was learned from the motion, and wakes the cloth.

@@ -125,9 +125,8 @@ impl Rates {
             Levels::Count(count) => count as usize,
             Levels::Auto => {
                 let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest);
-                let gale = pressure(attributes) > GALE * cloth.density * STANDARD_GRAVITY;
                 let pays_from = if cloth.rest.len() < SMALL { FAR } else { 1.15 };
-                if shortfall < pays_from || gale {
+                if shortfall < pays_from || is_gale(cloth, attributes) {
                     return 0;
                 }
                 (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
@@ -168,6 +167,11 @@ impl Rates {
     pub(crate) fn keeping(&self, stress: f64, strain: f64) -> f64 {
         self.loaded * (2.0 * stress / strain).sqrt()
     }
+}
+
+/// Whether the wind is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy).
+pub(crate) fn is_gale(cloth: &Cloth, attributes: &Attributes) -> bool {
+    pressure(attributes) > GALE * cloth.density * STANDARD_GRAVITY
 }
 
 /// Substeps per second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, with a
