@@ -11,6 +11,8 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
+#[cfg(feature = "gpu")]
+use crate::gpu::BoundVertex;
 use crate::kernels::pair::vertex_triangle;
 use crate::model::mesh::Mesh;
 use crate::simd::Vector;
@@ -59,6 +61,22 @@ pub enum BindError {
         given: usize,
         /// Number of vertices.
         expected: usize,
+    },
+    /// The binding is to another mesh than the cloth's.
+    #[error(
+        "the binding is to a mesh of {bound} vertices, but the cloth has {vertices}; bind to the mesh that the deformer was made of"
+    )]
+    OtherCloth {
+        /// Number of vertices of the mesh that the binding is to.
+        bound: usize,
+        /// Number of vertices of the cloth.
+        vertices: usize,
+    },
+    /// The GPU was lost or is out of memory.
+    #[error("the render mesh could not be brought to the GPU: {reason}; use Binding::apply on the CPU")]
+    Gpu {
+        /// The device's message.
+        reason: String,
     },
 }
 
@@ -147,6 +165,27 @@ impl Binding {
         }
         let triangles = if heights.is_empty() { Vec::new() } else { cloth.triangles.clone() };
         Ok(Binding { cloth_vertices: vertices, triangles, feet, heights, farthest })
+    }
+
+    /// The render mesh's vertices for the GPU. `order` has the mesh's index of each vertex of the cloth.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn vertices_on_gpu(&self, order: &[u32]) -> Result<Vec<BoundVertex>, BindError> {
+        if order.len() != self.cloth_vertices {
+            return Err(BindError::OtherCloth { bound: self.cloth_vertices, vertices: order.len() });
+        }
+        let mut place = vec![0; order.len()];
+        order.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
+        let bound = |foot: &Foot| BoundVertex {
+            corners: foot.corners.map(|corner| place[corner as usize]),
+            weights: foot.weights,
+            ..BoundVertex::default()
+        };
+        let mut vertices: Vec<BoundVertex> = self.feet.iter().map(bound).collect();
+        for &Height { vertex, along, weights } in &self.heights {
+            let vertex = &mut vertices[vertex as usize];
+            (vertex.along, vertex.normal_weights) = (along, weights);
+        }
+        Ok(vertices)
     }
 
     /// The largest distance (m) of a render vertex from the cloth at rest. A large value means that one of the meshes

@@ -24,6 +24,17 @@ pub(crate) struct Excess {
     pub allowed: u64,
 }
 
+impl GpuFault {
+    /// In words.
+    pub(crate) fn reason(&self) -> String {
+        match self {
+            GpuFault::Lost => "it was lost".to_owned(),
+            GpuFault::Memory(reason) | GpuFault::Other(reason) => reason.clone(),
+            GpuFault::Limit(Excess { thing, needed, limit, allowed }) => format!("{thing} need {needed}, {limit} is {allowed}"),
+        }
+    }
+}
+
 impl From<String> for GpuFault {
     fn from(reason: String) -> GpuFault {
         GpuFault::Other(reason)

@@ -46,7 +46,7 @@ pub use glam;
 #[cfg(all(feature = "gpu", feature = "bench"))]
 pub use gpu::GpuStats;
 #[cfg(feature = "gpu")]
-pub use gpu::Surface;
+pub use gpu::{BoundMesh, Surface};
 pub use io::cache_form::CacheForm;
 pub use io::obj::ObjError;
 pub use io::obj_template::ObjTemplate;

@@ -4,7 +4,7 @@
 mod common;
 
 use cloth_deformer::glam::{DVec3, Vec3, Vec4};
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Gpu, Mesh, Options, Quality, wgpu};
+use cloth_deformer::{Attributes, Backend, Binding, Collider, Deformer, Fabric, Gpu, Mesh, Options, Quality, wgpu};
 use common::{FRAME, play, rms};
 
 /// A device with wgpu's default limits, as a renderer has it.
@@ -108,6 +108,44 @@ fn a_surface_is_the_cloth() {
             assert!(offset != Vec3::ZERO || expected[small].y > 0.99, "{}", expected[small]);
             play(&mut cloth, 4, &Attributes { wind: Vec3::new(1.0, 0.5, 2.0), air_density: 1.2, ..Attributes::default() });
         }
+    }
+}
+
+/// A finer mesh with a thickness, bound to a sheet that is bent and turned: on the GPU where it is on the CPU.
+#[test]
+fn a_bound_mesh_is_where_the_cpu_puts_it() {
+    let gpu = modest();
+    for offset in [Vec3::ZERO, Vec3::new(3.0, -2.0, 1.0)] {
+        let mut mesh = Mesh::grid(13, 11, 1.0, 0.9);
+        let wave = |k: usize, f: f32| (k as f32 * f).sin();
+        mesh.positions.iter_mut().enumerate().for_each(|(k, x)| *x += offset + 0.01 * Vec3::Y * wave(k, 0.7));
+        let mut drawn = Mesh::grid(40, 37, 1.02, 0.91);
+        drawn.positions.iter_mut().enumerate().for_each(|(k, x)| *x += offset + 0.02 * Vec3::Y * wave(k, 0.37).max(0.0));
+        let binding = Binding::new(&drawn, &mesh).unwrap();
+        let quality = Quality::Substeps(20);
+        let options =
+            Options { backend: Backend::Gpu, gpu: Some(gpu.clone()), quality, pinned: vec![0, 12], ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let bound = cloth.bind(&binding).unwrap().unwrap();
+        let mut expected = drawn.positions.clone();
+        for frame in 0..3 {
+            bound.apply();
+            let found: Vec<Vec4> = read(&gpu, bound.positions());
+            let origin = cloth.origin();
+            binding.apply(cloth.positions().unwrap(), &mut expected).unwrap();
+            assert_eq!(found.len(), expected.len());
+            let apart = |(found, expected): (&Vec4, &Vec3)| (found.truncate() + origin).distance(*expected);
+            let apart = found.iter().zip(&expected).map(apart).fold(0.0, f32::max);
+            assert!(apart <= 4e-6, "frame {frame}: {apart} m apart");
+            play(&mut cloth, 6, &Attributes { wind: Vec3::new(1.0, 0.5, 2.0), air_density: 1.2, ..Attributes::default() });
+        }
+        assert!(rms(&expected, &drawn.positions) > 0.02, "the cloth moved");
+        // A cloth of another mesh is refused, and one that is not on a GPU has nothing to bind to.
+        let other = Deformer::new(&Mesh::grid(3, 3, 1.0, 1.0), Options { backend: Backend::Cpu, ..Options::default() }).unwrap();
+        let refused = other.bind(&binding).unwrap_err().to_string();
+        assert!(refused.contains("143 vertices") && refused.contains("has 9"), "{refused}");
+        let cpu = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..Options::default() }).unwrap();
+        assert!(cpu.bind(&binding).unwrap().is_none());
     }
 }
 

@@ -7,16 +7,6 @@
 @group(1) @binding(3) var<storage, read> x: array<vec4f>;
 @group(1) @binding(4) var<storage, read_write> normals: array<vec4f>;
 
-// The unit vector along `sum`, or 0 if there is no area. Scaled before it is normalized, because squares of small areas
-// would underflow.
-fn unit(sum: vec3f) -> vec3f {
-    let largest = max(max(abs(sum.x), abs(sum.y)), abs(sum.z));
-    if largest < 1e-30 {
-        return vec3f();
-    }
-    return normalize(sum / largest);
-}
-
 @compute @workgroup_size(WORKGROUP)
 fn gather_normals(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);

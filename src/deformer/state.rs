@@ -6,10 +6,12 @@ use super::Deformer;
 use crate::attributes::{Collider, Shape};
 #[cfg(feature = "gpu")]
 use crate::backend::Engine;
+#[cfg(feature = "gpu")]
+use crate::binding::{BindError, Binding};
 use crate::contact::crossings::crossings;
 use crate::error::StepError;
 #[cfg(feature = "gpu")]
-use crate::gpu::Surface;
+use crate::gpu::{BoundMesh, Surface};
 use crate::limits::MAX_POSITION;
 use crate::measure::Measure;
 use crate::model::mesh::edges;
@@ -182,6 +184,23 @@ impl Deformer {
             Engine::Gpu(gpu) => {
                 let surface = gpu.surface(&self.cloth);
                 surface.map(Some).map_err(|failure| self.failed(failure))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Binds a render mesh to the cloth on its GPU. `binding` is to the mesh that this deformer was made of. After each call of
+    /// [`BoundMesh::apply`], the render mesh's vertices are where [`Binding::apply`] puts them, without a copy through the CPU.
+    /// `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
+    ///
+    /// # Errors
+    /// If the binding is to a mesh with another number of vertices, or the GPU was lost or has no room.
+    #[cfg(feature = "gpu")]
+    pub fn bind(&self, binding: &Binding) -> Result<Option<BoundMesh>, BindError> {
+        let vertices = binding.vertices_on_gpu(&self.cloth.order)?;
+        match &self.engine {
+            Engine::Gpu(gpu) => {
+                gpu.bind(&self.cloth, &vertices).map(Some).map_err(|fault| BindError::Gpu { reason: fault.reason() })
             }
             _ => Ok(None),
         }

@@ -12,11 +12,12 @@
 //! copies and is committed at its end if the [`watch`] finds nothing wrong with it, so a step that fails leaves the cloth as it was.
 //!
 //! Imports run down this list and never back: `shaders` and `stage` (a kernel and its buffers), `state` and `tiles`, the stages
-//! of a substep (`forces`, `multigrid`, `sweep`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`),
+//! of a substep (`forces`, `multigrid`, `sweep`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`, `bound_mesh`),
 //! `engine`.
 
 mod bend_tiles;
 mod bending;
+mod bound_mesh;
 mod commit;
 mod engine;
 mod forces;
@@ -41,6 +42,8 @@ mod tethers;
 mod tiles;
 mod watch;
 
+pub use bound_mesh::BoundMesh;
+pub(crate) use bound_mesh::BoundVertex;
 pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;
 pub(crate) use stage::{Bind, Stage};

@@ -38,6 +38,7 @@ shaders! {
     LEVELS_IN_WORKGROUP: "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
     LEVELS_PER_COLOR: "distance" "stages/levels_per_color";
     STATISTICS: "limits" "statistics" "stages/statistics";
-    NORMALS: "stages/normals";
+    NORMALS: "normal" "stages/normals";
+    FOLLOW: "normal" "stages/follow";
     EXCHANGE: "stages/exchange";
 }

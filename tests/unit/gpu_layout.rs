@@ -7,6 +7,7 @@ use std::mem::offset_of;
 use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
+use crate::gpu::BoundVertex;
 use crate::gpu::multigrid::Member;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
@@ -56,6 +57,7 @@ fn structs() -> Vec<Layout> {
         layout!(StrainGauge { ends, inverse_rest, weight }),
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
+        layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
 }

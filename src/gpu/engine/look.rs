@@ -4,6 +4,7 @@ use glam::Vec4;
 
 use super::GpuEngine;
 use crate::failure::Failure;
+use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
 use crate::gpu::statistics::Counter;
 use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::watch::Found;
@@ -113,5 +114,9 @@ impl GpuEngine {
             Ok(normals.surface.clone())
         })
         .map_err(Failure::Gpu)
+    }
+    /// A render mesh that follows the cloth, its vertices given.
+    pub(crate) fn bind(&self, cloth: &Cloth, vertices: &[BoundVertex]) -> Result<BoundMesh, GpuFault> {
+        BoundMesh::new(&self.gpu, cloth, &self.forces.states[0].x, vertices)
     }
 }

@@ -1,0 +1,74 @@
+//! A render mesh that follows a cloth on its GPU.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::device::{Entry, Gpu};
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Group, Stage};
+use crate::gpu::surface::Normals;
+use crate::gpu_fault::GpuFault;
+use crate::model::cloth::Cloth;
+
+/// A vertex of the render mesh as `stages/follow.wgsl` reads it; the corners are the cloth's own vertices.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(crate) struct BoundVertex {
+    pub corners: [u32; 3],
+    pub along: f32,
+    pub weights: [f32; 3],
+    pub padding_1: u32,
+    pub normal_weights: [f32; 3],
+    pub padding_2: u32,
+}
+
+/// A render mesh bound to a cloth on its GPU: [`Deformer::bind`](crate::Deformer::bind). It follows the cloth without a copy through the CPU.
+///
+/// It works on the cloth's own buffers, which stay the same as long as the [`Deformer`](crate::Deformer) does; once that is dropped it shows the
+/// cloth as it was last.
+#[derive(Debug)]
+pub struct BoundMesh {
+    positions: wgpu::Buffer,
+    gpu: Gpu,
+    normals: Normals,
+    /// No uniforms: the stage takes all numbers from its buffers.
+    uniforms: Group,
+    stage: Stage,
+    vertices: usize,
+}
+
+impl BoundMesh {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, x: &wgpu::Buffer, vertices: &[BoundVertex]) -> Result<BoundMesh, GpuFault> {
+        gpu.meets("the render mesh's vertices", size_of_val(vertices) as u64)?;
+        gpu.checked(|| {
+            let normals = Normals::new(gpu, cloth, x);
+            let bound = gpu.filled("bound vertices", vertices);
+            let size = (16 * vertices.len().max(1)) as u64;
+            let positions = gpu.buffer_for("render mesh", size, wgpu::BufferUsages::VERTEX);
+            let uniforms = Group::new(gpu, &[]);
+            let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[] };
+            let binds = vec![Bind::Read(&bound), Bind::Read(x), Bind::Read(&normals.surface.normals), Bind::Write(&positions)];
+            let stage = Stage::new(gpu, &uniforms, entry, &[binds]);
+            Ok(BoundMesh { positions, gpu: gpu.clone(), normals, uniforms, stage, vertices: vertices.len() })
+        })
+    }
+
+    /// The render mesh's vertices, in its order, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): a `vec4<f32>` each,
+    /// xyz (m) less [`Deformer::origin`](crate::Deformer::origin), w 1.
+    #[must_use]
+    pub fn positions(&self) -> &wgpu::Buffer {
+        &self.positions
+    }
+
+    /// Submits the computation of the positions, which follows all steps submitted so far. Call it in each frame, and submit what draws them to the
+    /// same queue, after this and before the next step.
+    pub fn apply(&self) {
+        self.normals.submit(&self.gpu);
+        let mut encoder = self.gpu.encoder();
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            self.uniforms.set(&mut pass, 0, &[]);
+            self.stage.dispatch(&mut pass, 0, &[], self.vertices);
+        }
+        self.gpu.queue().submit([encoder.finish()]);
+    }
+}
