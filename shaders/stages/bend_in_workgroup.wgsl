@@ -1,12 +1,13 @@
-// Bending of vertices that one workgroup holds together: between its passes it waits at a barrier, not for a dispatch. How their rings are
-// laid out in the table is in src/gpu/bend_rings.rs. A shader says where a vertex's row is (`row_of`) and the passes are (`bend_pass_at`,
-// `is_filtered`), where the slices of the rings start (`ring_slices`), where what they name is and how it last moved (`bent_x`, `bent_p`), and
-// how many vertices there is room for (`bend_room`) in the vectors that it keeps (`bend_vector`, `set_bend_vector`).
+// Bending of vertices that one workgroup holds together, so that its passes are separated by barriers and not by
+// dispatches. The layout of the rings in the table is in src/gpu/slices.rs. The including shader defines where a
+// vertex's row (`row_of`), the passes (`bend_pass_at`, `is_filtered`) and the slices of the rings (`ring_slices`) are,
+// the position and the last displacement of a vertex (`bent_x`, `bent_p`), and how the intermediate vectors are stored
+// (`bend_vector`, `set_bend_vector`), with room for `bend_room` vertices.
 
-// Vertices whose entries lie side by side, so that lanes read them together.
+// The number of vertices whose entries are interleaved, so that neighboring lanes read neighboring words.
 const SLICE: u32 = 32u;
 
-// Where a vertex's vectors are kept: pull and couple always, the others with several passes.
+// Positions of a vertex's vectors: moment (pull) and couple always, the others only with several passes.
 fn pull_of(k: u32) -> u32 {
     return k;
 }
@@ -31,13 +32,13 @@ fn resisted_of(k: u32) -> u32 {
     return 5u * bend_room() + k;
 }
 
-// The words of the entries of a vertex: one every three slices.
+// The words of a vertex's entries: one entry starts every `3 SLICE` words.
 fn ring_of(k: u32) -> Span {
     let slice = ring_slices() + k / SLICE;
     return Span(table[slice] + k % SLICE, table[slice + 1u]);
 }
 
-// An entry, whose vertex is named by its place here.
+// The neighbor of an entry is a position among the vertices held.
 fn entry_at(at: u32) -> BendEntry {
     return BendEntry(table[at], bitcast<f32>(table[at + SLICE]), bitcast<f32>(table[at + 2u * SLICE]));
 }

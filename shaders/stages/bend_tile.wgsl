@@ -1,6 +1,6 @@
-// Bending and the prediction of a tile of vertices, all passes in one dispatch. Beside its own vertices the workgroup holds the rings
-// around them that those depend on through the passes, and computes these too, without keeping them: each look at neighbors one ring
-// less.
+// Bending and prediction for a tile of vertices, with all passes in one dispatch. Besides its own vertices, the
+// workgroup holds the rings around them on which they depend through the passes. It recomputes those without storing
+// them; each stage covers one ring less than the one before.
 
 // Invocations of a workgroup, vertices that a tile has room for, numbers in workgroup memory, and whether there are several passes. How
 // many says the last of them.
@@ -10,14 +10,15 @@ override NUMBERS: u32 = 384u;
 override FILTERED: bool = false;
 
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
-// For each tile where its rings, its vertices and the slices of their entries are listed. Of rings how many there are around its own
-// vertices, and how many vertices it holds up to the end of each, its own first. The list of vertices goes one ring farther.
+// For each tile, where the list of its rings, the list of its vertices and the slices of their entries start. The list
+// of rings has their number, the number of the tile's own vertices, and the number of vertices up to the end of each
+// ring. The list of vertices has one more ring, which the outermost one reads.
 @group(1) @binding(5) var<storage, read> table: array<u32>;
 @group(1) @binding(6) var<uniform> bend_passes: array<BendPass, 16>;
 
 var<workgroup> numbers: array<f32, NUMBERS>;
 
-// Where the tile's vertices and slices are.
+// Where the tile's list of vertices and its slices start.
 var<private> list: u32;
 var<private> slices: u32;
 

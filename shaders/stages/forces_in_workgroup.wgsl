@@ -1,16 +1,18 @@
-// Bending and wind of a cloth that one workgroup steps: what they need is in its table, and what they keep behind the state, for workgroup
-// memory has room for displacements alone. A cloth that has neither has neither in its table.
+// Bending and wind of a cloth that is stepped by one workgroup. Their data is in the workgroup's table. Their
+// intermediate vectors are stored behind the state, because workgroup memory has room for displacements only. The table
+// of a cloth without these forces has no data for them.
 
-// Whether the table has bending and wind, where in it they start, and how many panels there are.
+// Whether the table has bending and wind, where they start in it, and the number of panels.
 override BENDS: bool = false;
 override BENDING: u32 = 0u;
 override BLOWS: bool = false;
 override WIND: u32 = 0u;
 override PANELS: u32 = 0u;
 
-// Of bending: how many passes there are, none if this step has no bending, and 16 of them; a row for each vertex; rings.
+// The table has, for bending: the number of passes in use (0 if the step has no bending), room for 16 passes, a row per
+// vertex, and the slices of the rings.
 const MOST_PASSES: u32 = 16u;
-// Vectors that bending keeps for a vertex.
+// Vectors that bending stores per vertex.
 const BEND_VECTORS: u32 = 6u;
 
 fn passes() -> u32 {
@@ -47,7 +49,7 @@ fn bend_room() -> u32 {
     return params.vertices;
 }
 
-// Behind positions and the displacements of levels.
+// Stored behind the positions and the displacements of the levels.
 fn bend_vector(at: u32) -> vec3f {
     return state[2u * params.vertices + at].xyz;
 }
@@ -64,7 +66,8 @@ fn bent_p(v: u32) -> vec3f {
     return displacement(v);
 }
 
-// The third of a panel's force that each of its corners takes, behind what bending keeps. One more is there, of no panel, and 0.
+// Where a panel's force on each of its corners is stored, behind the vectors of bending. Behind the last panel is a zero,
+// which pads the lists of panels around vertices.
 fn blown_at(panel: u32) -> u32 {
     return (2u + select(0u, BEND_VECTORS, BENDS)) * params.vertices + panel;
 }
@@ -92,7 +95,7 @@ fn blows() -> bool {
     return BLOWS && params.half_density > 0.0;
 }
 
-// What looks at neighbors, while displacements are still the last substep's.
+// The part of the forces that reads neighbors; displacements are still those of the last substep.
 fn gather_forces(lane: u32, now: Substep) {
     if blows() {
         for (var k = lane; k < PANELS; k += LANES) {
@@ -123,7 +126,7 @@ fn gather_forces(lane: u32, now: Substep) {
     }
 }
 
-// A displacement as predicted, and what the forces add to it.
+// A predicted displacement with the contribution of the forces added.
 fn pushed(v: u32, u: vec3f, now: Substep) -> vec3f {
     let kick = state[v].w * now.gain;
     var moved = u;

@@ -15,9 +15,10 @@ const MOST_HELD: usize = 12;
 /// Tiles as `stages/bend_tile.wgsl` reads them.
 #[derive(Debug)]
 pub(crate) struct BendTiles {
-    /// For each tile where in the table its rings, its vertices and the slices of their entries are; then those. Of the rings how many there
-    /// are, and how many vertices the tile holds up to the end of each, its own before all. The vertices go one ring farther, to what
-    /// the outermost look at. Entries name vertices by their places in that list.
+    /// For each tile, the words at which the list of its rings, the list of its vertices and the slices of their entries
+    /// start; then these. The list of rings has their number, the number of the tile's own vertices, and the number of
+    /// vertices up to the end of each ring. The list of vertices has one more ring, which the outermost one reads. Entries
+    /// refer to vertices by their positions in that list.
     pub table: Vec<u32>,
     pub count: usize,
     /// Most vertices that a tile holds.
@@ -60,7 +61,8 @@ impl BendTiles {
     }
 }
 
-/// Adds the entries of `count` vertices to a table, as `stages/bend_in_workgroup.wgsl` reads them; `place` is what it calls a vertex.
+/// Appends the entries of `count` vertices to a table, as `stages/bend_in_workgroup.wgsl` reads them. `place` is the position that
+/// stands for a vertex.
 pub(crate) fn push_rings<'a>(
     table: &mut Vec<u32>,
     count: usize,
@@ -68,12 +70,12 @@ pub(crate) fn push_rings<'a>(
     place: impl Fn(u32) -> u32,
 ) {
     let words = |entry: &BendEntry| [place(entry.other), entry.forward.to_bits(), entry.backward.to_bits()];
-    // The vertex itself, in no row.
+    // Padded with the vertex itself with coefficients of 0.
     push_slices(table, count, |k| entries(k).iter().map(words), |k| [k as u32, 0, 0]);
 }
 
-/// Some vertices, so many rings around them and one more, and how many there are up to the end of each ring but that one; none if there is
-/// no room for those. `place` is of none before, and says where each is after.
+/// A tile's own vertices followed by `rings` rings around them and one more, and the number of vertices up to the end of each
+/// ring but the last. `None` if there is no room for those. On return `place` has the position of each vertex.
 fn with_rings(
     own: Vec<u32>,
     entries: &Csr<BendEntry>,

@@ -1,11 +1,12 @@
-//! Lists of unequal length, laid out so that lanes beside each other read beside each other: the lists of a slice of vertices are stored
-//! item by item, each filled up to the longest of them (sliced ELLPACK: Monakov, Lokhmotov and Avetisyan 2010).
+//! Lists of unequal length in a layout for which neighboring lanes read neighboring words: the lists of a slice of vertices are
+//! interleaved item by item and padded to the longest of them (sliced ELLPACK; Monakov, Lokhmotov and Avetisyan 2010).
 
-/// Vertices whose items lie side by side: `SLICE` of `stages/bend_in_workgroup.wgsl`.
+/// The number of vertices in a slice: `SLICE` of `stages/bend_in_workgroup.wgsl`.
 pub(crate) const SLICE: usize = 32;
 
-/// Adds the lists of `count` vertices to a table: for each slice where in the table its items start, and the end of the last; then the items.
-/// Each is `W` words, all first words of a slice's items in a run, then all second ones. What fills up a vertex's list is `filler`.
+/// Appends the lists of `count` vertices to a table: first the word at which the items of each slice start, and the end of the
+/// last; then the items. An item has `W` words; the first words of one item of each vertex of a slice come first, then the
+/// second words, and so on. `filler` pads the list of a vertex.
 pub(crate) fn push_slices<const W: usize, I: ExactSizeIterator<Item = [u32; W]>>(
     table: &mut Vec<u32>,
     count: usize,

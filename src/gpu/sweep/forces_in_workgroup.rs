@@ -1,4 +1,5 @@
-//! Bending and wind of a cloth that one workgroup steps: the part of its table that is theirs, as `stages/forces_in_workgroup.wgsl` reads it.
+//! Bending and wind of a cloth that is stepped by one workgroup: their part of its table, as
+//! `stages/forces_in_workgroup.wgsl` reads it.
 
 use crate::device::Gpu;
 use crate::gpu::bend_tiles::push_rings;
@@ -8,24 +9,24 @@ use crate::model::cloth::Cloth;
 use crate::step::bending::MOST_PASSES;
 use crate::step::plan::Plan;
 
-/// Vectors that bending keeps for a vertex: `BEND_VECTORS` of the shader.
+/// Vectors that bending stores per vertex: `BEND_VECTORS` of the shader.
 pub(crate) const BEND_VECTORS: usize = 6;
-/// A pass that filters nothing.
+/// A single pass, without a filter.
 const ONCE: BendPass = BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 };
 
-/// Which forces a table has, and where they begin.
+/// The forces that a table has data for, and where that starts.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ForceTable {
     pub bends: bool,
     pub blows: bool,
-    /// Words.
+    /// In words.
     bending: usize,
     wind: usize,
     panels: usize,
 }
 
 impl ForceTable {
-    /// Adds what the forces need to a table; the passes and rows are sent with each length of substep.
+    /// Appends the data of the forces to a table. [`ForceTable::send`] fills in the passes and rows, which depend on the substep.
     pub(crate) fn push(table: &mut Vec<u32>, cloth: &Cloth, [bends, blows]: [bool; 2]) -> ForceTable {
         let (vertices, bending) = (cloth.rest.len(), table.len());
         if bends {
@@ -44,13 +45,13 @@ impl ForceTable {
         ForceTable { bends, blows, bending, wind, panels }
     }
 
-    /// Vectors that the forces keep.
+    /// The number of vectors that the forces store.
     pub(crate) fn vectors(&self, vertices: usize) -> usize {
         let bent = if self.bends { BEND_VECTORS * vertices } else { 0 };
         bent + if self.blows { self.panels + 1 } else { 0 }
     }
 
-    /// What the shader is told.
+    /// The values of the shader's overrides.
     pub(crate) fn constants(&self) -> [(&'static str, f64); 5] {
         let flags = [("BENDS", self.bends), ("BLOWS", self.blows)].map(|(name, is)| (name, f64::from(u8::from(is))));
         let words = [("BENDING", self.bending), ("WIND", self.wind), ("PANELS", self.panels)];
@@ -59,7 +60,7 @@ impl ForceTable {
         [bends, blows, bending, wind, panels]
     }
 
-    /// Sends the passes and the rows of a plan to a table.
+    /// Writes the passes and rows of a plan to a table.
     pub(crate) fn send(&self, gpu: &Gpu, plan: &Plan<'_>, table: &wgpu::Buffer) {
         if !self.bends {
             return;
@@ -75,7 +76,7 @@ impl ForceTable {
     }
 }
 
-/// The number of passes, the passes, and a row for each vertex.
+/// Words of the number of passes, the passes, and a row per vertex.
 fn words_that_change(vertices: usize) -> usize {
     1 + 4 * MOST_PASSES + 3 * vertices
 }
