@@ -249,8 +249,8 @@ fn a_preview_of_few_frames_has_few_cells() {
     }
 }
 
-/// An animation shows every other frame of 60 a second, in the run's own time and over and over; every frame of 24 a second. What does not change is
-/// not in it again: put together, its frames are whole pictures.
+/// An animation plays in real time and repeats forever. At 60 frames per second it shows every other frame, at 24 every
+/// frame. Its frames contain only what changes, and together they are complete pictures.
 #[test]
 fn an_animation_plays_in_the_run_s_own_time() {
     for (fps, frames, delay) in [("60", 4, 33), ("24", 7, 42)] {

@@ -375,8 +375,8 @@ fn a_body_comes_from_numbered_files() {
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "9"]), 2, &["body_07.obj", "first frame"]);
 }
 
-/// The colors of two cloths, seen from the side from which their triangles are counter-clockwise and from the other; an animation begins when it is told
-/// to, and has a frame in any case.
+/// Two cloths have the colors that the scene sets for each of their sides. The animation begins at the time that the scene
+/// sets, and has at least one frame.
 #[test]
 fn a_picture_is_as_the_scene_says() {
     let cloth = |x: i32, color: &str, lining: &str| {

@@ -206,7 +206,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.png")]
     pub(crate) preview: Option<PathBuf>,
 
-    /// The run as a moving picture in its own time, at most 30 frames a second: a PNG file that browsers play
+    /// Draw an animation of the run in real time, with at most 30 frames per second: an animated PNG, which browsers play
     #[arg(long, value_name = "FILE.png")]
     pub(crate) animate: Option<PathBuf>,
 

@@ -1,7 +1,7 @@
-//! An animation: a PNG file of several frames (APNG), which browsers play.
+//! An animated PNG (APNG), which browsers play.
 //!
-//! Its colors are a palette of 255, chosen once for all frames, and each frame holds the rectangle that differs from the last one, with the
-//! pixels that stay transparent: a tenth of the size of full color.
+//! All frames share a palette of 255 colors. Each frame contains only the rectangle that differs from the last one, and
+//! within it pixels that do not change are transparent. The file is a tenth of the size of one in full color.
 
 use color_quant::NeuQuant;
 use rayon::prelude::*;
@@ -11,17 +11,17 @@ use super::{Cell, Look};
 
 /// Size of the picture (pixels).
 const SIZE: [usize; 2] = [480, 360];
-/// The index of the palette that shows what was there before.
+/// The transparent index of the palette: the pixel keeps its last color.
 const STAYS: u8 = 0;
-/// Every so many pixels one takes part in the choice of the palette.
+/// One in this many pixels is a sample for the choice of the palette.
 const SAMPLED: usize = 37;
-/// How far a color may be from what is shown for the pixel to stay: the squared distance in sRGB, of 255 each.
+/// A pixel keeps its last color if its squared distance in sRGB (0 to 255 per channel) to the new one is at most this.
 const NEAR: i32 = 40;
 
-/// Draws each frame; returns the bytes of a PNG file that shows `every` th frame of a run of so many frames a second, over and over.
+/// Draws the frames. Returns an APNG file that repeats forever and shows each frame for `delay` seconds.
 ///
 /// # Errors
-/// If the PNG encoder refuses; an animation of no frames is not a picture.
+/// If the PNG encoder fails, as it does without frames.
 pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, delay: f32) -> Result<Vec<u8>, png::EncodingError> {
     let [width, height] = SIZE;
     let stage = Stage::new(frames, triangles, look, SIZE);
@@ -48,7 +48,7 @@ pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, de
             let place = |index: usize| if axis == 0 { index % width } else { index / width };
             let places = changed.iter().enumerate().filter(|&(_, &color)| color != STAYS).map(|(index, _)| place(index));
             let (low, high) = places.fold((usize::MAX, 0), |(low, high), place| (low.min(place), high.max(place)));
-            // A frame is a pixel at least.
+            // A frame must have at least one pixel.
             if low > high { 0..1 } else { low..high + 1 }
         });
         writer.set_frame_position(0, 0)?;
@@ -61,7 +61,7 @@ pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, de
     Ok(file)
 }
 
-/// 255 colors, after one that shows what was there before.
+/// 255 colors after the transparent one.
 struct Palette {
     colors: Vec<[u8; 3]>,
 }
@@ -76,7 +76,7 @@ impl Palette {
         Palette { colors }
     }
 
-    /// Shows a picture: the colors that change, and [`STAYS`] for those that do not.
+    /// Converts a picture to indices: new colors where it changes `shown`, otherwise [`STAYS`]. Updates `shown`.
     fn change(&self, shown: &mut [u8], picture: &[[u8; 3]]) -> Vec<u8> {
         let change = |(shown, &wanted): (&mut u8, &[u8; 3])| {
             if *shown != STAYS && distance(self.colors[usize::from(*shown)], wanted) <= NEAR {

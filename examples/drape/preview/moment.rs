@@ -1,4 +1,4 @@
-//! The scene in one frame, and how it is drawn.
+//! Draws the scene in one frame.
 
 use cloth_deformer::glam::{Vec3, Vec3Swizzles};
 use cloth_deformer::{Collider, Mesh, Shape};
@@ -9,11 +9,11 @@ use super::shapes::{collider_normal, corners, shrunk, trace};
 use super::view::{Frame, rasterise};
 use super::{Cell, Look};
 
-/// Samples a pixel, along each side.
+/// Samples per pixel in each direction.
 const SAMPLES: usize = 3;
-/// Colliders that are farther from the cloth than this share of its size need not be in sight.
+/// The camera need not see colliders that are farther from the cloth than this share of its size.
 const AROUND: f32 = 0.46;
-/// The softness that a shadow may have.
+/// The largest [`Lamp::softness`].
 const MOST_SOFTNESS: usize = 5;
 
 /// What all frames share.
@@ -24,14 +24,14 @@ pub(super) struct Stage<'a> {
     height: usize,
     camera: Frame,
     lamps: [Lamp; 2],
-    /// Middle and radius of all that moves or stands there (m).
+    /// Center and radius (m) of a sphere around everything that the camera must see.
     middle: Vec3,
     radius: f32,
-    /// The cloth's longest edge (m) in the first frame.
+    /// The longest edge of the cloth (m) in the first frame.
     edge: f32,
 }
 
-/// A light that casts shadows: its view, texels of its map along each side, and how far its shadows are smoothed (texels).
+/// A light with a shadow map: its view, the texels per side of the map, and the radius of the filter (texels).
 struct Lamp {
     frame: Frame,
     texels: usize,
@@ -39,7 +39,7 @@ struct Lamp {
 }
 
 impl<'a> Stage<'a> {
-    /// For pictures of `width` times `height` pixels of these frames.
+    /// For pictures of these frames with the given width and height (pixels).
     pub(super) fn new(frames: &[Cell], triangles: &'a [[u32; 3]], look: &'a Look, [width, height]: [usize; 2]) -> Stage<'a> {
         let mut points: Vec<Vec3> = frames.iter().flat_map(|cell| cell.positions.iter().copied()).collect();
         let (low, high) = bounds(&points);
@@ -55,7 +55,7 @@ impl<'a> Stage<'a> {
             width,
             height,
             camera: Frame::perspective(&points, look.from, width as f32 / height as f32),
-            // The sun, and the sky as a very soft light from above.
+            // The sun, and the sky, which is a very soft light from above.
             lamps: [
                 Lamp { frame: Frame::parallel(middle, radius, SUN), texels: 512, softness: 3 },
                 Lamp { frame: Frame::parallel(middle, radius, Vec3::Y), texels: 96, softness: MOST_SOFTNESS },
@@ -66,7 +66,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// One frame, in sRGB.
+    /// Draws a frame, in sRGB.
     pub(super) fn draw(&self, cell: &Cell) -> Vec<[u8; 3]> {
         let colliders = cell.colliders.iter().map(|collider| shrunk(collider, self.edge, self.radius)).collect();
         let normals_of = |collider: &Collider| body(collider).map(|mesh| vertex_normals(&mesh.positions, &mesh.triangles));
@@ -98,18 +98,18 @@ impl<'a> Stage<'a> {
 struct Moment<'a> {
     stage: &'a Stage<'a>,
     positions: &'a [Vec3],
-    /// Normals at the cloth's vertices.
+    /// Vertex normals of the cloth.
     normals: Vec<Vec3>,
-    /// The colliders, a little smaller than they are: see [`shrunk`].
+    /// The colliders, slightly shrunk: see [`shrunk`].
     colliders: Vec<Collider>,
-    /// Normals at the vertices of those that are meshes.
+    /// Vertex normals of the mesh colliders; empty for other colliders.
     body_normals: Vec<Vec<Vec3>>,
-    /// How near to each lamp what it sees is.
+    /// The shadow map of each light.
     shadows: [Vec<f32>; 2],
 }
 
 impl Moment<'_> {
-    /// What `frame` sees through the middle of each of its samples.
+    /// Determines what `frame` sees through the center of each sample.
     fn visible(&self, frame: &Frame, width: usize, height: usize) -> Vec<Sample> {
         let mut samples: Vec<Sample> = (0..width * height)
             .map(|index| {
@@ -141,7 +141,7 @@ impl Moment<'_> {
         samples
     }
 
-    /// Light that reaches the camera through one sample, linear.
+    /// The light that reaches the camera through a sample, linear.
     fn shade(&self, sample: &Sample, column: usize, row: usize) -> Vec3 {
         let (stage, rows) = (self.stage, self.stage.height * SAMPLES);
         let (origin, direction) = stage.camera.ray(column, row, stage.width * SAMPLES, rows);
@@ -160,7 +160,7 @@ impl Moment<'_> {
                 let side = if flat.dot(to_eye) >= 0.0 { 1.0 } else { -1.0 };
                 let facing = side * interpolate(point, corners, triangle.map(|vertex| self.normals[vertex]));
                 let albedo = sides[usize::from(side < 0.0)];
-                // What the sun reaches is in front of the cloth, or behind it.
+                // The sun lights either the visible side of the cloth or the far side, from where light shines through.
                 let behind = if facing.dot(SUN) < 0.0 { self.lit(0, point, -side * flat) } else { 0.0 };
                 surface(albedo, facing, self.reach(point, side * flat)) + thin(albedo, facing, to_eye, behind)
             }
@@ -190,11 +190,11 @@ impl Moment<'_> {
         Reach { sun: self.lit(0, point, facing), sky: self.lit(1, point, facing) }
     }
 
-    /// Part of a lamp's light that reaches `point`: the shadow map's neighborhood, weighted by distance, so that shadows are soft.
+    /// The share of a light that reaches `point`: the shadow map, filtered with a Gaussian, so that shadows are soft.
     fn lit(&self, lamp: usize, point: Vec3, facing: Vec3) -> f32 {
         let (Lamp { frame, texels, softness }, shadow) = (&self.stage.lamps[lamp], &self.shadows[lamp]);
         let slope = 1.0 - facing.dot(frame.back()).clamp(0.0, 1.0);
-        // A texel is wide: lift the point off its own surface, the more the more the light grazes it.
+        // Because texels are wide, the point is lifted off its own surface, more at grazing incidence.
         let lifted = point + facing * self.stage.radius * (0.010 + 0.014 * slope) * (512.0 / *texels as f32).sqrt();
         let at = frame.project(lifted, *texels, *texels);
         let first = at.xy().floor() - *softness as f32;
@@ -218,10 +218,10 @@ impl Moment<'_> {
         light / total
     }
 
-    /// How near to a lamp what it sees is: a number that grows toward it.
+    /// The shadow map of a light: the nearness of what it sees in each texel.
     fn shadow(&self, lamp: &Lamp) -> Vec<f32> {
         let seen = self.visible(&lamp.frame, lamp.texels, lamp.texels);
-        // A floor shades nothing, and would shade itself at the map's resolution.
+        // Planes cast no shadow on anything, but would cast one on themselves at the map's resolution.
         seen.iter().map(|sample| if self.is_plane(sample.thing) { f32::NEG_INFINITY } else { sample.nearness }).collect()
     }
 
@@ -230,7 +230,7 @@ impl Moment<'_> {
     }
 }
 
-/// What is seen through one sample, and how near: a number that grows toward the eye and is linear on the screen.
+/// What a sample shows. `nearness` increases toward the camera and is linear in screen space.
 #[derive(Clone, Copy)]
 struct Sample {
     nearness: f32,
@@ -248,11 +248,11 @@ enum Thing {
     Nothing,
     Triangle(usize),
     Collider(usize),
-    /// A triangle of a collider that is a mesh.
+    /// A triangle of a mesh collider: indices of the collider and of the triangle.
     Body(usize, usize),
 }
 
-/// The mesh of a collider that is one.
+/// The mesh of a mesh collider.
 fn body(collider: &Collider) -> Option<&Mesh> {
     if let Shape::Mesh { mesh } = &collider.shape { Some(mesh) } else { None }
 }

@@ -2,7 +2,7 @@
 
 use cloth_deformer::glam::Vec3;
 
-/// Toward the sun.
+/// The direction toward the sun.
 pub(super) const SUN: Vec3 = Vec3::new(-0.80, 1.20, 0.72);
 
 /// Colors in linear light.
@@ -13,40 +13,41 @@ const ZENITH: Vec3 = Vec3::new(0.62, 0.69, 0.78);
 const SUNLIGHT: Vec3 = Vec3::new(1.04, 1.01, 0.96);
 const SKYLIGHT: Vec3 = Vec3::new(0.92, 0.98, 1.08);
 
-/// How much of the sun's light, and of the sky's, reaches a point: 0 to 1.
+/// The shares of the sun's and the sky's light that reach a point, from 0 to 1.
 #[derive(Clone, Copy)]
 pub(super) struct Reach {
     pub(super) sun: f32,
     pub(super) sky: f32,
 }
 
-/// What is behind everything, at a height of the picture from 0 to 1.
+/// The background at a height from 0 (bottom) to 1 (top) of the picture.
 pub(super) fn backdrop(height: f32) -> Vec3 {
     HORIZON.lerp(ZENITH, height.powf(1.5))
 }
 
-/// A matt surface under the sun, with the sky above and the light that the ground throws back.
+/// A matte surface lit by the sun, the sky above and light from the ground.
 pub(super) fn surface(albedo: Vec3, facing: Vec3, reach: Reach) -> Vec3 {
     let sun = reach.sun * facing.dot(SUN.normalize()).max(0.0) * SUNLIGHT;
     let sky = (0.25 + 0.16 * facing.y) * (0.45 + 0.55 * reach.sky) * SKYLIGHT;
     albedo * (sun + sky)
 }
 
-/// What cloth has beside a matt surface: of the sun behind it some light comes through, in its color twice over, and where it is seen at a
-/// grazing angle it scatters a faint sheen.
+/// What thin cloth adds to a matte surface: light of the sun behind it that shines through, tinted by the fabric, and a
+/// faint sheen at grazing angles.
 pub(super) fn thin(albedo: Vec3, facing: Vec3, to_eye: Vec3, behind: f32) -> Vec3 {
     let through = 0.22 * behind * (-facing.dot(SUN.normalize())).max(0.0) * SUNLIGHT;
     let sheen = 0.07 * (1.0 - facing.dot(to_eye).clamp(0.0, 1.0)).powi(3);
     albedo * (albedo + 0.25) * through + sheen * HORIZON
 }
 
-/// The sun in a smooth surface.
+/// The highlight of the sun on a smooth surface.
 pub(super) fn gloss(facing: Vec3, to_eye: Vec3, reach: Reach) -> Vec3 {
     let half = (to_eye + SUN.normalize()).normalize();
     Vec3::splat(0.18 * reach.sun * facing.dot(half).max(0.0).powi(40))
 }
 
-/// The color of a plane's tile at `at`; a tile is about a sixth of a scene of some radius (m) about `middle`.
+/// The color of a checkered plane at `at`. A tile is a third of `radius` wide, the radius of the scene (m) around
+/// `middle`.
 pub(super) fn checker(middle: Vec3, radius: f32, on: Vec3, normal: Vec3, at: Vec3) -> Vec3 {
     let (u, v) = normal.normalize().any_orthonormal_pair();
     let origin = middle - normal.normalize() * (middle - on).dot(normal.normalize());
@@ -54,13 +55,13 @@ pub(super) fn checker(middle: Vec3, radius: f32, on: Vec3, normal: Vec3, at: Vec
     TILES[usize::from(tile(u) != tile(v))]
 }
 
-/// From 0 below `low` to 1 above `high`.
+/// Increases smoothly from 0 at `low` to 1 at `high`.
 pub(super) fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Linear light to sRGB (IEC 61966-2-1), 8 bits.
+/// Converts linear light to 8-bit sRGB (IEC 61966-2-1).
 pub(super) fn srgb(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|x| {
         let x = x.clamp(0.0, 1.0);

@@ -1,4 +1,4 @@
-//! A contact sheet: frames side by side.
+//! A contact sheet: several frames in one picture.
 
 use rayon::prelude::*;
 
@@ -8,17 +8,17 @@ use super::{Cell, Look};
 /// Size of a cell (pixels).
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
-/// Cells side by side.
+/// Cells per row.
 const COLUMNS: usize = 4;
-/// White line between cells (pixels).
+/// Width of the white lines between cells (pixels).
 const GAP: usize = 2;
-/// The color of numbers (sRGB).
+/// Color of the frame numbers (sRGB).
 const INK: [u8; 3] = [63, 69, 79];
 
-/// Draws each frame into a cell of its own, row by row, four to a row; returns the picture as a PNG file's bytes.
+/// Draws each frame into a cell, row by row, four to a row. Returns a PNG file.
 ///
 /// # Errors
-/// If the PNG encoder refuses; a sheet without cells is not a picture.
+/// If the PNG encoder fails, as it does without frames.
 pub(crate) fn contact_sheet(frames: &[Cell], triangles: &[[u32; 3]], look: &Look) -> Result<Vec<u8>, png::EncodingError> {
     let stage = Stage::new(frames, triangles, look, [WIDTH, HEIGHT]);
     let draw = |cell: &Cell| {
@@ -50,9 +50,9 @@ pub(crate) fn contact_sheet(frames: &[Cell], triangles: &[[u32; 3]], look: &Look
     Ok(file)
 }
 
-/// Writes a number into the cell's upper left corner.
+/// Draws a number into the upper left corner of a cell.
 fn label(pixels: &mut [[u8; 3]], number: u32) {
-    /// Rows of each digit from the top, three bits a row.
+    /// The rows of each digit from the top, three bits per row.
     const DIGITS: [[u8; 5]; 10] = [
         [7, 5, 5, 5, 7],
         [2, 6, 2, 2, 7],

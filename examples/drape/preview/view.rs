@@ -1,19 +1,20 @@
-//! Views of a scene: the camera's and the light's, and what of a triangle they see.
+//! Views of the scene from the camera and the lights, with projection and rasterization.
 
 use std::ops::Range;
 
 use cloth_deformer::glam::{Vec2, Vec3, Vec3Swizzles};
 
-/// Tangent of half the vertical angle of view: a long lens, so that pictures of a motion compare well.
+/// Tangent of half the vertical angle of view. The angle is small, so that the perspective changes little during a
+/// motion.
 const LENS: f32 = 0.22;
 
-/// A view of the scene: where from, along which axes, and whether the rays spread.
+/// A view: its origin, its axes, and whether it is a perspective or an orthographic projection.
 pub(super) struct Frame {
     eye: Vec3,
     right: Vec3,
     up: Vec3,
     back: Vec3,
-    /// Half the view's height (m): at depth 1 m if the rays spread, everywhere if they are parallel.
+    /// Half of the view's height (m): at a depth of 1 m in perspective, at every depth otherwise.
     half: f32,
     spreads: bool,
 }
@@ -25,13 +26,14 @@ impl Frame {
         Frame { eye, right, up: back.cross(right), back, half, spreads }
     }
 
-    /// The camera: it looks along `-toward`, from as near as it can with every point in sight of a picture `aspect` times as wide as high.
+    /// The camera: it looks along `-toward` from the shortest distance at which every point is inside a picture
+    /// `aspect` times as wide as high.
     pub(super) fn perspective(points: &[Vec3], toward: Vec3, aspect: f32) -> Frame {
         const MARGIN: f32 = 1.06;
         let mut frame = Frame::toward(Vec3::ZERO, toward, LENS, true);
         let local: Vec<Vec3> =
             points.iter().map(|point| Vec3::new(point.dot(frame.right), point.dot(frame.up), point.dot(frame.back))).collect();
-        // A point is in sight when |x| <= slope (eye.z - z): each side's plane is as far out as its outermost point.
+        // A point is inside when |x| <= slope (eye.z - z), so the outermost points determine the plane of each side.
         let side = |slope: f32, axis: fn(&Vec3) -> f32| {
             let most = |sign: f32| local.iter().map(|p| sign * axis(p) + slope * p.z).fold(f32::NEG_INFINITY, f32::max);
             let (high, low) = (most(1.0), most(-1.0));
@@ -40,18 +42,18 @@ impl Frame {
         let (x, far_x) = side(LENS * aspect / MARGIN, |p| p.x);
         let (y, far_y) = side(LENS / MARGIN, |p| p.y);
         let nearest = local.iter().map(|p| p.z).fold(f32::NEG_INFINITY, f32::max);
-        // A single point has no size to fit: stand a step back from it.
+        // Points without extent allow any distance; keep a small one.
         let z = far_x.max(far_y).max(nearest + 1e-3 * (1.0 + nearest.abs()));
         frame.eye = x * frame.right + y * frame.up + z * frame.back;
         frame
     }
 
-    /// A lamp's view: parallel rays along `-toward` around everything within `radius` of `middle`.
+    /// A light's view: parallel rays along `-toward` that cover a sphere.
     pub(super) fn parallel(middle: Vec3, radius: f32, toward: Vec3) -> Frame {
         Frame::toward(middle + 2.0 * radius * toward.normalize(), toward, 1.02 * radius, false)
     }
 
-    /// The ray through the middle of a sample: origin, and a direction that is 1 m long along the view.
+    /// The ray through the center of a sample: its origin, and a direction with a component of 1 m along the view.
     pub(super) fn ray(&self, column: usize, row: usize, width: usize, height: usize) -> (Vec3, Vec3) {
         let pixel = 2.0 * self.half / height as f32;
         let x = (column as f32 + 0.5 - 0.5 * width as f32) * pixel;
@@ -60,7 +62,7 @@ impl Frame {
         if self.spreads { (self.eye, across - self.back) } else { (self.eye + across, -self.back) }
     }
 
-    /// Column, row and nearness of a point.
+    /// The column, row and nearness of a point.
     pub(super) fn project(&self, point: Vec3, width: usize, height: usize) -> Vec3 {
         let seen = point - self.eye;
         let depth = -seen.dot(self.back);
@@ -70,7 +72,7 @@ impl Frame {
         Vec3::new(x, y, self.nearness(depth))
     }
 
-    /// The direction against which it looks, along its middle; of length 1.
+    /// The unit vector opposite to the direction of view.
     pub(super) fn back(&self) -> Vec3 {
         self.back
     }
@@ -84,10 +86,10 @@ impl Frame {
     }
 }
 
-/// Calls `fill(index, nearness)` for every sample whose middle the triangle covers, whichever way round it is.
+/// Calls `fill(index, nearness)` for every sample whose center the triangle covers, whatever its orientation.
 pub(super) fn rasterise([a, b, c]: [Vec3; 3], width: usize, height: usize, mut fill: impl FnMut(usize, f32)) {
     let area = (b - a).xy().perp_dot((c - a).xy());
-    // Not `area == 0.0`: what is not finite has no inside either.
+    // Not `area == 0.0`, to exclude NaN and infinity as well.
     if !(area.abs() > 0.0 && area.is_finite()) {
         return;
     }

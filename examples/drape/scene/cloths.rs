@@ -31,7 +31,7 @@ pub(super) struct Cloths {
     pub(super) template: Option<ObjTemplate>,
     pub(super) fabric: Fabric,
     pub(super) pins: Vec<Group>,
-    /// What each looks like.
+    /// The colors of each cloth.
     pub(super) pieces: Vec<Piece>,
     /// Files that were read. Outputs must not overwrite them, and the receipt names them.
     pub(super) files: Vec<PathBuf>,

@@ -159,10 +159,11 @@ pub(crate) struct Cloth {
     pub(crate) fabric: Option<Fabric>,
     /// Its pins.
     pub(crate) pin: Vec<Spanned<Pin>>,
-    /// Its color in pictures (sRGB: red, green, blue from 0 to 1): of the side from which its triangles are counter-clockwise. Red.
+    /// Color in pictures (sRGB: red, green and blue from 0 to 1) of the side from which its triangles are
+    /// counterclockwise. Red.
     #[serde(deserialize_with = "maybe")]
     pub(crate) color: Option<Color>,
-    /// Of the other side. Tan.
+    /// Color of the other side. Tan.
     #[serde(deserialize_with = "maybe")]
     pub(crate) lining: Option<Color>,
 }
@@ -292,14 +293,14 @@ pub(crate) enum ShapeName {
     Mesh,
 }
 
-/// How the run is drawn: a preview, an animation.
+/// Settings of the preview and the animation.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Picture {
     /// The direction from the scene toward the camera; any length but 0. [0.52, 0.5, 1].
     #[serde(deserialize_with = "maybe")]
     pub(crate) from: Option<Direction>,
-    /// The time (s) from which on a frame is in an animation. 0.
+    /// The time (s) of the first frame in the animation. 0.
     pub(crate) begin: Option<NotNegative>,
 }
 
@@ -316,7 +317,7 @@ pub(crate) struct Output {
     pub(crate) pc2: Option<PathBuf>,
     /// A contact sheet of twelve frames (PNG).
     pub(crate) preview: Option<PathBuf>,
-    /// The run as a moving picture (PNG).
+    /// An animation of the run (animated PNG).
     pub(crate) animation: Option<PathBuf>,
     /// Measurements of every frame (JSON).
     pub(crate) report: Option<PathBuf>,

@@ -66,7 +66,7 @@ impl Value for Extent {
     }
 }
 
-/// A vector that has a direction.
+/// A unit vector, read from a vector of any length but 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Direction(pub(crate) Vec3);
 

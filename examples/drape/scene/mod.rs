@@ -110,12 +110,12 @@ impl Scene {
         1.0 / self.outputs.fps
     }
 
-    /// Every so many frames one is in an animation: at most 30 in a second.
+    /// The number of frames from one frame of the animation to the next, so that it has at most 30 per second.
     pub(crate) fn animated_every(&self) -> u32 {
         (self.outputs.fps / 30.0).ceil().max(1.0) as u32
     }
 
-    /// Whether an animation shows a frame.
+    /// Whether the animation contains a frame.
     pub(crate) fn is_animated(&self, frame: u32) -> bool {
         let first = (1.0 + (self.look.begin * self.outputs.fps).ceil()).min(self.outputs.frames as f32) as u32;
         frame >= first && (frame - first).is_multiple_of(self.animated_every())
