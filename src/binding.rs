@@ -62,18 +62,18 @@ pub enum BindError {
         /// Number of vertices.
         expected: usize,
     },
-    /// The binding is to another mesh than the cloth's.
+    /// The binding was made for another mesh than the cloth's.
     #[error(
-        "the binding is to a mesh of {bound} vertices, but the cloth has {vertices}; bind to the mesh that the deformer was made of"
+        "the binding was made for a mesh of {bound} vertices, but the cloth has {vertices}; make it with the deformer's mesh"
     )]
     OtherCloth {
-        /// Number of vertices of the mesh that the binding is to.
+        /// Number of vertices of the mesh that the binding was made for.
         bound: usize,
         /// Number of vertices of the cloth.
         vertices: usize,
     },
     /// The GPU was lost or is out of memory.
-    #[error("the render mesh could not be brought to the GPU: {reason}; use Binding::apply on the CPU")]
+    #[error("the render mesh could not be uploaded to the GPU: {reason}; use Binding::apply on the CPU instead")]
     Gpu {
         /// The device's message.
         reason: String,

@@ -9,11 +9,12 @@ use crate::step::controller::{Caution, Controller, LEAST, Promise, excess, most}
 use crate::step::load::Load;
 use crate::step::substep_count::{FRAMES, is_gale};
 
-/// The number of vertices from which levels pay on a GPU when the substeps are chosen by a promise.
+/// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
-/// A substep costs 6 us without levels on an H200 and 35 us with them, whatever the size below 16,384 vertices: their colors wait for one
-/// another. Without levels 4,000 vertices take 1.3 to 2.5 times as many substeps for the same promise, 14,161 take 3.6 times
-/// (`benches/results/quality.md`), and a hung sheet of 65,536 takes 11 times (`gpu_h200.md`). Times are equal near 8,600.
+/// On an H200 a substep takes 6 us without levels and 35 us with them, at any size below 16,384 vertices, because the
+/// levels' colors are swept one after another. Without levels, cloths of 4,000 vertices take 1.3 to 2.5 times as many
+/// substeps for the same bound, one of 14,161 takes 3.6 times (`benches/results/quality.md`), and a hung sheet of 65,536
+/// takes 11 times (`gpu_h200.md`). The times are equal near 8,600 vertices.
 const LEVELS_PAY: usize = 8192;
 
 impl Deformer {
@@ -55,7 +56,7 @@ impl Deformer {
         }
     }
 
-    /// Whether a step keeps its promise by more substeps in place of coarse levels, which cost more than those on a GPU.
+    /// Whether a step on a GPU keeps the bound on strain with more substeps instead of levels, because they take less time.
     pub(super) fn trades_levels(&self, attributes: &Attributes) -> bool {
         let may = match self.options.levels {
             Levels::Auto => self.cloth.rest.len() < LEVELS_PAY,

@@ -189,12 +189,12 @@ impl Deformer {
         }
     }
 
-    /// Binds a render mesh to the cloth on its GPU. `binding` is to the mesh that this deformer was made of. After each call of
-    /// [`BoundMesh::apply`], the render mesh's vertices are where [`Binding::apply`] puts them, without a copy through the CPU.
-    /// `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
+    /// Binds a render mesh to the cloth on its GPU. `binding` must have been made for the mesh of this deformer.
+    /// [`BoundMesh::apply`] then computes the positions that [`Binding::apply`] would, without a copy through the CPU.
+    /// Returns `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
     ///
     /// # Errors
-    /// If the binding is to a mesh with another number of vertices, or the GPU was lost or has no room.
+    /// If the binding was made for a mesh with another number of vertices, or the GPU was lost or has no room.
     #[cfg(feature = "gpu")]
     pub fn bind(&self, binding: &Binding) -> Result<Option<BoundMesh>, BindError> {
         let vertices = binding.vertices_on_gpu(&self.cloth.order)?;

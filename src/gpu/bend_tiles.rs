@@ -1,4 +1,5 @@
-//! The cloth cut into tiles for bending: each with the rings around it that its own vertices depend on through the passes.
+//! Tiles of the cloth for bending. Each includes the rings around its own vertices on which they depend through the
+//! passes.
 
 use glam::Vec4;
 
@@ -7,12 +8,12 @@ use crate::gpu::tiles::{TileSize, halve};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
 
-/// Not in the tile.
+/// The position of a vertex that is not in the tile.
 const NO_PLACE: u32 = u32::MAX;
-/// Vertices held for each one of the cloth, at most: more recomputed is no gain.
+/// Limit on the vertices in all tiles per vertex of the cloth. With more, recomputing them costs more than it saves.
 const MOST_HELD: usize = 12;
 
-/// Tiles as `stages/bend_tile.wgsl` reads them.
+/// Tiles in the layout that `stages/bend_tile.wgsl` reads.
 #[derive(Debug)]
 pub(crate) struct BendTiles {
     /// For each tile, the words at which the list of its rings, the list of its vertices and the slices of their entries
@@ -21,13 +22,13 @@ pub(crate) struct BendTiles {
     /// refer to vertices by their positions in that list.
     pub table: Vec<u32>,
     pub count: usize,
-    /// Most vertices that a tile holds.
+    /// The number of vertices in the largest tile.
     pub largest: usize,
 }
 
 impl BendTiles {
-    /// Cuts the cloth into tiles that hold `rings` rings beside their own vertices; smaller ones where they would not fit. `None` if
-    /// that would be too much, as about the hub of a fan.
+    /// Divides the cloth into tiles with `rings` rings around their own vertices, and into smaller tiles where these
+    /// would not fit. `None` if the tiles hold too many vertices, as around the hub of a fan.
     pub(crate) fn new(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize) -> Option<BendTiles> {
         let mut sizes = (0..3).map(|half| most.own >> half).filter(|&own| own > 0);
         sizes.find_map(|own| BendTiles::cut(rest, entries, rings, TileSize { own, ..most }))

@@ -18,9 +18,9 @@ const LARGE: usize = 1 << 16;
 /// Number of tiles that keep a large GPU busy, and the range of a tile's own vertices.
 const TILES: usize = 256;
 const OWN: [usize; 2] = [32, 128];
-/// Bytes of workgroup memory that a vertex takes with one pass, and with several.
+/// Bytes of workgroup memory per vertex, with one pass and with several.
 const IN_TILE: [usize; 2] = [24, 72];
-/// Vertices by which tiles have room for more.
+/// The room of tiles is a multiple of this number of vertices.
 const ROOMS: usize = 32;
 /// A single, unfiltered pass.
 const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 }];

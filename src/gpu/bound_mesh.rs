@@ -9,7 +9,7 @@ use crate::gpu::surface::Normals;
 use crate::gpu_fault::GpuFault;
 use crate::model::cloth::Cloth;
 
-/// A vertex of the render mesh as `stages/follow.wgsl` reads it; the corners are the cloth's own vertices.
+/// A vertex of the render mesh as `stages/follow.wgsl` reads it. Corners are in the cloth's own vertex order.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct BoundVertex {
@@ -21,16 +21,17 @@ pub(crate) struct BoundVertex {
     pub padding_2: u32,
 }
 
-/// A render mesh bound to a cloth on its GPU: [`Deformer::bind`](crate::Deformer::bind). It follows the cloth without a copy through the CPU.
+/// A render mesh bound to a cloth on its GPU, made by [`Deformer::bind`](crate::Deformer::bind). It follows the cloth
+/// without a copy through the CPU.
 ///
-/// It works on the cloth's own buffers, which stay the same as long as the [`Deformer`](crate::Deformer) does; once that is dropped it shows the
-/// cloth as it was last.
+/// It reads the cloth's own buffers, which stay the same for the lifetime of the [`Deformer`](crate::Deformer). After
+/// that, it shows the cloth's last state.
 #[derive(Debug)]
 pub struct BoundMesh {
     positions: wgpu::Buffer,
     gpu: Gpu,
     normals: Normals,
-    /// No uniforms: the stage takes all numbers from its buffers.
+    /// Empty, because the kernel takes all numbers from its buffers.
     uniforms: Group,
     stage: Stage,
     vertices: usize,
@@ -52,15 +53,16 @@ impl BoundMesh {
         })
     }
 
-    /// The render mesh's vertices, in its order, for a renderer on the same device (usages `VERTEX`, `STORAGE`, `COPY_SRC`): a `vec4<f32>` each,
-    /// xyz (m) less [`Deformer::origin`](crate::Deformer::origin), w 1.
+    /// Positions of the render mesh's vertices, in its order, for a renderer on the same device (usages `VERTEX`,
+    /// `STORAGE`, `COPY_SRC`). Each is a `vec4<f32>`: xyz (m) relative to
+    /// [`Deformer::origin`](crate::Deformer::origin), and w = 1.
     #[must_use]
     pub fn positions(&self) -> &wgpu::Buffer {
         &self.positions
     }
 
-    /// Submits the computation of the positions, which follows all steps submitted so far. Call it in each frame, and submit what draws them to the
-    /// same queue, after this and before the next step.
+    /// Submits the computation of the positions after all steps submitted so far. Call it in each frame, and submit the
+    /// commands that draw them to the same queue, after this call and before the next step.
     pub fn apply(&self) {
         self.normals.submit(&self.gpu);
         let mut encoder = self.gpu.encoder();

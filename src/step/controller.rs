@@ -29,10 +29,11 @@ pub(crate) struct Caution {
 }
 
 impl Caution {
-    /// For steps that are measured at once, or whose coarse levels carry what was not foreseen.
+    /// For steps that are measured immediately, and for steps with coarse levels, whose strain grows less where the
+    /// prediction was wrong.
     pub(crate) const USUAL: Caution = Caution { first_factor: 0.3, aim: 0.7 };
-    /// For steps without levels that are measured three steps later. In the nine scenes of `cargo bench --bench quality` the usual caution
-    /// then exceeds the promise in 44 to 48 of 1440 frames, this one in 11.
+    /// For steps without levels that are measured three steps later. In the nine scenes of `cargo bench --bench
+    /// quality`, 44 to 48 of 1440 frames then exceed the bound with the usual caution, and 11 with this one.
     pub(crate) const LATE: Caution = Caution { first_factor: 1.2, aim: 0.6 };
 }
 
