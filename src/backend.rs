@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use crate::contact::SelfContact;
+use crate::contact::{SelfContact, Tally};
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::{Gpu, IN_BROWSER};
@@ -16,7 +16,7 @@ use crate::gpu_fault::{Excess, GpuFault};
 use crate::hybrid::Hybrid;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
-use crate::options::{Backend, Options, Quality};
+use crate::options::{Backend, Crossing, Options, Quality};
 use crate::past::Past;
 use crate::step::plan::Plan;
 
@@ -84,8 +84,13 @@ impl Engine {
                 let gpu = find(true).and_then(|gpu| Hybrid::new(gpu, cloth));
                 Engine::Hybrid(Box::new(gpu.map_err(refuse("Backend::Hybrid"))?))
             }
+            Backend::Gpu if IN_BROWSER && options.contact.is_some() => {
+                let remedy = "waits for the GPU in each step, which a browser does not; use Backend::Cpu, or leave contact out";
+                return Err(BuildError::Value { name: "contact".to_owned(), value: "with Backend::Gpu".to_owned(), remedy });
+            }
             Backend::Gpu => {
                 let gpu = find(true).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method));
+                let gpu = gpu.and_then(|gpu| gpu.with_contact(cloth, options.contact));
                 Engine::Gpu(Box::new(gpu.map_err(refuse("Backend::Gpu"))?))
             }
         })
@@ -126,6 +131,8 @@ impl Engine {
             match engine {
                 #[cfg(feature = "gpu")]
                 Engine::Gpu(gpu) => match gpu.is_whole() {
+                    // That is waited for, each by itself.
+                    Ok(()) if gpu.contact.is_some() => done[index] = gpu.step(&plan).and_then(|()| gpu.statistics()),
                     Ok(()) => together.push((index, &mut **gpu, plan)),
                     Err(failure) => done[index] = Err(failure),
                 },
@@ -152,8 +159,28 @@ impl Engine {
         }
     }
 
-    /// Contact of the cloth with itself, as of the last step.
-    pub(crate) fn contact(&self) -> Option<&SelfContact> {
+    /// What contact of triangles did in the last step, if there is any.
+    pub(crate) fn contact(&self) -> Option<Tally> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.tally()),
+            engine => engine.contact_of_processor().map(|contact| contact.tally),
+        }
+    }
+
+    /// What crossed where contact looked last: of the cloth itself, and of each pair with a body the place of the body.
+    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => (gpu.contact.iter().flat_map(|contact| contact.crossings()).collect(), Vec::new()),
+            engine => engine
+                .contact_of_processor()
+                .map(|contact| (contact.crossings().collect(), contact.crossings_with_bodies().collect()))
+                .unwrap_or_default(),
+        }
+    }
+
+    fn contact_of_processor(&self) -> Option<&SelfContact> {
         match self {
             Engine::Cpu(cpu) => cpu.contact.as_deref(),
             #[cfg(feature = "gpu")]

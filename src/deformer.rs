@@ -300,7 +300,7 @@ impl Deformer {
         warnings.extend(self.contact_warnings(&taken, attributes));
         let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
-        let contacts = self.engine.contact().map_or(0, |contact| contact.tally.contacts);
+        let contacts = self.engine.contact().map_or(0, |tally| tally.contacts);
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
         Ok(StepReport { substeps, in_a_sixtieth, levels, contacts, stretch, asleep: false, warnings })
     }

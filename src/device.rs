@@ -344,6 +344,13 @@ impl Gpu {
         }
         self.checked(|| {
             self.copy_to(staging, buffers);
+            self.mapped(staging, look)
+        })
+    }
+
+    /// Waits for what was submitted, and shows the bytes of `staging` to `look`.
+    pub(crate) fn mapped<T>(&self, staging: &wgpu::Buffer, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuFault> {
+        self.checked(|| {
             let (send, receive) = std::sync::mpsc::channel();
             staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
                 // The receiver waits below. If it has given up, nobody needs the message.

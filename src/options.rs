@@ -186,8 +186,8 @@ pub struct Options {
     /// cloth yields along the bias as fabric does.
     pub edge_scale: Option<Vec<f32>>,
     /// Contact of the cloth with itself, which includes contact between the pieces of a mesh. `None`: cloth passes
-    /// through cloth. Contact runs on the CPU only: [`Backend::Auto`] then selects the CPU, and [`Backend::Gpu`]
-    /// returns an error.
+    /// through cloth. [`Backend::Auto`] then selects the CPU. With [`Backend::Gpu`] each step waits for the GPU once, to
+    /// check that its lists had room for all pairs; in a browser, where nothing can wait, it returns an error.
     pub contact: Option<Contact>,
 }
 
@@ -404,10 +404,6 @@ impl Options {
             }
             if !(friction >= 0.0 && friction.is_finite()) {
                 return refuse("contact.friction", friction.to_string(), "must be finite and 0 or above");
-            }
-            if self.backend == Backend::Gpu {
-                let remedy = "is on the CPU alone so far; use Backend::Cpu, Hybrid or Auto, or leave contact out";
-                return refuse("contact", "with Backend::Gpu".to_owned(), remedy);
             }
         }
         match self.method {

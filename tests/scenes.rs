@@ -338,8 +338,6 @@ fn what_cannot_be_is_refused_with_its_line() {
     fails(&run(&directory, &["--scene", "missing.toml"]), 2, &["missing.toml"]);
     #[cfg(unix)]
     fails(&run(&directory, &["--scene", "/dev/zero"]), 2, &["/dev/zero", "longer"]);
-    let (_, output) = scene(&in_cloth("\n[contact]\n"), &["--backend", "gpu"]);
-    fails(&output, 2, &["s.toml:4", "contact"]);
     let two = "[[cloth]]\nmesh = \"a.obj\"\n[[cloth]]\nmesh = \"a.obj\"\n";
     let (_, output) = scene(two, &["other.obj"]);
     fails(&output, 2, &["s.toml:3", "several cloths"]);

@@ -9,7 +9,7 @@ use crate::kernels::pair::RELAXATION;
 use crate::simd::MAX_LANES;
 
 /// Share of the last substep's multipliers with which this one starts.
-const WARM: f32 = 0.9;
+pub(super) const WARM: f32 = 0.9;
 
 /// The active pairs. Each kind fills whole groups of [`MAX_LANES`]; the padding of its last group has no effect.
 #[derive(Debug, Default)]

@@ -133,6 +133,11 @@ impl LetGo {
         self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
     }
 
+    #[cfg(feature = "gpu")]
+    pub(super) fn pairs(&self) -> &[Vec<[u32; 2]>; 2] {
+        &self.pairs
+    }
+
     /// Whether a pair is ignored.
     pub(super) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
         let pairs = &self.pairs[kind as usize];

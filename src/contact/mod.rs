@@ -19,6 +19,8 @@ mod coincident;
 mod contacts;
 pub(crate) mod crossings;
 mod detection;
+#[cfg(feature = "gpu")]
+pub(crate) mod device;
 mod lanes;
 mod near;
 mod past;
@@ -52,12 +54,34 @@ use detection::{Detection, Rows, Scene};
 use near::Start;
 pub(crate) use past::Past;
 use paths::Paths;
+#[cfg(feature = "gpu")]
+pub(crate) use paths::ahead_after;
+#[cfg(feature = "gpu")]
+pub(crate) use response::ITERATIONS;
 use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;
 
 /// How far (m per m of thickness) a vertex may stray from its path before everything is detected again, at least.
 const LEAST_STRAY: f32 = 0.1;
+/// What the shaders have as well, under these names.
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) const IN_SHADERS: [(&str, f32); 14] = [
+    ("RELAXATION", crate::kernels::pair::RELAXATION),
+    ("KEEP", crate::kernels::pair::KEEP),
+    ("THIN", crate::kernels::pair::THIN),
+    ("LEAST_STRAY", LEAST_STRAY),
+    ("LASTS", paths::LASTS),
+    ("KEEPS", paths::KEEPS),
+    ("AHEAD_LEAST", paths::AHEAD[0]),
+    ("AHEAD_MOST", paths::AHEAD[1]),
+    ("FARTHER_AHEAD", paths::FARTHER),
+    ("UPRIGHT", tree::UPRIGHT),
+    ("MOST_EXCESS", tree::MOST_EXCESS),
+    ("ACTING", near::ACTING),
+    ("WARM", acting::WARM),
+    ("FARTHER", truncation::FARTHER),
+];
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
 

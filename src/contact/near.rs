@@ -10,7 +10,7 @@ use super::surface::Surface;
 use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 
 /// A pair that comes as near as this (m per m of thickness) beyond its thickness acts; others are only kept from crossing.
-const ACTING: f32 = 0.3;
+pub(super) const ACTING: f32 = 0.3;
 
 /// A pair that is near in this substep.
 #[derive(Debug, Clone, Copy)]

@@ -8,6 +8,7 @@ use glam::Vec4;
 use super::SelfContact;
 use super::detection::{Kind, Listed, Rows, corners};
 use super::paths::Paths;
+use super::surface::Surface;
 use crate::kernels::rigid::Rigid;
 use crate::model::mesh::Mesh;
 use crate::record::recorded;
@@ -17,20 +18,20 @@ use crate::record::recorded;
 pub(crate) struct Past {
     /// Where the last step left the bodies.
     pub bodies: Vec<Arc<Mesh>>,
-    lists: [ListedRows; 2],
-    paths: Paths,
-    crossings: Vec<[u32; 2]>,
-    may_cross: bool,
-    h: f32,
+    pub(super) lists: [ListedRows; 2],
+    pub(super) paths: Paths,
+    pub(super) crossings: Vec<[u32; 2]>,
+    pub(super) may_cross: bool,
+    pub(super) h: f32,
 }
 
 /// [`Rows`], of whose pairs the corners follow from the cloth.
 #[derive(Debug, Clone, Default)]
-struct ListedRows {
-    starts: Vec<u32>,
-    others: Vec<u32>,
-    thickness: Vec<f32>,
-    lambda: Vec<Vec4>,
+pub(super) struct ListedRows {
+    pub starts: Vec<u32>,
+    pub others: Vec<u32>,
+    pub thickness: Vec<f32>,
+    pub lambda: Vec<Vec4>,
 }
 
 recorded!(Past { bodies, lists, paths, crossings, may_cross, h });
@@ -89,9 +90,10 @@ impl SelfContact {
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     pub(crate) fn resume(&mut self, past: &Past) -> bool {
         let kinds = [Kind::VertexTriangle, Kind::EdgeEdge];
-        let lists = kinds.map(|kind| self.rows(kind, &past.lists[kind as usize]));
-        let [Some(first), Some(second)] = lists else { return false };
         let (vertices, surface) = (self.surface.piece.len(), &self.surface);
+        let counts = [[vertices, surface.triangles.len()], [surface.edges.len(); 2]];
+        let lists = kinds.map(|kind| rows(surface, kind, &past.lists[kind as usize], counts[kind as usize]));
+        let [Some(first), Some(second)] = lists else { return false };
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
         if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) {
@@ -103,29 +105,25 @@ impl SelfContact {
         (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);
         true
     }
+}
 
-    fn rows(&self, kind: Kind, rows: &ListedRows) -> Option<Rows> {
-        let ListedRows { starts, others, thickness, lambda } = rows;
-        let surface = &self.surface;
-        let [features, other_features] = match kind {
-            Kind::VertexTriangle => [surface.piece.len(), surface.triangles.len()],
-            Kind::EdgeEdge => [surface.edges.len(); 2],
-        };
-        let is_whole = starts.is_empty() && others.is_empty()
-            || starts.len() == features + 1
-                && starts.is_sorted()
-                && starts[0] == 0
-                && starts[features] as usize == others.len()
-                && others.iter().all(|&other| (other as usize) < other_features);
-        if !is_whole || [thickness.len(), lambda.len()] != [others.len(); 2] {
-            return None;
-        }
-        let pairs = starts.windows(2).enumerate().flat_map(|(first, row)| {
-            (row[0] as usize..row[1] as usize).map(move |place| {
-                let corners = corners(surface, kind, [first as u32, others[place]]);
-                Listed { corners, other: others[place], thickness: thickness[place] }
-            })
-        });
-        Some(Rows { pairs: pairs.collect(), starts: starts.clone(), lambda: lambda.clone() })
+/// The lists of a kind, of so many rows and second features; none if they cannot be.
+pub(super) fn rows(surface: &Surface, kind: Kind, rows: &ListedRows, [features, other_features]: [usize; 2]) -> Option<Rows> {
+    let ListedRows { starts, others, thickness, lambda } = rows;
+    let is_whole = starts.is_empty() && others.is_empty()
+        || starts.len() == features + 1
+            && starts.is_sorted()
+            && starts[0] == 0
+            && starts[features] as usize == others.len()
+            && others.iter().all(|&other| (other as usize) < other_features);
+    if !is_whole || [thickness.len(), lambda.len()] != [others.len(); 2] {
+        return None;
     }
+    let pairs = starts.windows(2).enumerate().flat_map(|(first, row)| {
+        (row[0] as usize..row[1] as usize).map(move |place| {
+            let corners = corners(surface, kind, [first as u32, others[place]]);
+            Listed { corners, other: others[place], thickness: thickness[place] }
+        })
+    });
+    Some(Rows { pairs: pairs.collect(), starts: starts.clone(), lambda: lambda.clone() })
 }

@@ -13,12 +13,12 @@ use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 
 /// Substeps that a vertex is to stay near its path, told from how far it strayed so far.
-const LASTS: f32 = 12.0;
+pub(super) const LASTS: f32 = 12.0;
 /// Share of what a vertex was allowed that it keeps, at least.
-const KEEPS: f32 = 0.8;
+pub(super) const KEEPS: f32 = 0.8;
 /// Substeps that detection looks ahead, at least and at most; and by how much more it does where it lasted so long.
-const AHEAD: [f32; 2] = [6.0, 64.0];
-const FARTHER: f32 = 1.5;
+pub(super) const AHEAD: [f32; 2] = [6.0, 64.0];
+pub(super) const FARTHER: f32 = 1.5;
 /// Vertices that how the cloth falls as a whole is told by.
 const SAMPLES: usize = 32;
 
@@ -27,7 +27,7 @@ const SAMPLES: usize = 32;
 pub(super) struct Paths {
     pub from: Vec<Vec4>,
     /// Displacement per substep (m); w is the inverse of the distance that the vertex may stray (1/m).
-    by: Vec<Vec4>,
+    pub by: Vec<Vec4>,
     /// How far (m) each vertex may stray.
     pub stray: Vec<f32>,
     /// The number of substeps that the paths cover, and how many of them are over; `None` before the first detection.
@@ -112,13 +112,7 @@ impl Paths {
             stray.copy_from_slice(most);
         }
         self.stray = stray;
-        let ahead = match self.since {
-            None => AHEAD[0],
-            Some(since) if since < self.ahead => FARTHER * since,
-            Some(_) if is_long => self.ahead / FARTHER,
-            Some(_) => FARTHER * self.ahead,
-        };
-        self.ahead = ahead.round().clamp(AHEAD[0], AHEAD[1]);
+        self.ahead = ahead_after(self.since, self.ahead, is_long);
     }
 
     /// Starts new paths.
@@ -129,6 +123,17 @@ impl Paths {
         self.by.extend(u.iter().zip(&self.stray).map(|(u, stray)| u.with_w(1.0 / stray)));
         self.since = Some(0.0);
     }
+}
+
+/// How many substeps detection looks ahead if the last looked so far, and lasted so many.
+pub(crate) fn ahead_after(since: Option<f32>, ahead: f32, is_long: bool) -> f32 {
+    let next = match since {
+        None => AHEAD[0],
+        Some(since) if since < ahead => FARTHER * since,
+        Some(_) if is_long => ahead / FARTHER,
+        Some(_) => FARTHER * ahead,
+    };
+    next.round().clamp(AHEAD[0], AHEAD[1])
 }
 
 /// Tests whether vertices are close enough to their paths.

@@ -17,7 +17,7 @@ use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 use crate::step::plan::Plan;
 
 /// Steps of the multipliers in a substep.
-const ITERATIONS: usize = 4;
+pub(crate) const ITERATIONS: usize = 4;
 /// Vertices per task, and groups of pairs per task.
 pub(super) const GRAIN: usize = 512;
 const GROUPS: usize = 32;

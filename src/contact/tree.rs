@@ -16,9 +16,9 @@ use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 
 /// Cloth whose normals are within this (cosine) of one axis has not turned over.
-const UPRIGHT: f32 = 0.64;
+pub(super) const UPRIGHT: f32 = 0.64;
 /// Excess ([`Surface::excess`], rad) up to which cloth that has not turned over does not meet itself.
-const MOST_EXCESS: f32 = 0.6;
+pub(super) const MOST_EXCESS: f32 = 0.6;
 /// Leaves that a task refits; levels that are walked before the rest is shared.
 const GRAIN: usize = 64;
 const SHARED_LEVELS: u32 = 5;
@@ -163,6 +163,12 @@ impl Tree {
                 }
             }
         }
+    }
+
+    /// What decides whether nodes can meet besides where they are: the excess of each, and of each level the nodes beside each.
+    #[cfg(feature = "gpu")]
+    pub(super) fn culls(&self) -> (&[f32], &[Csr<u32>]) {
+        (&self.excess, &self.beside)
     }
 
     /// The bounds of a leaf.

@@ -19,7 +19,7 @@ use crate::kernels::pair::{kept, share_above};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
 /// How much farther (m per m of its [`Vertex::reach`](super::near::Vertex::reach)) than it was on its way contact may send a vertex.
-const FARTHER: f32 = 0.45;
+pub(super) const FARTHER: f32 = 0.45;
 /// Pairs per task.
 const GRAIN: usize = 512;
 

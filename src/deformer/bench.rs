@@ -31,7 +31,7 @@ impl Deformer {
     #[must_use]
     pub fn contact_tally(&self) -> [u32; 4] {
         let of = |tally: Tally| [tally.contacts, tally.detections, tally.listed, tally.near];
-        self.engine.contact().map_or([0; 4], |contact| of(contact.tally))
+        self.engine.contact().map_or([0; 4], of)
     }
 
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "without a GPU there is always one"))]
@@ -53,6 +53,16 @@ impl Deformer {
             Engine::Gpu(gpu) => Some(gpu.stats()),
             _ => None,
         }
+    }
+
+    /// Makes room for so few pairs in the lists of contact on the GPU, before the first step.
+    ///
+    /// # Errors
+    /// As [`Deformer::step`].
+    #[cfg(feature = "gpu")]
+    pub fn contact_room(&mut self, pairs: usize) -> Result<(), StepError> {
+        let Engine::Gpu(gpu) = &mut self.engine else { return Ok(()) };
+        gpu.contact_room(pairs).map_err(|fault| self.failed(crate::failure::Failure::Gpu(fault)))
     }
 
     /// The number of substeps between two exchanges of the hybrid with the GPU.

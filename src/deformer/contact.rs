@@ -17,7 +17,7 @@ impl Deformer {
     pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
         if let (Some(index), Backend::Gpu) = (mesh, self.backend()) {
-            let remedy = "is on the CPU alone so far; make the cloth with Backend::Cpu or Hybrid";
+            let remedy = "meets cloth on the CPU alone so far; make the cloth with Backend::Cpu or Hybrid";
             return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
@@ -36,17 +36,18 @@ impl Deformer {
     /// The warnings of contact after a step.
     pub(super) fn contact_warnings(&self, taken: &Taken, attributes: &Attributes) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        let Some(contact) = self.engine.contact() else { return warnings };
-        let mut crossings = contact.crossings();
-        if let Some(first) = crossings.next() {
-            warnings.push(Warning::Crossings { pairs: 1 + crossings.count(), first: first.named(&self.cloth.order) });
+        if self.engine.contact().is_none() {
+            return warnings;
         }
-        let mut bodies = contact.crossings_with_bodies();
-        if let Some(first) = bodies.next() {
+        let (crossings, bodies) = self.engine.crossings();
+        if let Some(&first) = crossings.first() {
+            warnings.push(Warning::Crossings { pairs: crossings.len(), first: first.named(&self.cloth.order) });
+        }
+        if let Some(&first) = bodies.first() {
             let meshes =
                 attributes.colliders.iter().enumerate().filter(|(_, collider)| matches!(collider.shape, Shape::Mesh { .. }));
             let collider = meshes.map(|(index, _)| index).nth(first).unwrap_or_default();
-            warnings.push(Warning::BodyCrossings { pairs: 1 + bodies.count(), collider });
+            warnings.push(Warning::BodyCrossings { pairs: bodies.len(), collider });
         }
         let thickness = self.options.contact.unwrap_or_default().thickness;
         let (speed, resolved) = (taken.load.led_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));

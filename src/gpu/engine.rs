@@ -1,6 +1,7 @@
 //! A cloth on the GPU: which way a step is done, what is sent for it, and the commands of its substeps. What a step comes to is in
-//! `cost.rs`, the state from outside of a step in `look.rs`.
+//! `cost.rs`, the state from outside of a step in `look.rs`, a step with contact of the cloth with itself in `contact.rs`.
 
+mod contact;
 mod cost;
 mod look;
 
@@ -9,6 +10,7 @@ use glam::Vec4;
 use crate::device::Gpu;
 use crate::failure::Failure;
 use crate::gpu::commit::{self, Commit};
+use crate::gpu::contact::{self as self_contact, GpuContact};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
@@ -54,6 +56,8 @@ pub(crate) struct GpuEngine {
     /// first uses it.
     small: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
+    /// Contact of the cloth with itself, if it has any.
+    pub(crate) contact: Option<Box<GpuContact>>,
     commit: Commit,
     readback: Readback,
     /// Created when statistics are first wanted; `counts` says whether those of the last step are.
@@ -137,6 +141,7 @@ impl GpuEngine {
                 room: size.room,
                 small: path == Path::SingleWorkgroup,
                 single_workgroup: None,
+                contact: None,
                 commit,
                 readback,
                 counter: None,
@@ -163,6 +168,8 @@ impl GpuEngine {
         // Read-backs that are under way still arrive.
         std::mem::swap(&mut made.readback, &mut self.readback);
         (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());
+        made.contact = self.contact.take();
+        made.contact.iter_mut().for_each(|contact| contact.unbind());
         *self = made;
         self.gpu.write(&self.forces.states[0].x, 0, x);
         self.gpu.write(&self.forces.states[0].p, 0, p);
@@ -195,6 +202,9 @@ impl GpuEngine {
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         self.is_whole()?;
+        if self.contact.is_some() {
+            return self.step_with_contact(plan);
+        }
         let stepped = gpu.checked(|| {
             let path = self.prepare(plan, false);
             Gpu::refused()?;
@@ -255,7 +265,7 @@ impl GpuEngine {
     /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
         let levels = plan.coefficients.levels.len();
-        if crowd || self.small {
+        if (crowd || self.small) && plan.contact.is_none() {
             self.make_single_workgroup(plan);
         }
         let path = self.path(plan, crowd);
@@ -310,7 +320,9 @@ impl GpuEngine {
         let lasts = plan.params.substeps.saturating_mul(sweeps);
         let pays = crowd || plan.cloth.rest.len() <= SMALL;
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && lasts <= LONGEST_DISPATCH && single.does(plan) => Path::SingleWorkgroup,
+            (_, Some(single)) if pays && plan.contact.is_none() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
+                Path::SingleWorkgroup
+            }
             (Sweep::Tiled(_), _) => Path::Tiled,
             (Sweep::PerColor(_), _) => Path::PerColor,
         }
@@ -330,10 +342,16 @@ impl GpuEngine {
             self.counter().into_iter().for_each(|counter| counter.encode(pass));
             return;
         }
-        let last = plan.substeps.len() - 1;
-        for substep in 0..=last {
+        self.encode_substeps(submission, plan, None);
+        self.encode_commit(submission, plan);
+    }
+
+    /// Encodes the substeps, each with contact of the cloth with itself behind it if that `meets` what a plan has.
+    fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, meets: Option<&Plan<'_>>) {
+        for substep in 0..plan.substeps.len() {
             let group = ping_pong(substep);
-            let pass = submission.room_for(self.dispatches(plan));
+            let more = if meets.is_some() { self_contact::DISPATCHES } else { 0 };
+            let pass = submission.room_for(self.dispatches(plan) + more);
             self.forces.bind_substep(pass, substep);
             if plan.params.predicted != 0 || matches!(self.sweep, Sweep::PerColor(_)) {
                 self.forces.encode(pass, plan, PING_PONG[group][0]);
@@ -347,7 +365,15 @@ impl GpuEngine {
                     per_color.encode(pass, plan, group);
                 }
             }
+            if let (Some(contact), Some(meets)) = (&self.contact, meets) {
+                contact.encode(pass, meets, substep, group);
+            }
         }
+    }
+
+    /// Encodes the end of a step.
+    fn encode_commit(&self, submission: &mut Submission<'_>, plan: &Plan<'_>) {
+        let last = plan.substeps.len() - 1;
         let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
         self.forces.bind_substep(pass, last);
         self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth);

@@ -11,14 +11,17 @@
 //! `shaders/stages/sweep.wgsl`. A mesh that cannot be cut takes a dispatch a color ([`sweep::PerColor`]). A step works on
 //! copies and is committed at its end if the [`watch`] finds nothing wrong with it, so a step that fails leaves the cloth as it was.
 //!
+//! With contact of the cloth with itself, its kernels come behind each substep's sweep ([`contact`]), and a step waits for the device once.
+//!
 //! Imports run down this list and never back: `shaders` and `stage` (a kernel and its buffers), `state` and `tiles`, the stages
-//! of a substep (`forces`, `multigrid`, `sweep`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`, `bound_mesh`),
+//! of a substep (`forces`, `multigrid`, `sweep`, `contact`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`, `bound_mesh`),
 //! `engine`.
 
 mod bend_tiles;
 mod bending;
 mod bound_mesh;
 mod commit;
+pub(crate) mod contact;
 mod engine;
 mod forces;
 #[cfg(test)]

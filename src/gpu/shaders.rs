@@ -41,4 +41,9 @@ shaders! {
     NORMALS: "normal" "stages/normals";
     FOLLOW: "normal" "stages/follow";
     EXCHANGE: "stages/exchange";
+    MEET: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/meet";
+    TREE: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/tree";
+    DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/detection";
+    RESPONSE: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/response";
+    FINISH: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/finish";
 }

@@ -14,7 +14,7 @@ pub(crate) const RELAXATION: f32 = 1.7;
 pub(crate) const KEEP: f32 = 0.05;
 
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
-const THIN: f32 = 1e-6;
+pub(crate) const THIN: f32 = 1e-6;
 /// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 

@@ -8,6 +8,7 @@ use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::gpu::BoundVertex;
+use crate::gpu::contact::status::{self as contact, About, Listed, Status, Track};
 use crate::gpu::multigrid::Member;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
@@ -58,6 +59,10 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
+        layout!(About { thickness, friction, vertices, first_edge, rows, depth, triangles, edges, leaves, of_leaves, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass }),
+        layout!(Listed { corners, lambda, other, thickness }),
+        layout!(Status { half, listed, with_vertices, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean }),
+        layout!(Track { start, by }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
 }
@@ -72,7 +77,8 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
 
 /// The constants that shaders and Rust have in common, by their names in the shaders.
 fn constants() -> Vec<(&'static str, Literal)> {
-    vec![
+    let of_contact = crate::contact::IN_SHADERS.map(|(name, value)| (name, Literal::F32(value)));
+    let mut all = vec![
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
         ("FAR_TURN_GUARD", Literal::F32(crate::kernels::distance::FAR_TURN_GUARD)),
@@ -108,7 +114,23 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("ALL_ENERGY", Literal::U32(1 << 24)),
         ("LEAST", Literal::U32(crate::step::watch::LEAST as u32)),
         ("TURNS", Literal::U32(crate::step::watch::TURNS as u32)),
-    ]
+        ("NO_ROOM", Literal::U32(contact::NO_ROOM)),
+        ("NOT_FINITE", Literal::U32(contact::NOT_FINITE)),
+        ("CROWDED", Literal::U32(contact::CROWDED)),
+        ("EARLY", Literal::U32(contact::EARLY)),
+        ("SAMPLES", Literal::U32(contact::SAMPLES)),
+        ("SUMS", Literal::U32(contact::SUMS as u32)),
+        ("WEIGHT", Literal::U32(contact::PLACES[0])),
+        ("GIVEN", Literal::U32(contact::PLACES[1])),
+        ("PUSHED", Literal::U32(contact::PLACES[2])),
+        ("SHARE", Literal::U32(contact::PLACES[3])),
+        ("UNIT_WEIGHT", Literal::F32(contact::UNITS[0])),
+        ("UNIT_LENGTH", Literal::F32(contact::UNITS[1])),
+        ("MOST_OF_ROW", Literal::U32(contact::MOST_OF_ROW)),
+        ("MOST_OF_ALL", Literal::U32(contact::MOST_OF_ALL)),
+    ];
+    all.extend(of_contact);
+    all
 }
 
 #[test]
@@ -133,9 +155,10 @@ fn shared_structs_agree_member_for_member() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // These structs exist only in shaders.
-            if ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"]
-                .contains(&name.as_str())
-            {
+            let alone =
+                ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"];
+            let of_contact = ["Four", "Multipliers", "Near", "Looked", "Vertex", "Node", "Part", "Known", "Feature"];
+            if alone.iter().chain(&of_contact).any(|known| known == name) {
                 continue;
             }
             let twin = ours.iter().find(|layout| layout.name == name);

@@ -11,7 +11,7 @@ mod pins;
 use std::path::PathBuf;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers};
+use cloth_deformer::{Attributes, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers};
 use toml::Spanned;
 
 use crate::Failure;
@@ -73,11 +73,6 @@ impl Scene {
         let wind = wind(arguments, scene)?;
         let gravity = arguments.gravity.map(Animated::still).or(file.gravity.clone());
         let backend = arguments.backend.or(file.backend).unwrap_or_default();
-        if let (Backend::Gpu, None, Some((source, File { contact: Some(contact), .. }))) =
-            (backend, arguments.self_contact, scene)
-        {
-            return Err(source.wrong_in(contact, "contact is on the CPU alone so far; take another backend, or leave it out"));
-        }
         let options = Options {
             backend,
             fabric,

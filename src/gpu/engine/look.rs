@@ -23,6 +23,11 @@ impl GpuEngine {
 
     /// Sets the state.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.put(x, p);
+        self.contact.iter_mut().for_each(|contact| contact.forget());
+    }
+
+    fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
         let state = &self.forces.states[0];
         self.gpu.write(&state.x, 0, x);
         self.gpu.write(&state.p, 0, p);
@@ -32,12 +37,13 @@ impl GpuEngine {
 
     /// What the engine knows besides positions and displacements; waits for it.
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
-        let GpuEngine { gpu, commit, counter, .. } = self;
+        let GpuEngine { gpu, commit, counter, contact, .. } = self;
         gpu.checked(|| {
             let staging = gpu.staging("found", commit.found.size());
             let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Found>)?;
             let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
-            Ok(Past { steps: [found.steps, found.next], untold, contact: None })
+            let contact = contact.as_ref().map(|contact| contact.past(gpu)).transpose()?;
+            Ok(Past { steps: [found.steps, found.next], untold, contact })
         })
         .map_err(Failure::Gpu)
     }
@@ -46,17 +52,26 @@ impl GpuEngine {
     pub(crate) fn resume(&mut self, cloth: &Cloth, [x, p]: [&[Vec4]; 2], past: &Past) -> Result<bool, Failure> {
         self.is_whole()?;
         let next = past.steps[1] as usize;
-        if past.contact.is_some() || next >= cloth.swept().len().max(1) || past.untold.len() > Counter::LATE {
+        if past.contact.is_some() != self.contact.is_some()
+            || next >= cloth.swept().len().max(1)
+            || past.untold.len() > Counter::LATE
+        {
             return Ok(false);
         }
         let gpu = self.gpu.clone();
+        if let (Some(contact), Some(past)) = (&mut self.contact, &past.contact) {
+            let resumed = gpu.checked(|| Ok(contact.resume(&gpu, past)));
+            if !resumed.map_err(Failure::Gpu)? {
+                return Ok(false);
+            }
+        }
         let counter = gpu.checked(|| {
             let GpuEngine { forces, counter, .. } = &mut *self;
             let counts = !past.untold.is_empty();
             Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
         });
         self.counter = counter.map_err(Failure::Gpu)?;
-        self.set(x, p);
+        self.put(x, p);
         self.commit.go_on(&gpu, Found { steps: past.steps[0], next: past.steps[1], ..Found::NOTHING });
         self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
         Ok(true)
@@ -76,6 +91,7 @@ impl GpuEngine {
         let good = self.verdict(found);
         if good.is_err() {
             self.commit.go_on(&self.gpu, found);
+            self.contact.iter_mut().for_each(|contact| contact.forget());
         }
         good
     }

@@ -1,0 +1,140 @@
+// A pair of features of cloth that may touch: a vertex and a triangle, or two edges. The reasons are in src/kernels/pair.rs.
+
+const RELAXATION: f32 = 1.7;
+const KEEP: f32 = 0.05;
+const THIN: f32 = 1e-6;
+
+// The corners of a pair, and their weights: the closest points are the weighted sums of each side.
+struct Four {
+    a: vec3f,
+    b: vec3f,
+    c: vec3f,
+    d: vec3f,
+}
+
+// The multipliers of a pair [kg m]: along the friction, and along the normal.
+struct Multipliers {
+    rub: vec3f,
+    press: f32,
+}
+
+fn square(a: vec3f) -> f32 {
+    return dot(a, a);
+}
+
+// From the second side's closest point to the first's, or how the two move apart.
+fn between(weights: vec4f, at: Four) -> vec3f {
+    return at.a * weights.x + at.b * weights.y + at.c * weights.z + at.d * weights.w;
+}
+
+// Where along `b` (0 to 1) its point nearest to `a` is.
+fn along(a: vec3f, b: vec3f) -> f32 {
+    return clamp(dot(a, b) / max(square(b), 1e-30), 0.0, 1.0);
+}
+
+// Weights of the closest points of a vertex and a triangle.
+fn vertex_triangle(at: Four) -> vec4f {
+    let weights = in_triangle(at.a, at.b, at.c, at.d);
+    return vec4f(1.0, weights.x + weights.y - 1.0, -weights.x, -weights.y);
+}
+
+// The weights of a triangle's second and third corner at its point nearest to `p`.
+fn in_triangle(p: vec3f, a: vec3f, b: vec3f, c: vec3f) -> vec2f {
+    let ab = b - a;
+    let ac = c - a;
+    let ap = p - a;
+    let bp = p - b;
+    let cp = p - c;
+    let d1 = dot(ab, ap);
+    let d2 = dot(ac, ap);
+    let d3 = dot(ab, bp);
+    let d4 = dot(ac, bp);
+    let d5 = dot(ab, cp);
+    let d6 = dot(ac, cp);
+    let va = d3 * d6 - d5 * d4;
+    let vb = d5 * d2 - d1 * d6;
+    let vc = d1 * d4 - d3 * d2;
+    if va + vb + vc < square(ab) * square(ac) * THIN {
+        // A triangle this thin has no inside that single precision could tell.
+        let s = along(ap, ab);
+        let t = along(ap, ac);
+        let r = along(bp, c - b);
+        let near_ab = square(ap - ab * s);
+        let near_ac = square(ap - ac * t);
+        let near_bc = square(bp - (c - b) * r);
+        if near_bc < min(near_ab, near_ac) {
+            return vec2f(1.0 - r, r);
+        }
+        return select(vec2f(s, 0.0), vec2f(0.0, t), near_ac < near_ab);
+    }
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return vec2f();
+    }
+    if d3 >= 0.0 && d4 <= d3 {
+        return vec2f(1.0, 0.0);
+    }
+    if d6 >= 0.0 && d5 <= d6 {
+        return vec2f(0.0, 1.0);
+    }
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return vec2f(d1 / (d1 - d3), 0.0);
+    }
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return vec2f(0.0, d2 / (d2 - d6));
+    }
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let along_bc = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return vec2f(1.0 - along_bc, along_bc);
+    }
+    return vec2f(vb, vc) / (va + vb + vc);
+}
+
+// Weights of the closest points of two edges.
+fn edge_edge(at: Four) -> vec4f {
+    let d1 = at.b - at.a;
+    let d2 = at.d - at.c;
+    let r = at.a - at.c;
+    let a = max(square(d1), 1e-30);
+    let e = max(square(d2), 1e-30);
+    let f = dot(d2, r);
+    let c = dot(d1, r);
+    let b = dot(d1, d2);
+    let across = a * e - b * b;
+    // Of parallel edges any points will do.
+    var s = 0.0;
+    if across >= a * e * 1e-6 {
+        s = clamp((b * f - c * e) / max(across, 1e-30), 0.0, 1.0);
+    }
+    let t = clamp((b * s + f) / e, 0.0, 1.0);
+    // Where the second was clamped, the first goes with it.
+    s = clamp((b * t - c) / a, 0.0, 1.0);
+    return vec4f(1.0 - s, s, t - 1.0, -t);
+}
+
+// The multipliers of a pair after one step of Jacobi's.
+fn step_of_lambda(held: Multipliers, normal: vec3f, gap: f32, relative: vec3f, rate: f32, friction: f32) -> Multipliers {
+    let apart = dot(normal, relative);
+    let press = max(held.press - rate * (gap + apart), 0.0);
+    let rub = held.rub - (relative - normal * apart) * rate;
+    let most = friction * press;
+    let size = length(rub);
+    return Multipliers(rub * select(1.0, most / max(size, 1e-30), most < size), press);
+}
+
+// The impulse [kg m] of a pair's multipliers.
+fn impulse(held: Multipliers, normal: vec3f) -> vec3f {
+    return normal * held.press + held.rub;
+}
+
+// How far [m] a vertex stays from the middle plane of a pair.
+fn kept(distance: f32, thickness: f32) -> f32 {
+    return max(distance * KEEP, min(distance * 0.5, thickness * KEEP));
+}
+
+// How much of a displacement toward a plane may be taken.
+fn share_above(height: f32, keeps: f32, toward: f32) -> f32 {
+    if toward > 0.0 && height - toward < keeps {
+        return clamp((height - keeps) / toward, 0.0, 1.0);
+    }
+    return 1.0;
+}

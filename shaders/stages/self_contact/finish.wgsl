@@ -1,0 +1,67 @@
+// The end of contact: what may be taken of each displacement, and the move; then the momentum that was lost is given back to the cloth as a
+// whole.
+
+var<workgroup> lost: array<vec3f, WORKGROUP>;
+
+@compute @workgroup_size(WORKGROUP)
+fn finish(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item(id, groups);
+    var mine = vec3f();
+    if i < about.vertices && !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u && x[i].w > 0.0 {
+        var u = vertices[i].u.xyz;
+        var push = vertices[i].push.xyz;
+        let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
+        if share < 1.0 {
+            let after = known.status.mean + (u - known.status.mean) * share;
+            mine = (u - after) / x[i].w;
+            u = after;
+            push *= share;
+            vertices[i].u = vec4f(u, 0.0);
+            vertices[i].push = vec4f(push, 0.0);
+        }
+        x_out[i] = vec4f(x[i].xyz + push + u, x[i].w);
+        p_out[i] = vec4f(u, params.h);
+    }
+    sum_lost(mine, lane);
+    let at = group.x + group.y * groups.x;
+    if lane == 0u && at < about.groups {
+        known.parts[at].low = vec4f(lost[0], 0.0);
+    }
+}
+
+fn sum_lost(mine: vec3f, lane: u32) {
+    lost[lane] = mine;
+    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
+        workgroupBarrier();
+        if lane < width {
+            lost[lane] += lost[lane + width];
+        }
+    }
+}
+
+// Where nothing else holds the cloth. Each workgroup adds up for itself, in the same order as all.
+@compute @workgroup_size(WORKGROUP)
+fn give_back(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    var mine = vec3f();
+    for (var k = lane; k < about.groups; k += WORKGROUP) {
+        mine += known.parts[k].low.xyz;
+    }
+    sum_lost(mine, lane);
+    workgroupBarrier();
+    let back = lost[0] * about.per_mass;
+    let i = item(id, groups);
+    if i < about.vertices && !has_stopped() && any(back != vec3f()) {
+        let u = vertices[i].u.xyz + back;
+        x_out[i] = vec4f(x[i].xyz + vertices[i].push.xyz + u, x[i].w);
+        p_out[i] = vec4f(u, params.h);
+    }
+}

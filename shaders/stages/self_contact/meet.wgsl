@@ -1,0 +1,197 @@
+// The start of contact, and its end: vertices out of the colliders, and how the cloth moves as a whole; then what was lost, given back.
+
+override LANES: u32 = 256u;
+// Whether detection can follow in this substep.
+override LOOKS: bool = true;
+
+var<workgroup> low: array<vec4f, WORKGROUP>;
+var<workgroup> high: array<vec4f, WORKGROUP>;
+var<workgroup> samples: array<vec3f, SAMPLES>;
+var<workgroup> all_low: array<vec4f, LANES>;
+var<workgroup> all_high: array<vec4f, LANES>;
+
+// Vertices that how the cloth falls as a whole is told by.
+const SAMPLES: u32 = 32u;
+const LASTS: f32 = 12.0;
+const AHEAD_LEAST: f32 = 6.0;
+const AHEAD_MOST: f32 = 64.0;
+const FARTHER_AHEAD: f32 = 1.5;
+
+// What a vertex adds to how the cloth moves: a mean by mass, or where vertices are pinned the extremes of theirs.
+fn part_of(u: vec3f, w: f32) -> Part {
+    if about.pins == 0u {
+        return Part(vec4f(u, 1.0) / w, vec4f());
+    }
+    if w == 0.0 {
+        return Part(vec4f(u, 0.0), vec4f(u, 0.0));
+    }
+    return nothing();
+}
+
+fn nothing() -> Part {
+    if about.pins == 0u {
+        return Part();
+    }
+    return Part(vec4f(MAX_POSITION), vec4f(-MAX_POSITION));
+}
+
+fn both(a: Part, b: Part) -> Part {
+    if about.pins == 0u {
+        return Part(a.low + b.low, vec4f());
+    }
+    return Part(min(a.low, b.low), max(a.high, b.high));
+}
+
+// How the cloth as a whole has strayed so far, by a few of its vertices, where it is free: that brings no two vertices nearer to one another.
+fn strayed_together(lane: u32) -> vec3f {
+    let each = (about.vertices + SAMPLES - 1u) / SAMPLES;
+    let count = (about.vertices + each - 1u) / each;
+    if lane < SAMPLES {
+        let i = min(lane, count - 1u) * each;
+        let strayed = x[i].xyz - tracks[i].start.xyz - tracks[i].by.xyz * known.status.since;
+        samples[lane] = select(vec3f(), strayed, lane < count);
+    }
+    for (var width = SAMPLES / 2u; width > 0u; width /= 2u) {
+        workgroupBarrier();
+        if lane < width {
+            samples[lane] += samples[lane + width];
+        }
+    }
+    workgroupBarrier();
+    return select(vec3f(), samples[0] / f32(count), about.pins == 0u);
+}
+
+// Each vertex out of the colliders; whether it is near its path.
+fn meet_vertex(i: u32, together: vec3f) -> Part {
+    let x_i = x[i];
+    var path = Path(x_i.xyz, p_out[i].xyz);
+    if x_i.w > 0.0 {
+        for (var k = 0u; k < about.bodies; k++) {
+            path = contact_body(path.x, path.u, bodies[k], substep);
+        }
+    }
+    let push = path.x - x_i.xyz;
+    if !(is_bounded(x_i.xyz) && is_bounded(path.u) && is_bounded(push)) {
+        atomicOr(&known.status.stopped, NOT_FINITE);
+    }
+    vertices[i].u = vec4f(path.u, 0.0);
+    vertices[i].push = vec4f(push, 0.0);
+    x_out[i] = vec4f(path.x + path.u, x_i.w);
+    p_out[i] = vec4f(path.u, params.h);
+    for (var k = 0u; k < SHARE; k++) {
+        atomicStore(&sums[SUMS * i + k], 0);
+    }
+    atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(1.0));
+    let pushed = length(push);
+    if pushed > 0.0 {
+        atomicMax(&known.status.most_push, bitcast<u32>(pushed));
+    }
+    let track = tracks[i];
+    let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (known.status.since + 1.0)) - together;
+    // What is not a number is not below the limit.
+    if !(square(strayed * track.by.w) < 1.0) {
+        atomicOr(&known.status.strayed, 1u);
+    }
+    return part_of(path.u, x_i.w);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn meet(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item(id, groups);
+    let together = strayed_together(lane);
+    var part = nothing();
+    if i < about.vertices && !has_stopped() {
+        part = meet_vertex(i, together);
+    }
+    gather(part, lane);
+    let at = group.x + group.y * groups.x;
+    if lane == 0u && at < about.groups {
+        known.parts[at] = Part(low[0], high[0]);
+    }
+}
+
+// Of a workgroup, always in the same order.
+fn gather(part: Part, lane: u32) {
+    low[lane] = part.low;
+    high[lane] = part.high;
+    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
+        workgroupBarrier();
+        if lane < width {
+            let one = both(Part(low[lane], high[lane]), Part(low[lane + width], high[lane + width]));
+            low[lane] = one.low;
+            high[lane] = one.high;
+        }
+    }
+}
+
+// One workgroup: how the cloth moves as a whole, and whether detection is due.
+@compute @workgroup_size(LANES)
+fn decide(@builtin(local_invocation_index) lane: u32) {
+    var part = nothing();
+    for (var k = lane; k < about.groups; k += LANES) {
+        part = both(part, known.parts[k]);
+    }
+    all_low[lane] = part.low;
+    all_high[lane] = part.high;
+    for (var width = LANES / 2u; width > 0u; width /= 2u) {
+        workgroupBarrier();
+        if lane < width {
+            let one = both(Part(all_low[lane], all_high[lane]), Part(all_low[lane + width], all_high[lane + width]));
+            all_low[lane] = one.low;
+            all_high[lane] = one.high;
+        }
+    }
+    if lane == 0u && !has_stopped() {
+        let all = Part(all_low[0], all_high[0]);
+        if about.pins == 0u {
+            known.status.mean = all.low.xyz / all.low.w;
+        } else {
+            // Extremes farther apart than this are not resolved, and cloth that meets neither would go along.
+            let near_enough = distance(all.low.xyz, all.high.xyz) < about.thickness;
+            known.status.mean = select(vec3f(), 0.5 * (all.low.xyz + all.high.xyz), near_enough);
+        }
+        begin_substep();
+    }
+}
+
+fn begin_substep() {
+    known.status.pushed = bitcast<f32>(atomicExchange(&known.status.most_push, 0u));
+    let was_near = atomicExchange(&known.status.near, 0u) + atomicExchange(&known.status.acting, 0u);
+    atomicStore(&known.status.pressing, 0u);
+    let strayed = atomicExchange(&known.status.strayed, 0u) != 0u;
+    known.status.scale = 0.0;
+    if known.status.h > 0.0 {
+        known.status.scale = (params.h / known.status.h) * (params.h / known.status.h);
+    }
+    known.status.h = params.h;
+    let since = known.status.since;
+    known.status.detects = u32(since < 0.0 || since >= known.status.ahead || strayed);
+    if !LOOKS && known.status.detects != 0u {
+        atomicOr(&known.status.stopped, EARLY);
+        return;
+    }
+    if known.status.detects != 0u {
+        let few = 4u * known.status.listed < about.vertices;
+        let long = known.status.listed > 4u * (about.vertices + was_near);
+        known.status.longer = -1.0;
+        if since >= 0.0 && !few {
+            known.status.longer = pow(max(LASTS / (since + 1.0), 1.0), 1.5);
+        }
+        known.status.over = since + 1.0;
+        var ahead = AHEAD_LEAST;
+        if since >= known.status.ahead {
+            ahead = select(FARTHER_AHEAD * known.status.ahead, known.status.ahead / FARTHER_AHEAD, long);
+        } else if since >= 0.0 {
+            ahead = FARTHER_AHEAD * since;
+        }
+        known.status.ahead = clamp(floor(ahead + 0.5), AHEAD_LEAST, AHEAD_MOST);
+        known.status.since = 0.0;
+        known.status.detections += 1u;
+    }
+    known.status.since += 1.0;
+}

@@ -1,0 +1,315 @@
+// Near pairs of the list, what holds them apart, and what of displacements they leave.
+//
+// What pairs give their vertices is summed in integers, whose order changes nothing: a thickness has 2^23 of them, so that a sum may come to 256
+// thicknesses. Each step of the multipliers is a dispatch over pairs, and one over vertices that takes the sums.
+
+const ACTING: f32 = 0.3;
+const WARM: f32 = 0.9;
+const FARTHER: f32 = 0.45;
+
+fn place(k: u32) -> u32 {
+    return known.status.half * about.room + k;
+}
+
+fn is_idle() -> bool {
+    return known.status.listed == 0u || has_stopped();
+}
+
+fn stride(groups: vec3u) -> u32 {
+    return groups.x * groups.y * WORKGROUP;
+}
+
+fn displacements(corners: vec4u) -> Four {
+    return Four(vertices[corners.x].u.xyz, vertices[corners.y].u.xyz, vertices[corners.z].u.xyz, vertices[corners.w].u.xyz);
+}
+
+fn inverse_masses(corners: vec4u) -> vec4f {
+    return vec4f(x[corners.x].w, x[corners.y].w, x[corners.z].w, x[corners.w].w);
+}
+
+// Adds a vector [m] to three sums of a vertex.
+fn add(v: u32, first: u32, by: vec3f) {
+    let units = vec3i(round(by * (UNIT_LENGTH / about.thickness)));
+    if any(units != vec3i()) {
+        atomicAdd(&sums[SUMS * v + first], units.x);
+        atomicAdd(&sums[SUMS * v + first + 1u], units.y);
+        atomicAdd(&sums[SUMS * v + first + 2u], units.z);
+    }
+}
+
+// Adds an impulse [kg m] that a pair gives to three sums of each of its vertices.
+fn give(corners: vec4u, w: vec4f, first: u32, weights: vec4f, by: vec3f) {
+    let shares = weights * w;
+    add(corners.x, first, by * shares.x);
+    add(corners.y, first, by * shares.y);
+    add(corners.z, first, by * shares.z);
+    add(corners.w, first, by * shares.w);
+}
+
+fn taken(v: u32, first: u32) -> vec3f {
+    let units = vec3i(
+        atomicLoad(&sums[SUMS * v + first]),
+        atomicLoad(&sums[SUMS * v + first + 1u]),
+        atomicLoad(&sums[SUMS * v + first + 2u]),
+    );
+    return vec3f(units) * (about.thickness / UNIT_LENGTH);
+}
+
+var<workgroup> total: u32;
+var<workgroup> found: array<atomic<u32>, 2>;
+var<workgroup> firsts: array<u32, 2>;
+
+// A listed pair in this substep, and whether it is not near (0), only kept from crossing (1), or acts (2).
+struct Looked {
+    pair: Near,
+    state: u32,
+}
+
+fn look_at_pair(k: u32) -> Looked {
+    let pair = pairs[place(k)];
+    let is_edge = k >= known.status.with_vertices;
+    let corners = pair.corners;
+    let at = Four(x[corners.x].xyz, x[corners.y].xyz, x[corners.z].xyz, x[corners.w].xyz);
+    let u = displacements(corners);
+    let travel = vec4f(
+        square(u.a - known.status.mean),
+        square(u.b - known.status.mean),
+        square(u.c - known.status.mean),
+        square(u.d - known.status.mean),
+    );
+    var weights: vec4f;
+    var most: vec2f;
+    if is_edge {
+        weights = edge_edge(at);
+        most = vec2f(max(travel.x, travel.y), max(travel.z, travel.w));
+    } else {
+        weights = vertex_triangle(at);
+        most = vec2f(travel.x, max(travel.y, max(travel.z, travel.w)));
+    }
+    let apart = between(weights, at);
+    let distance = length(apart);
+    let left = distance - sqrt(most.x) - sqrt(most.y) - 2.0 * known.status.pushed;
+    let normal = apart / max(distance, 1e-12);
+    var state = 0u;
+    if left < pair.thickness && distance > 1e-12 {
+        let gap = distance - pair.thickness + dot(normal, between(weights, u));
+        // Where edges meet at an end, a vertex meets a triangle there, which acts.
+        let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
+        let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
+        state = select(1u, 2u, acts);
+    }
+    if state < 2u && any(pair.lambda != vec4f()) {
+        pairs[place(k)].lambda = vec4f();
+    }
+    return Looked(Near(corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k), state);
+}
+
+// Where a pair is that is found as one of its kind: those that act come from the first place on, the others from the last place back. In which
+// order they come is of no account.
+fn place_of(state: u32, index: u32) -> u32 {
+    return select(about.room - 1u - index, index, state == 2u);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn find(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    if lane == 0u {
+        total = select(known.status.listed, 0u, has_stopped());
+    }
+    let all = workgroupUniformLoad(&total);
+    for (var first = 0u; first < all; first += stride(groups)) {
+        if lane < 2u {
+            atomicStore(&found[lane], 0u);
+        }
+        workgroupBarrier();
+        let k = first + item(id, groups);
+        var looked: Looked;
+        var rank = 0u;
+        if k < all {
+            looked = look_at_pair(k);
+            if looked.state > 0u {
+                rank = atomicAdd(&found[looked.state - 1u], 1u);
+            }
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            firsts[0] = atomicAdd(&known.status.near, atomicLoad(&found[0]));
+            firsts[1] = atomicAdd(&known.status.acting, atomicLoad(&found[1]));
+        }
+        workgroupBarrier();
+        if looked.state > 0u {
+            near[place_of(looked.state, firsts[looked.state - 1u] + rank)] = looked.pair;
+        }
+        if looked.state == 2u {
+            let corners = looked.pair.corners;
+            let units = vec4i(round(abs(looked.pair.weights) * UNIT_WEIGHT));
+            atomicAdd(&sums[SUMS * corners.x + WEIGHT], units.x);
+            atomicAdd(&sums[SUMS * corners.y + WEIGHT], units.y);
+            atomicAdd(&sums[SUMS * corners.z + WEIGHT], units.z);
+            atomicAdd(&sums[SUMS * corners.w + WEIGHT], units.w);
+        }
+    }
+}
+
+fn weight_of(v: u32) -> f32 {
+    return f32(atomicLoad(&sums[SUMS * v + WEIGHT])) / UNIT_WEIGHT;
+}
+
+// How fast a pair steps; what held it apart in the last substep most likely does; what moves it out where it is too near.
+fn warm_pair(k: u32) {
+    let n = near[k];
+    let w = inverse_masses(n.corners);
+    let all = vec4f(weight_of(n.corners.x), weight_of(n.corners.y), weight_of(n.corners.z), weight_of(n.corners.w));
+    let mobility = w * all * abs(n.weights);
+    let bound = (mobility.x + mobility.y) + (mobility.z + mobility.w);
+    if !(bound > 0.0) {
+        near[k].lambda = vec4f();
+        return;
+    }
+    near[k].rate = RELAXATION / bound;
+    var held = n.lambda * (WARM * known.status.scale);
+    held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
+    near[k].lambda = held;
+    give(n.corners, w, GIVEN, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
+    let depth = min(max(n.thickness - n.distance, 0.0), DEPENETRATION * params.h);
+    give(n.corners, w, PUSHED, n.weights, n.normal * (depth / bound));
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn warm(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    if is_idle() {
+        return;
+    }
+    for (var k = item(id, groups); k < atomicLoad(&known.status.acting); k += stride(groups)) {
+        warm_pair(k);
+    }
+}
+
+fn step_pair(k: u32) {
+    let n = near[k];
+    if n.rate == 0.0 {
+        return;
+    }
+    let relative = between(n.weights, displacements(n.corners));
+    let held = Multipliers(n.lambda.xyz, n.lambda.w);
+    let gap = max(n.distance - n.thickness, 0.0);
+    let now = step_of_lambda(held, n.normal, gap, relative, n.rate, about.friction);
+    near[k].lambda = vec4f(now.rub, now.press);
+    let more = Multipliers(now.rub - held.rub, now.press - held.press);
+    give(n.corners, inverse_masses(n.corners), GIVEN, n.weights, impulse(more, n.normal));
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn step_pairs(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    if is_idle() {
+        return;
+    }
+    for (var k = item(id, groups); k < atomicLoad(&known.status.acting); k += stride(groups)) {
+        step_pair(k);
+    }
+}
+
+// Gives a vertex what its pairs do, and meets the colliders with it.
+fn take_sums(i: u32) {
+    if x[i].w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
+        return;
+    }
+    var path = Path(x[i].xyz, vertices[i].u.xyz + taken(i, GIVEN));
+    for (var k = 0u; k < 3u; k++) {
+        atomicStore(&sums[SUMS * i + GIVEN + k], 0);
+    }
+    for (var k = 0u; k < about.bodies; k++) {
+        path.u = contact_body(x[i].xyz, path.u, bodies[k], substep).u;
+    }
+    vertices[i].u = vec4f(path.u, vertices[i].u.w);
+}
+
+// How far a vertex was on its way to go.
+@compute @workgroup_size(WORKGROUP)
+fn take_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = item(id, groups);
+    if i >= about.vertices || is_idle() {
+        return;
+    }
+    vertices[i].u.w = length(vertices[i].u.xyz + vertices[i].push.xyz - known.status.mean);
+    take_sums(i);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn take(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = item(id, groups);
+    if i < about.vertices && !is_idle() {
+        take_sums(i);
+    }
+}
+
+// The last time: with what pushes, and no farther than it was on its way to, but for a little.
+@compute @workgroup_size(WORKGROUP)
+fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = item(id, groups);
+    if i >= about.vertices || is_idle() {
+        return;
+    }
+    take_sums(i);
+    let push = vertices[i].push.xyz + taken(i, PUSHED);
+    vertices[i].push = vec4f(push, 0.0);
+    let way = length(vertices[i].u.xyz + push - known.status.mean);
+    let most = vertices[i].u.w + FARTHER * reach_of(i);
+    if way > most && x[i].w > 0.0 {
+        atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / way));
+    }
+}
+
+// What a pair leaves of its vertices' displacements, so that each stays on its side of the plane half way between.
+fn cut_pair(n: Near) {
+    let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= known.status.with_vertices);
+    let firsts = max(sides, vec4f());
+    let at = Four(x[n.corners.x].xyz, x[n.corners.y].xyz, x[n.corners.z].xyz, x[n.corners.w].xyz);
+    let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
+    let keeps = kept(n.distance, n.thickness);
+    var heights: vec4f;
+    var towards: vec4f;
+    var led_down = 0.0;
+    var led_up = 0.0;
+    let w = inverse_masses(n.corners);
+    for (var c = 0u; c < 4u; c++) {
+        let v = n.corners[c];
+        let way = vertices[v].u.xyz + vertices[v].push.xyz - known.status.mean;
+        heights[c] = sides[c] * dot(n.normal, x[v].xyz - middle);
+        towards[c] = -sides[c] * dot(n.normal, way);
+        // Planes go with vertices that are led, which nothing shortens, out of their way.
+        let out = select(0.0, max(keeps - (heights[c] - towards[c]), 0.0), w[c] == 0.0);
+        led_down = max(led_down, out * firsts[c]);
+        led_up = max(led_up, out * (1.0 - firsts[c]));
+    }
+    let led = led_up - led_down;
+    for (var c = 0u; c < 4u; c++) {
+        let share = share_above(heights[c] - sides[c] * led, keeps, towards[c]);
+        if share < 1.0 && w[c] > 0.0 {
+            atomicMin(&sums[SUMS * n.corners[c] + SHARE], bitcast<i32>(share));
+        }
+    }
+}
+
+// All near pairs; what holds those apart that act is kept in the list.
+@compute @workgroup_size(WORKGROUP)
+fn cut(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    if is_idle() {
+        return;
+    }
+    let acting = atomicLoad(&known.status.acting);
+    for (var k = item(id, groups); k < acting + atomicLoad(&known.status.near); k += stride(groups)) {
+        let acts = k < acting;
+        let n = near[place_of(select(1u, 2u, acts), select(k - acting, k, acts))];
+        cut_pair(n);
+        if acts {
+            pairs[place(n.listed)].lambda = n.lambda;
+            if n.lambda.w > 0.0 {
+                atomicAdd(&known.status.pressing, 1u);
+            }
+        }
+    }
+}

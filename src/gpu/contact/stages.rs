@@ -1,0 +1,107 @@
+//! The kernels of contact and what each binds, in the order of a substep.
+
+use super::Buffers;
+use crate::device::{Entry, Gpu, Shader};
+use crate::gpu::forces::Forces;
+use crate::gpu::shaders;
+use crate::gpu::stage::{Bind, Stage};
+use crate::gpu::state::{State, groups};
+
+/// The bindings of `stages/self_contact/shared.wgsl` that are not the same for all kernels.
+const TABLE: usize = 1;
+const X: usize = 2;
+const VERTICES: usize = 3;
+const TRACKS: usize = 4;
+const NODES: usize = 5;
+const STARTS: usize = 6;
+const PAIRS: usize = 7;
+const NEAR: usize = 8;
+const SUMS: usize = 9;
+const COMMON: usize = 10;
+const BODIES: usize = 11;
+const LET_GO: usize = 12;
+const X_OUT: usize = 13;
+const P_OUT: usize = 14;
+
+/// The kernels of a substep.
+#[derive(Debug)]
+pub(super) struct Stages {
+    pub meet: Stage,
+    pub decide: Stage,
+    /// Where detection does not follow.
+    pub decide_alone: Stage,
+    pub begin_paths: Stage,
+    pub bound: Stage,
+    pub refit: Stage,
+    pub count: Stage,
+    pub scan: Stage,
+    pub fill: Stage,
+    pub find: Stage,
+    pub warm: Stage,
+    pub step: Stage,
+    pub take_first: Stage,
+    pub take: Stage,
+    pub take_last: Stage,
+    pub cut: Stage,
+    pub finish: Stage,
+    pub give_back: Stage,
+}
+
+impl Stages {
+    pub(super) fn new(gpu: &Gpu, forces: &Forces, buffers: &Buffers) -> Stages {
+        let told = |shader: Shader, name: &'static str, uses: &[usize], constants: &[(&'static str, f64)]| {
+            let bound = groups(&forces.states, |from, to| bound(buffers, uses, from, to));
+            Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
+        };
+        let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
+        let of_rows = [TABLE, VERTICES, NODES, STARTS, PAIRS, COMMON, LET_GO];
+        let of_pairs = [X, VERTICES, PAIRS, NEAR, SUMS, COMMON];
+        let of_vertices = [X, VERTICES, SUMS, COMMON, BODIES];
+        Stages {
+            meet: stage(shaders::MEET, "meet", &[X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT]),
+            decide: stage(shaders::MEET, "decide", &[COMMON]),
+            decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
+            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, X, VERTICES, TRACKS, COMMON]),
+            bound: stage(shaders::TREE, "bound", &[TABLE, X, VERTICES, NODES, COMMON]),
+            refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
+            count: stage(shaders::DETECTION, "count", &of_rows),
+            scan: stage(shaders::DETECTION, "scan", &[STARTS, COMMON]),
+            fill: stage(shaders::DETECTION, "fill", &of_rows),
+            find: stage(shaders::RESPONSE, "find", &of_pairs),
+            warm: stage(shaders::RESPONSE, "warm", &[X, NEAR, SUMS, COMMON]),
+            step: stage(shaders::RESPONSE, "step_pairs", &[X, VERTICES, NEAR, SUMS, COMMON]),
+            take_first: stage(shaders::RESPONSE, "take_first", &of_vertices),
+            take: stage(shaders::RESPONSE, "take", &of_vertices),
+            take_last: stage(shaders::RESPONSE, "take_last", &[X, VERTICES, SUMS, COMMON, BODIES, TABLE]),
+            cut: stage(shaders::RESPONSE, "cut", &of_pairs),
+            finish: stage(shaders::FINISH, "finish", &[X, VERTICES, SUMS, COMMON, X_OUT, P_OUT]),
+            give_back: stage(shaders::FINISH, "give_back", &[X, VERTICES, COMMON, X_OUT, P_OUT]),
+        }
+    }
+}
+
+/// What a kernel binds that `uses` some of the buffers, in a substep from one state to another.
+fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
+    let Buffers { about, table, vertices, tracks, nodes, starts, pairs, near, sums, common, bodies, let_go } = buffers;
+    let all = [
+        Bind::Uniform(&about.buffer),
+        Bind::Read(table),
+        Bind::Read(&from.x),
+        Bind::Write(vertices),
+        Bind::Write(tracks),
+        Bind::Write(nodes),
+        Bind::Write(starts),
+        Bind::Write(pairs),
+        Bind::Write(near),
+        Bind::Write(sums),
+        Bind::Write(common),
+        Bind::Read(&bodies.buffer),
+        Bind::Read(&let_go.buffer),
+        Bind::Write(&to.x),
+        Bind::Write(&to.p),
+    ];
+    all.into_iter()
+        .enumerate()
+        .map(|(place, bind)| if place == 0 || uses.contains(&place) { bind } else { Bind::Unused })
+        .collect()
+}

@@ -1,0 +1,119 @@
+//! What contact on the device tells of itself, and is told: as the shaders have it.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec4;
+
+/// Why a step stops: bits of [`Status::stopped`].
+pub(crate) const NO_ROOM: u32 = 1;
+#[cfg(test)]
+pub(crate) const NOT_FINITE: u32 = 2;
+pub(crate) const CROWDED: u32 = 4;
+pub(crate) const EARLY: u32 = 8;
+/// Before the first detection.
+pub(super) const NEVER: f32 = -1.0;
+
+/// `Status` of `stages/self_contact/shared.wgsl`, where each member is explained.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Status {
+    pub half: u32,
+    pub listed: u32,
+    pub with_vertices: u32,
+    pub since: f32,
+    pub ahead: f32,
+    pub h: f32,
+    pub stopped: u32,
+    pub needed: u32,
+    pub detections: u32,
+    pub near: u32,
+    pub acting: u32,
+    pub pressing: u32,
+    pub strayed: u32,
+    pub most_push: u32,
+    pub pushed: f32,
+    pub detects: u32,
+    pub longer: f32,
+    pub over: f32,
+    pub scale: f32,
+    pub padding: u32,
+    pub mean: [f32; 3],
+    pub end: u32,
+}
+
+impl Status {
+    /// Of a state of which nothing is known.
+    pub(super) fn nothing() -> Status {
+        Status { since: NEVER, ..Status::zeroed() }
+    }
+
+    /// At the start of a step that goes on from here.
+    pub(super) fn at_start(self) -> Status {
+        let Status { half, listed, with_vertices, since, ahead, h, .. } = self;
+        Status { half, listed, with_vertices, since, ahead, h, ..Status::zeroed() }
+    }
+}
+
+/// `About` of `stages/self_contact/shared.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(crate) struct About {
+    pub thickness: f32,
+    pub friction: f32,
+    pub vertices: u32,
+    pub first_edge: u32,
+    pub rows: u32,
+    pub depth: u32,
+    pub triangles: u32,
+    pub edges: u32,
+    pub leaves: u32,
+    pub of_leaves: u32,
+    pub excess: u32,
+    pub beside: u32,
+    pub of_vertices: u32,
+    pub room: u32,
+    pub bodies: u32,
+    pub pins: u32,
+    pub let_go: u32,
+    pub let_go_of_edges: u32,
+    pub groups: u32,
+    pub per_mass: f32,
+}
+
+/// A pair in a list: `Listed` there.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(crate) struct Listed {
+    pub corners: [u32; 4],
+    pub lambda: Vec4,
+    pub other: u32,
+    pub thickness: f32,
+    pub padding: [u32; 2],
+}
+
+/// `Track` there.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Track {
+    pub start: Vec4,
+    pub by: Vec4,
+}
+
+/// Bytes of what the shaders alone look into.
+pub(super) const VERTEX: usize = 48;
+pub(super) const TRACK: usize = 32;
+pub(super) const NODE: usize = 96;
+pub(super) const NEAR: usize = 80;
+pub(super) const PART: usize = 32;
+/// Integers that are summed for each vertex: `SUMS` there.
+pub(crate) const SUMS: usize = 8;
+/// Where they begin, what 1 is in them, and how many pairs a row and all may have: for the shaders alone.
+#[cfg(test)]
+pub(crate) const PLACES: [u32; 4] = [0, 1, 4, 7];
+#[cfg(test)]
+pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
+#[cfg(test)]
+pub(crate) const SAMPLES: u32 = 32;
+#[cfg(test)]
+pub(crate) const MOST_OF_ROW: u32 = 4096;
+#[cfg(test)]
+pub(crate) const MOST_OF_ALL: u32 = 1 << 28;

@@ -1,0 +1,279 @@
+//! Contact of cloth with itself on the GPU, beside the CPU's: no crossing in any frame, as far apart, as little stretched; momentum stays; the same
+//! bits every time, however small the buffers were at first and wherever a motion is gone on from.
+#![cfg(feature = "gpu")]
+
+mod common;
+
+use std::f32::consts::PI;
+
+use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{
+    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError, Warning,
+};
+use common::crossings::{closest, crossings};
+use common::energy::{masses, momenta};
+use common::shapes::{bent, jittered, sheets};
+use common::{FRAME, play};
+
+/// A fabric that neither crumples at once nor stands like paper.
+const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
+/// Thickness (m).
+const R: f32 = 0.005;
+
+/// Something that falls.
+struct Scene {
+    mesh: Mesh,
+    options: Options,
+    attributes: Attributes,
+    /// Where it begins (m), if that is not its rest shape.
+    start: Option<Vec<Vec3>>,
+}
+
+impl Scene {
+    fn new(mesh: Mesh, substeps: u32, colliders: Vec<Collider>) -> Scene {
+        let contact = Some(Contact { thickness: R, friction: 0.3 });
+        let quality = Quality::Substeps(substeps);
+        let options = Options { backend: Backend::Gpu, quality, fabric: CLOTH, contact, ..Options::default() };
+        Scene { mesh, options, attributes: Attributes { colliders, ..Attributes::default() }, start: None }
+    }
+
+    fn on(&self, backend: Backend) -> Deformer {
+        let mut deformer = Deformer::new(&self.mesh, Options { backend, ..self.options.clone() }).unwrap();
+        if let Some(start) = &self.start {
+            deformer.set_state(start, &vec![Vec3::ZERO; start.len()]).unwrap();
+        }
+        deformer
+    }
+
+    /// Plays on the GPU, where no frame may have a crossing, and on the CPU; the two at the end, and their mean strains.
+    fn played(&self, frames: u32) -> ([Deformer; 2], [f32; 2]) {
+        let (mut both, mut strain) = ([Backend::Gpu, Backend::Cpu].map(|backend| self.on(backend)), [0.0; 2]);
+        for frame in 1..=frames {
+            for (deformer, strain) in both.iter_mut().zip(&mut strain) {
+                deformer.step(FRAME, &self.attributes).unwrap();
+                if 2 * frame > frames {
+                    *strain += deformer.measure().unwrap().mean_strain / (frames / 2) as f32;
+                }
+            }
+            let found = crossings(&self.mesh, both[0].positions().unwrap());
+            assert!(found.is_empty(), "frame {frame}: {found:?}");
+        }
+        (both, strain)
+    }
+
+    /// The closest distances (m) at the end and the mean strains of the second half, on the GPU and on the CPU.
+    fn compared(&self, frames: u32) -> ([f64; 2], [f32; 2], [Deformer; 2]) {
+        let (mut both, strain) = self.played(frames);
+        let apart = both.each_mut().map(|one| closest(&self.mesh, one.positions().unwrap()));
+        println!("closest {apart:?} m, mean strain {strain:?}, tallies {:?}", both.each_ref().map(Deformer::contact_tally));
+        (apart, strain, both)
+    }
+}
+
+fn floor() -> Collider {
+    Collider::plane(Vec3::ZERO, Vec3::Y)
+}
+
+/// A sheet above a floor, bent over until one half lies above the other; it falls shut.
+fn fold(n: u32) -> Scene {
+    let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
+    scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
+    scene
+}
+
+fn heap(n: u32) -> Scene {
+    let mut mesh = jittered(Mesh::grid(n, n, 1.0, 1.0), 2);
+    let turn = Quat::from_rotation_x(1.5);
+    mesh.positions.iter_mut().for_each(|x| *x = turn * *x + Vec3::Y * 0.55);
+    Scene::new(mesh, 20, vec![floor()])
+}
+
+#[test]
+fn a_folded_sheet_lies_on_itself() {
+    let scene = fold(16);
+    let (apart, strain, [mut gpu, _]) = scene.compared(40);
+    assert!(apart[0] > 0.98 * f64::from(R), "its halves are {} m apart", apart[0]);
+    assert!((strain[0] - strain[1]).abs() < 0.1 * strain[1], "mean strains {strain:?}");
+    let measure = gpu.measure().unwrap();
+    assert!(measure.kinetic_energy < 1e-7, "it lies still: {} J", measure.kinetic_energy);
+}
+
+#[test]
+fn a_sheet_dropped_on_its_edge_makes_a_heap() {
+    let (apart, strain, _) = heap(14).compared(40);
+    assert!(apart[0] > 0.5 * f64::from(R), "{} m apart, {} m on the CPU", apart[0], apart[1]);
+    assert!(strain[0] < 1.2 * strain[1], "mean strains {strain:?}");
+}
+
+#[test]
+fn a_towel_falls_over_a_sphere() {
+    let mut mesh = jittered(Mesh::grid(22, 22, 1.2, 1.2), 4);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.62);
+    let mut scene = Scene::new(mesh, 30, vec![Collider::sphere(0.3 * Vec3::Y, 0.3), floor()]);
+    scene.options.fabric = Fabric::TOWEL;
+    let (apart, strain, _) = scene.compared(40);
+    assert!(apart[0] > 0.5 * apart[1].min(f64::from(R)), "{apart:?} m apart");
+    assert!(strain[0] < 1.2 * strain[1], "mean strains {strain:?}");
+}
+
+/// Levels, bending, wind, pins that are led, a sphere, a capsule and a floor, in tiles and with a dispatch a color.
+#[test]
+fn whatever_else_the_scene_has() {
+    let bodies = [
+        Collider::sphere(Vec3::new(0.1, -0.4, 0.0), 0.2),
+        Collider::capsule(Vec3::new(-0.5, -0.7, 0.0), Vec3::new(0.5, -0.7, 0.0), 0.05),
+    ];
+    let floor = Collider::plane(Vec3::Y * -0.8, Vec3::Y);
+    let mut scene = Scene::new(jittered(Mesh::grid(20, 20, 1.0, 1.0), 5), 30, bodies.into_iter().chain([floor]).collect());
+    scene.options.pinned = vec![0, 19];
+    scene.options.levels = Levels::Count(9);
+    scene.attributes.wind = Vec3::new(1.0, 0.0, 2.0);
+    scene.attributes.air_density = 1.2;
+    for (method, substeps) in [(Method::SmallSteps, 30), (Method::Relaxation { iterations: 5 }, 20)] {
+        let options = Options { method, quality: Quality::Substeps(substeps), ..scene.options.clone() };
+        let mut deformer = Deformer::new(&scene.mesh, options).unwrap();
+        let mut attributes = scene.attributes.clone();
+        let mut contacts = 0;
+        for frame in 0..36 {
+            let lead = Vec3::new(0.0, -0.5, 0.3) * (frame as f32 / 36.0);
+            attributes.pin_targets = Some([0, 19].map(|pin| scene.mesh.positions[pin as usize] + lead).to_vec());
+            contacts += deformer.step(FRAME, &attributes).unwrap().contacts;
+            let found = crossings(&scene.mesh, deformer.positions().unwrap());
+            assert!(found.is_empty(), "{method:?}, frame {frame}: {found:?}");
+        }
+        println!("{method:?}: {contacts} contacts");
+    }
+}
+
+/// Two sheets that fly into one another, in no gravity: their momentum stays. The second time they move by three times their thickness in a
+/// substep, and what is cut off of that is given back.
+#[test]
+fn two_sheets_collide() {
+    for (speed, frames) in [(1.0, 20), (10.0, 8)] {
+        let mut scene = Scene::new(jittered(sheets(2, 12, 0.5, 0.1), 6), 20, Vec::new());
+        scene.options.fabric = Fabric { bending: 0.0, damping: 0.0, ..CLOTH };
+        scene.options.levels = Levels::Off;
+        scene.attributes.gravity = Vec3::ZERO;
+        let mut deformer = scene.on(Backend::Gpu);
+        let half = scene.mesh.positions.len() / 2;
+        let toward = |i: usize| if i < half { Vec3::Y } else { Vec3::new(0.3, -1.0, 0.0) };
+        let v: Vec<Vec3> = (0..2 * half).map(|i| speed * toward(i)).collect();
+        deformer.set_state(&scene.mesh.positions, &v).unwrap();
+        let masses = masses(&scene.mesh, CLOTH.density);
+        let (before, _) = momenta(&masses, &scene.mesh.positions, &v);
+        let scale: f64 = masses.iter().zip(&v).map(|(&m, v)| f64::from(m * v.length())).sum();
+        let (mut touched, mut last) = (false, 0.0);
+        for frame in 0..frames {
+            touched |= deformer.step(FRAME, &scene.attributes).unwrap().contacts > 0;
+            let (x, v) = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
+            let (momentum, _) = momenta(&masses, &x, &v);
+            last = (momentum - before).length() / scale;
+            assert!(last < 1e-6, "{speed} m/s, frame {frame}: momentum off by {last}");
+            assert_eq!(crossings(&scene.mesh, &x).len(), 0, "{speed} m/s, frame {frame}");
+        }
+        println!("{speed} m/s: momentum off by {last:e}");
+        assert!(touched, "they met");
+    }
+}
+
+fn bits(deformer: &mut Deformer) -> Vec<[u32; 6]> {
+    let x = deformer.positions().unwrap().to_vec();
+    let v = deformer.velocities().unwrap();
+    x.iter().zip(v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
+}
+
+/// Reset and played again; with room for hardly a pair at first; gone on from a snapshot by another.
+#[test]
+fn the_same_bits_every_time() {
+    let scene = heap(12);
+    let mut first = scene.on(Backend::Gpu);
+    play(&mut first, 10, &scene.attributes);
+    let snapshot = first.snapshot().unwrap();
+    play(&mut first, 14, &scene.attributes);
+    assert!(first.contact_tally()[2] > 100, "many pairs are listed: {:?}", first.contact_tally());
+    let bits_of_first = bits(&mut first);
+
+    let mut other = scene.on(Backend::Gpu);
+    other.contact_room(3).unwrap();
+    play(&mut other, 24, &scene.attributes);
+    assert!(bits(&mut other) == bits_of_first, "with little room at first");
+    other.restore(&snapshot).unwrap();
+    play(&mut other, 14, &scene.attributes);
+    assert!(bits(&mut other) == bits_of_first, "from a snapshot");
+    assert_eq!(other.snapshot().unwrap(), first.snapshot().unwrap());
+    first.reset();
+    play(&mut first, 24, &scene.attributes);
+    assert!(bits(&mut first) == bits_of_first, "after a reset");
+}
+
+/// Contact changes nothing where nothing touches, to the last bit; left out, it adds no dispatch.
+#[test]
+fn where_nothing_touches_it_changes_no_bit() {
+    for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
+        let mut scene = Scene::new(Mesh::grid(36, 36, 1.0, 1.0), 20, vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.3), 0.2)]);
+        scene.options.fabric.bending = bending;
+        scene.options.levels = levels;
+        scene.options.pinned = (0..36).collect();
+        let mut with = scene.on(Backend::Gpu);
+        scene.options.contact = None;
+        let mut without = scene.on(Backend::Gpu);
+        for _ in 0..5 {
+            assert_eq!(with.step(FRAME, &scene.attributes).unwrap().contacts, 0, "nothing touches");
+            without.step(FRAME, &scene.attributes).unwrap();
+        }
+        assert!(bits(&mut with) == bits(&mut without), "bending {bending}");
+    }
+}
+
+/// All vertices in one point: an error or a step, but no hang.
+#[test]
+fn all_cloth_in_one_place_is_no_trap() {
+    for n in [6, 40] {
+        let scene = Scene::new(Mesh::grid(n, n, 1.0, 1.0), 2, Vec::new());
+        let mut deformer = scene.on(Backend::Gpu);
+        let count = scene.mesh.positions.len();
+        deformer.set_state(&vec![Vec3::ONE; count], &vec![Vec3::ZERO; count]).unwrap();
+        match deformer.step(FRAME, &scene.attributes) {
+            Ok(_) => assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite())),
+            Err(error) => {
+                assert!(matches!(error, StepError::Crowded { .. }), "{error}");
+                assert!(deformer.positions().unwrap().iter().all(|&x| x == Vec3::ONE), "as it was");
+            }
+        }
+    }
+}
+
+/// A sheet that hangs half through another when it starts: it is told how, and nothing explodes; what is pulled out is then held.
+#[test]
+fn a_start_that_crosses_is_let_go_until_it_parts() {
+    let mut mesh = jittered(Mesh::grid(9, 9, 0.6, 0.6), 8);
+    let held = mesh.positions.len() as u32;
+    let upright = Quat::from_rotation_y(0.4) * Quat::from_rotation_x(0.5 * PI);
+    let other = jittered(Mesh::grid(7, 7, 0.3, 0.3), 9);
+    mesh.positions.extend(other.positions.iter().map(|&x| upright * x + 0.05 * Vec3::Y));
+    mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + held)));
+    let mut scene = Scene::new(mesh, 12, Vec::new());
+    let top: Vec<u32> = (held..held + 49).filter(|&v| scene.mesh.positions[v as usize].y > 0.19).collect();
+    scene.options.pinned = (0..held).chain(top).collect();
+    let mut deformer = scene.on(Backend::Gpu);
+    let start = crossings(&scene.mesh, &scene.mesh.positions);
+    assert!(start.len() > 5, "{} crossings at the start", start.len());
+    let lifted = |v: u32, by: f32| scene.mesh.positions[v as usize] + if v < held { Vec3::ZERO } else { by * Vec3::Y };
+    let mut last = start.len();
+    for frame in 0..70 {
+        // It is drawn up and out, and let down again onto the other.
+        let by = if frame < 25 { frame as f32 / 85.0 } else { ((50.0 - frame as f32) / 85.0).max(-0.1) };
+        let targets = scene.options.pinned.iter().map(|&v| lifted(v, by)).collect();
+        let attributes = Attributes { pin_targets: Some(targets), ..scene.attributes.clone() };
+        let report = deformer.step(FRAME, &attributes).unwrap();
+        let now = crossings(&scene.mesh, deformer.positions().unwrap()).len();
+        assert!(now <= 2 * start.len(), "frame {frame}: {last} crossings became {now}");
+        assert!(now == 0 || last > 0, "frame {frame}: nothing crossed, and now {now} do");
+        let told = report.warnings.iter().any(|warning| matches!(warning, Warning::Crossings { .. }));
+        assert_eq!(told, last > 0, "frame {frame}: what crosses at a step's start is reported");
+        last = now;
+        let fastest = deformer.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(fastest < 5.0, "frame {frame}: {fastest} m/s");
+    }
+    assert_eq!(last, 0, "it was drawn out, and held when it came back");
+}
