@@ -1,10 +1,11 @@
-// A pair of features of cloth that may touch: a vertex and a triangle, or two edges. The reasons are in src/kernels/pair.rs.
+// A pair of features that may collide: a vertex and a triangle, or two edges. src/kernels/pair.rs has the theory.
 
 const RELAXATION: f32 = 1.7;
 const KEEP: f32 = 0.05;
 const THIN: f32 = 1e-6;
 
-// The corners of a pair, and their weights: the closest points are the weighted sums of each side.
+// The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
+// other).
 struct Four {
     a: vec3f,
     b: vec3f,
@@ -12,7 +13,7 @@ struct Four {
     d: vec3f,
 }
 
-// The multipliers of a pair [kg m]: along the friction, and along the normal.
+// The multipliers of a pair [kg m]: of friction, and of the normal.
 struct Multipliers {
     rub: vec3f,
     press: f32,
@@ -22,23 +23,23 @@ fn square(a: vec3f) -> f32 {
     return dot(a, a);
 }
 
-// From the second side's closest point to the first's, or how the two move apart.
+// The vector from the second side's closest point to the first's; of displacements, the relative displacement.
 fn between(weights: vec4f, at: Four) -> vec3f {
     return at.a * weights.x + at.b * weights.y + at.c * weights.z + at.d * weights.w;
 }
 
-// Where along `b` (0 to 1) its point nearest to `a` is.
+// The parameter, from 0 to 1, of the point on the segment `b` that is nearest to `a`; both start at the origin.
 fn along(a: vec3f, b: vec3f) -> f32 {
     return clamp(dot(a, b) / max(square(b), 1e-30), 0.0, 1.0);
 }
 
-// Weights of the closest points of a vertex and a triangle.
+// The weights of the closest points of a vertex and a triangle.
 fn vertex_triangle(at: Four) -> vec4f {
     let weights = in_triangle(at.a, at.b, at.c, at.d);
     return vec4f(1.0, weights.x + weights.y - 1.0, -weights.x, -weights.y);
 }
 
-// The weights of a triangle's second and third corner at its point nearest to `p`.
+// The weights of a triangle's second and third corner at its point nearest to `p` (Ericson 2004, 5.1.5).
 fn in_triangle(p: vec3f, a: vec3f, b: vec3f, c: vec3f) -> vec2f {
     let ab = b - a;
     let ac = c - a;
@@ -55,7 +56,7 @@ fn in_triangle(p: vec3f, a: vec3f, b: vec3f, c: vec3f) -> vec2f {
     let vb = d5 * d2 - d1 * d6;
     let vc = d1 * d4 - d3 * d2;
     if va + vb + vc < square(ab) * square(ac) * THIN {
-        // A triangle this thin has no inside that single precision could tell.
+        // A degenerate triangle has no interior in single precision; use the closest point on its sides.
         let s = along(ap, ab);
         let t = along(ap, ac);
         let r = along(bp, c - b);
@@ -89,7 +90,7 @@ fn in_triangle(p: vec3f, a: vec3f, b: vec3f, c: vec3f) -> vec2f {
     return vec2f(vb, vc) / (va + vb + vc);
 }
 
-// Weights of the closest points of two edges.
+// The weights of the closest points of two edges (Ericson 2004, 5.1.9).
 fn edge_edge(at: Four) -> vec4f {
     let d1 = at.b - at.a;
     let d2 = at.d - at.c;
@@ -100,18 +101,18 @@ fn edge_edge(at: Four) -> vec4f {
     let c = dot(d1, r);
     let b = dot(d1, d2);
     let across = a * e - b * b;
-    // Of parallel edges any points will do.
+    // On parallel edges any point will do.
     var s = 0.0;
     if across >= a * e * 1e-6 {
         s = clamp((b * f - c * e) / max(across, 1e-30), 0.0, 1.0);
     }
     let t = clamp((b * s + f) / e, 0.0, 1.0);
-    // Where the second was clamped, the first goes with it.
+    // If the second parameter was clamped, the first changes too.
     s = clamp((b * t - c) / a, 0.0, 1.0);
     return vec4f(1.0 - s, s, t - 1.0, -t);
 }
 
-// The multipliers of a pair after one step of Jacobi's.
+// One Jacobi step of a pair's multipliers, with Coulomb friction.
 fn step_of_lambda(held: Multipliers, normal: vec3f, gap: f32, relative: vec3f, rate: f32, friction: f32) -> Multipliers {
     let apart = dot(normal, relative);
     let press = max(held.press - rate * (gap + apart), 0.0);
@@ -126,12 +127,12 @@ fn impulse(held: Multipliers, normal: vec3f) -> vec3f {
     return normal * held.press + held.rub;
 }
 
-// How far [m] a vertex stays from the middle plane of a pair.
+// The distance [m] that a vertex keeps from the middle plane of a pair.
 fn kept(distance: f32, thickness: f32) -> f32 {
     return max(distance * KEEP, min(distance * 0.5, thickness * KEEP));
 }
 
-// How much of a displacement toward a plane may be taken.
+// The share of a displacement toward a plane that keeps this distance.
 fn share_above(height: f32, keeps: f32, toward: f32) -> f32 {
     if toward > 0.0 && height - toward < keeps {
         return clamp((height - keeps) / toward, 0.0, 1.0);

@@ -1,5 +1,6 @@
-//! Contact of cloth with itself on the GPU, beside the CPU's: no crossing in any frame, as far apart, as little stretched; momentum stays; the same
-//! bits every time, however small the buffers were at first and wherever a motion is gone on from.
+//! Contact of cloth with itself on the GPU, compared with the CPU: no frame has an intersection, distances and strains
+//! agree, and momentum is conserved. Results repeat bit for bit, also with little initial room for pairs and when
+//! continuing from snapshots.
 #![cfg(feature = "gpu")]
 
 mod common;
@@ -15,17 +16,17 @@ use common::energy::{masses, momenta};
 use common::shapes::{bent, jittered, sheets};
 use common::{FRAME, play};
 
-/// A fabric that neither crumples at once nor stands like paper.
+/// A fabric that neither crumples immediately nor is as stiff as paper.
 const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
 /// Thickness (m).
 const R: f32 = 0.005;
 
-/// Something that falls.
+/// A falling cloth.
 struct Scene {
     mesh: Mesh,
     options: Options,
     attributes: Attributes,
-    /// Where it begins (m), if that is not its rest shape.
+    /// Initial positions (m), if they are not those of the rest shape.
     start: Option<Vec<Vec3>>,
 }
 
@@ -45,7 +46,8 @@ impl Scene {
         deformer
     }
 
-    /// Plays on the GPU, where no frame may have a crossing, and on the CPU; the two at the end, and their mean strains.
+    /// Steps it on the GPU, where no frame may have an intersection, and on the CPU. Returns both at the end, with
+    /// their mean strains.
     fn played(&self, frames: u32) -> ([Deformer; 2], [f32; 2]) {
         let (mut both, mut strain) = ([Backend::Gpu, Backend::Cpu].map(|backend| self.on(backend)), [0.0; 2]);
         for frame in 1..=frames {
@@ -61,7 +63,7 @@ impl Scene {
         (both, strain)
     }
 
-    /// The closest distances (m) at the end and the mean strains of the second half, on the GPU and on the CPU.
+    /// The smallest distances (m) at the end and the mean strains of the second half, on the GPU and on the CPU.
     fn compared(&self, frames: u32) -> ([f64; 2], [f32; 2], [Deformer; 2]) {
         let (mut both, strain) = self.played(frames);
         let apart = both.each_mut().map(|one| closest(&self.mesh, one.positions().unwrap()));
@@ -74,7 +76,7 @@ fn floor() -> Collider {
     Collider::plane(Vec3::ZERO, Vec3::Y)
 }
 
-/// A sheet above a floor, bent over until one half lies above the other; it falls shut.
+/// A sheet above a floor, bent so that one half is above the other; it falls shut.
 fn fold(n: u32) -> Scene {
     let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
     scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
@@ -116,7 +118,7 @@ fn a_towel_falls_over_a_sphere() {
     assert!(strain[0] < 1.2 * strain[1], "mean strains {strain:?}");
 }
 
-/// Levels, bending, wind, pins that are led, a sphere, a capsule and a floor, in tiles and with a dispatch a color.
+/// Levels, bending, wind, moving pins, a sphere, a capsule and a floor, in tiles and with a dispatch per color.
 #[test]
 fn whatever_else_the_scene_has() {
     let bodies = [
@@ -145,7 +147,8 @@ fn whatever_else_the_scene_has() {
     }
 }
 
-/// Two sheets that fly into one another, in no gravity: their momentum stays. The second time they move by three times their thickness in a
+/// Two sheets that collide without gravity conserve their momentum. In the second case they move by three times their
+/// thickness per substep, so truncation removes momentum, which must be returned.
 /// substep, and what is cut off of that is given back.
 #[test]
 fn two_sheets_collide() {
@@ -182,7 +185,7 @@ fn bits(deformer: &mut Deformer) -> Vec<[u32; 6]> {
     x.iter().zip(v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
 }
 
-/// Reset and played again; with room for hardly a pair at first; gone on from a snapshot by another.
+/// Repeated after a reset, with room for hardly any pair at first, and continued from a snapshot by another cloth.
 #[test]
 fn the_same_bits_every_time() {
     let scene = heap(12);
@@ -206,7 +209,7 @@ fn the_same_bits_every_time() {
     assert!(bits(&mut first) == bits_of_first, "after a reset");
 }
 
-/// Contact changes nothing where nothing touches, to the last bit; left out, it adds no dispatch.
+/// Contact changes no bit where nothing touches. Without contact there is no additional dispatch.
 #[test]
 fn where_nothing_touches_it_changes_no_bit() {
     for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
@@ -225,7 +228,7 @@ fn where_nothing_touches_it_changes_no_bit() {
     }
 }
 
-/// All vertices in one point: an error or a step, but no hang.
+/// With all vertices in one point, a step succeeds or returns an error, but does not hang.
 #[test]
 fn all_cloth_in_one_place_is_no_trap() {
     for n in [6, 40] {
@@ -243,7 +246,8 @@ fn all_cloth_in_one_place_is_no_trap() {
     }
 }
 
-/// A sheet that hangs half through another when it starts: it is told how, and nothing explodes; what is pulled out is then held.
+/// A sheet that initially passes through another: a warning says so, nothing explodes, and parts that are pulled out
+/// are held after that.
 #[test]
 fn a_start_that_crosses_is_let_go_until_it_parts() {
     let mut mesh = jittered(Mesh::grid(9, 9, 0.6, 0.6), 8);
@@ -261,7 +265,7 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
     let lifted = |v: u32, by: f32| scene.mesh.positions[v as usize] + if v < held { Vec3::ZERO } else { by * Vec3::Y };
     let mut last = start.len();
     for frame in 0..70 {
-        // It is drawn up and out, and let down again onto the other.
+        // It is pulled up and out, then lowered onto the other sheet.
         let by = if frame < 25 { frame as f32 / 85.0 } else { ((50.0 - frame as f32) / 85.0).max(-0.1) };
         let targets = scene.options.pinned.iter().map(|&v| lifted(v, by)).collect();
         let attributes = Attributes { pin_targets: Some(targets), ..scene.attributes.clone() };

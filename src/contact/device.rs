@@ -1,4 +1,5 @@
-//! What a device needs to know of a cloth that meets itself, in one table; and what the processor keeps beside it: which pairs are let go.
+//! The part of contact on a GPU that the CPU keeps: the surface and its tree as one table for the shaders, the search
+//! for intersections, and the ignored pairs.
 
 use glam::Vec4;
 
@@ -14,17 +15,18 @@ use crate::model::cloth::Cloth;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
 
-/// Rows of vertices end with a whole number of so many.
+/// The rows of vertices are padded to a multiple of this number.
 const GROUP: usize = 64;
-/// The leaf of a row that has no triangles.
+/// The leaf of a row whose feature belongs to no triangle.
 const NONE: u32 = u32::MAX;
 
-/// The surface and its tree in words, and where each list begins: `About` of `shaders/stages/self_contact/shared.wgsl`.
+/// The surface and its tree as words, and the positions of the lists in them, as in `About` of
+/// `shaders/stages/self_contact/shared.wgsl`.
 #[derive(Debug, Default)]
 pub(crate) struct Table {
     pub words: Vec<u32>,
     pub depth: u32,
-    /// Rows of the lists: the vertices, up to a whole number of workgroups, then the edges.
+    /// The rows are those of the vertices, padded, followed by those of the edges.
     pub first_edge: u32,
     pub rows: u32,
     pub triangles: u32,
@@ -53,7 +55,7 @@ impl Table {
         }
         table.of_leaves = table.add(&leaf_of);
         table.excess = table.add(&excess.iter().map(|excess| excess.to_bits()).collect::<Vec<u32>>());
-        // Of each node where those beside it begin, and then these.
+        // For each node, the position of the list of nodes that share a vertex with it, then these lists.
         let nodes = 2_usize << leaves.depth;
         let (mut starts, mut items) = (Vec::new(), Vec::new());
         for node in 0..nodes as u32 {
@@ -82,7 +84,7 @@ impl Table {
     }
 }
 
-/// What the processor keeps of a cloth whose contact is a device's.
+/// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
 pub(crate) struct OnDevice {
     surface: Surface,
@@ -92,21 +94,22 @@ pub(crate) struct OnDevice {
     may_cross: bool,
 }
 
-/// The lists as a device has them: rows of the vertices, padded, and of the edges behind them.
+/// The lists in the GPU's layout: the rows of the vertices, padded, followed by those of the edges.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct DeviceLists {
     pub starts: Vec<u32>,
     pub pairs: Vec<DevicePair>,
-    /// From where and by how much (m) each vertex goes, and how far it may stray; how many substeps were looked ahead, how many are over.
+    /// The paths: start, with the distance (m) that the vertex may stray in w; displacement per substep, with its
+    /// inverse in w; the number of substeps that they cover, and how many are over.
     pub from: Vec<Vec4>,
     pub by: Vec<Vec4>,
     pub ahead: f32,
     pub since: Option<f32>,
-    /// The substep (s) that multipliers are of.
+    /// The duration (s) of the substep that the multipliers belong to.
     pub h: f32,
 }
 
-/// A pair in a list.
+/// A listed pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DevicePair {
     pub corners: [u32; 4],
@@ -116,7 +119,7 @@ pub(crate) struct DevicePair {
 }
 
 impl OnDevice {
-    /// None if the cloth has no triangles.
+    /// Returns `None` if the cloth has no triangles.
     pub(crate) fn new(cloth: &Cloth, contact: Contact) -> Option<(OnDevice, Table)> {
         let (surface, leaves) = Surface::new(cloth, contact.thickness)?;
         let tree = Tree::of_cloth(&surface, leaves);
@@ -125,12 +128,13 @@ impl OnDevice {
         Some((OnDevice { surface, vertices, first_edge, let_go: LetGo::default(), may_cross: true }, table))
     }
 
-    /// Forgets the state, which was put elsewhere.
+    /// Discards the known intersections, because the state was replaced.
     pub(crate) fn forget(&mut self) {
         self.may_cross = true;
     }
 
-    /// Whether a step must look for crossings first: where the state was set, where something crosses, or where pins that are led do.
+    /// Whether a step must search for intersections first: after the state was replaced, while there are intersections,
+    /// and while moving pins intersect.
     pub(crate) fn must_look(&self, plan: &Plan<'_>) -> bool {
         self.may_cross || !plan.pins.is_empty() && self.pins_cross(plan)
     }
@@ -141,18 +145,18 @@ impl OnDevice {
         LetGo::led_cross(&self.surface, &x, true)
     }
 
-    /// Looks what crosses where the vertices are at `x` (m).
+    /// Searches for intersections at the positions `x` (m).
     pub(crate) fn look(&mut self, x: &[Vec4]) {
         self.let_go.find(&self.surface, x, true, 0.0);
         self.may_cross = !self.let_go.crossings.is_empty();
     }
 
-    /// Pairs of a vertex and a triangle, and of two edges, that are let go.
+    /// Ignored pairs of a vertex and a triangle, and of two edges.
     pub(crate) fn let_go(&self) -> &[Vec<[u32; 2]>; 2] {
         self.let_go.pairs()
     }
 
-    /// What crossed where it was looked last, by the cloth's vertices.
+    /// Intersections found by the last search, given by vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
         let Surface { edges, triangles, .. } = &self.surface;
         let named =
@@ -160,7 +164,7 @@ impl OnDevice {
         self.let_go.crossings.iter().map(named)
     }
 
-    /// What is kept of the motion, in the processor's own form.
+    /// Converts the state to the form that both backends save.
     pub(crate) fn past(&self, lists: &DeviceLists) -> Past {
         let rows = |kind: Kind| {
             let rows = self.rows_of(kind, lists.starts.len());
@@ -194,7 +198,8 @@ impl OnDevice {
         }
     }
 
-    /// The lists to go on from; none, and nothing is changed, if that is the past of no such cloth.
+    /// Converts a saved state to the GPU's layout. Returns `None`, and changes nothing, if the state cannot belong to
+    /// this cloth.
     pub(crate) fn resume(&mut self, past: &Past) -> Option<DeviceLists> {
         let Past { bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
         let Paths { from, by, stray, ahead, since } = paths;

@@ -1,5 +1,6 @@
-//! A cloth on the GPU: which way a step is done, what is sent for it, and the commands of its substeps. What a step comes to is in
-//! `cost.rs`, the state from outside of a step in `look.rs`, a step with contact of the cloth with itself in `contact.rs`.
+//! A cloth on the GPU: chooses the path of a step, uploads what it needs and encodes its substeps. Statistics of its
+//! work are in `cost.rs`, access to the state between steps in `look.rs`, and steps with contact of the cloth with
+//! itself in `contact.rs`.
 
 mod contact;
 mod cost;

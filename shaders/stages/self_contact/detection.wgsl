@@ -1,18 +1,20 @@
-// Detection: pairs that may come nearer than their thickness within some substeps, listed by their first feature, a row each. Every row is
-// counted, room is made for all, and every row is found once more and written: so nothing is dropped, and nothing depends on who is first.
+// Detection lists the pairs that may come closer than their thickness within some substeps, in a row for each first
+// feature. A first pass counts the pairs of each row. If there is room for all of them, a second pass finds them again
+// and writes them. Thus no pair is dropped, and the result does not depend on the order of invocations.
 
 override LANES: u32 = 256u;
 
 const UPRIGHT: f32 = 0.64;
 const MOST_EXCESS: f32 = 0.6;
-// Pairs that a row has at most, and all have: what is more is all cloth in one place.
+// Limits on the pairs of a row, and on all pairs. Beyond these, all cloth is in one place.
 const MOST_OF_ROW: u32 = 4096u;
 const MOST_OF_ALL: u32 = 0x10000000u;
 
 var<workgroup> counts: array<u32, WORKGROUP>;
 var<workgroup> all_counts: array<u32, LANES>;
 
-// What a row's feature is: its vertices, the last twice where it is one; the box around all that it may stray to; its steps.
+// The feature of a row: its vertices (the same one twice for a vertex), the box within which it may stray, and the
+// range of its displacements.
 struct Feature {
     a: u32,
     b: u32,
@@ -45,7 +47,7 @@ fn is_apart(feature: Feature, n: u32) -> bool {
     return any(gap > relative * (0.5 * known.status.ahead) + about.thickness);
 }
 
-// Whether two nodes of a level, or a node and itself, surely do not meet, as cloth that has not turned over.
+// Whether two nodes of a level, or a node and itself, certainly do not meet: `Tree::is_clear`.
 fn is_clear(a: u32, b: u32) -> bool {
     let more = select(0.0, number(about.excess + b), a != b);
     if number(about.excess + a) + more >= MOST_EXCESS {
@@ -89,7 +91,7 @@ fn closest(is_edge: bool, at: Four) -> vec4f {
     return vertex_triangle(at);
 }
 
-// How near a pair may come, if it may within the substeps that are looked ahead; else 0.
+// The distance at which a pair is held, or 0 if it cannot come so close within the substeps that detection covers.
 fn thickness_of(is_edge: bool, corners: vec4u) -> f32 {
     let a = vertices[corners.x];
     let b = vertices[corners.y];
@@ -106,7 +108,7 @@ fn thickness_of(is_edge: bool, corners: vec4u) -> f32 {
         relative = max(relative, square(a.u.xyz - b.u.xyz));
         stray = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
     }
-    // What is left of the distance for the pair's own thickness.
+    // A lower bound on the distance.
     let left = apart - stray - sqrt(relative) * (0.5 * known.status.ahead);
     if !(left < about.thickness) {
         return 0.0;
@@ -119,7 +121,7 @@ fn thickness_of(is_edge: bool, corners: vec4u) -> f32 {
     return select(0.0, thickness, left < thickness);
 }
 
-// What held a pair apart that was listed before.
+// The multipliers of a pair in the previous lists.
 fn held_before(row: u32, other: u32) -> vec4f {
     let before = 1u - known.status.half;
     let first = before * (about.rows + 1u);
@@ -131,7 +133,7 @@ fn held_before(row: u32, other: u32) -> vec4f {
     return vec4f();
 }
 
-// The pairs of a row: how many there are, and if it `writes`, themselves from `first` on.
+// Counts the pairs of a row, or, if it `writes`, writes them from `first` on.
 fn look_at_row(row: u32, writes: bool, first: u32) -> u32 {
     let is_edge = row >= about.first_edge;
     let leaf = table[about.of_leaves + row];
@@ -144,7 +146,7 @@ fn look_at_row(row: u32, writes: bool, first: u32) -> u32 {
     while n != 0u {
         let level = firstLeadingBit(n);
         let own = ((1u << about.depth) + leaf) >> (about.depth - level);
-        // Of two edges the first has the pair.
+        // A pair of edges belongs to the row of the edge with the lower index.
         let is_passed = is_edge && n < own;
         if is_passed || is_apart(feature, n) || is_clear(own, n) {
             n = after(n);
@@ -155,7 +157,7 @@ fn look_at_row(row: u32, writes: bool, first: u32) -> u32 {
             continue;
         }
         let other_leaf = n - (1u << about.depth);
-        // The edges of the leaves are listed behind their triangles.
+        // The starts of the leaves' edges follow those of their triangles.
         let list = about.leaves + select(0u, (1u << about.depth) + 1u, is_edge);
         var item = table[list + other_leaf];
         if is_edge {
@@ -193,13 +195,14 @@ fn look_at_row(row: u32, writes: bool, first: u32) -> u32 {
     return found;
 }
 
-// The node that comes next where what is below a node is passed over; 0 behind the last.
+// The next node in depth-first order that is not below `n`; 0 after the last.
 fn after(n: u32) -> u32 {
     let next = (n + 1u) >> firstTrailingBit(n + 1u);
     return select(next, 0u, next == 1u);
 }
 
-// Where rows begin: `starts` has the rows of both halves, and behind these how many pairs each workgroup's rows have.
+// `starts` contains the starts of the rows in each half of the lists, then a number for each workgroup of rows: a count
+// of pairs at first, then a start.
 fn place_of_group(group: u32) -> u32 {
     return 2u * (about.rows + 1u) + group;
 }
@@ -234,7 +237,7 @@ fn count(
     }
 }
 
-// One workgroup: where the rows of each workgroup begin, and whether there is room for all.
+// One workgroup computes where the rows of each workgroup start, and checks whether there is room for all pairs.
 @compute @workgroup_size(LANES)
 fn scan(@builtin(local_invocation_index) lane: u32) {
     let is_due = known.status.detects != 0u;

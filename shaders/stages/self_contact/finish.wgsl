@@ -1,5 +1,5 @@
-// The end of contact: what may be taken of each displacement, and the move; then the momentum that was lost is given back to the cloth as a
-// whole.
+// The end of contact in a substep: applies the shares of truncation and updates the positions, then returns the lost
+// momentum to the cloth as a whole.
 
 var<workgroup> lost: array<vec3f, WORKGROUP>;
 
@@ -44,7 +44,7 @@ fn sum_lost(mine: vec3f, lane: u32) {
     }
 }
 
-// Where nothing else holds the cloth. Each workgroup adds up for itself, in the same order as all.
+// Used if nothing else holds the cloth. Each workgroup computes the sum by itself, in the same order.
 @compute @workgroup_size(WORKGROUP)
 fn give_back(
     @builtin(global_invocation_id) id: vec3u,

@@ -1,7 +1,8 @@
-// The start of contact, and its end: vertices out of the colliders, and how the cloth moves as a whole; then what was lost, given back.
+// The start of contact in a substep: resolves contact with colliders, computes the mean displacement, and decides
+// whether detection is due.
 
 override LANES: u32 = 256u;
-// Whether detection can follow in this substep.
+// Whether this substep includes the kernels of detection.
 override LOOKS: bool = true;
 
 var<workgroup> low: array<vec4f, WORKGROUP>;
@@ -10,14 +11,15 @@ var<workgroup> samples: array<vec3f, SAMPLES>;
 var<workgroup> all_low: array<vec4f, LANES>;
 var<workgroup> all_high: array<vec4f, LANES>;
 
-// Vertices that how the cloth falls as a whole is told by.
+// Number of vertices from which the common deviation is estimated.
 const SAMPLES: u32 = 32u;
 const LASTS: f32 = 12.0;
 const AHEAD_LEAST: f32 = 6.0;
 const AHEAD_MOST: f32 = 64.0;
 const FARTHER_AHEAD: f32 = 1.5;
 
-// What a vertex adds to how the cloth moves: a mean by mass, or where vertices are pinned the extremes of theirs.
+// A vertex's part of the reduction: for a free cloth the mean by mass, for a pinned one the range of the pins'
+// displacements.
 fn part_of(u: vec3f, w: f32) -> Part {
     if about.pins == 0u {
         return Part(vec4f(u, 1.0) / w, vec4f());
@@ -42,7 +44,8 @@ fn both(a: Part, b: Part) -> Part {
     return Part(min(a.low, b.low), max(a.high, b.high));
 }
 
-// How the cloth as a whole has strayed so far, by a few of its vertices, where it is free: that brings no two vertices nearer to one another.
+// An estimate of the common deviation of a free cloth from the paths, from a few vertices. It is subtracted, because a
+// common translation brings no two vertices closer to each other.
 fn strayed_together(lane: u32) -> vec3f {
     let each = (about.vertices + SAMPLES - 1u) / SAMPLES;
     let count = (about.vertices + each - 1u) / each;
@@ -61,7 +64,7 @@ fn strayed_together(lane: u32) -> vec3f {
     return select(vec3f(), samples[0] / f32(count), about.pins == 0u);
 }
 
-// Each vertex out of the colliders; whether it is near its path.
+// Moves a vertex out of the colliders, and tests whether it is close enough to its path.
 fn meet_vertex(i: u32, together: vec3f) -> Part {
     let x_i = x[i];
     var path = Path(x_i.xyz, p_out[i].xyz);
@@ -88,7 +91,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     }
     let track = tracks[i];
     let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (known.status.since + 1.0)) - together;
-    // What is not a number is not below the limit.
+    // Written so that NaN counts as too far.
     if !(square(strayed * track.by.w) < 1.0) {
         atomicOr(&known.status.strayed, 1u);
     }
@@ -115,7 +118,7 @@ fn meet(
     }
 }
 
-// Of a workgroup, always in the same order.
+// Reduces the parts of a workgroup, in a fixed order.
 fn gather(part: Part, lane: u32) {
     low[lane] = part.low;
     high[lane] = part.high;
@@ -129,7 +132,7 @@ fn gather(part: Part, lane: u32) {
     }
 }
 
-// One workgroup: how the cloth moves as a whole, and whether detection is due.
+// One workgroup computes the mean displacement and decides whether detection is due.
 @compute @workgroup_size(LANES)
 fn decide(@builtin(local_invocation_index) lane: u32) {
     var part = nothing();
@@ -151,7 +154,8 @@ fn decide(@builtin(local_invocation_index) lane: u32) {
         if about.pins == 0u {
             known.status.mean = all.low.xyz / all.low.w;
         } else {
-            // Extremes farther apart than this are not resolved, and cloth that meets neither would go along.
+            // If the pins move differently by more than this, there is no common motion: the mean would also move cloth
+            // that follows neither.
             let near_enough = distance(all.low.xyz, all.high.xyz) < about.thickness;
             known.status.mean = select(vec3f(), 0.5 * (all.low.xyz + all.high.xyz), near_enough);
         }

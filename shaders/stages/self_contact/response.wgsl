@@ -1,7 +1,8 @@
-// Near pairs of the list, what holds them apart, and what of displacements they leave.
+// Selects near pairs from the list, computes the response that holds them apart, and truncates displacements.
 //
-// What pairs give their vertices is summed in integers, whose order changes nothing: a thickness has 2^23 of them, so that a sum may come to 256
-// thicknesses. Each step of the multipliers is a dispatch over pairs, and one over vertices that takes the sums.
+// Contributions of pairs to vertices are summed as integers, because their sum does not depend on the order. A
+// thickness is 2^23 of them, so sums may reach 256 thicknesses. Each iteration of the response is a dispatch over
+// pairs, followed by one over vertices that applies the sums.
 
 const ACTING: f32 = 0.3;
 const WARM: f32 = 0.9;
@@ -37,7 +38,7 @@ fn add(v: u32, first: u32, by: vec3f) {
     }
 }
 
-// Adds an impulse [kg m] that a pair gives to three sums of each of its vertices.
+// Adds an impulse [kg m] of a pair to three sums of each of its vertices.
 fn give(corners: vec4u, w: vec4f, first: u32, weights: vec4f, by: vec3f) {
     let shares = weights * w;
     add(corners.x, first, by * shares.x);
@@ -59,7 +60,7 @@ var<workgroup> total: u32;
 var<workgroup> found: array<atomic<u32>, 2>;
 var<workgroup> firsts: array<u32, 2>;
 
-// A listed pair in this substep, and whether it is not near (0), only kept from crossing (1), or acts (2).
+// A listed pair in this substep. `state` is 0 if it is not near, 1 if only truncation holds it, and 2 if it acts.
 struct Looked {
     pair: Near,
     state: u32,
@@ -93,7 +94,7 @@ fn look_at_pair(k: u32) -> Looked {
     var state = 0u;
     if left < pair.thickness && distance > 1e-12 {
         let gap = distance - pair.thickness + dot(normal, between(weights, u));
-        // Where edges meet at an end, a vertex meets a triangle there, which acts.
+        // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
         let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
         let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
         state = select(1u, 2u, acts);
@@ -104,8 +105,8 @@ fn look_at_pair(k: u32) -> Looked {
     return Looked(Near(corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k), state);
 }
 
-// Where a pair is that is found as one of its kind: those that act come from the first place on, the others from the last place back. In which
-// order they come is of no account.
+// The position of a near pair in `near`: those that act fill it from the start, the others from the end. Their order
+// has no effect on the result.
 fn place_of(state: u32, index: u32) -> u32 {
     return select(about.room - 1u - index, index, state == 2u);
 }
@@ -158,7 +159,8 @@ fn weight_of(v: u32) -> f32 {
     return f32(atomicLoad(&sums[SUMS * v + WEIGHT])) / UNIT_WEIGHT;
 }
 
-// How fast a pair steps; what held it apart in the last substep most likely does; what moves it out where it is too near.
+// Computes the relaxation rate of a pair, its impulse for the warm start, and the correction that separates it if it is
+// too close.
 fn warm_pair(k: u32) {
     let n = near[k];
     let w = inverse_masses(n.corners);
@@ -212,7 +214,7 @@ fn step_pairs(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
     }
 }
 
-// Gives a vertex what its pairs do, and meets the colliders with it.
+// Applies the impulses of its pairs to a vertex, then resolves its contact with the colliders.
 fn take_sums(i: u32) {
     if x[i].w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
         return;
@@ -227,7 +229,7 @@ fn take_sums(i: u32) {
     vertices[i].u = vec4f(path.u, vertices[i].u.w);
 }
 
-// How far a vertex was on its way to go.
+// Also stores how far a vertex was about to move, before the first impulses.
 @compute @workgroup_size(WORKGROUP)
 fn take_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
@@ -246,7 +248,7 @@ fn take(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     }
 }
 
-// The last time: with what pushes, and no farther than it was on its way to, but for a little.
+// Also applies the corrections, and limits how far a vertex moves beyond what it was about to.
 @compute @workgroup_size(WORKGROUP)
 fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
@@ -263,7 +265,8 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     }
 }
 
-// What a pair leaves of its vertices' displacements, so that each stays on its side of the plane half way between.
+// Computes the shares of its vertices' displacements with which a pair stays on both sides of the plane halfway
+// between.
 fn cut_pair(n: Near) {
     let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= known.status.with_vertices);
     let firsts = max(sides, vec4f());
@@ -280,7 +283,7 @@ fn cut_pair(n: Near) {
         let way = vertices[v].u.xyz + vertices[v].push.xyz - known.status.mean;
         heights[c] = sides[c] * dot(n.normal, x[v].xyz - middle);
         towards[c] = -sides[c] * dot(n.normal, way);
-        // Planes go with vertices that are led, which nothing shortens, out of their way.
+        // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
         let out = select(0.0, max(keeps - (heights[c] - towards[c]), 0.0), w[c] == 0.0);
         led_down = max(led_down, out * firsts[c]);
         led_up = max(led_up, out * (1.0 - firsts[c]));
@@ -294,7 +297,7 @@ fn cut_pair(n: Near) {
     }
 }
 
-// All near pairs; what holds those apart that act is kept in the list.
+// Truncates for all near pairs, and stores the multipliers of those that act in the list.
 @compute @workgroup_size(WORKGROUP)
 fn cut(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     if is_idle() {

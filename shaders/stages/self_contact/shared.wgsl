@@ -1,17 +1,18 @@
-// Contact of the cloth with itself: what its stages share. The reasons are in src/contact, file by file under the same names.
+// Contact of the cloth with itself: declarations shared by its stages. The files in src/contact with the same names
+// have the theory.
 //
-// Every stage binds what it uses of this list. Nothing depends on which invocation comes first: what several write to is a maximum, a
-// minimum, or a sum of integers.
+// Each stage binds the resources that it uses. Results do not depend on the order of invocations: values that several
+// invocations write are maxima, minima or sums of integers.
 
 struct About {
     thickness: f32,
     friction: f32,
     vertices: u32,
-    // Rows of the lists: one for each vertex, up to a whole number of workgroups, then one for each edge.
+    // Rows of the lists: one for each vertex, padded to a whole number of workgroups, then one for each edge.
     first_edge: u32,
     rows: u32,
     depth: u32,
-    // Where each list of the table begins.
+    // Positions of the lists in the table.
     triangles: u32,
     edges: u32,
     leaves: u32,
@@ -19,29 +20,29 @@ struct About {
     excess: u32,
     beside: u32,
     of_vertices: u32,
-    // Pairs that there is room for, and colliders.
+    // Number of pairs that the list has room for; number of colliders.
     room: u32,
     bodies: u32,
-    // Vertices that are pinned.
+    // Number of pinned vertices.
     pins: u32,
-    // Pairs that are let go: of a vertex and a triangle, then of two edges.
+    // Numbers of ignored pairs: of a vertex and a triangle, and of two edges.
     let_go: u32,
     let_go_of_edges: u32,
-    // Workgroups that go over all vertices.
+    // Number of workgroups that cover all vertices; inverse of the cloth's mass [1/kg].
     groups: u32,
     per_mass: f32,
 }
 
-// A listed pair. `other` is its second feature, the first is its row.
+// A listed pair. Its first feature is its row, `other` the second.
 struct Listed {
     corners: vec4u,
-    // Along the friction, w along the normal [kg m].
+    // Multipliers [kg m]: xyz of friction, w of the normal.
     lambda: vec4f,
     other: u32,
     thickness: f32,
 }
 
-// A near pair in this substep: its corners and their weights, what holds it apart, and where it is listed.
+// A near pair in this substep: corners, their weights, multipliers, and its index in the list.
 struct Near {
     corners: vec4u,
     weights: vec4f,
@@ -53,21 +54,22 @@ struct Near {
     listed: u32,
 }
 
-// A vertex in this substep. `u` is its displacement, w how far it was on its way to go; `push` what moves it besides; `middle` where it
-// is in the middle of its path, w how far it may stray from that.
+// A vertex in this substep. `u`: displacement; w is the distance that it was about to move relative to the mean.
+// `push`: correction that adds no velocity. `middle`: midpoint of its path; w is how far it may stray.
 struct Vertex {
     u: vec4f,
     push: vec4f,
     middle: vec4f,
 }
 
-// The path that detection looked along: from where, w how far the vertex may stray; by how much in a substep.
+// The path that detection assumes: start, with the distance that the vertex may stray in w; displacement per substep,
+// with its inverse in w.
 struct Track {
     start: vec4f,
     by: vec4f,
 }
 
-// What a node of the tree bounds: places, steps and normals, the least and the greatest.
+// Bounds of a tree node: places at the midpoints of the paths, displacements per substep, and normals.
 struct Node {
     place_low: vec3f,
     place_high: vec3f,
@@ -77,43 +79,46 @@ struct Node {
     normal_high: vec3f,
 }
 
-// A part of what is gathered over all vertices.
+// One workgroup's part of a reduction over all vertices.
 struct Part {
     low: vec4f,
     high: vec4f,
 }
 
 struct Status {
-    // Goes on from step to step. Which half of the lists is in force, and how many pairs are in it, the first so many of a vertex.
+    // Kept between steps: which half of the lists is current, the number of pairs in it, and how many of these are of a
+    // vertex and a triangle.
     half: u32,
     listed: u32,
     with_vertices: u32,
-    // Substeps since detection, below 0 if there was none; how many it looked ahead; the last substep's length [s].
+    // Number of substeps since the last detection (below 0: none yet) and number that it covers; length of the last
+    // substep [s].
     since: f32,
     ahead: f32,
     h: f32,
-    // Of the step: why it must be taken back, how many pairs there were no room for, detections.
+    // Of this step: reasons to stop it, number of pairs needed if there is not enough room, number of detections.
     stopped: atomic<u32>,
     needed: atomic<u32>,
     detections: u32,
-    // Of the substep: pairs that are only kept from crossing, those that act, of these those that press; whether anything strayed, the most
-    // that a collider pushes [m], by its bits.
+    // Of this substep: number of near pairs that only truncation holds, of pairs that act, and of these with a normal
+    // impulse; whether a vertex strayed too far; the longest correction by a collider [m], as bits and as a number.
     near: atomic<u32>,
     acting: atomic<u32>,
     pressing: atomic<u32>,
     strayed: atomic<u32>,
     most_push: atomic<u32>,
     pushed: f32,
-    // 1 if detection is due; how the ways since the last are to be weighed, over how many substeps they were; what multipliers are scaled by.
+    // Whether detection is due (1 or 0); factor on the deviations from the last paths, for the new limits (below 0:
+    // none); number of substeps of these paths; factor on the multipliers of the last substep.
     detects: u32,
     longer: f32,
     over: f32,
     scale: f32,
-    // How the cloth moves as a whole [m].
+    // The mean displacement [m].
     mean: vec3f,
 }
 
-// And the parts of what is gathered, one of each workgroup.
+// The status, followed by the workgroups' parts of a reduction.
 struct Known {
     status: Status,
     parts: array<Part>,
@@ -135,20 +140,20 @@ struct Known {
 @group(1) @binding(13) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> p_out: array<vec4f>;
 
-// Why a step stops.
+// Reasons to stop a step.
 const NO_ROOM: u32 = 1u;
 const NOT_FINITE: u32 = 2u;
 const CROWDED: u32 = 4u;
 const EARLY: u32 = 8u;
 
-// Integers that are summed for each vertex, and where they begin: weights, three of what pairs give, three of what they push; and the bits of
-// the share that may be taken.
+// Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections; and
+// the bits of the share that truncation leaves.
 const SUMS: u32 = 8u;
 const WEIGHT: u32 = 0u;
 const GIVEN: u32 = 1u;
 const PUSHED: u32 = 4u;
 const SHARE: u32 = 7u;
-// What a weight of 1 is in integers, and a thickness.
+// The integers that represent a weight of 1, and a length of one thickness.
 const UNIT_WEIGHT: f32 = 262144.0;
 const UNIT_LENGTH: f32 = 8388608.0;
 

@@ -1,4 +1,5 @@
-// Refitting the tree: paths first, then what bounds the leaves and all nodes above. Nodes are numbered as a heap's from 1 at the root.
+// Refits the tree: starts new paths, then bounds the leaves and all nodes above. Nodes are numbered like a binary heap,
+// the root being 1.
 
 override LANES: u32 = 256u;
 
@@ -18,7 +19,7 @@ fn join(a: Node, b: Node) -> Node {
     );
 }
 
-// Begins the path of each vertex, and says how far it may stray: told from how far it strayed from the last.
+// Starts the path of each vertex, and chooses how far it may stray from how far it strayed since the last detection.
 @compute @workgroup_size(WORKGROUP)
 fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
@@ -71,7 +72,7 @@ fn node_of_leaf(leaf: u32) -> Node {
     return node;
 }
 
-// The leaves, and as many levels above as a workgroup has all nodes of.
+// Bounds the leaves, and the levels above as far as all nodes below are in the same workgroup.
 @compute @workgroup_size(WORKGROUP)
 fn bound(
     @builtin(global_invocation_id) id: vec3u,
@@ -102,7 +103,7 @@ fn bound(
     }
 }
 
-// One workgroup: what is above.
+// One workgroup bounds the remaining levels.
 @compute @workgroup_size(LANES)
 fn refit(@builtin(local_invocation_index) lane: u32) {
     let is_due = known.status.detects != 0u && !has_stopped();

@@ -1,30 +1,30 @@
-//! How a step is tried: with as few kernels as its start lets one expect to be enough. Where they are not, the step stops, is taken back, and is
-//! tried once more with all of them, to the same bits.
+//! Chooses the kernels with which a step is attempted: only those that its start makes likely to be needed. If they do
+//! not suffice, the step stops, is rolled back and is repeated with all kernels, with the same result bit for bit.
 
 use super::status::Status;
 use crate::contact::ahead_after;
 
-/// Steps that are taken with all kernels after one that needed them.
+/// Number of steps that run all kernels after a step that needed them.
 const CAUTIOUS: u32 = 6;
 
-/// Which kernels a step is tried with.
+/// The kernels of an attempt.
 #[derive(Debug, Default)]
 pub(super) struct Course {
-    /// Whether pairs that are listed are held apart; else there may be none.
+    /// Whether the response runs. Without it, there must be no listed pairs.
     pub responds: bool,
-    /// The substeps in which detection is expected; `None` where it may come in any.
+    /// For each substep whether detection is expected; `None` if it may be due in any.
     expected: Option<Vec<bool>>,
-    /// Steps left that are to respond, and to look in any substep.
+    /// Number of steps left in which the response must run, and in which detection may be due in any substep.
     responding: u32,
     looking: u32,
 }
 
 impl Course {
-    /// Of a step that begins there.
+    /// Chooses the kernels for the first attempt of a step that starts from `status`.
     pub(super) fn begin(&mut self, status: &Status, substeps: usize, vertices: usize) {
         self.responds = status.listed > 0 || self.responding > 0;
         self.responding = self.responding.saturating_sub(1);
-        // How far a long list lets detection look ahead is not known beforehand.
+        // A long list reduces how far detection looks ahead, which cannot be predicted.
         let is_known = self.looking == 0 && (status.listed as usize) < 2 * vertices;
         self.looking = self.looking.saturating_sub(1);
         let (mut since, mut ahead) = (status.since, status.ahead);
@@ -40,7 +40,8 @@ impl Course {
         self.expected = is_known.then(|| (0..substeps).map(|_| is_due()).collect());
     }
 
-    /// Of the same step once more, where there were pairs, or where detection was due before it was expected.
+    /// Chooses the kernels for the second attempt, after pairs were found without a response, or detection was due
+    /// early.
     pub(super) fn change(&mut self, has_pairs: bool, is_early: bool) {
         if has_pairs {
             (self.responds, self.responding) = (true, CAUTIOUS);
@@ -50,7 +51,7 @@ impl Course {
         }
     }
 
-    /// Whether a substep has the kernels of detection.
+    /// Whether a substep includes the kernels of detection.
     pub(super) fn looks(&self, substep: usize) -> bool {
         self.expected.as_ref().is_none_or(|expected| expected[substep])
     }

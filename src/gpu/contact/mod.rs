@@ -1,8 +1,8 @@
-//! Contact of the cloth with itself on the device: what [`crate::contact`] does, in kernels of the same names.
+//! Contact of the cloth with itself on the GPU: the algorithm of [`crate::contact`], in kernels of the same names.
 //!
-//! It comes behind the sweep, which moves vertices without colliders, and puts them where they are to go. A list of pairs has room for so many:
-//! where it has too little, the step stops, is taken back to its start, and is taken once more with more room, to the same bits as if there
-//! had been enough. So a step waits for the device once, and is committed after that.
+//! It follows the sweep, which here ignores colliders, and computes the final positions. The list of pairs has limited
+//! room. If that does not suffice, the step stops, is rolled back and is repeated with more room, with the same result
+//! bit for bit as if there had been enough. Therefore each step waits for the GPU once, and is committed after that.
 
 mod course;
 mod past;
@@ -26,16 +26,16 @@ use course::Course;
 use stages::Stages;
 use status::{About, CROWDED, EARLY, Listed, NEAR, NO_ROOM, NODE, PART, SUMS, Status, TRACK, VERTEX};
 
-/// Steps of the multipliers in a substep.
+/// Iterations of the response per substep.
 const ITERATIONS: usize = crate::contact::ITERATIONS;
-/// Dispatches of a substep, at most.
+/// Limit on the dispatches of a substep.
 pub(crate) const DISPATCHES: usize = 14 + 2 * ITERATIONS;
-/// Vertices for each of which a list has room for a pair at first.
+/// Initially, the list has room for one pair per this many vertices.
 const FIRST_ROOM: usize = 2;
-/// Pairs that dispatches over pairs are made for, at least: where there are more, each invocation has several.
+/// Least number of pairs for which dispatches over pairs are sized. With more pairs, each invocation handles several.
 const LEAST_ITEMS: usize = 4096;
 
-/// Buffers; `starts` and `pairs` have two halves, one of which is in force.
+/// GPU buffers; `starts` and `pairs` have two halves, one of which contains the current lists.
 #[derive(Debug)]
 pub(super) struct Buffers {
     about: Sent,
@@ -52,7 +52,7 @@ pub(super) struct Buffers {
     let_go: Sent,
 }
 
-/// Where a step goes back to.
+/// The state to which a step is rolled back.
 #[derive(Debug)]
 struct Good {
     tracks: wgpu::Buffer,
@@ -60,29 +60,29 @@ struct Good {
     pairs: wgpu::Buffer,
 }
 
-/// Contact of a cloth with itself, from step to step.
+/// The state of contact of a cloth with itself, kept between steps.
 #[derive(Debug)]
 pub(crate) struct GpuContact {
     kept: OnDevice,
     options: Contact,
     table: Table,
     vertices: usize,
-    /// One over the cloth's mass (1/kg), once it is known.
+    /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
     per_mass: Option<f32>,
-    /// Pairs that a list has room for.
+    /// Number of pairs that the list has room for.
     room: usize,
     buffers: Buffers,
     good: Good,
-    /// None where buffers are others than before.
+    /// `None` if the kernels must be bound to new buffers.
     stages: Option<Stages>,
     staging: wgpu::Buffer,
-    /// At the end of the last good step.
+    /// As of the end of the last good step.
     status: Status,
     course: Course,
 }
 
 impl GpuContact {
-    /// None if the cloth has no triangles.
+    /// Returns `None` if the cloth has no triangles.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, options: Contact) -> Option<GpuContact> {
         let (kept, mut table) = OnDevice::new(cloth, options)?;
         let words = std::mem::take(&mut table.words);
@@ -127,44 +127,44 @@ impl GpuContact {
         })
     }
 
-    /// Forgets what it knows of the state, which was put elsewhere.
+    /// Discards everything that depends on positions, because the state was replaced.
     pub(crate) fn forget(&mut self) {
         self.kept.forget();
         self.status = Status::nothing();
     }
 
-    /// Binds other buffers of the state from the next step on, of a cloth whose masses may be others.
+    /// Must be called when the state's buffers or the masses were replaced: the next step then binds the new buffers.
     pub(crate) fn unbind(&mut self) {
         (self.stages, self.per_mass) = (None, None);
     }
 
-    /// Whether a step must know where the cloth is before it begins.
+    /// Whether the next step needs the positions on the CPU first, to search for intersections.
     pub(crate) fn must_look(&self, plan: &Plan<'_>) -> bool {
         self.kept.must_look(plan)
     }
 
-    /// Looks what crosses where the vertices are.
+    /// Searches for intersections at the positions `x` (m).
     pub(crate) fn look(&mut self, x: &[Vec4]) {
         let crossed = !self.kept.let_go().iter().all(Vec::is_empty);
         self.kept.look(x);
         if crossed || !self.kept.let_go().iter().all(Vec::is_empty) {
-            // Other pairs are let go.
+            // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
     }
 
-    /// What crossed where it looked last.
+    /// Intersections found by the last search.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
         self.kept.crossings()
     }
 
-    /// What the last step came to.
+    /// Counts of the last step.
     pub(crate) fn tally(&self) -> Tally {
         let Status { pressing, detections, listed, near, acting, .. } = self.status;
         Tally { contacts: pressing, detections, listed, near: near + acting }
     }
 
-    /// Makes ready for a step of these numbers, from where the last one ended.
+    /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
         let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, .. } = self;
         let [of_vertices, of_edges] = kept.let_go();
@@ -186,7 +186,7 @@ impl GpuContact {
             excess: table.excess,
             beside: table.beside,
             of_vertices: table.of_vertices,
-            // What is not responded to has no room.
+            // Without the response, any pair must stop the step.
             room: if course.responds { *room as u32 } else { 0 },
             bodies: plan.bodies.len() as u32,
             pins: plan.cloth.pinned.len() as u32,
@@ -203,13 +203,13 @@ impl GpuContact {
         }
         stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers));
         if self.status.since < 0.0 && self.status.listed == 0 {
-            // Rows of a state that was left.
+            // Clears the rows of a discarded state.
             gpu.write(&buffers.starts, 0, &vec![0_u32; table.rows as usize + 1]);
         }
         gpu.write(&buffers.common, 0, &[self.status.at_start()]);
     }
 
-    /// Copies what a step goes back to.
+    /// Saves the state to which the step may have to be rolled back.
     fn keep(&self, gpu: &Gpu) {
         let GpuContact { buffers, good, status, room, .. } = self;
         let rows = 4 * (u64::from(self.table.rows) + 1);
@@ -224,7 +224,7 @@ impl GpuContact {
         gpu.queue().submit([encoder.finish()]);
     }
 
-    /// Goes back to what was kept.
+    /// Rolls back to the saved state.
     fn go_back(&mut self, gpu: &Gpu) {
         let GpuContact { buffers, good, status, .. } = self;
         let rows = 4 * (u64::from(self.table.rows) + 1);
@@ -239,7 +239,7 @@ impl GpuContact {
         status.half = 0;
     }
 
-    /// Goes back and makes room for so many pairs, and some more.
+    /// Rolls back, and makes room for the needed pairs and a quarter more.
     fn grow(&mut self, gpu: &Gpu, needed: usize) {
         let room = (needed + needed / 4).next_multiple_of(WORKGROUP);
         let good = std::mem::replace(&mut self.good.pairs, gpu.buffer("pairs before", (room * size_of::<Listed>()) as u64));
@@ -250,21 +250,21 @@ impl GpuContact {
         self.go_back(gpu);
     }
 
-    /// Makes lists that have room for so many pairs, without any.
+    /// Replaces the lists by empty ones with room for this many pairs.
     pub(crate) fn make_room(&mut self, gpu: &Gpu, room: usize) {
         self.buffers.pairs = gpu.buffer("pairs", (2 * room * size_of::<Listed>()) as u64);
         self.buffers.near = gpu.buffer("near pairs", (NEAR * room) as u64);
         (self.room, self.stages) = (room, None);
     }
 
-    /// Begins a step of so many substeps: how it is tried first.
+    /// Starts a step: chooses the kernels of the first attempt and saves the state.
     pub(crate) fn begin(&mut self, gpu: &Gpu, substeps: usize) {
         self.course.begin(&self.status, substeps, self.vertices);
         self.keep(gpu);
     }
 
-    /// Waits for what a step came to, and goes on from it, or goes back; then says whether it is to be tried once more. A step that
-    /// cannot be taken fails with the pairs that were too many.
+    /// Waits for the result of an attempt. Returns whether the step must be attempted again, from the state to which it
+    /// was rolled back. An inner error is the number of pairs, if these were too many.
     pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Result<bool, usize>, GpuFault> {
         let status: Status = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
         let needed = status.needed as usize;
@@ -288,12 +288,13 @@ impl GpuContact {
         Ok(Ok(true))
     }
 
-    /// Copies the status behind what is encoded.
+    /// Encodes a copy of the status after the step's commands.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.copy_buffer_to_buffer(&self.buffers.common, 0, &self.staging, 0, size_of::<Status>() as u64);
     }
 
-    /// Encodes contact in substep number `index`, number `group` of [`crate::gpu::state::PING_PONG`], behind its sweep.
+    /// Encodes contact in substep number `index` after its sweep; `group` is an index of
+    /// [`crate::gpu::state::PING_PONG`].
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
         let looks = self.course.looks(index);

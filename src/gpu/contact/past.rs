@@ -1,4 +1,4 @@
-//! What contact on the device knows of the motion, read from it and written to it.
+//! Reads and writes the part of contact's state that snapshots save.
 
 use super::GpuContact;
 use super::status::{Listed, NEVER, Status, Track};
@@ -8,7 +8,7 @@ use crate::device::Gpu;
 use crate::gpu_fault::GpuFault;
 
 impl GpuContact {
-    /// Waits for what there is to know.
+    /// Reads the state. Waits for the GPU.
     pub(crate) fn past(&self, gpu: &Gpu) -> Result<Past, GpuFault> {
         let Status { half, listed, since, ahead, h, .. } = self.status;
         if since < 0.0 {
@@ -45,7 +45,7 @@ impl GpuContact {
         })
     }
 
-    /// Goes on from there; false, and as it was, if that is the past of no such cloth.
+    /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     pub(crate) fn resume(&mut self, gpu: &Gpu, past: &Past) -> bool {
         let Some(lists) = self.kept.resume(past) else { return false };
         let DeviceLists { starts, pairs, from, by, ahead, since, h } = lists;

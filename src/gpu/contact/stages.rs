@@ -1,4 +1,4 @@
-//! The kernels of contact and what each binds, in the order of a substep.
+//! The kernels of contact in the order of a substep, and the buffers that each binds.
 
 use super::Buffers;
 use crate::device::{Entry, Gpu, Shader};
@@ -7,7 +7,7 @@ use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage};
 use crate::gpu::state::{State, groups};
 
-/// The bindings of `stages/self_contact/shared.wgsl` that are not the same for all kernels.
+/// Bindings of `stages/self_contact/shared.wgsl` that only some kernels use.
 const TABLE: usize = 1;
 const X: usize = 2;
 const VERTICES: usize = 3;
@@ -28,7 +28,7 @@ const P_OUT: usize = 14;
 pub(super) struct Stages {
     pub meet: Stage,
     pub decide: Stage,
-    /// Where detection does not follow.
+    /// Used in substeps without kernels of detection.
     pub decide_alone: Stage,
     pub begin_paths: Stage,
     pub bound: Stage,
@@ -80,7 +80,7 @@ impl Stages {
     }
 }
 
-/// What a kernel binds that `uses` some of the buffers, in a substep from one state to another.
+/// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
     let Buffers { about, table, vertices, tracks, nodes, starts, pairs, near, sums, common, bodies, let_go } = buffers;
     let all = [

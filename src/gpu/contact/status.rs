@@ -1,18 +1,18 @@
-//! What contact on the device tells of itself, and is told: as the shaders have it.
+//! Data shared with the shaders: the status that the kernels keep, and the parameters that they are given.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
-/// Why a step stops: bits of [`Status::stopped`].
+/// Reasons to stop a step: bits of [`Status::stopped`].
 pub(crate) const NO_ROOM: u32 = 1;
 #[cfg(test)]
 pub(crate) const NOT_FINITE: u32 = 2;
 pub(crate) const CROWDED: u32 = 4;
 pub(crate) const EARLY: u32 = 8;
-/// Before the first detection.
+/// Value of [`Status::since`] before the first detection.
 pub(super) const NEVER: f32 = -1.0;
 
-/// `Status` of `stages/self_contact/shared.wgsl`, where each member is explained.
+/// `Status` of `stages/self_contact/shared.wgsl`, which documents the fields.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Status {
@@ -41,12 +41,12 @@ pub(crate) struct Status {
 }
 
 impl Status {
-    /// Of a state of which nothing is known.
+    /// The status after the state was replaced.
     pub(super) fn nothing() -> Status {
         Status { since: NEVER, ..Status::zeroed() }
     }
 
-    /// At the start of a step that goes on from here.
+    /// The status at the start of a step that continues from this one.
     pub(super) fn at_start(self) -> Status {
         let Status { half, listed, with_vertices, since, ahead, h, .. } = self;
         Status { half, listed, with_vertices, since, ahead, h, ..Status::zeroed() }
@@ -79,7 +79,7 @@ pub(crate) struct About {
     pub per_mass: f32,
 }
 
-/// A pair in a list: `Listed` there.
+/// A listed pair: `Listed` of `shared.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct Listed {
@@ -90,7 +90,7 @@ pub(crate) struct Listed {
     pub padding: [u32; 2],
 }
 
-/// `Track` there.
+/// The path of a vertex: `Track` of `shared.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Track {
@@ -98,15 +98,15 @@ pub(crate) struct Track {
     pub by: Vec4,
 }
 
-/// Bytes of what the shaders alone look into.
+/// Sizes in bytes of structs that only the shaders access.
 pub(super) const VERTEX: usize = 48;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const NEAR: usize = 80;
 pub(super) const PART: usize = 32;
-/// Integers that are summed for each vertex: `SUMS` there.
+/// Number of sums per vertex: `SUMS` of `shared.wgsl`.
 pub(crate) const SUMS: usize = 8;
-/// Where they begin, what 1 is in them, and how many pairs a row and all may have: for the shaders alone.
+/// Constants that only the shaders use; tests compare them.
 #[cfg(test)]
 pub(crate) const PLACES: [u32; 4] = [0, 1, 4, 7];
 #[cfg(test)]

@@ -12,7 +12,7 @@ use crate::options::Contact;
 use crate::step::plan::Plan;
 
 impl GpuEngine {
-    /// The same engine with contact of the cloth with itself, if it is to have any.
+    /// Adds contact of the cloth with itself to the engine, if there are options for it.
     pub(crate) fn with_contact(mut self, cloth: &Cloth, contact: Option<Contact>) -> Result<GpuEngine, GpuFault> {
         let gpu = self.gpu.clone();
         let made = gpu.checked(|| Ok(contact.and_then(|contact| GpuContact::new(&gpu, cloth, contact))));
@@ -20,8 +20,8 @@ impl GpuEngine {
         Ok(self)
     }
 
-    /// One step with contact of the cloth with itself, which is waited for: if the first try did not suffice, it is taken back and tried once
-    /// more. Colliders are met by contact, not behind the sweep.
+    /// Does one step, and waits for it. If the first attempt did not suffice, the step is rolled back and repeated.
+    /// Contact resolves the colliders too, so the sweep ignores them.
     pub(super) fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         if self.contact.as_ref().is_some_and(|contact| contact.must_look(plan)) {
@@ -58,7 +58,7 @@ impl GpuEngine {
         stepped.map_err(|fault| self.break_off(fault))?.map_or(Ok(()), Err)
     }
 
-    /// Makes room for so few pairs in the lists of contact.
+    /// Sets the room of the list of pairs, so that tests can start with little.
     #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
     pub(crate) fn contact_room(&mut self, pairs: usize) -> Result<(), GpuFault> {
         let GpuEngine { gpu, contact, .. } = self;
