@@ -85,7 +85,8 @@ impl Engine {
                 Engine::Hybrid(Box::new(gpu.map_err(refuse("Backend::Hybrid"))?))
             }
             Backend::Gpu if IN_BROWSER && options.contact.is_some() => {
-                let remedy = "waits for the GPU in each step, which a browser does not; use Backend::Cpu, or leave contact out";
+                let remedy =
+                    "must wait for the GPU in each step, which a browser does not allow; use Backend::Cpu, or no contact";
                 return Err(BuildError::Value { name: "contact".to_owned(), value: "with Backend::Gpu".to_owned(), remedy });
             }
             Backend::Gpu => {
@@ -131,7 +132,7 @@ impl Engine {
             match engine {
                 #[cfg(feature = "gpu")]
                 Engine::Gpu(gpu) => match gpu.is_whole() {
-                    // That is waited for, each by itself.
+                    // Such a step waits for the GPU, so it cannot share a submission with others.
                     Ok(()) if gpu.contact.is_some() => done[index] = gpu.step(&plan).and_then(|()| gpu.statistics()),
                     Ok(()) => together.push((index, &mut **gpu, plan)),
                     Err(failure) => done[index] = Err(failure),
@@ -159,7 +160,7 @@ impl Engine {
         }
     }
 
-    /// What contact of triangles did in the last step, if there is any.
+    /// Counts of contact in the last step, if there is any.
     pub(crate) fn contact(&self) -> Option<Tally> {
         match self {
             #[cfg(feature = "gpu")]
@@ -168,7 +169,8 @@ impl Engine {
         }
     }
 
-    /// What crossed where contact looked last: of the cloth itself, and of each pair with a body the place of the body.
+    /// Intersections known to contact: those of the cloth with itself, and for each intersection with a body the index
+    /// of the body.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
         match self {
             #[cfg(feature = "gpu")]

@@ -186,8 +186,8 @@ pub struct Options {
     /// cloth yields along the bias as fabric does.
     pub edge_scale: Option<Vec<f32>>,
     /// Contact of the cloth with itself, which includes contact between the pieces of a mesh. `None`: cloth passes
-    /// through cloth. [`Backend::Auto`] then selects the CPU. With [`Backend::Gpu`] each step waits for the GPU once, to
-    /// check that its lists had room for all pairs; in a browser, where nothing can wait, it returns an error.
+    /// through cloth. With contact, [`Backend::Auto`] selects the CPU. With [`Backend::Gpu`] each step then waits for the
+    /// GPU once, to check that its lists had room for all pairs. In a browser, which cannot wait, that is an error.
     pub contact: Option<Contact>,
 }
 

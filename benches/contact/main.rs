@@ -28,7 +28,7 @@ fn seconds(start: Instant) -> f64 {
     alone.then(told).flatten().map_or_else(|| start.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
 }
 
-/// The cloth of a scene, where it begins.
+/// The cloth of a scene in its initial state.
 fn cloth(scene: &Scene, backend: Backend, contact: Option<Contact>) -> Deformer {
     let options = Options {
         backend,
@@ -44,12 +44,12 @@ fn cloth(scene: &Scene, backend: Backend, contact: Option<Contact>) -> Deformer 
     cloth
 }
 
-/// What acts in a frame.
+/// The attributes of a frame.
 fn attributes(scene: &Scene, frame: u32) -> Attributes {
     Attributes { colliders: scene.colliders.clone(), pin_targets: scene.targets(frame + 1), ..Attributes::default() }
 }
 
-/// Milliseconds a frame with contact and without, and what contact did in the last frame.
+/// Milliseconds per frame with contact and without, the counts of contact in the last frame, and detections per frame.
 fn timed(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
     let mut cloths = [Some(Contact::default()), None].map(|contact| cloth(scene, Backend::Cpu, contact));
     let (mut times, mut detections, start) = ([0.0; 2], 0, Instant::now());
@@ -66,7 +66,7 @@ fn timed(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
     (times, cloths[0].contact_tally(), f64::from(detections) / f64::from(scene.frames[1]))
 }
 
-/// The same on the GPU, one behind the other, so that steps that are not waited for go on while the next is made ready.
+/// The same on the GPU, with contact first and then without, so that steps can be prepared while the GPU works.
 fn timed_on_gpu(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
     let (mut tally, mut detections) = ([0; 4], 0);
     let times = [Some(Contact::default()), None].map(|contact| {

@@ -1,4 +1,4 @@
-//! What is played: sheets that hang, swing, lie on one another, fall in heaps, and are twisted.
+//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted.
 
 use std::f32::consts::PI;
 
@@ -39,7 +39,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
         mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + n * n)));
         mesh
     };
-    // Folded over so that one half lies above the other.
+    // One half is folded over the other.
     let (radius, quarter) = (0.05_f32, 0.5 * PI * 0.05);
     let bent = |x: &Vec3| {
         let (z, y) = match x.z {
@@ -118,7 +118,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
     ]
 }
 
-/// Those that are large enough for a GPU.
+/// Scenes that are large enough for a GPU.
 pub(crate) fn large() -> Vec<Scene> {
     let floor = Collider::plane(Vec3::ZERO, Vec3::Y);
     let falling = |n: u32, height: f32| {
@@ -177,7 +177,7 @@ pub(crate) fn large() -> Vec<Scene> {
 }
 
 impl Scene {
-    /// Where the pins are in a frame, if they are led.
+    /// The pins' positions in a frame, if they move.
     pub(crate) fn targets(&self, frame: u32) -> Option<Vec<Vec3>> {
         let turned = |&pin: &u32| {
             let x = self.mesh.positions[pin as usize];

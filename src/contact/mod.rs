@@ -62,9 +62,9 @@ use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;
 
-/// How far (m per m of thickness) a vertex may stray from its path before everything is detected again, at least.
+/// Least distance that a vertex may stray from its path before everything is detected again, in units of the thickness.
 const LEAST_STRAY: f32 = 0.1;
-/// What the shaders have as well, under these names.
+/// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) const IN_SHADERS: [(&str, f32); 14] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),

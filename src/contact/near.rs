@@ -9,7 +9,8 @@ use super::lanes::{corners_of, scattered};
 use super::surface::Surface;
 use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 
-/// A pair that comes as near as this (m per m of thickness) beyond its thickness acts; others are only kept from crossing.
+/// A pair acts if it comes closer than its thickness plus this multiple of it. Other near pairs are held by truncation
+/// only.
 pub(super) const ACTING: f32 = 0.3;
 
 /// A pair that is near in this substep.

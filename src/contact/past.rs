@@ -13,10 +13,10 @@ use crate::kernels::rigid::Rigid;
 use crate::model::mesh::Mesh;
 use crate::record::recorded;
 
-/// As it is written to a file: all that the next substep depends on.
+/// The saved state: everything that the next substep depends on.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Past {
-    /// Where the last step left the bodies.
+    /// The positions of the bodies at the end of the last step.
     pub bodies: Vec<Arc<Mesh>>,
     pub(super) lists: [ListedRows; 2],
     pub(super) paths: Paths,
@@ -25,7 +25,7 @@ pub(crate) struct Past {
     pub(super) h: f32,
 }
 
-/// [`Rows`], of whose pairs the corners follow from the cloth.
+/// [`Rows`] without the corners of pairs, which follow from the cloth.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ListedRows {
     pub starts: Vec<u32>,
@@ -107,7 +107,7 @@ impl SelfContact {
     }
 }
 
-/// The lists of a kind, of so many rows and second features; none if they cannot be.
+/// Converts saved lists with this many rows and second features. Returns `None` if they cannot belong to this cloth.
 pub(super) fn rows(surface: &Surface, kind: Kind, rows: &ListedRows, [features, other_features]: [usize; 2]) -> Option<Rows> {
     let ListedRows { starts, others, thickness, lambda } = rows;
     let is_whole = starts.is_empty() && others.is_empty()

@@ -12,14 +12,15 @@ use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 
-/// Substeps that a vertex is to stay near its path, told from how far it strayed so far.
+/// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
 pub(super) const LASTS: f32 = 12.0;
-/// Share of what a vertex was allowed that it keeps, at least.
+/// Least share of the last limit that a new limit on straying keeps.
 pub(super) const KEEPS: f32 = 0.8;
-/// Substeps that detection looks ahead, at least and at most; and by how much more it does where it lasted so long.
+/// Range of the number of substeps that detection looks ahead.
 pub(super) const AHEAD: [f32; 2] = [6.0, 64.0];
+/// Factor by which detection looks farther ahead if the last paths lasted as long as they should.
 pub(super) const FARTHER: f32 = 1.5;
-/// Vertices that how the cloth falls as a whole is told by.
+/// Number of vertices from which the common deviation is estimated.
 const SAMPLES: usize = 32;
 
 /// The paths since the last detection.
@@ -125,7 +126,8 @@ impl Paths {
     }
 }
 
-/// How many substeps detection looks ahead if the last looked so far, and lasted so many.
+/// The number of substeps that the next detection looks ahead, if the last one looked `ahead` and lasted `since`
+/// substeps.
 pub(crate) fn ahead_after(since: Option<f32>, ahead: f32, is_long: bool) -> f32 {
     let next = match since {
         None => AHEAD[0],

@@ -16,7 +16,7 @@ use crate::kernels::params::Substep;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 use crate::step::plan::Plan;
 
-/// Steps of the multipliers in a substep.
+/// Iterations of the response per substep.
 pub(crate) const ITERATIONS: usize = 4;
 /// Vertices per task, and groups of pairs per task.
 pub(super) const GRAIN: usize = 512;

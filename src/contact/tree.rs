@@ -15,12 +15,13 @@ use crate::kernels::integrate::xyz;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 
-/// Cloth whose normals are within this (cosine) of one axis has not turned over.
+/// Cosine of the angle of a cone. If the normals of connected cloth are within such a cone, it is not folded over.
 pub(super) const UPRIGHT: f32 = 0.64;
-/// Excess ([`Surface::excess`], rad) up to which cloth that has not turned over does not meet itself.
+/// Limit on the excess angle ([`Surface::excess`], rad) below which cloth that is not folded over cannot meet itself.
 pub(super) const MOST_EXCESS: f32 = 0.6;
-/// Leaves that a task refits; levels that are walked before the rest is shared.
+/// Leaves per task when refitting.
 const GRAIN: usize = 64;
+/// Levels that are traversed before the rest is divided into tasks.
 const SHARED_LEVELS: u32 = 5;
 
 /// Bounds of a node's triangles: their places (m) at the midpoints of the paths, their displacements per substep (m),
@@ -165,7 +166,8 @@ impl Tree {
         }
     }
 
-    /// What decides whether nodes can meet besides where they are: the excess of each, and of each level the nodes beside each.
+    /// The data besides bounds with which nodes are ruled out: excess angles, and for each level the nodes that share a
+    /// vertex.
     #[cfg(feature = "gpu")]
     pub(super) fn culls(&self) -> (&[f32], &[Csr<u32>]) {
         (&self.excess, &self.beside)

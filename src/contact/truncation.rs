@@ -18,7 +18,8 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{kept, share_above};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 
-/// How much farther (m per m of its [`Vertex::reach`](super::near::Vertex::reach)) than it was on its way contact may send a vertex.
+/// How much farther contact may move a vertex than it was about to move, as a multiple of its
+/// [`Vertex::reach`](super::near::Vertex::reach).
 pub(super) const FARTHER: f32 = 0.45;
 /// Pairs per task.
 const GRAIN: usize = 512;

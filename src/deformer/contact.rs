@@ -17,7 +17,7 @@ impl Deformer {
     pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
         if let (Some(index), Backend::Gpu) = (mesh, self.backend()) {
-            let remedy = "meets cloth on the CPU alone so far; make the cloth with Backend::Cpu or Hybrid";
+            let remedy = "can collide with cloth only on the CPU so far; use Backend::Cpu or Hybrid";
             return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));

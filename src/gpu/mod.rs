@@ -1,21 +1,24 @@
-//! The cloth on wgpu: all substeps of a step in one encoder and one submit, nothing read back until asked for.
+//! The solver on wgpu. All substeps of a step are encoded and submitted together, and nothing is read back unless asked
+//! for.
 //!
-//! A [`Gpu`](crate::device::Gpu) lives as long as the program, a [`GpuEngine`] and its buffers as long as the cloth, a
-//! [`Plan`](crate::step::plan::Plan) for one step.
+//! A [`Gpu`](crate::device::Gpu) lives as long as the program, a [`GpuEngine`] and its buffers as long as the cloth,
+//! and a [`Plan`](crate::step::plan::Plan) for one step.
 //!
-//! In practice a dependent dispatch costs about 2 us on a large GPU, whatever it does, so a step is made of few. A small
-//! cloth, or each of a crowd, is one workgroup's work, a step in one dispatch with all its forces ([`sweep::SingleWorkgroup`]). Any other is cut
-//! into [`tiles`], a substep in one dispatch ([`sweep::Tiled`]); what looks farther comes before it in dispatches of its own:
-//! the [`forces`] of bending and wind, and the coarse levels ([`multigrid`]). Inside of a dispatch a color costs .2 us if
-//! its edges are there when it is their turn, and twice that if a lane has to wait for memory: see
-//! `shaders/stages/sweep.wgsl`. A mesh that cannot be cut takes a dispatch a color ([`sweep::PerColor`]). A step works on
-//! copies and is committed at its end if the [`watch`] finds nothing wrong with it, so a step that fails leaves the cloth as it was.
+//! On a large GPU a dependent dispatch takes about 2 us, whatever it does, so a step uses few of them. A small cloth,
+//! or each cloth of a crowd, is stepped by one workgroup in one dispatch, including its forces
+//! ([`sweep::SingleWorkgroup`]). A larger cloth is divided into [`tiles`] and swept in one dispatch per substep
+//! ([`sweep::Tiled`]), after separate dispatches for what reaches beyond a tile: the [`forces`] of bending and wind,
+//! and the coarse levels ([`multigrid`]). Within a dispatch a color takes 0.2 us if its edges are loaded in time, and
+//! twice that if a lane has to wait for memory (see `shaders/stages/sweep.wgsl`). A mesh that cannot be divided takes a
+//! dispatch per color ([`sweep::PerColor`]). A step works on copies, and is committed at its end if the [`watch`] found
+//! no error, so a step that fails leaves the cloth unchanged.
 //!
-//! With contact of the cloth with itself, its kernels come behind each substep's sweep ([`contact`]), and a step waits for the device once.
+//! Contact of the cloth with itself runs after the sweep of each substep ([`contact`]). A step with it waits for the
+//! GPU once.
 //!
-//! Imports run down this list and never back: `shaders` and `stage` (a kernel and its buffers), `state` and `tiles`, the stages
-//! of a substep (`forces`, `multigrid`, `sweep`, `contact`), what ends a step (`watch`, `commit`), what goes out (`readback`, `statistics`, `surface`, `bound_mesh`),
-//! `engine`.
+//! Modules import only modules before them in this order: `shaders` and `stage` (a kernel and its buffers), `state` and
+//! `tiles`, the stages of a substep (`forces`, `multigrid`, `sweep`, `contact`), the end of a step (`watch`, `commit`),
+//! output (`readback`, `statistics`, `surface`, `bound_mesh`), and `engine`.
 
 mod bend_tiles;
 mod bending;
