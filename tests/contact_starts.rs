@@ -182,3 +182,50 @@ fn twists() {
         Start { options, attributes: Box::new(led), ..start }
     });
 }
+
+/// Both ends of a sheet turn against each other by 60 degrees a second for ten seconds, three times around and more. The ends stay as far
+/// apart as they were, so the cloth is stretched severalfold at the end.
+#[test]
+#[ignore = "takes minutes"]
+fn long_twist() {
+    from_all_starts("twist for ten seconds", |seed| {
+        let mesh = jittered(Mesh::grid(50, 50, 1.0, 1.0), seed);
+        let edges: Vec<u32> = (0..50).chain(49 * 50..50 * 50).collect();
+        let held: Vec<Vec3> = edges.iter().map(|&v| mesh.positions[v as usize]).collect();
+        let led = move |frame: u32| {
+            let angle = FRAME * frame as f32 * PI / 3.0;
+            let turned = |(k, x): (usize, &Vec3)| Quat::from_rotation_z(if k < 50 { angle } else { -angle }) * *x;
+            let targets = held.iter().enumerate().map(turned).collect();
+            Attributes { pin_targets: Some(targets), ..Attributes::default() }
+        };
+        let start = Start::new(mesh, 20, 600, Vec::new());
+        let options = Options { pinned: edges, ..start.options.clone() };
+        Start { options, attributes: Box::new(led), ..start }
+    });
+}
+
+/// Garments of the folder `CLOTH_MESHES`: a skirt that hangs by its top ring, a tablecloth over a box.
+#[test]
+#[ignore = "takes minutes"]
+fn garments() {
+    let Some(folder) = common::meshes::folder() else { return };
+    let named = |name: &str, seed| jittered(Mesh::load_obj(folder.join(name)).unwrap(), seed);
+    from_all_starts("skirt4K", |seed| {
+        let mesh = named("skirt4K.obj", seed);
+        let top = mesh.positions.iter().map(|x| x.y).fold(f32::NEG_INFINITY, f32::max);
+        let ring = (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize].y > top - 0.01).collect();
+        let start = Start::new(mesh, 20, 60, Vec::new());
+        let contact = Some(Contact { thickness: 0.003, friction: 0.3 });
+        let options = Options { pinned: ring, contact, quality: Quality::Strain(0.03), ..start.options.clone() };
+        Start { options, ..start }
+    });
+    from_all_starts("tableCloth on a box", |seed| {
+        let mut mesh = named("tableCloth.obj", seed);
+        // It lies 0.7 m wide, in one plane.
+        mesh.positions.iter_mut().for_each(|x| *x -= Vec3::new(-0.13, 0.975, 0.0));
+        let table = Collider::rounded_box(Vec3::Y * -0.26, Vec3::new(0.2, 0.24, 0.2), Quat::IDENTITY, 0.01);
+        let start = Start::new(mesh, 40, 60, vec![table, Collider::plane(Vec3::Y * -0.7, Vec3::Y)]);
+        let options = Options { quality: Quality::Strain(0.03), ..start.options.clone() };
+        Start { options, ..start }
+    });
+}
