@@ -185,6 +185,11 @@ pub struct Options {
     /// `scale * stretch / 4`: with 0.02 on the diagonals a stretch of 5 kN/m has a shear stiffness of 25 N/m, and the
     /// cloth yields along the bias as fabric does.
     pub edge_scale: Option<Vec<f32>>,
+    /// Factor on [`Fabric::bending`] for each vertex of the mesh, 0 or above; `None`: 1 everywhere.
+    ///
+    /// Together with `edge_scale` and `mass` it gives pieces of one mesh fabrics of their own, or stiffens a hem. The bending
+    /// energy of a vertex's neighborhood is scaled, so momentum is conserved across a change of stiffness.
+    pub bending_scale: Option<Vec<f32>>,
     /// Contact of the cloth with itself, which includes contact between the pieces of a mesh. `None`: cloth passes
     /// through cloth. With contact, [`Backend::Auto`] selects the CPU. With [`Backend::Gpu`] each step then waits for the
     /// GPU once, to check that its lists had room for all pairs. In a browser, which cannot wait, that is an error.

@@ -319,3 +319,42 @@ fn without_rigidity_nothing_is_added(backend: Backend) {
 }
 
 on_every_backend!(the_force_is_the_energys_gradient, without_rigidity_nothing_is_added);
+
+/// A factor on the rigidity of each vertex is the same as a fabric of that rigidity, to the last bit if all are alike. Two strips in one mesh,
+/// one of them four times as stiff, bend as each does alone.
+#[test]
+fn a_scale_on_bending_is_a_fabric_of_its_own() {
+    let strip = Mesh::grid(21, 4, 0.2, 0.03);
+    let clamped = |first: u32| (0..84).filter(|v| v % 21 < 2).map(move |v| v + first).collect::<Vec<u32>>();
+    let played = |mesh: &Mesh, bending: f64, scale: Option<Vec<f32>>| {
+        let fabric = Fabric { damping: 0.05, stretch: 5000.0, ..bending_only(bending) };
+        let pinned = (0..mesh.positions.len() as u32 / 84).flat_map(|strip| clamped(84 * strip)).collect();
+        let quality = Quality::Substeps(40);
+        let options = Options {
+            backend: Backend::Cpu,
+            levels: Levels::Off,
+            fabric,
+            pinned,
+            quality,
+            bending_scale: scale,
+            ..Options::default()
+        };
+        let mut cloth = Deformer::new(mesh, options).unwrap();
+        (0..30).for_each(|_| drop(cloth.step(FRAME, &Attributes { damping: 2.0, ..Attributes::default() }).unwrap()));
+        (cloth.positions().unwrap().to_vec(), cloth.measure().unwrap().potential_energy)
+    };
+    let (soft, stiff) = (played(&strip, 2e-5, None), played(&strip, 8e-5, None));
+    assert_eq!(played(&strip, 2e-5, Some(vec![4.0; 84])), stiff, "a factor of 4 everywhere");
+    let sag = |x: &[Vec3]| -x[20].y;
+    assert!(sag(&soft.0) > 1.5 * sag(&stiff.0), "the softer sags more: {} m, {} m", sag(&soft.0), sag(&stiff.0));
+
+    let mut both = strip.clone();
+    both.positions.extend(strip.positions.iter().map(|&x| x + Vec3::Z * 0.5));
+    both.triangles.extend(strip.triangles.iter().map(|t| t.map(|v| v + 84)));
+    let scale: Vec<f32> = (0..168).map(|v| if v < 84 { 0.25 } else { 1.0 }).collect();
+    let (x, _) = played(&both, 8e-5, Some(scale));
+    for (name, x, alone, offset) in [("soft", &x[..84], &soft.0, 0.0), ("stiff", &x[84..], &stiff.0, 0.5)] {
+        let off = x.iter().zip(alone).map(|(a, b)| (*a - offset * Vec3::Z).distance(*b)).fold(0.0, f32::max);
+        assert!(off < 1e-4, "the {name} strip is {off} m from where it is alone, and sags {} m", sag(alone));
+    }
+}

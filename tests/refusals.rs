@@ -57,10 +57,14 @@ fn options_are_checked() {
         let mut scale = vec![1.0; grid.edges().len()];
         scale[5] = bad;
         refuse(Options { edge_scale: Some(scale), ..Options::default() }, &["edge_scale[5]", &bad.to_string()]);
+        let mut scale = vec![1.0; 9];
+        scale[5] = bad;
+        refuse(Options { bending_scale: Some(scale), ..Options::default() }, &["bending_scale[5]", &bad.to_string()]);
     }
     refuse(Options { mass: Some(vec![0.0; 9]), ..Options::default() }, &["mass[0] = 0", "pinned"]);
     refuse(Options { mass: Some(vec![1.0; 8]), ..Options::default() }, &["mass has 8", "9 vertices"]);
     refuse(Options { edge_scale: Some(Vec::new()), ..Options::default() }, &["edge_scale has 0", "16 edges"]);
+    refuse(Options { bending_scale: Some(vec![1.0; 8]), ..Options::default() }, &["bending_scale has 8", "9 vertices"]);
     refuse(Options { pinned: vec![0, 9], ..Options::default() }, &["pinned[1] = 9", "9 vertices"]);
     refuse(Options { pinned: vec![4, 0, 4], ..Options::default() }, &["pinned[2] = 4", "once"]);
     for quality in [

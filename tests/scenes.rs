@@ -201,6 +201,32 @@ pin = [{ color = [1, 0, 0] }]
     assert_eq!(faces.last(), Some(&[4, 6, 5]));
 }
 
+/// Two cloths of one scene, of silk and of denim, move as each does in a scene of its own.
+#[test]
+fn cloths_have_fabrics_of_their_own() {
+    let cloth = |fabric: &str, x: f32| {
+        format!(
+            "[[cloth]]\nfabric = \"{fabric}\"\nat = [{x}, 0, 0]\ngrid = {{ columns = 9, rows = 9, width = 0.4, height = 0.4 }}\n\
+             [[cloth.pin]]\nvertices = [0, 8]\n"
+        )
+    };
+    let rest = "[quality]\nsubsteps = 40\nlevels = \"off\"\n[wind]\nvelocity = [0, 0, 3]\n";
+    let played = |cloths: &[String]| {
+        let (directory, output) = scene(&(cloths.concat() + rest), &["--no-floor", "--frames", "25"]);
+        succeeds(&output);
+        frame(&directory, 25)
+    };
+    let (silk, denim) = (cloth("silk", 0.0), cloth("denim", 1.0));
+    let [alone_silk, alone_denim] = [&silk, &denim].map(|cloth| played(std::slice::from_ref(cloth)));
+    let apart = |x: &[Vec3], alone: &[Vec3]| x.iter().zip(alone).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    let moved: Vec<Vec3> = alone_silk.iter().map(|x| x + Vec3::X).collect();
+    assert!(apart(&moved, &alone_denim) > 0.05, "the fabrics differ");
+    let both = played(&[silk, denim]);
+    for (name, x, alone) in [("silk", &both[..81], &alone_silk), ("denim", &both[81..], &alone_denim)] {
+        assert!(apart(x, alone) < 2e-3, "{name} is {} m from where it is alone", apart(x, alone));
+    }
+}
+
 #[test]
 fn the_command_line_overrides_the_file() {
     let text = SHEET.to_owned()
@@ -295,7 +321,11 @@ fn what_cannot_be_is_refused_with_its_line() {
         (in_cloth("fabric = \"steel\""), 3, &["steel", "denim"]),
         (in_cloth("fabric = { density = 0 }"), 3, &["above 0"]),
         (in_cloth("fabric = { colour = 0 }"), 3, &["colour", "density"]),
-        (in_cloth("\n[[cloth]]\nname = \"two\"\nfabric = \"silk\"\nmesh = \"x.obj\""), 4, &["two", "one fabric"]),
+        (
+            in_cloth("\n[[cloth]]\nfabric = \"silk\"\ngrid = { columns = 3, rows = 3, width = 1, height = 1 }"),
+            4,
+            &["cloth 2", "damping"],
+        ),
         (pin("name = \"it\""), 3, &["it", "one of rule"]),
         (pin("vertices = [9]"), 3, &["vertex 9", "9 vertices"]),
         (pin("vertices = [1, 1]"), 3, &["vertex 1", "twice"]),

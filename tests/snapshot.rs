@@ -213,7 +213,7 @@ fn altered_and_cut_bytes_are_refused() {
         let refusal = Snapshot::from_bytes(&altered).unwrap_err();
         let expected = match place {
             0..8 => matches!(refusal, StateError::Foreign),
-            8..12 => matches!(refusal, StateError::Version { known: 1, .. }),
+            8..12 => matches!(refusal, StateError::Version { known: 2, .. }),
             _ => refusal == StateError::Altered,
         };
         assert!(expected, "byte {place}: {refusal:?}");
@@ -289,6 +289,7 @@ fn a_snapshot_of_another_cloth_is_refused() {
     other("pinned", |scene| scene.options.pinned = vec![4, 0]);
     other("mass", |scene| scene.options.mass = Some(vec![0.01; 25]));
     other("edge_scale", |scene| scene.options.edge_scale = Some(vec![0.9; scene.mesh.edges().len()]));
+    other("bending_scale", |scene| scene.options.bending_scale = Some(vec![0.9; 25]));
     other("contact", |scene| scene.options.contact = None);
     #[cfg(feature = "gpu")]
     other("backend", |scene| scene.options.backend = Backend::Hybrid);

@@ -196,6 +196,13 @@ impl Detection {
 }
 
 impl Rows {
+    /// Becomes another list, in its own buffers.
+    pub(super) fn copy_from(&mut self, other: &Rows) {
+        self.starts.clone_from(&other.starts);
+        self.pairs.clone_from(&other.pairs);
+        self.lambda.clone_from(&other.lambda);
+    }
+
     /// Removes all pairs.
     pub(super) fn clear(&mut self) {
         self.starts.clear();

@@ -52,6 +52,7 @@ use contacts::Contacts;
 use crossings::LetGo;
 use detection::{Detection, Rows, Scene};
 use near::Start;
+use past::Kept;
 pub(crate) use past::Past;
 use paths::Paths;
 #[cfg(feature = "gpu")]
@@ -135,6 +136,7 @@ pub(crate) struct SelfContact {
     /// The number of pairs of leaves if there were too many to test; 0 otherwise.
     pub crowd: usize,
     pub tally: Tally,
+    kept: Kept,
 }
 
 impl SelfContact {
@@ -163,6 +165,7 @@ impl SelfContact {
             h: 0.0,
             crowd: 0,
             tally: Tally::default(),
+            kept: Kept::default(),
         })
     }
 
@@ -209,6 +212,7 @@ impl SelfContact {
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.crowd) = (Tally::default(), 0);
+        self.keep();
         if self.bodies.begin(plan, self.options.friction, x, u) {
             self.may_cross = true;
             self.paths.forget();

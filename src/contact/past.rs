@@ -50,7 +50,42 @@ impl Past {
     }
 }
 
+/// The same as a step began with it, to go back to if the step fails. Buffers are kept from step to step.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    bodies: Vec<Arc<Mesh>>,
+    lists: [Rows; 2],
+    paths: Paths,
+    crossings: Vec<[u32; 2]>,
+    may_cross: bool,
+    h: f32,
+}
+
 impl SelfContact {
+    /// Keeps what a failed step is to leave as it was.
+    pub(super) fn keep(&mut self) {
+        let Kept { bodies, lists, paths, crossings, may_cross, h } = &mut self.kept;
+        bodies.clone_from(&self.bodies.last);
+        lists.iter_mut().zip(&self.lists).for_each(|(kept, rows)| kept.copy_from(rows));
+        paths.copy_from(&self.paths);
+        crossings.clone_from(&self.let_go.crossings);
+        (*may_cross, *h) = (self.may_cross, self.h);
+    }
+
+    /// Goes back to where the last step began.
+    pub(crate) fn revert(&mut self) {
+        let Kept { bodies, lists, paths, crossings, may_cross, h } = &self.kept;
+        if bodies.len() == self.bodies.last.len() {
+            self.bodies.forget(bodies);
+        }
+        self.lists.iter_mut().zip(lists).for_each(|(rows, kept)| rows.copy_from(kept));
+        self.paths.copy_from(paths);
+        if self.let_go.crossings != *crossings {
+            self.let_go.take(crossings.clone(), &self.surface);
+        }
+        (self.may_cross, self.h) = (*may_cross, *h);
+    }
+
     pub(crate) fn past(&self) -> Past {
         let SelfContact {
             bodies,
@@ -70,6 +105,7 @@ impl SelfContact {
             push: _,
             crowd: _,
             tally: _,
+            kept: _,
         } = self;
         let rows = |rows: &Rows| ListedRows {
             starts: rows.starts.clone(),

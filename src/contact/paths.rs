@@ -39,6 +39,14 @@ pub(super) struct Paths {
 recorded!(Paths { from, by, stray, ahead, since });
 
 impl Paths {
+    /// Becomes other paths, in its own buffers.
+    pub(super) fn copy_from(&mut self, other: &Paths) {
+        self.from.clone_from(&other.from);
+        self.by.clone_from(&other.by);
+        self.stray.clone_from(&other.stray);
+        (self.ahead, self.since) = (other.ahead, other.since);
+    }
+
     /// Whether these are valid paths of this many vertices, or there are none.
     pub(super) fn are_of(&self, vertices: usize) -> bool {
         let Paths { from, by, stray, since, .. } = self;

@@ -211,7 +211,7 @@ impl Cpu {
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
-        self.contact.iter_mut().for_each(|contact| contact.forget());
+        self.contact.iter_mut().for_each(|contact| contact.revert());
     }
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.

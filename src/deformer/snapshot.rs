@@ -21,7 +21,7 @@ use crate::step::watch::{Led, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -244,10 +244,23 @@ impl Deformer {
     }
 
     /// Hashes of the mesh and of each option that the state depends on, with their names.
-    fn identity(&self) -> [(&'static str, Hash); 12] {
+    fn identity(&self) -> [(&'static str, Hash); 13] {
         // Listing every field makes the author of a new option decide here whether a state depends on it.
-        let Options { backend: _, gpu: _, mass: _, method, quality, levels, sleep, tethers, fabric, pinned, edge_scale, contact } =
-            &self.options;
+        let Options {
+            backend: _,
+            gpu: _,
+            mass: _,
+            method,
+            quality,
+            levels,
+            sleep,
+            tethers,
+            fabric,
+            pinned,
+            edge_scale,
+            bending_scale,
+            contact,
+        } = &self.options;
         let said = |value: &dyn std::fmt::Debug| Hash::NOTHING.with(format!("{value:?}").as_bytes());
         let cloth = &self.cloth;
         let shape = cloth.rest.iter().fold(said(&cloth.origin), |hash, x| hash.with(bytemuck::bytes_of(&x.truncate())));
@@ -265,6 +278,7 @@ impl Deformer {
             ("pinned", Hash::NOTHING.with(bytemuck::cast_slice(pinned))),
             ("mass", list(&cloth.mass)),
             ("edge_scale", edge_scale.as_deref().map_or(Hash::NOTHING, list)),
+            ("bending_scale", bending_scale.as_deref().map_or(Hash::NOTHING, list)),
             ("contact", said(contact)),
         ]
     }

@@ -36,7 +36,7 @@ pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) ->
         false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
     };
     let positive = |x: f32| x > 0.0 && x.is_finite();
-    let not_negative = |x: f32| x >= 0.0 && x.is_finite();
+    let not_negative: fn(f32) -> bool = |x| x >= 0.0 && x.is_finite();
     let fabric = options.fabric;
     value("fabric.density", fabric.density, positive(fabric.density), "must be finite and above 0 kg/m2")?;
     value("fabric.stretch", fabric.stretch, fabric.stretch > 0.0, "must be above 0 N/m, or infinite for inextensible")?;
@@ -65,7 +65,11 @@ pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) ->
     }
     if let Some(scale) = &options.edge_scale {
         length("edge_scale", scale, edges, "edges")?;
-        each("edge_scale", scale, |x| x >= 0.0 && x.is_finite(), "must be finite and 0 or above")?;
+        each("edge_scale", scale, not_negative, "must be finite and 0 or above")?;
+    }
+    if let Some(scale) = &options.bending_scale {
+        length("bending_scale", scale, vertices, "vertices")?;
+        each("bending_scale", scale, not_negative, "must be finite and 0 or above")?;
     }
     Ok(())
 }

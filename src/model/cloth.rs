@@ -58,6 +58,8 @@ pub(crate) struct Cloth {
     pub is_sheet: bool,
     /// Tethers; none if no pin is alone or they are switched off.
     pub tethers: Option<Tethers>,
+    /// Factor on the bending rigidity for each vertex ([`Options::bending_scale`]); empty if it is 1 everywhere.
+    bending_scale: Vec<f32>,
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
@@ -160,6 +162,8 @@ impl Cloth {
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
+        let bending_scale =
+            options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
         let cloth = Cloth {
             order,
@@ -177,6 +181,7 @@ impl Cloth {
             stretch: f64::from(options.fabric.stretch),
             slivers,
             is_sheet: area.iter().any(|&area| area > 0.0),
+            bending_scale,
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: OnceLock::new(),
@@ -223,6 +228,7 @@ impl Cloth {
             pinned,
             density,
             stretch,
+            bending_scale: self.bending_scale.clone(),
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: self.bending.clone(),
@@ -309,7 +315,11 @@ impl Cloth {
 
     /// The rows of the bending energy; built only for a fabric with bending stiffness.
     pub(crate) fn bending(&self) -> &Bending {
-        self.bending.get_or_init(|| Bending::new(&self.rest, &self.triangles))
+        self.bending.get_or_init(|| {
+            let mut bending = Bending::new(&self.rest, &self.triangles);
+            bending.weight.iter_mut().zip(&self.bending_scale).for_each(|(weight, &scale)| *weight *= f64::from(scale));
+            bending
+        })
     }
 
     /// The strain gauges; built when strain is measured.

@@ -29,7 +29,8 @@ pub(super) struct Cloths {
     pub(super) mesh: Mesh,
     /// The file that the mesh was read from, if it is a single file.
     pub(super) template: Option<ObjTemplate>,
-    pub(super) fabric: Fabric,
+    /// The fabric of each cloth and the number of its vertices.
+    pub(super) fabrics: Vec<(Fabric, usize)>,
     pub(super) pins: Vec<Group>,
     /// The colors of each cloth.
     pub(super) pieces: Vec<Piece>,
@@ -45,13 +46,13 @@ impl Cloths {
         let mut mesh = template.as_ref().map_or_else(towel, |template| template.mesh().clone());
         place(&mut mesh, arguments.scale, None, None);
         let pins = vec![Group::still(arguments.pin.as_ref().unwrap_or(&Pin::None), &mesh)];
-        let fabric = arguments.fabric.unwrap_or(Fabric::TOWEL);
+        let fabrics = vec![(arguments.fabric.unwrap_or(Fabric::TOWEL), mesh.positions.len())];
         doubt(&name, &mesh);
-        Ok(Cloths { name, mesh, template, fabric, pins, pieces: Vec::new(), files: arguments.mesh.iter().cloned().collect() })
+        Ok(Cloths { name, mesh, template, fabrics, pins, pieces: Vec::new(), files: arguments.mesh.iter().cloned().collect() })
     }
 
-    /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, the
-    /// fabric and all pins.
+    /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, all
+    /// fabrics and all pins.
     pub(super) fn of_scene(arguments: &Arguments, source: &Source, file: &File) -> Result<Cloths, Failure> {
         if file.cloth.is_empty() {
             return Err(source.wrong(0, "there is no cloth; give at least one [[cloth]] with a mesh or a grid"));
@@ -64,7 +65,7 @@ impl Cloths {
             name: source.name(),
             mesh: Mesh::default(),
             template: None,
-            fabric: arguments.fabric.or(file.cloth[0].get_ref().fabric).unwrap_or(Fabric::TOWEL),
+            fabrics: Vec::new(),
             pins: Vec::new(),
             pieces: Vec::new(),
             files: Vec::new(),
@@ -83,9 +84,6 @@ impl Cloths {
         let cloth = given.get_ref();
         let name = cloth.name.clone().unwrap_or_else(|| format!("cloth {number}"));
         let wrong = |what: &str| source.wrong_in(given, format_args!("{name}: {what}"));
-        if arguments.fabric.is_none() && cloth.fabric.unwrap_or(Fabric::TOWEL) != self.fabric {
-            return Err(wrong("its fabric is not that of the first cloth; the cloths of a scene are all of one fabric"));
-        }
         let obj = match (&arguments.mesh, &cloth.mesh) {
             (Some(path), _) => Some(path.clone()),
             (None, Some(path)) => Some(source.beside(path.get_ref())),
@@ -131,6 +129,7 @@ impl Cloths {
                 self.pins.push(group);
             }
         }
+        self.fabrics.push((arguments.fabric.or(cloth.fabric).unwrap_or(Fabric::TOWEL), piece.positions.len()));
         self.mesh.positions.append(&mut piece.positions);
         let [color, lining] = Look::SIDES;
         let sides = [cloth.color.map_or(color, |color| linear(color.0)), cloth.lining.map_or(lining, |color| linear(color.0))];

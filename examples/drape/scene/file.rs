@@ -153,8 +153,8 @@ pub(crate) struct Cloth {
     /// Translation (m) after that.
     #[serde(deserialize_with = "maybe")]
     pub(crate) at: Option<Vec3>,
-    /// A name ("towel", "cotton", "silk", "denim", "jersey") or a table of values. "towel". All cloths of a scene must
-    /// have the same fabric.
+    /// A name ("towel", "cotton", "silk", "denim", "jersey") or a table of values. "towel". Cloths of a scene may
+    /// differ in all but the damping.
     #[serde(deserialize_with = "fabric")]
     pub(crate) fabric: Option<Fabric>,
     /// Its pins.
