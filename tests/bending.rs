@@ -321,7 +321,7 @@ fn without_rigidity_nothing_is_added(backend: Backend) {
 on_every_backend!(the_force_is_the_energys_gradient, without_rigidity_nothing_is_added);
 
 /// A factor on the rigidity of each vertex is the same as a fabric of that rigidity, to the last bit if all are alike. Two strips in one mesh,
-/// one of them four times as stiff, bend as each does alone.
+/// one of them four times as stiff, bend as each does alone, but for the order of their edges.
 #[test]
 fn a_scale_on_bending_is_a_fabric_of_its_own() {
     let strip = Mesh::grid(21, 4, 0.2, 0.03);
@@ -343,8 +343,8 @@ fn a_scale_on_bending_is_a_fabric_of_its_own() {
         (0..30).for_each(|_| drop(cloth.step(FRAME, &Attributes { damping: 2.0, ..Attributes::default() }).unwrap()));
         (cloth.positions().unwrap().to_vec(), cloth.measure().unwrap().potential_energy)
     };
-    let (soft, stiff) = (played(&strip, 2e-5, None), played(&strip, 8e-5, None));
-    assert_eq!(played(&strip, 2e-5, Some(vec![4.0; 84])), stiff, "a factor of 4 everywhere");
+    let (soft, stiff) = (played(&strip, 1e-3, None), played(&strip, 4e-3, None));
+    assert_eq!(played(&strip, 1e-3, Some(vec![4.0; 84])), stiff, "a factor of 4 everywhere");
     let sag = |x: &[Vec3]| -x[20].y;
     assert!(sag(&soft.0) > 1.5 * sag(&stiff.0), "the softer sags more: {} m, {} m", sag(&soft.0), sag(&stiff.0));
 
@@ -352,9 +352,9 @@ fn a_scale_on_bending_is_a_fabric_of_its_own() {
     both.positions.extend(strip.positions.iter().map(|&x| x + Vec3::Z * 0.5));
     both.triangles.extend(strip.triangles.iter().map(|t| t.map(|v| v + 84)));
     let scale: Vec<f32> = (0..168).map(|v| if v < 84 { 0.25 } else { 1.0 }).collect();
-    let (x, _) = played(&both, 8e-5, Some(scale));
+    let (x, _) = played(&both, 4e-3, Some(scale));
     for (name, x, alone, offset) in [("soft", &x[..84], &soft.0, 0.0), ("stiff", &x[84..], &stiff.0, 0.5)] {
         let off = x.iter().zip(alone).map(|(a, b)| (*a - offset * Vec3::Z).distance(*b)).fold(0.0, f32::max);
-        assert!(off < 1e-4, "the {name} strip is {off} m from where it is alone, and sags {} m", sag(alone));
+        assert!(off < 1e-3, "the {name} strip is {off} m from where it is alone, and sags {} m", sag(alone));
     }
 }

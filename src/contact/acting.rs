@@ -42,7 +42,7 @@ pub(super) struct Group {
     /// The distance (m) by which they may approach, and the depth (m) at the start.
     pub gap: [f32; MAX_LANES],
     pub depth: [f32; MAX_LANES],
-    /// See [`step_of_lambda`].
+    /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
     pub rate: [f32; MAX_LANES],
     /// Multipliers (kg m): for friction, and along the normal.
     pub rub: [[f32; MAX_LANES]; 3],
