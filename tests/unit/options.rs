@@ -17,6 +17,7 @@ fn a_full_literal_does_not_depend_on_a_feature() {
         pinned: Vec::new(),
         mass: None,
         edge_scale: None,
+        bending_scale: None,
         contact: None,
     };
     assert_eq!(format!("{full:?}"), format!("{:?}", Options::default()));
