@@ -281,7 +281,7 @@ fn what_is_no_body_is_refused() {
     assert!(cloth.positions().unwrap().iter().all(|x| x.is_finite()));
 }
 
-/// In the hybrid engine contact runs on the CPU; the GPU engine has none and refuses it.
+/// In the hybrid engine contact runs on the CPU. The GPU engine has no contact with meshes, and refuses them.
 #[cfg(feature = "gpu")]
 #[test]
 fn on_other_backends() {
