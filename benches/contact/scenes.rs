@@ -157,7 +157,7 @@ pub(crate) fn large() -> Vec<Scene> {
         frames,
     };
     let mut all = vec![
-        drape("drape, 128, nothing touches", [5, 20]),
+        drape("drape, 128, folding", [5, 20]),
         drape("drape, 128, at rest", [150, 60]),
         Scene {
             name: "stack of 10, 64",
