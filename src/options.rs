@@ -11,7 +11,9 @@ use crate::limits::MAX_SUBSTEPS;
 #[non_exhaustive]
 pub enum Backend {
     /// A hardware GPU if there is one and the mesh has at least 16384 vertices, otherwise the CPU. [`Options::contact`]
-    /// and [`Quality::Budget`] always select the CPU, because the GPU does not support them.
+    /// and [`Quality::Budget`] always select the CPU, because the GPU is not faster at the first and does not support the
+    /// second. A step with a mesh collider ([`Collider::mesh`](crate::Collider::mesh)) moves the cloth to the CPU for
+    /// good; `Deformer::position_buffer` and `Deformer::surface` then return `None`.
     #[default]
     Auto,
     /// The threads of the current rayon pool. The result is bit for bit the same on any number of threads.

@@ -170,7 +170,7 @@ pub(crate) struct Arguments {
     pub(crate) wind: Option<Vec3>,
 
     /// Contact of the cloth with itself, at this thickness (m) [default: 0.005]
-    #[arg(long, value_name = "METRES", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
+    #[arg(long, value_name = "METERS", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
     pub(crate) self_contact: Option<f32>,
 
     /// Separate cloth that crosses itself or a mesh collider before the first frame; crossings that remain are reported

@@ -2,8 +2,14 @@
 
 use super::{Deformer, Taken};
 use crate::attributes::{Attributes, Shape, invalid};
+#[cfg(feature = "gpu")]
+use crate::backend::Engine;
+#[cfg(feature = "gpu")]
+use crate::cpu::Cpu;
 use crate::error::StepError;
 use crate::options::{Backend, Contact, Quality, Warning};
+#[cfg(feature = "gpu")]
+use crate::past::Past;
 use crate::step::substep_count::FRAMES;
 
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
@@ -13,6 +19,31 @@ const SUBSTEPS: f64 = 3.0;
 const MOST: f64 = 256.0;
 
 impl Deformer {
+    /// Moves the cloth from the GPU to the CPU if the backend was left to the library and a mesh collider appears: the GPU
+    /// does not support mesh colliders yet.
+    #[cfg(feature = "gpu")]
+    pub(super) fn leave_the_gpu_for_meshes(&mut self, attributes: &Attributes) -> Result<(), StepError> {
+        let has_mesh = attributes.colliders.iter().any(|collider| matches!(collider.shape, Shape::Mesh { .. }));
+        if !has_mesh || self.options.backend != Backend::Auto || self.backend() != Backend::Gpu {
+            return Ok(());
+        }
+        self.positions()?;
+        let mut cpu = Cpu::new(&self.cloth);
+        let mut steps = [0; 2];
+        let read = self.engine.past().map(|past| steps = past.steps);
+        let read = read.and_then(|()| {
+            self.engine.read(|x, p| {
+                let past = Past { steps, ..Past::default() };
+                cpu.resume(&self.cloth, self.options.contact, [x, p], &past);
+            })
+        });
+        read.map_err(|failure| self.failed(failure))?;
+        self.engine = Engine::Cpu(Box::new(cpu));
+        // Statistics of the GPU's last steps will not arrive any more.
+        self.unjudged.clear();
+        Ok(())
+    }
+
     /// The contact thickness (m), or `None` if no triangles can touch in a step.
     pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
@@ -57,3 +88,7 @@ impl Deformer {
         warnings
     }
 }
+
+#[cfg(all(test, feature = "gpu"))]
+#[path = "../../tests/unit/deformer_contact.rs"]
+mod tests;
