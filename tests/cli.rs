@@ -132,7 +132,6 @@ fn self_contact_is_told_in_the_report() {
     assert!(pressed(&["--self-contact"]) > 0);
     assert!(pressed(&["--self-contact", "0.01"]) > 0);
     fails(&run(&directory, &["--self-contact", "0"]), 2, &["--self-contact"]);
-    fails(&run(&directory, &["--self-contact", "--backend", "gpu"]), 2, &["contact"]);
 }
 
 #[test]
