@@ -121,6 +121,11 @@ impl Gpu {
         &self.0.name
     }
 
+    /// Whether a driver computes on the CPU.
+    pub(crate) fn is_software(&self) -> bool {
+        self.0.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+    }
+
     /// Identifies the device. wgpu's own comparison considers the first devices of two instances equal.
     pub(crate) fn id(&self) -> *const () {
         Arc::as_ptr(&self.0).cast()

@@ -56,6 +56,9 @@ pub(crate) struct GpuEngine {
     /// Whether a single workgroup is the fastest path even for a cloth alone. `single_workgroup` is created when a step
     /// first uses it.
     small: bool,
+    /// Whether that holds with bending or wind, too. A software driver compiles such a kernel for minutes, and anew for
+    /// each mesh, so there a cloth alone takes the other paths.
+    small_with_forces: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
     /// Contact of the cloth with itself, if it has any.
     pub(crate) contact: Option<Box<GpuContact>>,
@@ -90,8 +93,10 @@ pub(crate) enum Path {
 
 impl GpuEngine {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, GpuFault> {
-        let (path, size) = GpuEngine::best(&gpu, cloth, method);
-        GpuEngine::with_path(gpu, cloth, method, path, size)
+        let way = GpuEngine::best(&gpu, cloth, method);
+        let mut engine = GpuEngine::make(gpu, cloth, method, way, None)?;
+        engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
+        Ok(engine)
     }
 
     fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Path, TileSize) {
@@ -106,9 +111,11 @@ impl GpuEngine {
         (path, size)
     }
 
-    /// Uses the fastest path that the cloth fits, at most `path`.
+    /// Uses the fastest path that the cloth fits, at most `path`, on any driver.
+    #[cfg(test)]
     pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, GpuFault> {
         let mut engine = GpuEngine::make(gpu, cloth, method, (path, size), None)?;
+        engine.small_with_forces = engine.small;
         engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
         Ok(engine)
     }
@@ -134,6 +141,7 @@ impl GpuEngine {
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
             Ok(GpuEngine {
                 report: Report::new(&gpu),
+                small_with_forces: path == Path::SingleWorkgroup && !gpu.is_software(),
                 gpu,
                 forces,
                 bodies,
@@ -266,7 +274,7 @@ impl GpuEngine {
     /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
         let levels = plan.coefficients.levels.len();
-        if (crowd || self.small) && plan.contact.is_none() {
+        if (crowd || self.is_small(plan)) && plan.contact.is_none() {
             self.make_single_workgroup(plan);
         }
         let path = self.path(plan, crowd);
@@ -313,13 +321,18 @@ impl GpuEngine {
         }
     }
 
+    /// Whether a single workgroup is the fastest path for the step of a cloth alone.
+    fn is_small(&self, plan: &Plan<'_>) -> bool {
+        if plan.bending || plan.wind { self.small_with_forces } else { self.small }
+    }
+
     fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
         // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
         // as a sweep.
         let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
         let sweeps = plan.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
         let lasts = plan.params.substeps.saturating_mul(sweeps);
-        let pays = crowd || plan.cloth.rest.len() <= SMALL;
+        let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
         match (&self.sweep, &self.single_workgroup) {
             (_, Some(single)) if pays && plan.contact.is_none() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
                 Path::SingleWorkgroup
