@@ -137,7 +137,10 @@ impl Loop for Find<'_> {
             while start.begins && kind == Kind::VertexTriangle && touching != 0 {
                 let lane = touching.trailing_zeros() as usize;
                 touching &= touching - 1;
-                found.extend(coincident(start, &listed[lane], (first + group * L::LANES + lane) as u32));
+                let Listed { corners, thickness, .. } = listed[lane];
+                let Some((normal, [free, last])) = coincident(start.surface, start.x, corners) else { continue };
+                let listed = (first + group * L::LANES + lane) as u32;
+                found.push(Near { corners, normal, distance: 0.0, thickness, free, last, listed, acts: true });
             }
             let mut lanes = L::bits(L::and(near, is_apart)) & all;
             if lanes == 0 {
