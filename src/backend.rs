@@ -5,13 +5,13 @@ use glam::Vec4;
 use crate::contact::{SelfContact, Tally};
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
+use crate::device::fault::{Excess, GpuFault};
+#[cfg(feature = "gpu")]
 use crate::device::{Gpu, IN_BROWSER};
 use crate::error::BuildError;
-use crate::failure::Failure;
+use crate::error::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::GpuEngine;
-#[cfg(feature = "gpu")]
-use crate::gpu_fault::{Excess, GpuFault};
 #[cfg(feature = "gpu")]
 use crate::hybrid::Hybrid;
 use crate::kernels::statistics::Statistics;

@@ -6,6 +6,7 @@ mod bench;
 mod change;
 mod contact;
 mod forecast;
+mod measure;
 mod quality;
 mod sleep;
 mod snapshot;
@@ -14,6 +15,7 @@ mod untangle;
 mod warp;
 
 pub use forecast::Forecast;
+pub use measure::Measure;
 use sleep::Stillness;
 pub use snapshot::Snapshot;
 pub use untangle::Untangled;
@@ -26,10 +28,10 @@ use web_time::Instant;
 
 use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
+use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
-use crate::failure::Failure;
+use crate::kernels::limits::MIN_TIME_STEP;
 use crate::kernels::statistics::Statistics;
-use crate::limits::MIN_TIME_STEP;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;

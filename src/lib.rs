@@ -6,23 +6,17 @@ mod binding;
 mod contact;
 mod cpu;
 mod deformer;
-#[cfg_attr(not(feature = "gpu"), path = "no_device.rs")]
+#[cfg_attr(not(feature = "gpu"), path = "device/absent.rs")]
 mod device;
 mod error;
-mod fabric;
-mod failure;
 #[cfg(feature = "gpu")]
 mod gpu;
-#[cfg(feature = "gpu")]
-mod gpu_fault;
 #[cfg(any(doc, doctest))]
 pub mod guide;
 #[cfg(feature = "gpu")]
 mod hybrid;
 mod io;
 mod kernels;
-mod limits;
-mod measure;
 mod model;
 mod multigrid;
 mod options;
@@ -38,10 +32,9 @@ mod tune;
 
 pub use attributes::{Attributes, Collider, Shape};
 pub use binding::{BindError, Binding};
-pub use deformer::{Deformer, Forecast, Snapshot, Untangled};
+pub use deformer::{Deformer, Forecast, Measure, Snapshot, Untangled};
 pub use device::Gpu;
 pub use error::{BuildError, ChangeError, Instability, StateError, StepError, WarpError};
-pub use fabric::Fabric;
 pub use glam;
 #[cfg(all(feature = "gpu", feature = "bench"))]
 pub use gpu::GpuStats;
@@ -49,14 +42,13 @@ pub use gpu::GpuStats;
 pub use gpu::{BoundMesh, Surface};
 pub use io::cache_form::CacheForm;
 pub use io::obj::ObjError;
-pub use io::obj_template::ObjTemplate;
+pub use io::obj::template::ObjTemplate;
 pub use io::pc2_error::Pc2Error;
 pub use io::pc2_reader::{Pc2ReadError, PointCacheReader};
 pub use io::point_cache::PointCache;
-pub use measure::Measure;
 pub use model::mesh::Mesh;
 pub use options::{
-    Backend, Cause, Contact, Crossing, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning,
+    Backend, Cause, Contact, Crossing, Fabric, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning,
 };
 pub use tune::{Setting, Term, Tolerance, Trial, Tuned, tune};
 #[cfg(feature = "gpu")]

@@ -7,22 +7,18 @@ use glam::Vec4;
 use web_time::Instant;
 
 use crate::contact::SelfContact;
-use crate::cpu::coarse::Coarse;
 use crate::cpu::correction::Correction;
-use crate::cpu::edge_batches::EdgeBatches;
-use crate::cpu::forces::ForceArrays;
 use crate::cpu::integrate::Integrator;
-use crate::cpu::partition::{Partition, Piece};
+use crate::cpu::packed::Packed;
 use crate::cpu::schedule::Schedule;
-use crate::cpu::stages::Terms;
 use crate::cpu::statistics::Observed;
 use crate::cpu::substep::{ExternalPrediction, Stepper};
 use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::shared::{SharedArray, Task};
-use crate::cpu::tethers::{TetherBatches, Tethering};
+use crate::cpu::tethers::Tethering;
 use crate::cpu::threads::ThreadChoice;
 use crate::cpu::watch::Found;
-use crate::failure::{Cause, Failure};
+use crate::error::failure::{Cause, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::model::mesh::Mesh;
@@ -31,7 +27,6 @@ use crate::past::Past;
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
 use crate::step::plan::Plan;
-use crate::step::substep_count::Length;
 
 /// The state of the cloth in memory, one value per vertex in the cloth's order, and all that is kept between its steps.
 #[derive(Debug)]
@@ -47,20 +42,7 @@ pub(crate) struct Cpu {
     p_good: AlignedVec,
     /// Number of successful steps since the state was set.
     steps: u32,
-    forces: ForceArrays,
-    coarse: Coarse,
-    partition: Option<Partition>,
-    /// The edges of each round of the partition, packed for SIMD.
-    edges: Vec<EdgeBatches>,
-    /// The tethers of each round of the partition; empty if none are in use.
-    tethers: Vec<TetherBatches>,
-    /// One schedule, or three with contact of triangles ([`Schedule::all`]).
-    schedules: Vec<Schedule>,
-    /// What the coefficients were packed for: length of the substep, number of levels, threads of the pool.
-    packed_for: Option<(Length, usize, usize)>,
-    /// What the schedules were made for.
-    scheduled_for: Option<Terms>,
-    width: Width,
+    packed: Packed,
     /// The adaptive choice of the number of threads.
     choice: Option<ThreadChoice>,
     /// A fixed number of threads that overrides the choice.
@@ -83,15 +65,7 @@ impl Cpu {
             x_good: zero.clone(),
             p_good: zero,
             steps: 0,
-            forces: ForceArrays::default(),
-            coarse: Coarse::default(),
-            partition: None,
-            edges: Vec::new(),
-            tethers: Vec::new(),
-            schedules: Vec::new(),
-            packed_for: None,
-            scheduled_for: None,
-            width: Width::detected(),
+            packed: Packed::new(Width::detected()),
             choice: None,
             threads: None,
             contact: None,
@@ -103,9 +77,7 @@ impl Cpu {
     /// Limits the SIMD width to `width`, as if the processor had no wider registers.
     #[cfg(any(test, feature = "bench"))]
     pub(crate) fn narrow(&mut self, width: Width) {
-        (self.width, self.packed_for, self.edges) = (width, None, Vec::new());
-        self.forces = ForceArrays::default();
-        self.coarse.forget();
+        self.packed = Packed::new(width);
     }
 
     /// Fixes the number of threads (at most those of the pool) instead of choosing it adaptively.
@@ -148,6 +120,15 @@ impl Cpu {
         true
     }
 
+    /// Creates the contact data that a plan needs, and drops what it does not.
+    fn make_contact(&mut self, plan: &Plan<'_>) {
+        if plan.contact.is_none() && plan.meshes.is_empty() {
+            self.contact = None;
+        } else {
+            self.prepare_contact(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
+        }
+    }
+
     /// Creates the contact data for the cloth and these mesh colliders unless it exists, and extends the state by the
     /// colliders' vertices.
     fn prepare_contact<'a>(
@@ -164,7 +145,7 @@ impl Cpu {
     }
 
     pub(crate) fn lanes(&self) -> usize {
-        self.width.lanes()
+        self.packed.width.lanes()
     }
 
     /// Continues with changed parameters of the cloth. A change of stiffness needs nothing here: it changes
@@ -174,11 +155,7 @@ impl Cpu {
             return;
         }
         self.x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
-        self.coarse.forget();
-        (self.packed_for, self.scheduled_for) = (None, None);
-        if change == Change::Edges {
-            (self.partition, self.edges) = (None, Vec::new());
-        }
+        self.packed.forget(change);
     }
 
     /// Runs one step. If `external` is given, another engine predicts the displacements. If the motion became
@@ -203,7 +180,7 @@ impl Cpu {
     pub(crate) fn statistics(&self, plan: &Plan<'_>) -> Option<Statistics> {
         let gauges = plan.gauges?;
         let alone = plan.alone || self.choice.as_ref().is_none_or(|choice| choice.threads() == 1);
-        let Cpu { x, p, width, .. } = self;
+        let Cpu { x, p, packed: Packed { width, .. }, .. } = self;
         Some(Observed { x, u: p, drift: plan.params.drift.into(), h: plan.params.h, width: *width }.statistics(gauges, alone))
     }
 
@@ -217,7 +194,11 @@ impl Cpu {
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
     fn run(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Option<Cause> {
         let pool = rayon::current_num_threads();
-        self.pack(plan, external.is_some(), pool);
+        self.make_contact(plan);
+        if self.packed.pack(plan, external.is_some(), self.contact.is_some(), pool) {
+            // Times measured for each number of threads no longer apply.
+            self.choice = None;
+        }
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
         let threads = if plan.alone { 1 } else { threads };
@@ -256,7 +237,7 @@ impl Cpu {
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
             cause = cause.or(self.turns(1, turns.clone(), plan, external, threads));
-            contact.resolve(plan, substep, self.x.room(), self.p.room(), threads > 1, self.width);
+            contact.resolve(plan, substep, self.x.room(), self.p.room(), threads > 1, self.packed.width);
             cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, threads));
         }
         cause
@@ -272,13 +253,14 @@ impl Cpu {
         external: Option<&ExternalPrediction<'_>>,
         threads: usize,
     ) -> Option<Cause> {
-        let Cpu { x, p, x_good, p_good, forces, coarse, edges, tethers, schedules, partition, width, .. } = self;
+        let Cpu { x, p, x_good, p_good, packed, .. } = self;
+        let Packed { forces, coarse, edges, tethers, schedules, partition, width, terms, .. } = packed;
         let schedule = &mut schedules[schedule];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
         let stepper = Stepper {
             plan,
-            terms: self.scheduled_for.expect("packed"),
+            terms: terms.expect("packed"),
             partition: partition.as_ref().expect("packed"),
             edges,
             tethers,
@@ -311,59 +293,6 @@ impl Cpu {
         graph.run(count, threads, &work);
         let found = stepper.integrator.found;
         found.verdict(&plan.params, &self.x, &self.p)
-    }
-
-    /// Prepares the packed coefficients, force buffers and schedules for a plan.
-    fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, threads: usize) {
-        if plan.contact.is_none() && plan.meshes.is_empty() {
-            self.contact = None;
-        } else {
-            self.prepare_contact(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
-        }
-        let (coefficients, cloth) = (plan.coefficients, plan.cloth);
-        let levels = coefficients.levels.len();
-        let packed = Some((coefficients.length, levels, threads));
-        if self.packed_for != packed {
-            if self.packed_for.is_none_or(|(_, _, before)| before != threads) {
-                self.coarse.forget();
-                (self.scheduled_for, self.choice) = (None, None);
-            }
-            self.packed_for = packed;
-            let (inverse_mass, lanes) = (cloth.inverse_mass(), self.width.lanes());
-            let partition =
-                self.partition.get_or_insert_with(|| Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len()));
-            if self.edges.is_empty() {
-                let pack =
-                    |pieces: &Vec<Piece>| EdgeBatches::new(pieces, &coefficients.edges, &cloth.colors, &inverse_mass, lanes);
-                self.edges = partition.rounds.iter().map(pack).collect();
-            } else {
-                self.edges.iter_mut().for_each(|round| round.update_shares(&coefficients.edges, &inverse_mass));
-            }
-            let held = &coefficients.tethers;
-            let pack = |pieces: &Vec<Piece>| TetherBatches::new(pieces, held, cloth.rest.len(), lanes);
-            self.tethers = if held.is_empty() { Vec::new() } else { partition.rounds.iter().map(pack).collect() };
-            self.coarse.pack(plan.levels, &coefficients.levels, self.width, threads);
-        }
-        let partition = self.partition.as_ref().expect("made above");
-        let terms = Terms {
-            exchanged,
-            bending: plan.bending && !exchanged,
-            passes: if exchanged { 0 } else { coefficients.bending.passes.len() },
-            wind: plan.wind && !exchanged,
-            springs: plan.method == Method::Springs && !exchanged,
-            pins: !plan.pins.is_empty(),
-            levels,
-            tethers: !self.tethers.is_empty(),
-            threads,
-            contact: self.contact.is_some(),
-        };
-        self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
-        if self.scheduled_for != Some(terms) {
-            // The passes have changed, so the times measured for each number of threads no longer apply.
-            self.choice = None;
-            self.schedules = Schedule::all(terms, partition, &self.coarse, self.forces.panel_tiles());
-            self.scheduled_for = Some(terms);
-        }
     }
 }
 

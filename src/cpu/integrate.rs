@@ -10,9 +10,9 @@ use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::cpu::watch::Found;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::{predict_displacement, xyz};
+use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::Substep;
 use crate::kernels::watch::energy_share;
-use crate::limits::MAX_POSITION;
 use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
 

@@ -13,6 +13,7 @@ mod force_batches;
 mod force_loops;
 mod forces;
 mod integrate;
+mod packed;
 mod partition;
 mod schedule;
 mod stages;

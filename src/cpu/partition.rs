@@ -16,8 +16,8 @@
 
 use std::ops::Range;
 
-use crate::model::cloth::Link;
 use crate::model::disjoint_sets::DisjointSets;
+use crate::model::link::Link;
 use crate::simd;
 
 /// Minimum number of vertices in a tile; the piece of a smaller one is less work than its task costs (about 10 us).

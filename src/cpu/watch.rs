@@ -7,7 +7,7 @@ use glam::Vec4;
 
 use crate::cpu::partition::Piece;
 use crate::cpu::tasks::shared::View;
-use crate::failure::Cause;
+use crate::error::failure::Cause;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Params;
 use crate::kernels::watch::is_long;

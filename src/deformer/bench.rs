@@ -62,7 +62,7 @@ impl Deformer {
     #[cfg(feature = "gpu")]
     pub fn contact_room(&mut self, pairs: usize) -> Result<(), StepError> {
         let Engine::Gpu(gpu) = &mut self.engine else { return Ok(()) };
-        gpu.contact_room(pairs).map_err(|fault| self.failed(crate::failure::Failure::Gpu(fault)))
+        gpu.contact_room(pairs).map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
     }
 
     /// The number of substeps between two exchanges of the hybrid with the GPU.
@@ -91,6 +91,6 @@ impl Deformer {
         let (engine, plan) = self.job(&taken, attributes);
         let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
         let run = hybrid.run_forces(&plan, repeats);
-        run.map_err(|fault| self.failed(crate::failure::Failure::Gpu(fault)))
+        run.map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
     }
 }

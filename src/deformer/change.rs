@@ -4,9 +4,9 @@ use glam::{Vec3, Vec4};
 
 use super::Deformer;
 use crate::error::ChangeError;
-use crate::fabric::Fabric;
 use crate::model::cloth::{Change, Cloth};
 use crate::multigrid::hierarchy::Hierarchy;
+use crate::options::Fabric;
 use crate::options::Options;
 use crate::step::motion::Motion;
 use crate::step::watch::{Led, Watch};

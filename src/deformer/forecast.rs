@@ -2,10 +2,10 @@
 
 use super::{Deformer, Taken};
 use crate::attributes::Attributes;
-use crate::error::{Instability, StepError};
-use crate::failure::{Cause, Failure};
 #[cfg(feature = "gpu")]
-use crate::gpu_fault::{Excess, GpuFault};
+use crate::device::fault::{Excess, GpuFault};
+use crate::error::failure::{Cause, Failure};
+use crate::error::{Instability, StepError};
 use crate::model::cloth::Slivers;
 use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;

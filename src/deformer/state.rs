@@ -9,11 +9,11 @@ use crate::backend::Engine;
 #[cfg(feature = "gpu")]
 use crate::binding::{BindError, Binding};
 use crate::contact::crossings::crossings;
+use crate::deformer::measure::Measure;
 use crate::error::StepError;
 #[cfg(feature = "gpu")]
 use crate::gpu::{BoundMesh, Surface};
-use crate::limits::MAX_POSITION;
-use crate::measure::Measure;
+use crate::kernels::limits::MAX_POSITION;
 use crate::model::mesh::edges;
 use crate::options::Crossing;
 use crate::step::motion::Motion;

@@ -4,8 +4,8 @@ use glam::{Affine3A, Vec4};
 
 use super::Deformer;
 use crate::error::WarpError;
+use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::rigid::Rigid;
-use crate::limits::MAX_POSITION;
 
 impl Deformer {
     /// Moves the cloth and its pins rigidly, as for a character that is teleported. `motion` maps world positions (m)

@@ -3,10 +3,9 @@
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::bend_tiles::BendTiles;
-use crate::gpu::forces::{bound_by_predict, stage};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, lanes, slot};
-use crate::gpu::state::State;
+use crate::gpu::state::{State, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
 use crate::step::bending::{BendRows, MOST_PASSES};

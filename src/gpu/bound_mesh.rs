@@ -2,11 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, Stage};
 use crate::gpu::surface::Normals;
-use crate::gpu_fault::GpuFault;
 use crate::model::cloth::Cloth;
 
 /// A vertex of the render mesh as `stages/follow.wgsl` reads it. Corners are in the cloth's own vertex order.

@@ -9,7 +9,8 @@ mod look;
 use glam::Vec4;
 
 use crate::device::Gpu;
-use crate::failure::Failure;
+use crate::device::fault::GpuFault;
+use crate::error::failure::Failure;
 use crate::gpu::commit::{self, Commit};
 use crate::gpu::contact::{self as self_contact, GpuContact};
 use crate::gpu::forces::Forces;
@@ -24,7 +25,6 @@ use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::gpu::watch::{Found, Report};
-use crate::gpu_fault::GpuFault;
 use crate::kernels::contact::Body;
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;

@@ -3,12 +3,12 @@
 
 use glam::Vec4;
 
-use crate::device::{Entry, Gpu, Shader};
+use crate::device::Gpu;
+use crate::device::fault::GpuFault;
 use crate::gpu::bending::{Bending, Bound};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
-use crate::gpu::state::State;
-use crate::gpu_fault::GpuFault;
+use crate::gpu::state::{State, bound_by_predict, stage};
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
@@ -166,24 +166,6 @@ impl Forces {
             springs.dispatch(pass, from, &[], vertices);
         }
     }
-}
-
-/// A stage with a bind group for each state.
-pub(super) fn stage<'a>(
-    gpu: &Gpu,
-    uniforms: &Group,
-    shader: Shader,
-    name: &'static str,
-    states: &'a [State],
-    bound: impl Fn(&'a State) -> Vec<Bind<'a>>,
-) -> Stage {
-    let bound: Vec<_> = states.iter().map(bound).collect();
-    Stage::new(gpu, uniforms, Entry { shader, name, constants: &[] }, &bound)
-}
-
-/// The bindings of `stages/predict.wgsl`.
-pub(super) fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
-    vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }
 
 /// The bindings that all stages share: [`Params`], and the [`Substep`] that [`Forces::bind_substep`] selects.

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use glam::Vec4;
 
 use crate::device::Gpu;
+use crate::device::fault::GpuFault;
 use crate::gpu::state::State;
 use crate::gpu::watch::Found;
-use crate::gpu_fault::GpuFault;
 
 /// The progress of a request.
 const UNDER_WAY: u8 = 0;

@@ -1,6 +1,7 @@
 //! The cloth's state on the GPU, and how a step moves it between buffers.
 
-use crate::gpu::stage::Bind;
+use crate::device::{Entry, Gpu, Shader};
+use crate::gpu::stage::{Bind, Group, Sent, Stage};
 
 /// Positions and displacements, one of each per vertex.
 #[derive(Debug, Clone)]
@@ -23,4 +24,22 @@ pub(crate) fn ping_pong(substep: usize) -> usize {
 /// The bindings of a stage for each entry of [`PING_PONG`].
 pub(crate) fn groups<'a>(states: &'a [State], bound: impl Fn(&'a State, &'a State) -> Vec<Bind<'a>>) -> Vec<Vec<Bind<'a>>> {
     PING_PONG.iter().map(|&[from, to]| bound(&states[from], &states[to])).collect()
+}
+
+/// A stage with a bind group for each state.
+pub(super) fn stage<'a>(
+    gpu: &Gpu,
+    uniforms: &Group,
+    shader: Shader,
+    name: &'static str,
+    states: &'a [State],
+    bound: impl Fn(&'a State) -> Vec<Bind<'a>>,
+) -> Stage {
+    let bound: Vec<_> = states.iter().map(bound).collect();
+    Stage::new(gpu, uniforms, Entry { shader, name, constants: &[] }, &bound)
+}
+
+/// The bindings of `stages/predict.wgsl`.
+pub(super) fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
+    vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }

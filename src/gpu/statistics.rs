@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu, IN_BROWSER};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage, WORKGROUP};
-use crate::gpu_fault::GpuFault;
 use crate::kernels::statistics::{Statistics, StrainGauge};
 
 /// Most workgroups that compute statistics; each adds its result to that of the others.

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use crate::device::Gpu;
 use crate::gpu::stage::lanes;
 use crate::kernels::distance::Edge;
-use crate::model::cloth::Link;
 use crate::model::csr::Csr;
+use crate::model::link::Link;
 
 /// The value of `stages/sweep.wgsl` for no edge and for no label.
 pub(crate) const NO_EDGE: u32 = u32::MAX;

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use bytemuck::{Pod, Zeroable};
 
 use crate::device::Gpu;
-use crate::failure::{Cause, Failure};
-use crate::gpu_fault::GpuFault;
+use crate::device::fault::GpuFault;
+use crate::error::failure::{Cause, Failure};
 
 /// No vertex or edge: `NONE` of `limits.wgsl`.
 pub(crate) const NONE: u32 = u32::MAX;

@@ -15,9 +15,9 @@ use std::time::{Duration, Instant};
 use glam::{Vec3, Vec4};
 
 use crate::cpu::{MappedVectors, Task};
+use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu};
 use crate::gpu::{Bind, Forces, Stage, shaders};
-use crate::gpu_fault::GpuFault;
 use crate::step::plan::Plan;
 
 /// How long a callback may take after the device has finished.

@@ -38,9 +38,9 @@ use glam::{Vec3A, Vec4};
 
 use crate::cpu::{Cpu, ExternalPrediction, SharedArray, State, Task};
 use crate::device::Gpu;
-use crate::failure::Failure;
+use crate::device::fault::GpuFault;
+use crate::error::failure::Failure;
 use crate::gpu::Forces;
-use crate::gpu_fault::GpuFault;
 use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::{Params, Substep};

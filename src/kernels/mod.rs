@@ -11,6 +11,7 @@ pub(crate) mod bending;
 pub(crate) mod contact;
 pub(crate) mod distance;
 pub(crate) mod integrate;
+pub(crate) mod limits;
 pub(crate) mod pair;
 pub(crate) mod params;
 pub(crate) mod rigid;

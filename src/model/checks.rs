@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::error::BuildError;
-use crate::limits::{MAX_POSITION, MAX_VERTICES};
+use crate::kernels::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::masses::is_mass;
 use crate::model::mesh::Mesh;
 use crate::options::Options;

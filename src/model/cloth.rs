@@ -17,10 +17,11 @@ use crate::model::bending::Bending;
 use crate::model::checks::{check_mesh, check_options};
 use crate::model::coloring;
 use crate::model::csr::Csr;
+use crate::model::link::Link;
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, bounds, sides};
 use crate::model::strain_gauges::strain_gauges;
-use crate::model::tethers::Tethers;
+use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
 use crate::options::{self, Method, Options};
 
@@ -64,28 +65,6 @@ pub(crate) struct Cloth {
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
     gauges: OnceLock<Vec<StrainGauge>>,
-}
-
-/// An edge of the cloth.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Link {
-    pub ends: [u32; 2],
-    /// Rest length (m).
-    pub rest: f32,
-    /// Stiffness `K (A1 + A2) / l0²` (N/m); infinite if inextensible.
-    pub stiffness: f64,
-    /// The same for K = 1 N/m.
-    pub shape: f64,
-    /// Factor on the fabric's stiffness ([`Options::edge_scale`]).
-    pub scale: f32,
-}
-
-impl Link {
-    /// Whether the edge has at least half of the fabric's stiffness. The stretch of softer ones, as for soft shear, is a
-    /// property of the fabric: they have no strain gauges, and tethers do not measure distances along them.
-    pub(crate) fn is_firm(&self) -> bool {
-        self.scale >= 0.5
-    }
 }
 
 /// Counts edges whose triangles are over 100 times as high as the edge is long: `(A1 + A2)/l0²` above [`SLIVER`].
@@ -242,7 +221,9 @@ impl Cloth {
     /// With the tethers that the options ask for.
     fn tethered(mut self, options: &Options) -> Cloth {
         if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
-            self.tethers = Tethers::new(&self);
+            let Cloth { rest, links, triangles, pinned, mass, extent, density, .. } = &self;
+            let hung = Hung { rest, links, triangles, pinned, mass, extent: *extent, density: *density };
+            self.tethers = Tethers::new(hung);
         }
         self
     }
@@ -324,7 +305,7 @@ impl Cloth {
 
     /// The strain gauges; built when strain is measured.
     pub(crate) fn gauges(&self) -> &[StrainGauge] {
-        self.gauges.get_or_init(|| strain_gauges(self))
+        self.gauges.get_or_init(|| strain_gauges(self.swept()))
     }
 }
 

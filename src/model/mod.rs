@@ -7,6 +7,7 @@ pub(crate) mod cloth;
 pub(crate) mod coloring;
 pub(crate) mod csr;
 pub(crate) mod disjoint_sets;
+pub(crate) mod link;
 mod masses;
 pub(crate) mod mesh;
 pub(crate) mod strain_gauges;

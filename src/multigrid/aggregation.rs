@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
-use crate::model::cloth::{Cloth, Link};
+use crate::model::cloth::Cloth;
 use crate::model::disjoint_sets::DisjointSets;
+use crate::model::link::Link;
 
 /// The mass properties of an aggregate at rest. A vertex counts as an aggregate of one.
 #[derive(Debug, Clone, Copy, Default)]

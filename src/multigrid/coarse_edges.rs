@@ -6,9 +6,10 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Vec3};
 
-use crate::model::cloth::{Cloth, Link};
+use crate::model::cloth::Cloth;
 use crate::model::coloring;
 use crate::model::csr::Csr;
+use crate::model::link::Link;
 use crate::multigrid::aggregation::{Aggregate, holding};
 
 /// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is

@@ -64,8 +64,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::model::cloth::{Cloth, Link};
+use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
+use crate::model::link::Link;
 use crate::multigrid::aggregation::{Aggregate, Bisection, holding};
 use crate::multigrid::coarse_edges::{Edges, Fiber, PointMasses, Stiffness, two_rings};
 

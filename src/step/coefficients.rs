@@ -3,7 +3,8 @@
 
 use crate::kernels::distance::Edge;
 use crate::kernels::tether::Tether;
-use crate::model::cloth::{Cloth, Link};
+use crate::model::cloth::Cloth;
+use crate::model::link::Link;
 use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};

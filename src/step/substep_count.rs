@@ -3,9 +3,10 @@
 
 use crate::attributes::Attributes;
 use crate::error::StepError;
-use crate::fabric::Fabric;
-use crate::limits::MAX_SUBSTEPS;
-use crate::model::cloth::{Cloth, Link};
+use crate::kernels::limits::MAX_SUBSTEPS;
+use crate::model::cloth::Cloth;
+use crate::model::link::Link;
+use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
 use crate::step::load::pressure;

@@ -18,12 +18,12 @@ use crate::kernels::bending::{BendEntry, BendPass, BendRow};
 use crate::kernels::contact::Body;
 use crate::kernels::distance::Edge;
 use crate::kernels::integrate::Pin;
+use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::{Params, Substep};
 use crate::kernels::spring::Spring;
 use crate::kernels::statistics::{self, Statistics, StrainGauge};
 use crate::kernels::tether::Tether;
 use crate::kernels::wind::Panel;
-use crate::limits::MAX_POSITION;
 use crate::model::csr::Span;
 
 /// The layout of a Rust struct.

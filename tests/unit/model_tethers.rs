@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::*;
+use crate::model::cloth::Cloth;
 use crate::options::{self, Method, Options};
 use crate::{Fabric, Mesh};
 

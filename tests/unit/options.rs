@@ -1,4 +1,4 @@
-//! Unit tests of `src/options.rs`.
+//! Unit tests of `src/options/`.
 
 use super::*;
 

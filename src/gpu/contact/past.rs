@@ -5,7 +5,7 @@ use super::status::{Listed, NEVER, Status, Track};
 use crate::contact::Past;
 use crate::contact::device::{DeviceLists, DevicePair};
 use crate::device::Gpu;
-use crate::gpu_fault::GpuFault;
+use crate::device::fault::GpuFault;
 
 impl GpuContact {
     /// Reads the state. Waits for the GPU.

@@ -2,10 +2,10 @@
 
 use super::GpuEngine;
 use crate::device::Gpu;
-use crate::failure::Failure;
+use crate::device::fault::GpuFault;
+use crate::error::failure::Failure;
 use crate::gpu::contact::GpuContact;
 use crate::gpu::submission::Submission;
-use crate::gpu_fault::GpuFault;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
 use crate::options::Contact;

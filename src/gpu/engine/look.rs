@@ -3,12 +3,12 @@
 use glam::Vec4;
 
 use super::GpuEngine;
-use crate::failure::Failure;
+use crate::device::fault::GpuFault;
+use crate::error::failure::Failure;
 use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
 use crate::gpu::statistics::Counter;
 use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::watch::Found;
-use crate::gpu_fault::GpuFault;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::past::Past;

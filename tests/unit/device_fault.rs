@@ -1,4 +1,4 @@
-//! Unit tests of `src/gpu_fault.rs`, for faults that no software driver can be made to report.
+//! Unit tests of `src/device/fault.rs`, for faults that no software driver can be made to report.
 
 use super::*;
 use crate::device::Gpu;

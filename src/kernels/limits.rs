@@ -1,10 +1,7 @@
-//! Limits on the input.
+//! Limits on the input, which keep the arithmetic within the range of single precision and buffers within what GPUs bind.
 
 /// Most vertices of a mesh. Their 16-byte records take 256 MiB, which common GPUs can bind as one buffer.
 pub(crate) const MAX_VERTICES: usize = 1 << 24;
-/// Most bytes of an OBJ that are read: 256 per vertex of the largest mesh, which leaves room for normals, texture
-/// coordinates and two faces per vertex.
-pub(crate) const MAX_OBJ_BYTES: u64 = 256 * MAX_VERTICES as u64;
 /// Largest coordinate (m): much beyond it, squares overflow. Displacements and given velocities have the same bound.
 /// `limits.wgsl` repeats it.
 pub(crate) const MAX_POSITION: f32 = 1e15;

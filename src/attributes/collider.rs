@@ -1,67 +1,11 @@
-//! What acts on the cloth during one step: gravity, air, colliders and moving pins.
+//! Bodies that the cloth cannot enter.
 
-use std::fmt::Display;
 use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3};
 
-use crate::error::StepError;
-use crate::limits::{MAX_POSITION, MAX_VERTICES};
 use crate::model::mesh::Mesh;
 use crate::record::{Recorded, Tape, Unreadable, recorded};
-
-/// Everything outside the cloth that acts on it, passed anew to every step.
-///
-/// The default is gravity alone: no air, no damping, no colliders. An absent term costs nothing. Write
-/// `Attributes { .., ..Attributes::default() }`, so that fields added later do not break your code.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Attributes {
-    /// Gravity (m/s²).
-    pub gravity: Vec3,
-    /// Velocity of the air (m/s). It acts on triangles through `air_density` and on vertices through `damping`.
-    pub wind: Vec3,
-    /// Density of the air (kg/m³); 0: no air. 1.225 at sea level and 15 °C (ISO 2533).
-    pub air_density: f32,
-    /// Drag coefficient of a panel perpendicular to the flow: 1.28 for a flat plate (NASA, "Shape Effects on Drag").
-    pub drag: f32,
-    /// Lift coefficient, at most `drag`. The lift acts perpendicular to the flow, in the plane of the flow and the
-    /// triangle's normal (Keckeisen et al. 2004, "Wind effects on cloth"). By default it equals `drag`, which in this
-    /// model comes closest to the pressure force on a plate at 45 degrees.
-    pub lift: f32,
-    /// Rate (1/s) at which each vertex's velocity approaches `wind`, independent of the triangles' orientation:
-    /// `dv/dt = -damping (v - wind)`.
-    pub damping: f32,
-    /// Bodies that the cloth cannot enter. A collider that moved since the last step moves at constant velocity through
-    /// this step, and contact and friction take that velocity into account (only a plane's normal changes at once).
-    /// Colliders are resolved in the order of the list, so a vertex pinched between two may end up inside the first.
-    ///
-    /// A collider with an [`id`](Collider::id) is matched with the one that had the same id in the last step. Colliders
-    /// without an id are matched by their order among themselves, if their number and their shapes in order are the
-    /// same as in the last step. Otherwise all of them are taken as new and have no velocity, so that removing one from
-    /// the list does not give its position, and thus a false velocity, to the next.
-    ///
-    /// Round colliders, including boxes with rounded edges, are enlarged by 1.2 times the sagitta `l²/8R`, where `l` is
-    /// the longest edge of the cloth, so that edges stay outside and not only vertices. Edges longer than R count as R.
-    pub colliders: Vec<Collider>,
-    /// Positions of the pinned vertices at the end of this step (m), in the order of
-    /// [`Options::pinned`](crate::Options::pinned). The pins move there at constant velocity. `None`: they do not move.
-    pub pin_targets: Option<Vec<Vec3>>,
-}
-
-impl Default for Attributes {
-    fn default() -> Attributes {
-        Attributes {
-            gravity: Vec3::new(0.0, -9.81, 0.0),
-            wind: Vec3::ZERO,
-            air_density: 0.0,
-            drag: 1.28,
-            lift: 1.28,
-            damping: 0.0,
-            colliders: Vec::new(),
-            pin_targets: None,
-        }
-    }
-}
 
 /// A body that the cloth cannot enter.
 ///
@@ -74,7 +18,7 @@ pub struct Collider {
     /// Coefficient of Coulomb friction, 0 or above.
     pub friction: f32,
     /// A number that identifies this collider from step to step, whatever else is in the list; no two colliders may
-    /// have the same. `None`: it is matched by its order (see [`Attributes::colliders`]).
+    /// have the same. `None`: it is matched by its order (see [`Attributes::colliders`](crate::Attributes::colliders)).
     pub id: Option<u64>,
     /// The collider was placed here rather than moved here since the last step, and therefore has no velocity in this
     /// step.
@@ -289,132 +233,6 @@ impl Collider {
     }
 }
 
-impl Attributes {
-    /// Checks every value; `pins` is the number of pinned vertices.
-    pub(crate) fn validate(&self, pins: usize) -> Result<(), StepError> {
-        finite("gravity", self.gravity)?;
-        finite("wind", self.wind)?;
-        not_negative("air_density", self.air_density)?;
-        not_negative("drag", self.drag)?;
-        not_negative("lift", self.lift)?;
-        not_negative("damping", self.damping)?;
-        if self.lift > self.drag {
-            return Err(invalid("lift", self.lift, format_args!("must not exceed drag = {}", self.drag)));
-        }
-        for (index, collider) in self.colliders.iter().enumerate() {
-            collider.validate(index)?;
-            let earlier = self.colliders[..index].iter().position(|other| other.id == collider.id);
-            if let (Some(id), Some(earlier)) = (collider.id, earlier) {
-                let remedy = format_args!("is the id of colliders[{earlier}] too; give each its own");
-                return Err(invalid(format_args!("colliders[{index}].id"), id, remedy));
-            }
-        }
-        let Some(targets) = &self.pin_targets else { return Ok(()) };
-        if targets.len() != pins {
-            return Err(StepError::PinTargets { given: targets.len(), pinned: pins });
-        }
-        targets.iter().enumerate().try_for_each(|(slot, &target)| finite(format_args!("pin_targets[{slot}]"), target))
-    }
-}
-
-impl Collider {
-    fn validate(&self, index: usize) -> Result<(), StepError> {
-        let above_0 = |name: &str, radius: f32| match radius > 0.0 && radius.is_finite() {
-            true => Ok(()),
-            false => Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be finite and above 0 m")),
-        };
-        let positive = |radius: f32| above_0("radius", radius);
-        not_negative(format_args!("colliders[{index}].friction"), self.friction)?;
-        match self.shape {
-            Shape::Sphere { center, radius } => {
-                finite(format_args!("colliders[{index}].center"), center)?;
-                positive(radius)
-            }
-            Shape::Plane { point, normal } => {
-                finite(format_args!("colliders[{index}].point"), point)?;
-                finite(format_args!("colliders[{index}].normal"), normal)?;
-                match normal.as_dvec3().try_normalize() {
-                    Some(_) => Ok(()),
-                    None => Err(invalid(
-                        format_args!("colliders[{index}].normal"),
-                        normal,
-                        "has no direction; give a vector out of the solid",
-                    )),
-                }
-            }
-            Shape::Capsule { a, b, radius } => {
-                finite(format_args!("colliders[{index}].a"), a)?;
-                finite(format_args!("colliders[{index}].b"), b)?;
-                positive(radius)
-            }
-            Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
-                finite(format_args!("colliders[{index}].a"), a)?;
-                finite(format_args!("colliders[{index}].b"), b)?;
-                above_0("radius_a", radius_a)?;
-                above_0("radius_b", radius_b)
-            }
-            Shape::RoundedBox { center, half, rotation, radius } => {
-                finite(format_args!("colliders[{index}].center"), center)?;
-                ["half.x", "half.y", "half.z"]
-                    .into_iter()
-                    .zip(half.to_array())
-                    .try_for_each(|(name, half)| above_0(name, half))?;
-                let square = rotation.as_dquat().length_squared();
-                if !(square > 0.0 && square.is_finite()) {
-                    let remedy = "has no direction; give a quaternion of finite numbers, Quat::IDENTITY for none";
-                    return Err(invalid(format_args!("colliders[{index}].rotation"), rotation, remedy));
-                }
-                if !(0.0..=half.min_element()).contains(&radius) {
-                    let remedy = format_args!("must be from 0 m to the least of half = {half}");
-                    return Err(invalid(format_args!("colliders[{index}].radius"), radius, remedy));
-                }
-                Ok(())
-            }
-            Shape::Mesh { ref mesh } => validate_mesh(index, mesh),
-        }
-    }
-}
-
-fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
-    let Mesh { positions, triangles } = mesh;
-    if triangles.is_empty() {
-        return Err(invalid(
-            format_args!("colliders[{index}].mesh"),
-            "a mesh without triangles",
-            "has no surface; give it one, or leave it out",
-        ));
-    }
-    if positions.len() > MAX_VERTICES {
-        let remedy = format_args!("is more than {MAX_VERTICES}; split the mesh");
-        return Err(invalid(format_args!("colliders[{index}].mesh: vertices"), positions.len(), remedy));
-    }
-    let inside = |x: &Vec3| x.abs().cmple(Vec3::splat(MAX_POSITION)).all();
-    if let Some(vertex) = positions.iter().position(|x| !inside(x)) {
-        let name = format_args!("colliders[{index}].mesh.positions[{vertex}]");
-        return Err(invalid(name, positions[vertex], "must be finite and within 1e15 m"));
-    }
-    let names_others = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= positions.len());
-    if let Some(triangle) = triangles.iter().position(names_others) {
-        let name = format_args!("colliders[{index}].mesh.triangles[{triangle}]");
-        let remedy = format_args!("refers to a vertex that does not exist; the mesh has {}, numbered from 0", positions.len());
-        return Err(invalid(name, format_args!("{:?}", triangles[triangle]), remedy));
-    }
-    Ok(())
-}
-
-pub(crate) fn invalid(name: impl Display, value: impl Display, remedy: impl Display) -> StepError {
-    StepError::Attribute { name: name.to_string(), value: value.to_string(), remedy: remedy.to_string() }
-}
-
-fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
-    if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite")) }
-}
-
-fn not_negative(name: impl Display, value: f32) -> Result<(), StepError> {
-    if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite and 0 or above")) }
-}
-
-recorded!(Attributes { gravity, wind, air_density, drag, lift, damping, colliders, pin_targets });
 recorded!(Collider { shape, friction, id, teleported });
 
 impl Recorded for Shape {

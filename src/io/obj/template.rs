@@ -6,8 +6,10 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 
 use crate::io::atomic_file;
-use crate::io::obj::{self, ObjError};
-use crate::io::obj_normals::{Face, Normals};
+use crate::io::obj::file::read_file;
+use crate::io::obj::normals::{Face, Normals};
+use crate::io::obj::text::bare;
+use crate::io::obj::{ObjError, parse};
 use crate::model::mesh::Mesh;
 
 /// An OBJ file that can be written again with other positions. Polygons, texture coordinates, objects, groups,
@@ -46,7 +48,7 @@ impl ObjTemplate {
     /// As [`Mesh::load_obj`].
     pub fn load(path: impl AsRef<Path>) -> Result<ObjTemplate, ObjError> {
         let path = path.as_ref();
-        ObjTemplate::new(obj::read_file(path)?, Some(path))
+        ObjTemplate::new(read_file(path)?, Some(path))
     }
 
     /// Parses the bytes of an OBJ.
@@ -58,7 +60,7 @@ impl ObjTemplate {
     }
 
     fn new(bytes: Vec<u8>, file: Option<&Path>) -> Result<ObjTemplate, ObjError> {
-        let mesh = obj::parse(&String::from_utf8_lossy(&bytes), file)?;
+        let mesh = parse(&String::from_utf8_lossy(&bytes), file)?;
         // Bytes other than ASCII occur in names and comments. Replacing each with one byte keeps offsets in the text
         // equal to offsets in the file.
         let text: String = bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
@@ -165,7 +167,7 @@ impl ObjTemplate {
 /// The words of each `v`, `vt`, `vn` and `f` statement, with their places, from byte `from` on. As in the parser, only
 /// `v` and `f` lines are continued by `\`.
 fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
-    let mut lines = text[from..].lines().map(obj::bare);
+    let mut lines = text[from..].lines().map(bare);
     let place = |word: &str| {
         let start = word.as_ptr() as usize - text.as_ptr() as usize;
         start..start + word.len()

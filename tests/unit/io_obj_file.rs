@@ -1,4 +1,4 @@
-//! Unit tests of `src/io/obj.rs`.
+//! Unit tests of `src/io/obj/file.rs`.
 
 use super::*;
 

@@ -9,7 +9,7 @@ pub(crate) enum Failure {
     /// Contact found this many candidate pairs of groups of triangles, more than it can process.
     Crowded(usize),
     #[cfg(feature = "gpu")]
-    Gpu(crate::gpu_fault::GpuFault),
+    Gpu(crate::device::fault::GpuFault),
 }
 
 /// What the stability check found, with indices in the solver's order.

@@ -56,5 +56,5 @@ impl From<wgpu::Error> for GpuFault {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/gpu_fault.rs"]
+#[path = "../../tests/unit/device_fault.rs"]
 mod tests;

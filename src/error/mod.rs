@@ -1,5 +1,7 @@
 //! The crate's errors: one enum for each operation. Every message names what is wrong, its value and a remedy.
 
+pub(crate) mod failure;
+
 use glam::Vec3;
 
 /// Why [`Deformer::new`](crate::Deformer::new) failed.
@@ -10,7 +12,7 @@ pub enum BuildError {
     #[error("the mesh has no vertices; give it at least one")]
     NoVertices,
     /// The mesh has more vertices than buffers can hold on common GPUs.
-    #[error("the mesh has {vertices} vertices, more than {limit}; split it", limit = crate::limits::MAX_VERTICES)]
+    #[error("the mesh has {vertices} vertices, more than {limit}; split it", limit = crate::kernels::limits::MAX_VERTICES)]
     TooManyVertices {
         /// Number of vertices.
         vertices: usize,
@@ -128,7 +130,7 @@ pub enum BuildError {
 #[non_exhaustive]
 pub enum StepError {
     /// The time step is not finite or too short.
-    #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::limits::MIN_TIME_STEP)]
+    #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::kernels::limits::MIN_TIME_STEP)]
     TimeStep {
         /// The time step (s).
         dt: f32,
@@ -166,7 +168,7 @@ pub enum StepError {
     /// The step would take more substeps than the limit.
     #[error(
         "the step needs {needed} substeps (times iterations), more than {limit}; use a shorter dt, a larger strain tolerance or Quality::Substeps",
-        limit = crate::limits::MAX_SUBSTEPS
+        limit = crate::kernels::limits::MAX_SUBSTEPS
     )]
     TooManySubsteps {
         /// Number of substeps the step needs, times the iterations of a relaxation.

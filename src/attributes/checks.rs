@@ -1,0 +1,135 @@
+//! What attributes may be: every value is checked before a step begins.
+
+use std::fmt::Display;
+
+use glam::Vec3;
+
+use crate::attributes::{Attributes, Collider, Shape};
+use crate::error::StepError;
+use crate::kernels::limits::{MAX_POSITION, MAX_VERTICES};
+use crate::model::mesh::Mesh;
+
+impl Attributes {
+    /// Checks every value; `pins` is the number of pinned vertices.
+    pub(crate) fn validate(&self, pins: usize) -> Result<(), StepError> {
+        finite("gravity", self.gravity)?;
+        finite("wind", self.wind)?;
+        not_negative("air_density", self.air_density)?;
+        not_negative("drag", self.drag)?;
+        not_negative("lift", self.lift)?;
+        not_negative("damping", self.damping)?;
+        if self.lift > self.drag {
+            return Err(invalid("lift", self.lift, format_args!("must not exceed drag = {}", self.drag)));
+        }
+        for (index, collider) in self.colliders.iter().enumerate() {
+            collider.validate(index)?;
+            let earlier = self.colliders[..index].iter().position(|other| other.id == collider.id);
+            if let (Some(id), Some(earlier)) = (collider.id, earlier) {
+                let remedy = format_args!("is the id of colliders[{earlier}] too; give each its own");
+                return Err(invalid(format_args!("colliders[{index}].id"), id, remedy));
+            }
+        }
+        let Some(targets) = &self.pin_targets else { return Ok(()) };
+        if targets.len() != pins {
+            return Err(StepError::PinTargets { given: targets.len(), pinned: pins });
+        }
+        targets.iter().enumerate().try_for_each(|(slot, &target)| finite(format_args!("pin_targets[{slot}]"), target))
+    }
+}
+
+impl Collider {
+    fn validate(&self, index: usize) -> Result<(), StepError> {
+        let above_0 = |name: &str, radius: f32| match radius > 0.0 && radius.is_finite() {
+            true => Ok(()),
+            false => Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be finite and above 0 m")),
+        };
+        let positive = |radius: f32| above_0("radius", radius);
+        not_negative(format_args!("colliders[{index}].friction"), self.friction)?;
+        match self.shape {
+            Shape::Sphere { center, radius } => {
+                finite(format_args!("colliders[{index}].center"), center)?;
+                positive(radius)
+            }
+            Shape::Plane { point, normal } => {
+                finite(format_args!("colliders[{index}].point"), point)?;
+                finite(format_args!("colliders[{index}].normal"), normal)?;
+                match normal.as_dvec3().try_normalize() {
+                    Some(_) => Ok(()),
+                    None => Err(invalid(
+                        format_args!("colliders[{index}].normal"),
+                        normal,
+                        "has no direction; give a vector out of the solid",
+                    )),
+                }
+            }
+            Shape::Capsule { a, b, radius } => {
+                finite(format_args!("colliders[{index}].a"), a)?;
+                finite(format_args!("colliders[{index}].b"), b)?;
+                positive(radius)
+            }
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
+                finite(format_args!("colliders[{index}].a"), a)?;
+                finite(format_args!("colliders[{index}].b"), b)?;
+                above_0("radius_a", radius_a)?;
+                above_0("radius_b", radius_b)
+            }
+            Shape::RoundedBox { center, half, rotation, radius } => {
+                finite(format_args!("colliders[{index}].center"), center)?;
+                ["half.x", "half.y", "half.z"]
+                    .into_iter()
+                    .zip(half.to_array())
+                    .try_for_each(|(name, half)| above_0(name, half))?;
+                let square = rotation.as_dquat().length_squared();
+                if !(square > 0.0 && square.is_finite()) {
+                    let remedy = "has no direction; give a quaternion of finite numbers, Quat::IDENTITY for none";
+                    return Err(invalid(format_args!("colliders[{index}].rotation"), rotation, remedy));
+                }
+                if !(0.0..=half.min_element()).contains(&radius) {
+                    let remedy = format_args!("must be from 0 m to the least of half = {half}");
+                    return Err(invalid(format_args!("colliders[{index}].radius"), radius, remedy));
+                }
+                Ok(())
+            }
+            Shape::Mesh { ref mesh } => validate_mesh(index, mesh),
+        }
+    }
+}
+
+fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
+    let Mesh { positions, triangles } = mesh;
+    if triangles.is_empty() {
+        return Err(invalid(
+            format_args!("colliders[{index}].mesh"),
+            "a mesh without triangles",
+            "has no surface; give it one, or leave it out",
+        ));
+    }
+    if positions.len() > MAX_VERTICES {
+        let remedy = format_args!("is more than {MAX_VERTICES}; split the mesh");
+        return Err(invalid(format_args!("colliders[{index}].mesh: vertices"), positions.len(), remedy));
+    }
+    let inside = |x: &Vec3| x.abs().cmple(Vec3::splat(MAX_POSITION)).all();
+    if let Some(vertex) = positions.iter().position(|x| !inside(x)) {
+        let name = format_args!("colliders[{index}].mesh.positions[{vertex}]");
+        return Err(invalid(name, positions[vertex], "must be finite and within 1e15 m"));
+    }
+    let names_others = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= positions.len());
+    if let Some(triangle) = triangles.iter().position(names_others) {
+        let name = format_args!("colliders[{index}].mesh.triangles[{triangle}]");
+        let remedy = format_args!("refers to a vertex that does not exist; the mesh has {}, numbered from 0", positions.len());
+        return Err(invalid(name, format_args!("{:?}", triangles[triangle]), remedy));
+    }
+    Ok(())
+}
+
+pub(crate) fn invalid(name: impl Display, value: impl Display, remedy: impl Display) -> StepError {
+    StepError::Attribute { name: name.to_string(), value: value.to_string(), remedy: remedy.to_string() }
+}
+
+fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
+    if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite")) }
+}
+
+fn not_negative(name: impl Display, value: f32) -> Result<(), StepError> {
+    if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite and 0 or above")) }
+}

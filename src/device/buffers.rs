@@ -1,0 +1,98 @@
+//! Buffers of the device, and the limits that they must keep.
+
+use bytemuck::Pod;
+
+use crate::device::Gpu;
+use crate::device::fault::{Excess, GpuFault};
+
+impl Gpu {
+    /// The largest storage buffer (bytes), with the name of the limit that decides.
+    fn most_bytes(&self) -> (&'static str, u64) {
+        let wgpu::Limits { max_storage_buffer_binding_size, max_buffer_size, .. } = self.device().limits();
+        let limits = [("max_storage_buffer_binding_size", max_storage_buffer_binding_size), ("max_buffer_size", max_buffer_size)];
+        if limits[0].1 < limits[1].1 { limits[0] } else { limits[1] }
+    }
+
+    /// The largest table (bytes).
+    pub(crate) fn most_table_bytes(&self) -> usize {
+        usize::try_from(self.most_bytes().1).unwrap_or(usize::MAX)
+    }
+
+    /// Fails if the device is lost, lacks what every stage needs, or cannot hold a storage buffer of `bytes`.
+    pub(crate) fn meets(&self, thing: &'static str, bytes: u64) -> Result<(), GpuFault> {
+        let limits = self.device().limits();
+        let (limit, allowed) = self.most_bytes();
+        let needs = [
+            (thing, bytes, limit, allowed),
+            (
+                "storage buffers of a stage",
+                8,
+                "max_storage_buffers_per_shader_stage",
+                limits.max_storage_buffers_per_shader_stage.into(),
+            ),
+            (
+                "threads of a workgroup",
+                64,
+                "max_compute_invocations_per_workgroup",
+                limits.max_compute_invocations_per_workgroup.into(),
+            ),
+            ("threads of a workgroup", 64, "max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x.into()),
+            ("workgroups", 65_535, "max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension.into()),
+        ];
+        if self.is_lost() {
+            return Err(GpuFault::Lost);
+        }
+        match needs.into_iter().find(|&(_, needed, _, allowed)| needed > allowed) {
+            Some((thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
+            None => Ok(()),
+        }
+    }
+
+    /// Workgroup memory (bytes).
+    pub(crate) fn workgroup_memory(&self) -> usize {
+        self.device().limits().max_compute_workgroup_storage_size as usize
+    }
+
+    /// A storage buffer of `size` bytes, all zero.
+    pub(crate) fn buffer(&self, label: &'static str, size: u64) -> wgpu::Buffer {
+        self.buffer_for(label, size, wgpu::BufferUsages::empty())
+    }
+
+    /// A storage buffer of `size` bytes, all zero, that a renderer may use too.
+    pub(crate) fn buffer_for(&self, label: &'static str, size: u64, renderer: wgpu::BufferUsages) -> wgpu::Buffer {
+        use wgpu::BufferUsages;
+        self.make(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC | renderer)
+    }
+
+    /// A storage buffer with these values; a single zero item if there are none.
+    pub(crate) fn filled<T: Pod>(&self, label: &'static str, values: &[T]) -> wgpu::Buffer {
+        let buffer = self.buffer(label, size_of_val(values).max(size_of::<T>()) as u64);
+        self.write(&buffer, 0, values);
+        buffer
+    }
+
+    /// A buffer to map for reading.
+    pub(crate) fn staging(&self, label: &'static str, size: u64) -> wgpu::Buffer {
+        self.make(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
+    }
+
+    /// Creates a buffer. If it exceeds the device's limits, a small substitute is returned, and [`Gpu::checked`] fails
+    /// before anything uses it.
+    pub(crate) fn make(&self, label: &'static str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+        let (limit, allowed) = match usage.contains(wgpu::BufferUsages::STORAGE) {
+            true => self.most_bytes(),
+            false => ("max_buffer_size", self.device().limits().max_buffer_size),
+        };
+        if size > allowed {
+            Gpu::refuse(Excess { thing: label, needed: size, limit, allowed });
+        }
+        let size = if size > allowed { wgpu::COPY_BUFFER_ALIGNMENT } else { size };
+        self.device().create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+    }
+
+    /// Writes values at byte `start` of a buffer, ahead of the next submission.
+    pub(crate) fn write<T: Pod>(&self, buffer: &wgpu::Buffer, start: usize, values: &[T]) {
+        self.queue().write_buffer(buffer, start as u64, bytemuck::cast_slice(values));
+    }
+}

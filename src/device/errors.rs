@@ -1,0 +1,75 @@
+//! Errors of the device, which wgpu reports to scopes and callbacks, as results.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::device::fault::{Excess, GpuFault};
+use crate::device::{Gpu, IN_BROWSER};
+
+thread_local! {
+    /// What [`Gpu::make`] refused since [`Gpu::checked`] began. It is thread-local, as wgpu's error scopes are.
+    static REFUSED: Cell<Option<Excess>> = const { Cell::new(None) };
+}
+
+impl Gpu {
+    /// Runs `work` and returns as an error what would otherwise be an uncaptured error of the device (validation,
+    /// memory), what [`Gpu::make`] refused, and failures due to a lost device, which wgpu does not report itself. In a
+    /// browser, device errors appear in its console instead.
+    pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
+        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+        let scopes = (!IN_BROWSER).then(|| filters.map(|filter| self.device().push_error_scope(filter)));
+        REFUSED.set(None);
+        let result = work();
+        let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
+            [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
+        });
+        // The first cause matters: whatever was refused or did not fit causes the errors after it.
+        let refused = REFUSED.take().map(GpuFault::Limit);
+        let error = refused
+            .or_else(|| errors.into_iter().flatten().next().map(GpuFault::from))
+            .or_else(|| result.as_ref().err().cloned());
+        match error {
+            None => result,
+            Some(fault @ (GpuFault::Limit(_) | GpuFault::Memory(_))) => Err(fault),
+            Some(fault) => Err(if self.is_lost() { GpuFault::Lost } else { fault }),
+        }
+    }
+
+    /// Makes [`Gpu::checked`] fail with this excess, unless with an earlier one.
+    pub(super) fn refuse(excess: Excess) {
+        REFUSED.set(Some(REFUSED.get().unwrap_or(excess)));
+    }
+
+    /// Fails if [`Gpu::make`] refused a buffer since [`Gpu::checked`] began, because work that uses it must not run.
+    pub(crate) fn refused() -> Result<(), GpuFault> {
+        REFUSED.get().map_or(Ok(()), |excess| Err(GpuFault::Limit(excess)))
+    }
+
+    /// Whether the device is lost. wgpu reports this to a callback, but a device has only one, which belongs to its
+    /// owner. A lost device also fails to map a buffer, and does so at once, so this maps a small one.
+    pub(crate) fn is_lost(&self) -> bool {
+        if IN_BROWSER {
+            return false;
+        }
+        let scope = self.device().push_error_scope(wgpu::ErrorFilter::Validation);
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some("probe"),
+            size: 4,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        };
+        let refused = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&refused);
+        let probe = self.device().create_buffer(&descriptor);
+        probe.map_async(wgpu::MapMode::Read, .., move |mapped| told.store(mapped.is_err(), Ordering::Relaxed));
+        let is_lost = refused.load(Ordering::Relaxed);
+        drop(pollster::block_on(scope.pop()));
+        is_lost
+    }
+
+    /// The error for something that could not be mapped.
+    pub(crate) fn unmapped(&self, thing: &str) -> GpuFault {
+        if self.is_lost() || IN_BROWSER { GpuFault::Lost } else { format!("{thing} could not be mapped").into() }
+    }
+}

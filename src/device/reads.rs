@@ -1,0 +1,81 @@
+//! Reading buffers back, and waiting for the device.
+
+use std::time::Duration;
+
+use web_time::Instant;
+
+use crate::device::fault::GpuFault;
+use crate::device::{Gpu, IN_BROWSER};
+
+/// How long a thread that waits for the device polls before it sleeps. A sleeping thread wakes up 0.05 to 0.3 ms late.
+const AWAKE: Duration = Duration::from_millis(4);
+
+impl Gpu {
+    /// Copies buffers into `staging`, one after another.
+    pub(crate) fn copy_to(&self, staging: &wgpu::Buffer, buffers: &[&wgpu::Buffer]) -> wgpu::SubmissionIndex {
+        let mut encoder = self.encoder();
+        let mut offset = 0;
+        for buffer in buffers {
+            encoder.copy_buffer_to_buffer(buffer, 0, staging, offset, buffer.size());
+            offset += buffer.size();
+        }
+        self.queue().submit([encoder.finish()])
+    }
+
+    /// Copies buffers into `staging`, one after another, waits, and passes the bytes to `look`.
+    pub(crate) fn read<T>(
+        &self,
+        staging: &wgpu::Buffer,
+        buffers: &[&wgpu::Buffer],
+        look: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, GpuFault> {
+        if IN_BROWSER {
+            return Err("a browser does not wait for the GPU; request_positions asks, requested_positions has them later".into());
+        }
+        self.checked(|| {
+            self.copy_to(staging, buffers);
+            self.mapped(staging, look)
+        })
+    }
+
+    /// Waits for what was submitted, and shows the bytes of `staging` to `look`.
+    pub(crate) fn mapped<T>(&self, staging: &wgpu::Buffer, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuFault> {
+        self.checked(|| {
+            let (send, receive) = std::sync::mpsc::channel();
+            staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
+                // The receiver waits below. If it has given up, nobody needs the message.
+                let _ = send.send(mapped);
+            });
+            self.wait()?;
+            receive
+                .recv()
+                .map_err(|error| GpuFault::from(error.to_string()))?
+                .map_err(|error| GpuFault::from(error.to_string()))?;
+            let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| GpuFault::from(error.to_string()));
+            staging.unmap();
+            seen
+        })
+    }
+
+    /// Waits for everything submitted.
+    pub(crate) fn wait(&self) -> Result<(), GpuFault> {
+        let begin = Instant::now();
+        while begin.elapsed() < AWAKE {
+            if self.poll(wgpu::PollType::Poll)?.is_queue_empty() {
+                return Ok(());
+            }
+            std::thread::yield_now();
+        }
+        self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
+    }
+
+    /// Runs the callbacks of completed work.
+    pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<wgpu::PollStatus, GpuFault> {
+        // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
+        let poll = || self.device().poll(how);
+        match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
+            Ok(polled) => polled.map_err(|error| GpuFault::from(error.to_string())),
+            Err(_) => Err(GpuFault::Lost),
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The settings a cloth is created with, and the report that each step returns.
+
+mod checks;
+mod fabric;
+mod quality;
+mod report;
+
+pub use fabric::Fabric;
+pub use quality::Quality;
+pub use report::{Cause, Crossing, StepReport, Stretch, Warning};
+
+use crate::device::Gpu;
+
+/// The settings a [`Deformer`](crate::Deformer) is created with.
+///
+/// Write only the fields that differ from the default, so that fields added later do not break your code:
+///
+/// ```
+/// # use cloth_deformer::{Backend, Fabric, Options};
+/// let options = Options { backend: Backend::Cpu, fabric: Fabric::SILK, pinned: vec![0], ..Options::default() };
+/// # assert!(options.gpu.is_none());
+/// ```
+///
+/// The fields are the same with and without the `gpu` feature.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// The processor that runs the simulation.
+    pub backend: Backend,
+    /// The solver for the edges.
+    pub method: Method,
+    /// How many substeps a step is divided into.
+    pub quality: Quality,
+    /// Coarse levels, which carry stress farther than one edge per substep.
+    pub levels: Levels,
+    /// When the cloth is put to sleep; `None`: never.
+    pub sleep: Option<Sleep>,
+    /// Direct attachments of the cloth near a lone pin.
+    pub tethers: Tethers,
+    /// The material of the cloth.
+    pub fabric: Fabric,
+    /// The device to use for `Backend::Gpu`, `Hybrid` and `Auto`, for example the renderer's, which can then draw
+    /// `Deformer::position_buffer`. `None`: the crate requests one when it needs it. Without the `gpu` feature this is
+    /// always `None`.
+    pub gpu: Option<Gpu>,
+    /// Indices of the vertices that move only as [`Attributes::pin_targets`](crate::Attributes::pin_targets) says; each
+    /// index at most once.
+    pub pinned: Vec<u32>,
+    /// Mass of each vertex (kg). `None`: each triangle gives a third of its `density * area` to each of its vertices.
+    pub mass: Option<Vec<f32>>,
+    /// Factor on `fabric.stretch` for each edge of [`Mesh::edges`](crate::Mesh::edges), 0 or above. A factor below 1 on
+    /// the diagonals gives a soft shear.
+    ///
+    /// Woven cloth shears at 20 to 100 N/m. The shear stiffness of a grid is a quarter of that of its diagonals,
+    /// `scale * stretch / 4`: with 0.02 on the diagonals a stretch of 5 kN/m has a shear stiffness of 25 N/m, and the
+    /// cloth yields along the bias as fabric does.
+    pub edge_scale: Option<Vec<f32>>,
+    /// Factor on [`Fabric::bending`] for each vertex of the mesh, 0 or above; `None`: 1 everywhere.
+    ///
+    /// Together with `edge_scale` and `mass` it gives pieces of one mesh fabrics of their own, or stiffens a hem. The bending
+    /// energy of a vertex's neighborhood is scaled, so momentum is conserved across a change of stiffness.
+    pub bending_scale: Option<Vec<f32>>,
+    /// Contact of the cloth with itself, which includes contact between the pieces of a mesh. `None`: cloth passes
+    /// through cloth. With contact, [`Backend::Auto`] selects the CPU. With [`Backend::Gpu`] each step then waits for the
+    /// GPU once, to check that its lists had room for all pairs. In a browser, which cannot wait, that is an error.
+    pub contact: Option<Contact>,
+}
+
+/// The processor that runs the simulation. All backends compute the same motion, up to rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Backend {
+    /// A hardware GPU if there is one and the mesh has at least 16384 vertices, otherwise the CPU. [`Options::contact`]
+    /// and [`Quality::Budget`] always select the CPU, because the GPU is not faster at the first and does not support the
+    /// second. A step with a mesh collider ([`Collider::mesh`](crate::Collider::mesh)) moves the cloth to the CPU for
+    /// good; `Deformer::position_buffer` and `Deformer::surface` then return `None`.
+    #[default]
+    Auto,
+    /// The threads of the current rayon pool. The result is bit for bit the same on any number of threads.
+    Cpu,
+    /// The GPU computes the forces that differ between vertices (wind, bending, springs); the CPU solves edges and
+    /// contact. Data goes back and forth in every substep, as in the 2013 plug-in.
+    Hybrid,
+    /// The GPU does everything. Positions are read back only when they are asked for.
+    Gpu,
+}
+
+/// The solver for the edges of the mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Method {
+    /// XPBD with small steps (Macklin et al. 2019): one sweep over the edges per substep, second-order accurate in the
+    /// substep. See "How it works" on the [front page](crate).
+    #[default]
+    SmallSteps,
+    /// Position Verlet with Jakobsen's relaxation (2001), as in the 2013 plug-in. Stiffness depends on the iterations
+    /// and the length of the substep, not on [`Fabric::stretch`]. With [`Quality::Strain`] it takes one substep per
+    /// 1/60 s.
+    Relaxation {
+        /// Sweeps over the edges per substep.
+        iterations: u32,
+    },
+    /// Springs integrated by explicit leapfrog: accurate when the substeps resolve the stiffness, unstable above the
+    /// explicit limit ([`Warning::ExplicitLimit`]).
+    Springs,
+}
+
+/// Corrections on coarse versions of the cloth before each sweep, which keep the strain from growing with the number of
+/// vertices. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Levels {
+    /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, if
+    /// a mesh of fewer than 1000 vertices has at least an eighth of the substeps that would, or if the wind's pressure
+    /// is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into small wrinkles.
+    /// With [`Quality::Strain`] or [`Quality::Hold`] on [`Backend::Gpu`], also none below 8192 vertices, where levels take
+    /// longer than the additional substeps that keep the same bound without them.
+    #[default]
+    Auto,
+    /// No levels are built or run.
+    Off,
+    /// This many, or as many as the mesh has. The finest level has aggregates of about 16 vertices; each coarser level
+    /// has aggregates four times as large.
+    Count(u32),
+}
+
+/// When a cloth is put to sleep. A sleeping cloth stays exactly as it is, at no cost, until an attribute changes.
+///
+/// Write `Sleep { .., ..Sleep::default() }`, so that fields added later do not break your code. By default a cloth
+/// sleeps once it has moved more slowly than 1 mm/s on average and 5 mm/s everywhere for half a second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sleep {
+    /// Largest root mean square of the vertices' speeds (m/s), at most 0.01.
+    pub mean_speed: f32,
+    /// Largest speed of any vertex (m/s).
+    pub speed: f32,
+    /// Time (s) for which the cloth must have been this slow, under attributes that did not change.
+    pub after: f32,
+}
+
+impl Default for Sleep {
+    fn default() -> Sleep {
+        Sleep { mean_speed: 0.001, speed: 0.005, after: 0.5 }
+    }
+}
+
+/// Direct attachments of the cloth near a lone pin, or a pair of neighboring pins, whose few edges carry everything
+/// that hangs on them. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Tethers {
+    /// While the substeps do not resolve the stiffness, each vertex near a lone pin is pulled to within its distance
+    /// from the pin along the cloth, by a share that decreases with that distance (long range attachments: Kim,
+    /// Chentanez and Müller 2012). A cloth without such a pin builds no tethers.
+    #[default]
+    Auto,
+    /// No tethers are built or run.
+    Off,
+}
+
+/// Contact of cloth with cloth.
+///
+/// No edge ever passes through a triangle, provided that none does at the start and that pins move relative to each
+/// other by at most a third of the thickness per substep ([`Warning::ContactOutruns`]). A start with crossings is
+/// reported ([`Warning::Crossings`]), and contact ignores what crosses until it has separated;
+/// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same
+    /// piece of cloth are closer than twice this at rest, they are held at half of their distance at rest.
+    pub thickness: f32,
+    /// Coefficient of Coulomb friction of cloth on cloth, 0 or above.
+    pub friction: f32,
+}
+
+impl Default for Contact {
+    /// A thickness of 5 mm and friction 0.3.
+    fn default() -> Contact {
+        Contact { thickness: 0.005, friction: 0.3 }
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/options.rs"]
+mod tests;

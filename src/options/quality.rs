@@ -1,0 +1,47 @@
+//! How many substeps a step takes.
+
+/// How many substeps a step is divided into.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Quality {
+    /// A fixed number of substeps per 1/60 s. A step of length `dt` takes `ceil(60 dt n)`, so that its substeps are
+    /// never longer than those of a step of 1/60 s. Cloth that is too stiff for its substeps stretches as much as the
+    /// substep's length lets it; keeping that length makes it stretch equally whatever `dt` is.
+    Substeps(u32),
+    /// In every step, 99 percent of the cloth's area is stretched by at most this much beyond what the fabric itself
+    /// yields under its load. Short for [`Quality::Hold`] with a share of 0.99.
+    Strain(f32),
+    /// As few substeps as keep the stretch of most of the cloth's area below a bound, chosen anew for every step.
+    /// Before the step the number is predicted from what acts on the cloth (gravity, wind, its speed, how pins and
+    /// colliders move) by the law `S = S* sqrt(2 sigma f / (K stretch))`, where `S*` is the number that resolves the
+    /// stiffness K and sigma is the membrane stress. After the step the factor f is corrected from the measured
+    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`. If a step exceeded the bound,
+    /// [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
+    ///
+    /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step
+    /// never waits for one that was submitted shortly before. Pass [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to
+    /// [`Quality::Substeps`] to repeat a step bit for bit. Only for [`Method::SmallSteps`](crate::Method::SmallSteps).
+    Hold {
+        /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
+        stretch: f32,
+        /// Share of the area that keeps the bound, 0.5 to 1. Each edge counts with the area of its triangles.
+        share: f32,
+    },
+    /// As many substeps as fit into this time (ms) per step, estimated from the time that previous steps took, and at
+    /// most 1.4 `S*` (see [`Quality::Hold`]). Timings differ between runs, so a run cannot be repeated exactly;
+    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) repeats a single step. Not available on the GPU, where a step returns before the
+    /// work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that was
+    /// never stepped by itself takes 5 substeps per 1/60 s. Only for [`Method::SmallSteps`](crate::Method::SmallSteps).
+    Budget(f32),
+}
+
+impl Quality {
+    /// Share of the area that [`Quality::Strain`] applies to.
+    pub(crate) const MOST_OF_THE_AREA: f32 = 0.99;
+}
+
+impl Default for Quality {
+    fn default() -> Quality {
+        Quality::Strain(0.03)
+    }
+}

@@ -1,0 +1,156 @@
+//! What a step reports: what it did, how the cloth was stretched, and what the caller should know of.
+
+/// What a step did. Nothing is read back from the GPU for it.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct StepReport {
+    /// Number of substeps taken.
+    pub substeps: u32,
+    /// Number of substeps that a step of 1/60 s would have taken, in the unit of [`Quality::Substeps`](crate::Quality::Substeps).
+    pub in_a_sixtieth: u32,
+    /// Coarse levels used in each substep.
+    pub levels: u32,
+    /// How the cloth was stretched, measured if the quality bounds the strain or the cloth may sleep, otherwise `None`.
+    /// On the GPU the measurement is three steps old, and `None` in the first steps.
+    pub stretch: Option<Stretch>,
+    /// The cloth slept through the step and did not change: see [`Options::sleep`](crate::Options::sleep).
+    pub asleep: bool,
+    /// Pairs of features of the cloth (vertex and triangle, or two edges) that press on each other at the end of the
+    /// step.
+    pub contacts: u32,
+    /// Conditions that the caller should know of.
+    pub warnings: Vec<Warning>,
+}
+
+/// Statistics of the stretch `max(0, l/l0 - 1)` of the edges, each edge weighted by the area of its triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Stretch {
+    /// Mean stretch over the area.
+    pub mean: f32,
+    /// Stretch that the promised share of the area does not exceed (99 percent if none is promised), to within a
+    /// sixteenth of its value.
+    pub share: f32,
+    /// Stretch of the worst edge.
+    pub worst: f32,
+}
+
+/// What caused [`Warning::StrainMissed`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Cause {
+    /// The weight and motion of the cloth itself.
+    Motion,
+    /// Pins that accelerated.
+    Pins,
+    /// A fast collider near the cloth.
+    Collider,
+    /// The wind.
+    Wind,
+    /// Too much of the area belongs to slivers: edges that are a hundred times shorter than their triangles.
+    Slivers,
+}
+
+/// An edge that passes through a triangle with which it shares no vertex. Indices are those of the mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Crossing {
+    /// The two ends of the edge.
+    pub edge: [u32; 2],
+    /// The three corners of the triangle.
+    pub triangle: [u32; 3],
+}
+
+impl Crossing {
+    /// The same crossing with every vertex index replaced by `names[index]`.
+    pub(crate) fn named(self, names: &[u32]) -> Crossing {
+        let name = |vertex: u32| names[vertex as usize];
+        Crossing { edge: self.edge.map(name), triangle: self.triangle.map(name) }
+    }
+}
+
+/// A condition found in a step that the caller should know of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Warning {
+    /// The bending stiffness had to be reduced to stay stable with these substeps, by more than 5 percent on average
+    /// over the cloth. [`Method::SmallSteps`](crate::Method::SmallSteps) filters bending in up to sixteen passes per substep and warns only if
+    /// those are not enough. More substeps restore the full stiffness.
+    BendingLimited {
+        /// Number of vertices with reduced stiffness.
+        vertices: usize,
+    },
+    /// Explicit springs take fewer substeps than their stability limit: cloth that moves may become unstable.
+    ExplicitLimit {
+        /// Number of substeps taken.
+        substeps: u32,
+        /// Number of substeps that is stable however the cloth moves.
+        needed: u32,
+    },
+    /// A larger share of the area than promised was stretched by more than promised.
+    StrainMissed {
+        /// Stretch that the promised share of the area did not exceed, beyond the fabric's own stretch.
+        stretch: f32,
+        /// The largest stretch that was promised.
+        promised: f32,
+        /// What loaded the cloth most in that step.
+        cause: Cause,
+    },
+    /// Some edges are a hundred times shorter than their triangles, which makes them so stiff that with few substeps
+    /// they stretch to many times their length. The strain that [`Quality::Strain`](crate::Quality::Strain) promises leaves them out. Merge
+    /// their ends, or remesh with rounder triangles.
+    Slivers {
+        /// Number of such edges.
+        edges: usize,
+        /// The worst of them, as indices of the mesh.
+        worst: [u32; 2],
+    },
+    /// A pin moves farther in a substep than an edge is long, which is as far as one sweep carries its motion. While it
+    /// does so, the edges at it stretch to more than twice their length. Move it more slowly or take more substeps; for
+    /// a jump use [`Deformer::warp`](crate::Deformer::warp) or [`Deformer::set_state`](crate::Deformer::set_state).
+    PinOutruns {
+        /// Its position in the list [`Options::pinned`](crate::Options::pinned).
+        pin: usize,
+        /// Its speed (m/s).
+        speed: f32,
+        /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
+        carried: f32,
+    },
+    /// A collider moves farther in a substep than an edge is long, wherever the cloth is. It does not tunnel, but cloth
+    /// that it hits is stretched. Move it more slowly, take more substeps, or mark it as
+    /// [`teleported`](crate::Collider::teleported).
+    ColliderOutruns {
+        /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).
+        collider: usize,
+        /// Its speed (m/s).
+        speed: f32,
+        /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
+        carried: f32,
+    },
+    /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so
+    /// that they may pass through cloth that is caught between them. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up
+    /// to 256 per 1/60 s for this), increase [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
+    ContactOutruns {
+        /// The largest speed (m/s) of any of them relative to the midpoint of the range of their velocities. A velocity
+        /// that all have in common does not count.
+        speed: f32,
+        /// The largest such speed (m/s) that the substeps resolve.
+        resolved: f32,
+    },
+    /// The cloth and a mesh collider crossed each other when one of them was put in place. Contact ignores the crossing
+    /// parts until they have separated, and holds them from then on.
+    BodyCrossings {
+        /// Number of crossing pairs of an edge and a triangle, over all mesh colliders.
+        pairs: usize,
+        /// The first such collider, as its position in [`Attributes::colliders`](crate::Attributes::colliders).
+        collider: usize,
+    },
+    /// Edges passed through triangles of the cloth when the state was set ([`Options::contact`](crate::Options::contact)). Contact ignores the
+    /// crossing parts until they have separated, and holds them from then on.
+    Crossings {
+        /// Number of crossing pairs of an edge and a triangle.
+        pairs: usize,
+        /// The first of them.
+        first: Crossing,
+    },
+}
