@@ -227,6 +227,36 @@ fn cloths_have_fabrics_of_their_own() {
     }
 }
 
+/// Sheared by an angle, a sheet has the energy `G angle² area / 2`, whatever the shape of its cells.
+#[test]
+fn shear_is_as_stiff_as_it_says() {
+    let grid = Mesh::grid(5, 9, 0.8, 0.6);
+    let quads = (0..4).flat_map(|column| (0..8).map(move |row| 5 * row + column + 1)).map(|a| [a, a + 5, a + 6, a + 1]);
+    let vertices: String = grid.positions.iter().map(|x| format!("v {} {} {}\n", x.x, x.y, x.z)).collect();
+    let faces: String = quads.map(|[a, b, c, d]| format!("f {a} {b} {c} {d}\n")).collect();
+    let energy = |mesh: &str, shear: &str| {
+        let text = format!(
+            "frames = 11\nfps = 10\ngravity = [0, 0, 0]\n[[cloth]]\nfabric = {{ stretch = 5000, bending = 0 }}\n\
+             rotate = [0, 45, 0]\n{mesh}\n{shear}\n[[cloth.pin]]\nbox = {{ low = [-1, -1, -1], high = [1, 1, 1] }}\n\
+             scale = [{{ time = 0, value = [1, 1, 1] }}, {{ time = 1, value = [1.01, 1, 0.99] }}]\n"
+        );
+        let directory = TempDir::new().unwrap();
+        fs::write(directory.path().join("s.toml"), text).unwrap();
+        fs::write(directory.path().join("quads.obj"), vertices.clone() + &faces).unwrap();
+        succeeds(&run(&directory, &["--scene", "s.toml", "--quiet", "--no-floor", "--report", "r.json"]));
+        let report: Value = serde_json::from_slice(&fs::read(directory.path().join("r.json")).unwrap()).unwrap();
+        report["frames"].as_array().unwrap().last().unwrap()["energy"].as_f64().unwrap()
+    };
+    let expected = |shear: f64| shear * 0.02_f64.powi(2) * 0.48 / 2.0;
+    for mesh in ["grid = { columns = 5, rows = 9, width = 0.8, height = 0.6 }", "mesh = \"quads.obj\""] {
+        let soft = energy(mesh, "shear = 50");
+        assert!((soft / expected(50.0) - 1.0).abs() < 0.02, "{mesh}: {soft} J, {} expected", expected(50.0));
+        // The diagonal of cells of 0.2 m x 0.075 m stretches by 0.329 times the angle.
+        let stiff = energy(mesh, "");
+        assert!((stiff / expected(5000.0 * 0.329_f64.powi(2)) - 1.0).abs() < 0.02, "{mesh}: {stiff} J without");
+    }
+}
+
 #[test]
 fn the_command_line_overrides_the_file() {
     let text = SHEET.to_owned()

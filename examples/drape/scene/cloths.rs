@@ -7,6 +7,7 @@ use cloth_deformer::{Fabric, Mesh, ObjTemplate};
 use toml::Spanned;
 
 use super::colliders::turn;
+use super::fabrics::{Material, soft_diagonals};
 use super::file::{Cloth, File, Grid, Source};
 use super::pins::Group;
 use crate::Failure;
@@ -29,8 +30,8 @@ pub(super) struct Cloths {
     pub(super) mesh: Mesh,
     /// The file that the mesh was read from, if it is a single file.
     pub(super) template: Option<ObjTemplate>,
-    /// The fabric of each cloth and the number of its vertices.
-    pub(super) fabrics: Vec<(Fabric, usize)>,
+    /// The material of each cloth.
+    pub(super) materials: Vec<Material>,
     pub(super) pins: Vec<Group>,
     /// The colors of each cloth.
     pub(super) pieces: Vec<Piece>,
@@ -46,9 +47,10 @@ impl Cloths {
         let mut mesh = template.as_ref().map_or_else(towel, |template| template.mesh().clone());
         place(&mut mesh, arguments.scale, None, None);
         let pins = vec![Group::still(arguments.pin.as_ref().unwrap_or(&Pin::None), &mesh)];
-        let fabrics = vec![(arguments.fabric.unwrap_or(Fabric::TOWEL), mesh.positions.len())];
+        let fabric = arguments.fabric.unwrap_or(Fabric::TOWEL);
+        let materials = vec![Material { fabric, vertices: mesh.positions.len(), diagonals: Vec::new() }];
         doubt(&name, &mesh);
-        Ok(Cloths { name, mesh, template, fabrics, pins, pieces: Vec::new(), files: arguments.mesh.iter().cloned().collect() })
+        Ok(Cloths { name, mesh, template, materials, pins, pieces: Vec::new(), files: arguments.mesh.iter().cloned().collect() })
     }
 
     /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, all
@@ -65,7 +67,7 @@ impl Cloths {
             name: source.name(),
             mesh: Mesh::default(),
             template: None,
-            fabrics: Vec::new(),
+            materials: Vec::new(),
             pins: Vec::new(),
             pieces: Vec::new(),
             files: Vec::new(),
@@ -129,7 +131,22 @@ impl Cloths {
                 self.pins.push(group);
             }
         }
-        self.fabrics.push((arguments.fabric.or(cloth.fabric).unwrap_or(Fabric::TOWEL), piece.positions.len()));
+        let fabric = arguments.fabric.or(cloth.fabric).unwrap_or(Fabric::TOWEL);
+        let diagonals = match cloth.shear {
+            None => Vec::new(),
+            Some(shear) => {
+                let quads = piece.triangles.len() / 2;
+                let corners: Vec<usize> = match &template {
+                    Some(template) => template.polygons().iter().map(Vec::len).collect(),
+                    None => vec![4; quads],
+                };
+                soft_diagonals(&piece, corners.into_iter(), fabric.stretch, shear.0).map_err(|most| match most {
+                    0.0 => wrong("shear needs polygons of four corners, and a fabric that can stretch; leave it out"),
+                    most => wrong(&format!("shear = {} N/m; this fabric and mesh have {most:.0} N/m at most", shear.0)),
+                })?
+            }
+        };
+        self.materials.push(Material { fabric, vertices: piece.positions.len(), diagonals });
         self.mesh.positions.append(&mut piece.positions);
         let [color, lining] = Look::SIDES;
         let sides = [cloth.color.map_or(color, |color| linear(color.0)), cloth.lining.map_or(lining, |color| linear(color.0))];

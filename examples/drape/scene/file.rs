@@ -157,6 +157,9 @@ pub(crate) struct Cloth {
     /// differ in all but the damping.
     #[serde(deserialize_with = "fabric")]
     pub(crate) fabric: Option<Fabric>,
+    /// Shear stiffness (N/m), 20 to 100 for woven cloth, of a grid or of an OBJ with polygons of four corners; the other
+    /// polygons are as stiff in shear as in stretch. As stiff as the edges make it: a quarter of the fabric's `stretch`.
+    pub(crate) shear: Option<NotNegative>,
     /// Its pins.
     pub(crate) pin: Vec<Spanned<Pin>>,
     /// Color in pictures (sRGB: red, green and blue from 0 to 1) of the side from which its triangles are

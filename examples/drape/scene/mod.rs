@@ -63,7 +63,7 @@ impl Scene {
 
         let frames = arguments.frames.or(file.frames.map(u32::from)).unwrap_or(FRAMES);
         let rate = rate(arguments, scene)?;
-        let Cloths { name, mesh, template, fabrics, pins, pieces, mut files } = match scene {
+        let Cloths { name, mesh, template, materials, pins, pieces, mut files } = match scene {
             Some((source, file)) => Cloths::of_scene(arguments, source, file)?,
             None => Cloths::of_arguments(arguments)?,
         };
@@ -74,7 +74,7 @@ impl Scene {
         let wind = wind(arguments, scene)?;
         let gravity = arguments.gravity.map(Animated::still).or(file.gravity.clone());
         let backend = arguments.backend.or(file.backend).unwrap_or_default();
-        let fabrics = fabrics::combine(&mesh, &fabrics).map_err(|(number, why)| match scene {
+        let fabrics = fabrics::combine(&mesh, &materials).map_err(|(number, why)| match scene {
             Some((source, file)) => source.wrong_in(&file.cloth[number], format_args!("cloth {}: {why}", number + 1)),
             None => Failure::input(why),
         })?;
