@@ -232,8 +232,9 @@ fn cloths_have_fabrics_of_their_own() {
 fn shear_is_as_stiff_as_it_says() {
     let grid = Mesh::grid(5, 9, 0.8, 0.6);
     let quads = (0..4).flat_map(|column| (0..8).map(move |row| 5 * row + column + 1)).map(|a| [a, a + 5, a + 6, a + 1]);
-    let vertices: String = grid.positions.iter().map(|x| format!("v {} {} {}\n", x.x, x.y, x.z)).collect();
-    let faces: String = quads.map(|[a, b, c, d]| format!("f {a} {b} {c} {d}\n")).collect();
+    let vertices = grid.positions.iter().map(|x| format!("v {} {} {}", x.x, x.y, x.z));
+    let faces = quads.map(|[a, b, c, d]| format!("f {a} {b} {c} {d}"));
+    let obj = vertices.chain(faces).collect::<Vec<_>>().join("\n");
     let energy = |mesh: &str, shear: &str| {
         let text = format!(
             "frames = 11\nfps = 10\ngravity = [0, 0, 0]\n[[cloth]]\nfabric = {{ stretch = 5000, bending = 0 }}\n\
@@ -242,7 +243,7 @@ fn shear_is_as_stiff_as_it_says() {
         );
         let directory = TempDir::new().unwrap();
         fs::write(directory.path().join("s.toml"), text).unwrap();
-        fs::write(directory.path().join("quads.obj"), vertices.clone() + &faces).unwrap();
+        fs::write(directory.path().join("quads.obj"), &obj).unwrap();
         succeeds(&run(&directory, &["--scene", "s.toml", "--quiet", "--no-floor", "--report", "r.json"]));
         let report: Value = serde_json::from_slice(&fs::read(directory.path().join("r.json")).unwrap()).unwrap();
         report["frames"].as_array().unwrap().last().unwrap()["energy"].as_f64().unwrap()
