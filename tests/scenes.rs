@@ -404,6 +404,25 @@ fn what_cannot_be_is_refused_with_its_line() {
     fails(&output, 2, &["s.toml:3", "several cloths"]);
 }
 
+/// A scene is tuned for as many steps as it has after its first frame, and nothing is written.
+#[test]
+fn a_scene_is_tuned() {
+    let (directory, output) = scene(SHEET, &["--frames", "21", "--no-floor", "--tune", "10mm"]);
+    succeeds(&output);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("| setting |") && text.contains("Options {") && text.contains("method: Method::"), "{text}");
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "nothing is written");
+    for (arguments, words) in [
+        (&["--tune", "10mm", "--fps", "30"][..], &["--tune", "60 frames per second"][..]),
+        (&["--tune", "10mm", "--frames", "1"], &["frames", "at least 1"]),
+        (&["--tune", "10 miles"], &["--tune", "10mm"]),
+        (&["--tune", "-1mm"], &["tolerance", "above 0"]),
+        (&["--tune", "3%", "--save", "s"], &["--tune", "--save"]),
+    ] {
+        fails(&scene(SHEET, arguments).1, 2, words);
+    }
+}
+
 /// A body from files lifts the cloth, with the same result from the command line and from a scene; its files are not
 /// overwritten.
 #[test]

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use cloth_deformer::{BuildError, StepError};
+use cloth_deformer::{BuildError, StepError, Tolerance};
 
 use crate::arguments::{Arguments, Task};
 use crate::command::{Failure, say};
@@ -31,6 +31,7 @@ mod report;
 mod save;
 mod scene;
 mod sweep;
+mod tuned;
 mod warnings;
 
 fn main() -> ExitCode {
@@ -94,9 +95,27 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         return sweep.run(arguments, variants, &interrupted);
     }
     let scene = Scene::new(arguments)?;
+    if let Some(tolerance) = arguments.tune {
+        return tune(&scene, tolerance);
+    }
     let report = play(&scene, arguments.quiet, listen, &interrupted)?;
     if !arguments.quiet {
         say(&report.summary(&scene.outputs.folder));
     }
+    Ok(())
+}
+
+/// Finds the cheapest settings for a scene, and prints them.
+fn tune(scene: &Scene, tolerance: Tolerance) -> Result<(), Failure> {
+    if scene.untangle || scene.dt() != 1.0 / 60.0 {
+        return Err(Failure::input(
+            "--tune needs 60 frames per second and a start without untangling; change these in the scene",
+        ));
+    }
+    // Frame 1 is the start, which no step leads to.
+    let attributes = |step| scene.attributes(step + 1);
+    let steps = scene.outputs.frames - 1;
+    let tuned = cloth_deformer::tune(&scene.mesh, &scene.options, attributes, steps, tolerance);
+    tuned::show(&tuned.map_err(|error| Failure::build(&scene.name, &error))?, tolerance);
     Ok(())
 }

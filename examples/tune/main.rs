@@ -4,20 +4,24 @@
 //! cargo run --release --example tune -- flag --tolerance 10mm
 //! cargo run --release --example tune -- towel --tolerance 3%
 //! ```
+//!
+//! `drape --tune 10mm` does the same for a scene file or a mesh.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use cloth_deformer::{Backend, Tolerance, Trial, Tuned, tune};
+use cloth_deformer::{Backend, Tolerance, tune};
 
-use crate::command::{Failure, say};
+use crate::command::Failure;
 use crate::scenes::{Scene, scenes};
 
 #[path = "../drape/command.rs"]
 mod command;
 #[path = "../../benches/quality/scenes.rs"]
 mod scenes;
+#[path = "../drape/tuned.rs"]
+mod tuned;
 
 /// Simulates a scene up to twenty times and prints the cheapest setting that keeps a tolerance.
 #[derive(Debug, Parser)]
@@ -26,7 +30,7 @@ struct Arguments {
     /// their meshes
     scene: String,
     /// Allowed error: a distance of the vertices (10mm), or a stretch of 99 % of the area (3%)
-    #[arg(long, default_value = "10mm", value_parser = tolerance)]
+    #[arg(long, default_value = "10mm", value_parser = tuned::tolerance)]
     tolerance: Tolerance,
     /// Number of frames of 1/60 s [default: that of the scene]
     #[arg(long)]
@@ -38,16 +42,6 @@ struct Arguments {
 
 const BACKENDS: [(&str, Backend); 4] =
     [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
-
-fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let number =
-        |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance such as 10mm, or a strain such as 3%".to_owned());
-    match (text.strip_suffix("mm"), text.strip_suffix('%')) {
-        (Some(text), _) => number(text).map(Tolerance::Position),
-        (None, Some(text)) => number(text).map(|percent| Tolerance::Strain(percent / 100.0)),
-        (None, None) => Err("give a distance such as 10mm, or a strain such as 3%".to_owned()),
-    }
-}
 
 fn main() -> ExitCode {
     command::run(command::read(), run)
@@ -64,37 +58,6 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let frames = arguments.frames.unwrap_or(scene.frames);
     let tuned = tune(&scene.mesh, &scene.options, &scene.script, frames, arguments.tolerance);
     let tuned = tuned.map_err(|error| Failure::from(&error))?;
-    show(&tuned, arguments.tolerance);
+    tuned::show(&tuned, arguments.tolerance);
     Ok(())
-}
-
-fn show(tuned: &Tuned, tolerance: Tolerance) {
-    let (unit, scale) = if matches!(tolerance, Tolerance::Strain(_)) { ("%", 100.0) } else { ("mm", 1.0) };
-    if tuned.chaotic {
-        say(
-            "This motion is chaotic, so no two runs agree: where there is cloth and how fast it moves is compared, not each vertex.\n",
-        );
-    }
-    if !tuned.terms.is_empty() {
-        say("| without | error (mm) | ms saved | |\n|---|---|---|---|");
-    }
-    for term in &tuned.terms {
-        let word = if term.dropped { "dropped" } else { "needed" };
-        say(&format!("| {} | {:.2} | {:.2} | {word} |", term.name, term.error, term.milliseconds));
-    }
-    say(&format!("\n| setting | substeps | levels | error ({unit}) | in other frames | ms |\n|---|---|---|---|---|---|"));
-    let row = |trial: &Trial| {
-        let &Trial { setting, substeps, levels, error, checked, milliseconds, .. } = trial;
-        let [error, checked] = [error, checked].map(|error| scale * error);
-        say(&format!("| {setting} | {substeps:.0} | {levels} | {error:.2} | {checked:.2} | {milliseconds:.2} |"));
-    };
-    tuned.trials.iter().for_each(row);
-    let Trial { setting, milliseconds, error, .. } = tuned.best;
-    let times = tuned.resolved.map_or(String::new(), |resolved| {
-        format!(", {:.1} times as fast as the resolved run", resolved.milliseconds / milliseconds)
-    });
-    say(&format!(
-        "\nError {:.2} {unit} in {milliseconds:.2} ms per frame{times}:\n\n    Options {{ {setting}, ..options }}",
-        scale * error
-    ));
 }
