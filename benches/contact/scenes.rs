@@ -146,9 +146,9 @@ pub(crate) fn large() -> Vec<Scene> {
         twist: PI / 180.0,
         frames: [120, 180],
     };
-    let drape = |name, frames| Scene {
+    let drape = |name, height, frames| Scene {
         name,
-        mesh: falling(128, 0.62),
+        mesh: falling(128, height),
         substeps: 20,
         pinned: vec![],
         colliders: vec![Collider::sphere(0.3 * Vec3::Y, 0.3), floor.clone()],
@@ -157,8 +157,9 @@ pub(crate) fn large() -> Vec<Scene> {
         frames,
     };
     let mut all = vec![
-        drape("drape, 128, folding", [5, 20]),
-        drape("drape, 128, at rest", [150, 60]),
+        drape("drape, 128, falling", 2.2, [4, 26]),
+        drape("drape, 128, folding", 0.62, [5, 20]),
+        drape("drape, 128, at rest", 0.62, [150, 60]),
         Scene {
             name: "stack of 10, 64",
             mesh: stack(64),

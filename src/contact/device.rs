@@ -223,7 +223,11 @@ impl OnDevice {
             thickness: pair.thickness,
             lambda,
         };
-        let pairs = all.map(pair).collect();
+        let mut pairs: Vec<DevicePair> = all.map(pair).collect();
+        // The GPU searches its rows, and a state may come from the CPU, whose rows have another order.
+        for row in starts.windows(2) {
+            pairs[row[0] as usize..row[1] as usize].sort_unstable_by_key(|pair| pair.other);
+        }
         self.let_go.take(crossings.clone(), &self.surface);
         self.may_cross = *may_cross;
         let from = from.iter().zip(stray).map(|(from, &stray)| from.with_w(stray)).collect();

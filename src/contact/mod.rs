@@ -56,8 +56,6 @@ use past::Kept;
 pub(crate) use past::Past;
 use paths::Paths;
 #[cfg(feature = "gpu")]
-pub(crate) use paths::ahead_after;
-#[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;
 use surface::Surface;
 use tree::{Look, Tree};

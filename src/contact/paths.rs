@@ -136,7 +136,7 @@ impl Paths {
 
 /// The number of substeps that the next detection looks ahead, if the last one looked `ahead` and lasted `since`
 /// substeps.
-pub(crate) fn ahead_after(since: Option<f32>, ahead: f32, is_long: bool) -> f32 {
+fn ahead_after(since: Option<f32>, ahead: f32, is_long: bool) -> f32 {
     let next = match since {
         None => AHEAD[0],
         Some(since) if since < ahead => FARTHER * since,

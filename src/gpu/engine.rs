@@ -12,7 +12,7 @@ use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
 use crate::gpu::commit::{self, Commit};
-use crate::gpu::contact::{self as self_contact, GpuContact};
+use crate::gpu::contact::GpuContact;
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
@@ -364,7 +364,8 @@ impl GpuEngine {
     fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, meets: Option<&Plan<'_>>) {
         for substep in 0..plan.substeps.len() {
             let group = ping_pong(substep);
-            let more = if meets.is_some() { self_contact::DISPATCHES } else { 0 };
+            let contact = self.contact.as_ref().filter(|_| meets.is_some());
+            let more = contact.map_or(0, |contact| contact.dispatches(substep));
             let pass = submission.room_for(self.dispatches(plan) + more);
             self.forces.bind_substep(pass, substep);
             if plan.params.predicted != 0 || matches!(self.sweep, Sweep::PerColor(_)) {

@@ -41,9 +41,16 @@ shaders! {
     NORMALS: "normal" "stages/normals";
     FOLLOW: "normal" "stages/follow";
     EXCHANGE: "stages/exchange";
-    MEET: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/meet";
+    MEET: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
+        "stages/self_contact/mean" "stages/self_contact/meet";
     TREE: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/tree";
-    DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/detection";
-    RESPONSE: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/response";
+    WALK: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
+        "stages/self_contact/boxes" "stages/self_contact/walk";
+    DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
+        "stages/self_contact/boxes" "stages/self_contact/detection";
+    NEAR: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
+        "stages/self_contact/mean" "stages/self_contact/pairs" "stages/self_contact/near";
+    RESPONSE: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
+        "stages/self_contact/pairs" "stages/self_contact/response";
     FINISH: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/finish";
 }

@@ -6,6 +6,10 @@ use crate::device::Gpu;
 const LONGEST: usize = 16_384;
 /// Dispatches in the first submission, with which the device begins while the others are encoded.
 const FIRST: usize = 32;
+/// Dispatches in the first submission of a step that is waited for, and most in the following ones, each of which has up
+/// to twice as many as the one before: the device executes a dispatch more slowly than it is encoded, so it never waits
+/// long.
+const PORTIONS: [usize; 2] = [8, 96];
 
 /// A compute pass, submitted when it is full or the step is encoded.
 pub(crate) struct Submission<'a> {
@@ -13,20 +17,28 @@ pub(crate) struct Submission<'a> {
     encoder: wgpu::CommandEncoder,
     pass: wgpu::ComputePass<'static>,
     dispatches: usize,
-    most: usize,
+    /// Largest number of dispatches in this submission, and in the next one.
+    most: [usize; 2],
 }
 
 impl<'a> Submission<'a> {
     pub(crate) fn new(gpu: &'a Gpu) -> Submission<'a> {
         let mut encoder = gpu.encoder();
         let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
-        Submission { gpu, encoder, pass, dispatches: 0, most: FIRST }
+        Submission { gpu, encoder, pass, dispatches: 0, most: [FIRST, LONGEST] }
+    }
+
+    /// For a step that is waited for.
+    pub(crate) fn in_portions(gpu: &'a Gpu) -> Submission<'a> {
+        Submission { most: [PORTIONS[0], 2 * PORTIONS[0]], ..Submission::new(gpu) }
     }
 
     /// The pass, with room for some dispatches that must be in the same pass. Bindings may have to be set again.
     pub(crate) fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
-        if self.dispatches > 0 && self.dispatches + dispatches > self.most {
-            let next = Submission { most: LONGEST, ..Submission::new(self.gpu) };
+        let [most, next] = self.most;
+        if self.dispatches > 0 && self.dispatches + dispatches > most {
+            let after = if next < PORTIONS[1] { (2 * next).min(PORTIONS[1]) } else { next };
+            let next = Submission { most: [next, after], ..Submission::new(self.gpu) };
             std::mem::replace(self, next).submit();
         }
         self.dispatches += dispatches;

@@ -59,9 +59,9 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
-        layout!(About { thickness, friction, vertices, first_edge, rows, depth, triangles, edges, leaves, of_leaves, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass }),
+        layout!(About { thickness, friction, vertices, first_edge, rows, depth, triangles, edges, leaves, of_leaves, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass, parts, room_of_leaf }),
         layout!(Listed { corners, lambda, other, thickness }),
-        layout!(Status { half, listed, with_vertices, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean }),
+        layout!(Status { half, listed, with_vertices, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, needed_of_leaf, counted }),
         layout!(Track { start, by }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
@@ -118,7 +118,12 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("NOT_FINITE", Literal::U32(contact::NOT_FINITE)),
         ("CROWDED", Literal::U32(contact::CROWDED)),
         ("EARLY", Literal::U32(contact::EARLY)),
+        ("CLOSE", Literal::U32(contact::CLOSE)),
+        ("SPACING", Literal::U32(contact::SPACING)),
         ("SAMPLES", Literal::U32(contact::SAMPLES)),
+        ("HELD", Literal::U32(contact::HELD)),
+        ("SOON", Literal::F32(contact::SHARES[0])),
+        ("MARGIN", Literal::F32(contact::SHARES[1])),
         ("SUMS", Literal::U32(contact::SUMS as u32)),
         ("WEIGHT", Literal::U32(contact::PLACES[0])),
         ("GIVEN", Literal::U32(contact::PLACES[1])),
@@ -157,7 +162,8 @@ fn shared_structs_agree_member_for_member() {
             // These structs exist only in shaders.
             let alone =
                 ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"];
-            let of_contact = ["Four", "Multipliers", "Near", "Looked", "Vertex", "Node", "Part", "Known", "Feature"];
+            let of_contact =
+                ["Four", "Multipliers", "Near", "Looked", "Vertex", "Node", "Part", "Known", "Place", "Box", "Closest"];
             if alone.iter().chain(&of_contact).any(|known| known == name) {
                 continue;
             }

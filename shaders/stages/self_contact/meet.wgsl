@@ -1,19 +1,21 @@
 // The start of contact in a substep: resolves contact with colliders, computes the mean displacement, and decides
 // whether detection is due.
 
-override LANES: u32 = 256u;
 // Whether this substep includes the kernels of detection.
 override LOOKS: bool = true;
 
-var<workgroup> low: array<vec4f, WORKGROUP>;
-var<workgroup> high: array<vec4f, WORKGROUP>;
+// Every so many substeps, detection is due already if a vertex has strayed by this share of how far it may. Thus only
+// these substeps need to include it, unless the motion changes quickly.
+const SPACING: u32 = 5u;
+const SOON: f32 = 0.45;
+
 var<workgroup> samples: array<vec3f, SAMPLES>;
-var<workgroup> all_low: array<vec4f, LANES>;
-var<workgroup> all_high: array<vec4f, LANES>;
 
 // Number of vertices from which the common deviation is estimated.
 const SAMPLES: u32 = 32u;
+// Number of substeps for which a vertex should stay close to its path.
 const LASTS: f32 = 12.0;
+// Range of the number of substeps that detection looks ahead, and the factor by which it grows.
 const AHEAD_LEAST: f32 = 6.0;
 const AHEAD_MOST: f32 = 64.0;
 const FARTHER_AHEAD: f32 = 1.5;
@@ -30,20 +32,6 @@ fn part_of(u: vec3f, w: f32) -> Part {
     return nothing();
 }
 
-fn nothing() -> Part {
-    if about.pins == 0u {
-        return Part();
-    }
-    return Part(vec4f(MAX_POSITION), vec4f(-MAX_POSITION));
-}
-
-fn both(a: Part, b: Part) -> Part {
-    if about.pins == 0u {
-        return Part(a.low + b.low, vec4f());
-    }
-    return Part(min(a.low, b.low), max(a.high, b.high));
-}
-
 // An estimate of the common deviation of a free cloth from the paths, from a few vertices. It is subtracted, because a
 // common translation brings no two vertices closer to each other.
 fn strayed_together(lane: u32) -> vec3f {
@@ -51,7 +39,7 @@ fn strayed_together(lane: u32) -> vec3f {
     let count = (about.vertices + each - 1u) / each;
     if lane < SAMPLES {
         let i = min(lane, count - 1u) * each;
-        let strayed = x[i].xyz - tracks[i].start.xyz - tracks[i].by.xyz * known.status.since;
+        let strayed = x[i].xyz - tracks[i].start.xyz - tracks[i].by.xyz * since();
         samples[lane] = select(vec3f(), strayed, lane < count);
     }
     for (var width = SAMPLES / 2u; width > 0u; width /= 2u) {
@@ -90,10 +78,14 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
         atomicMax(&known.status.most_push, bitcast<u32>(pushed));
     }
     let track = tracks[i];
-    let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (known.status.since + 1.0)) - together;
+    let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (since() + 1.0)) - together;
     // Written so that NaN counts as too far.
-    if !(square(strayed * track.by.w) < 1.0) {
-        atomicOr(&known.status.strayed, 1u);
+    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, is_regular())) {
+        if LOOKS {
+            atomicOr(&known.status.strayed, 1u);
+        } else {
+            atomicOr(&known.status.stopped, EARLY);
+        }
     }
     return part_of(path.u, x_i.w);
 }
@@ -118,47 +110,16 @@ fn meet(
     }
 }
 
-// Reduces the parts of a workgroup, in a fixed order.
-fn gather(part: Part, lane: u32) {
-    low[lane] = part.low;
-    high[lane] = part.high;
-    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
-        workgroupBarrier();
-        if lane < width {
-            let one = both(Part(low[lane], high[lane]), Part(low[lane + width], high[lane + width]));
-            low[lane] = one.low;
-            high[lane] = one.high;
-        }
-    }
+fn is_regular() -> bool {
+    return index_of_substep() % SPACING == 0u;
 }
 
 // One workgroup computes the mean displacement and decides whether detection is due.
-@compute @workgroup_size(LANES)
+@compute @workgroup_size(WORKGROUP)
 fn decide(@builtin(local_invocation_index) lane: u32) {
-    var part = nothing();
-    for (var k = lane; k < about.groups; k += LANES) {
-        part = both(part, known.parts[k]);
-    }
-    all_low[lane] = part.low;
-    all_high[lane] = part.high;
-    for (var width = LANES / 2u; width > 0u; width /= 2u) {
-        workgroupBarrier();
-        if lane < width {
-            let one = both(Part(all_low[lane], all_high[lane]), Part(all_low[lane + width], all_high[lane + width]));
-            all_low[lane] = one.low;
-            all_high[lane] = one.high;
-        }
-    }
+    let mean = mean_of_parts(lane);
     if lane == 0u && !has_stopped() {
-        let all = Part(all_low[0], all_high[0]);
-        if about.pins == 0u {
-            known.status.mean = all.low.xyz / all.low.w;
-        } else {
-            // If the pins move differently by more than this, there is no common motion: the mean would also move cloth
-            // that follows neither.
-            let near_enough = distance(all.low.xyz, all.high.xyz) < about.thickness;
-            known.status.mean = select(vec3f(), 0.5 * (all.low.xyz + all.high.xyz), near_enough);
-        }
+        known.status.mean = mean;
         begin_substep();
     }
 }
@@ -173,29 +134,29 @@ fn begin_substep() {
         known.status.scale = (params.h / known.status.h) * (params.h / known.status.h);
     }
     known.status.h = params.h;
-    let since = known.status.since;
-    known.status.detects = u32(since < 0.0 || since >= known.status.ahead || strayed);
-    if !LOOKS && known.status.detects != 0u {
-        atomicOr(&known.status.stopped, EARLY);
-        return;
-    }
+    let over = since();
+    let ends = over + select(1.0, f32(SPACING), is_regular()) > known.status.ahead;
+    known.status.detects = u32(LOOKS && (over < 0.0 || ends || strayed));
     if known.status.detects != 0u {
         let few = 4u * known.status.listed < about.vertices;
         let long = known.status.listed > 4u * (about.vertices + was_near);
         known.status.longer = -1.0;
-        if since >= 0.0 && !few {
-            known.status.longer = pow(max(LASTS / (since + 1.0), 1.0), 1.5);
+        if over >= 0.0 && !few {
+            known.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);
         }
-        known.status.over = since + 1.0;
+        known.status.over = over + 1.0;
         var ahead = AHEAD_LEAST;
-        if since >= known.status.ahead {
+        if ends {
             ahead = select(FARTHER_AHEAD * known.status.ahead, known.status.ahead / FARTHER_AHEAD, long);
-        } else if since >= 0.0 {
-            ahead = FARTHER_AHEAD * since;
+        } else if over >= 0.0 {
+            ahead = FARTHER_AHEAD * over;
         }
         known.status.ahead = clamp(floor(ahead + 0.5), AHEAD_LEAST, AHEAD_MOST);
         known.status.since = 0.0;
         known.status.detections += 1u;
+    } else {
+        known.status.since = over;
     }
     known.status.since += 1.0;
+    known.status.counted = index_of_substep() + 1u;
 }

@@ -1,27 +1,24 @@
-// Selects near pairs from the list, computes the response that holds them apart, and truncates displacements.
+// Computes the response that holds near pairs apart, and truncates displacements.
 //
 // Contributions of pairs to vertices are summed as integers, because their sum does not depend on the order. A
 // thickness is 2^23 of them, so sums may reach 256 thicknesses. Each iteration of the response is a dispatch over
 // pairs, followed by one over vertices that applies the sums.
 
-const ACTING: f32 = 0.3;
+// Share of the last substep's multipliers with which this one starts.
 const WARM: f32 = 0.9;
+// How much farther contact may move a vertex than it was about to move, as a multiple of its reach.
 const FARTHER: f32 = 0.45;
 
-fn place(k: u32) -> u32 {
-    return known.status.half * about.room + k;
-}
+// The number of pairs with a normal impulse that a workgroup counts.
+var<workgroup> pressing: atomic<u32>;
 
-fn is_idle() -> bool {
-    return known.status.listed == 0u || has_stopped();
-}
-
-fn stride(groups: vec3u) -> u32 {
-    return groups.x * groups.y * WORKGROUP;
-}
-
-fn displacements(corners: vec4u) -> Four {
-    return Four(vertices[corners.x].u.xyz, vertices[corners.y].u.xyz, vertices[corners.z].u.xyz, vertices[corners.w].u.xyz);
+// The number of pairs that act, or 0 if the step has stopped. One invocation loads it for its workgroup, because a
+// device is slow when all of them load from one place.
+fn acting_pairs(lane: u32) -> u32 {
+    if lane == 0u {
+        total = select(atomicLoad(&known.status.acting), 0u, is_idle());
+    }
+    return workgroupUniformLoad(&total);
 }
 
 fn inverse_masses(corners: vec4u) -> vec4f {
@@ -56,105 +53,6 @@ fn taken(v: u32, first: u32) -> vec3f {
     return vec3f(units) * (about.thickness / UNIT_LENGTH);
 }
 
-var<workgroup> total: u32;
-var<workgroup> found: array<atomic<u32>, 2>;
-var<workgroup> firsts: array<u32, 2>;
-
-// A listed pair in this substep. `state` is 0 if it is not near, 1 if only truncation holds it, and 2 if it acts.
-struct Looked {
-    pair: Near,
-    state: u32,
-}
-
-fn look_at_pair(k: u32) -> Looked {
-    let pair = pairs[place(k)];
-    let is_edge = k >= known.status.with_vertices;
-    let corners = pair.corners;
-    let at = Four(x[corners.x].xyz, x[corners.y].xyz, x[corners.z].xyz, x[corners.w].xyz);
-    let u = displacements(corners);
-    let travel = vec4f(
-        square(u.a - known.status.mean),
-        square(u.b - known.status.mean),
-        square(u.c - known.status.mean),
-        square(u.d - known.status.mean),
-    );
-    var weights: vec4f;
-    var most: vec2f;
-    if is_edge {
-        weights = edge_edge(at);
-        most = vec2f(max(travel.x, travel.y), max(travel.z, travel.w));
-    } else {
-        weights = vertex_triangle(at);
-        most = vec2f(travel.x, max(travel.y, max(travel.z, travel.w)));
-    }
-    let apart = between(weights, at);
-    let distance = length(apart);
-    let left = distance - sqrt(most.x) - sqrt(most.y) - 2.0 * known.status.pushed;
-    let normal = apart / max(distance, 1e-12);
-    var state = 0u;
-    if left < pair.thickness && distance > 1e-12 {
-        let gap = distance - pair.thickness + dot(normal, between(weights, u));
-        // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
-        let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
-        let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
-        state = select(1u, 2u, acts);
-    }
-    if state < 2u && any(pair.lambda != vec4f()) {
-        pairs[place(k)].lambda = vec4f();
-    }
-    return Looked(Near(corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k), state);
-}
-
-// The position of a near pair in `near`: those that act fill it from the start, the others from the end. Their order
-// has no effect on the result.
-fn place_of(state: u32, index: u32) -> u32 {
-    return select(about.room - 1u - index, index, state == 2u);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn find(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    if lane == 0u {
-        total = select(known.status.listed, 0u, has_stopped());
-    }
-    let all = workgroupUniformLoad(&total);
-    for (var first = 0u; first < all; first += stride(groups)) {
-        if lane < 2u {
-            atomicStore(&found[lane], 0u);
-        }
-        workgroupBarrier();
-        let k = first + item(id, groups);
-        var looked: Looked;
-        var rank = 0u;
-        if k < all {
-            looked = look_at_pair(k);
-            if looked.state > 0u {
-                rank = atomicAdd(&found[looked.state - 1u], 1u);
-            }
-        }
-        workgroupBarrier();
-        if lane == 0u {
-            firsts[0] = atomicAdd(&known.status.near, atomicLoad(&found[0]));
-            firsts[1] = atomicAdd(&known.status.acting, atomicLoad(&found[1]));
-        }
-        workgroupBarrier();
-        if looked.state > 0u {
-            near[place_of(looked.state, firsts[looked.state - 1u] + rank)] = looked.pair;
-        }
-        if looked.state == 2u {
-            let corners = looked.pair.corners;
-            let units = vec4i(round(abs(looked.pair.weights) * UNIT_WEIGHT));
-            atomicAdd(&sums[SUMS * corners.x + WEIGHT], units.x);
-            atomicAdd(&sums[SUMS * corners.y + WEIGHT], units.y);
-            atomicAdd(&sums[SUMS * corners.z + WEIGHT], units.z);
-            atomicAdd(&sums[SUMS * corners.w + WEIGHT], units.w);
-        }
-    }
-}
-
 fn weight_of(v: u32) -> f32 {
     return f32(atomicLoad(&sums[SUMS * v + WEIGHT])) / UNIT_WEIGHT;
 }
@@ -181,11 +79,13 @@ fn warm_pair(k: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn warm(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    if is_idle() {
-        return;
-    }
-    for (var k = item(id, groups); k < atomicLoad(&known.status.acting); k += stride(groups)) {
+fn warm(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let acting = acting_pairs(lane);
+    for (var k = item(id, groups); k < acting; k += stride(groups)) {
         warm_pair(k);
     }
 }
@@ -205,11 +105,13 @@ fn step_pair(k: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn step_pairs(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    if is_idle() {
-        return;
-    }
-    for (var k = item(id, groups); k < atomicLoad(&known.status.acting); k += stride(groups)) {
+fn step_pairs(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let acting = acting_pairs(lane);
+    for (var k = item(id, groups); k < acting; k += stride(groups)) {
         step_pair(k);
     }
 }
@@ -299,20 +201,30 @@ fn cut_pair(n: Near) {
 
 // Truncates for all near pairs, and stores the multipliers of those that act in the list.
 @compute @workgroup_size(WORKGROUP)
-fn cut(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    if is_idle() {
-        return;
+fn cut(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let acting = acting_pairs(lane);
+    if lane == 0u {
+        total = select(acting + atomicLoad(&known.status.near), 0u, is_idle());
+        atomicStore(&pressing, 0u);
     }
-    let acting = atomicLoad(&known.status.acting);
-    for (var k = item(id, groups); k < acting + atomicLoad(&known.status.near); k += stride(groups)) {
+    let all = workgroupUniformLoad(&total);
+    for (var k = item(id, groups); k < all; k += stride(groups)) {
         let acts = k < acting;
         let n = near[place_of(select(1u, 2u, acts), select(k - acting, k, acts))];
         cut_pair(n);
         if acts {
             pairs[place(n.listed)].lambda = n.lambda;
             if n.lambda.w > 0.0 {
-                atomicAdd(&known.status.pressing, 1u);
+                atomicAdd(&pressing, 1u);
             }
         }
+    }
+    workgroupBarrier();
+    if lane == 0u && atomicLoad(&pressing) > 0u {
+        atomicAdd(&known.status.pressing, atomicLoad(&pressing));
     }
 }

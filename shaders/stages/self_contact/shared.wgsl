@@ -31,6 +31,9 @@ struct About {
     // Number of workgroups that cover all vertices; inverse of the cloth's mass [1/kg].
     groups: u32,
     per_mass: f32,
+    // Number of parts into which detection divides a row; number of leaves that there is room for in a leaf's list.
+    parts: u32,
+    room_of_leaf: u32,
 }
 
 // A listed pair. Its first feature is its row, `other` the second.
@@ -91,8 +94,8 @@ struct Status {
     half: u32,
     listed: u32,
     with_vertices: u32,
-    // Number of substeps since the last detection (below 0: none yet) and number that it covers; length of the last
-    // substep [s].
+    // Number of substeps since the last detection (below 0: none yet), as of the end of the last substep that `decide`
+    // counted, and number that it covers; length of the last substep [s].
     since: f32,
     ahead: f32,
     h: f32,
@@ -116,6 +119,10 @@ struct Status {
     scale: f32,
     // The mean displacement [m].
     mean: vec3f,
+    // The length of the longest list of a leaf, if there is not enough room for it.
+    needed_of_leaf: atomic<u32>,
+    // Number of substeps of this step up to which `since` is counted.
+    counted: u32,
 }
 
 // The status, followed by the workgroups' parts of a reduction.
@@ -139,12 +146,16 @@ struct Known {
 @group(1) @binding(12) var<storage, read> let_go: array<vec2u>;
 @group(1) @binding(13) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> p_out: array<vec4f>;
+// For each leaf the number of leaves that its triangles may meet, how many of them come before it, and these leaves in
+// ascending order.
+@group(1) @binding(15) var<storage, read_write> beside: array<u32>;
 
 // Reasons to stop a step.
 const NO_ROOM: u32 = 1u;
 const NOT_FINITE: u32 = 2u;
 const CROWDED: u32 = 4u;
 const EARLY: u32 = 8u;
+const CLOSE: u32 = 16u;
 
 // Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections; and
 // the bits of the share that truncation leaves.
@@ -161,6 +172,29 @@ fn has_stopped() -> bool {
     return atomicLoad(&known.status.stopped) != 0u;
 }
 
+fn index_of_substep() -> u32 {
+    return u32(round(substep.start * f32(params.substeps)));
+}
+
+// Number of substeps since the last detection at the start of this one; below 0 if there was none.
+fn since() -> f32 {
+    return known.status.since + f32(index_of_substep() - known.status.counted);
+}
+
+fn is_due() -> bool {
+    return known.status.detects != 0u && !has_stopped();
+}
+
+var<workgroup> looks: u32;
+
+// Whether detection is due, for all invocations of a workgroup.
+fn looks_here(lane: u32) -> bool {
+    if lane == 0u {
+        looks = u32(is_due());
+    }
+    return workgroupUniformLoad(&looks) != 0u;
+}
+
 fn number(at: u32) -> f32 {
     return bitcast<f32>(table[at]);
 }
@@ -173,6 +207,11 @@ fn triangle(t: u32) -> vec3u {
 fn edge(e: u32) -> vec2u {
     let at = about.edges + 2u * e;
     return vec2u(table[at], table[at + 1u]);
+}
+
+// The position in `beside` of the list of a leaf.
+fn list_of(leaf: u32) -> u32 {
+    return leaf * (about.room_of_leaf + 2u);
 }
 
 fn piece_of(v: u32) -> u32 {

@@ -3,6 +3,8 @@
 
 override LANES: u32 = 256u;
 
+// The least distance that a vertex may stray, as a multiple of the thickness, and the least share that it keeps of the
+// last one.
 const LEAST_STRAY: f32 = 0.1;
 const KEEPS: f32 = 0.8;
 
@@ -23,7 +25,7 @@ fn join(a: Node, b: Node) -> Node {
 @compute @workgroup_size(WORKGROUP)
 fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= about.vertices || known.status.detects == 0u || has_stopped() {
+    if i >= about.vertices || !is_due() {
         return;
     }
     let x_i = x[i].xyz;
@@ -79,17 +81,19 @@ fn bound(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
+    if !looks_here(lane) {
+        return;
+    }
     let leaf = item(id, groups);
     let leaves = 1u << about.depth;
-    let is_due = known.status.detects != 0u && !has_stopped();
-    if is_due && leaf < leaves {
+    if leaf < leaves {
         below[lane] = node_of_leaf(leaf);
         nodes[leaves + leaf] = below[lane];
     }
     let levels = min(about.depth, firstTrailingBit(WORKGROUP));
     for (var level = 1u; level <= levels; level++) {
         let first = (leaf - lane) >> level;
-        let is_mine = is_due && lane < (WORKGROUP >> level) && first + lane < (leaves >> level);
+        let is_mine = lane < (WORKGROUP >> level) && first + lane < (leaves >> level);
         workgroupBarrier();
         var node: Node;
         if is_mine {
@@ -106,14 +110,14 @@ fn bound(
 // One workgroup bounds the remaining levels.
 @compute @workgroup_size(LANES)
 fn refit(@builtin(local_invocation_index) lane: u32) {
-    let is_due = known.status.detects != 0u && !has_stopped();
+    if !looks_here(lane) {
+        return;
+    }
     let done = min(about.depth, firstTrailingBit(WORKGROUP));
     for (var level = about.depth - done; level > 0u; level--) {
         let first = 1u << (level - 1u);
-        if is_due {
-            for (var k = first + lane; k < 2u * first; k += LANES) {
-                nodes[k] = join(nodes[2u * k], nodes[2u * k + 1u]);
-            }
+        for (var k = first + lane; k < 2u * first; k += LANES) {
+            nodes[k] = join(nodes[2u * k], nodes[2u * k + 1u]);
         }
         storageBarrier();
     }

@@ -1,58 +1,74 @@
 //! Chooses the kernels with which a step is attempted: only those that its start makes likely to be needed. If they do
-//! not suffice, the step stops, is rolled back and is repeated with all kernels, with the same result bit for bit.
+//! not suffice, the step stops, is rolled back and is repeated with more kernels, with the same result bit for bit.
 
-use super::status::Status;
-use crate::contact::ahead_after;
+use super::status::{CLOSE, EARLY, SPACING, Status};
 
-/// Number of steps that run all kernels after a step that needed them.
+/// Number of steps that run the response, and number that may detect in any substep, after a step that needed to.
 const CAUTIOUS: u32 = 6;
+const WATCHFUL: u32 = 2;
+
+/// What a step does about listed pairs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Response {
+    /// Nothing: there must be none.
+    #[default]
+    None,
+    /// Checks that none is near.
+    Glance,
+    /// Holds them apart.
+    Full,
+}
 
 /// The kernels of an attempt.
 #[derive(Debug, Default)]
 pub(super) struct Course {
-    /// Whether the response runs. Without it, there must be no listed pairs.
-    pub responds: bool,
-    /// For each substep whether detection is expected; `None` if it may be due in any.
-    expected: Option<Vec<bool>>,
-    /// Number of steps left in which the response must run, and in which detection may be due in any substep.
-    responding: u32,
+    pub response: Response,
+    /// Whether detection may be due in any substep, not just in every [`SPACING`]th.
+    looks_often: bool,
+    /// Number of steps left in which at least this response must run, and in which detection may be due in any substep.
+    responding: (u32, Response),
     looking: u32,
 }
 
 impl Course {
-    /// Chooses the kernels for the first attempt of a step that starts from `status`.
-    pub(super) fn begin(&mut self, status: &Status, substeps: usize, vertices: usize) {
-        self.responds = status.listed > 0 || self.responding > 0;
-        self.responding = self.responding.saturating_sub(1);
-        // A long list reduces how far detection looks ahead, which cannot be predicted.
-        let is_known = self.looking == 0 && (status.listed as usize) < 2 * vertices;
-        self.looking = self.looking.saturating_sub(1);
-        let (mut since, mut ahead) = (status.since, status.ahead);
-        let mut is_due = || {
-            let is_due = since < 0.0 || since >= ahead;
-            if is_due {
-                ahead = ahead_after((since >= 0.0).then_some(since), ahead, false);
-                since = 0.0;
-            }
-            since += 1.0;
-            is_due
+    /// Chooses the kernels for the first attempt of a step of some substeps that starts from `status`.
+    pub(super) fn begin(&mut self, status: &Status, substeps: usize) {
+        let (left, least) = self.responding;
+        self.response = match status {
+            Status { near: 0, acting: 0, listed: 0, .. } => Response::None,
+            Status { near: 0, acting: 0, .. } => Response::Glance,
+            _ => Response::Full,
         };
-        self.expected = is_known.then(|| (0..substeps).map(|_| is_due()).collect());
+        if left > 0 {
+            self.response = self.response.max(least);
+            self.responding.0 -= 1;
+        }
+        // If detection is nearly always due, there is no use in expecting that it is not.
+        let is_frequent = 2 * (status.detections * SPACING) as usize > substeps;
+        self.looks_often = self.looking > 0 || is_frequent;
+        self.looking = self.looking.saturating_sub(1);
     }
 
-    /// Chooses the kernels for the second attempt, after pairs were found without a response, or detection was due
-    /// early.
-    pub(super) fn change(&mut self, has_pairs: bool, is_early: bool) {
-        if has_pairs {
-            (self.responds, self.responding) = (true, CAUTIOUS);
+    /// Chooses the kernels for another attempt, after this one stopped; `has_pairs` says that pairs were found without
+    /// room for them.
+    pub(super) fn change(&mut self, stopped: u32, has_pairs: bool) {
+        if stopped & CLOSE != 0 {
+            self.need(Response::Full);
+        } else if has_pairs && self.response == Response::None {
+            self.need(Response::Glance);
         }
-        if is_early {
-            (self.expected, self.looking) = (None, CAUTIOUS);
+        if stopped & EARLY != 0 {
+            (self.looks_often, self.looking) = (true, WATCHFUL);
         }
+    }
+
+    fn need(&mut self, response: Response) {
+        self.response = response;
+        self.responding = (CAUTIOUS, response);
     }
 
     /// Whether a substep includes the kernels of detection.
     pub(super) fn looks(&self, substep: usize) -> bool {
-        self.expected.as_ref().is_none_or(|expected| expected[substep])
+        self.looks_often || substep.is_multiple_of(SPACING as usize)
     }
 }

@@ -22,6 +22,7 @@ const BODIES: usize = 11;
 const LET_GO: usize = 12;
 const X_OUT: usize = 13;
 const P_OUT: usize = 14;
+const BESIDE: usize = 15;
 
 /// The kernels of a substep.
 #[derive(Debug)]
@@ -29,13 +30,16 @@ pub(super) struct Stages {
     pub meet: Stage,
     pub decide: Stage,
     /// Used in substeps without kernels of detection.
+    pub meet_alone: Stage,
     pub decide_alone: Stage,
     pub begin_paths: Stage,
     pub bound: Stage,
     pub refit: Stage,
+    pub walk: Stage,
     pub count: Stage,
     pub scan: Stage,
     pub fill: Stage,
+    pub glance: Stage,
     pub find: Stage,
     pub warm: Stage,
     pub step: Stage,
@@ -54,20 +58,24 @@ impl Stages {
             Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
         };
         let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
-        let of_rows = [TABLE, VERTICES, NODES, STARTS, PAIRS, COMMON, LET_GO];
+        let of_rows = [TABLE, VERTICES, NODES, STARTS, PAIRS, COMMON, LET_GO, BESIDE];
         let of_pairs = [X, VERTICES, PAIRS, NEAR, SUMS, COMMON];
         let of_vertices = [X, VERTICES, SUMS, COMMON, BODIES];
+        let by_meet = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
         Stages {
-            meet: stage(shaders::MEET, "meet", &[X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT]),
+            meet: stage(shaders::MEET, "meet", &by_meet),
+            meet_alone: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0)]),
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, X, VERTICES, TRACKS, COMMON]),
             bound: stage(shaders::TREE, "bound", &[TABLE, X, VERTICES, NODES, COMMON]),
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
+            walk: stage(shaders::WALK, "walk", &[TABLE, NODES, COMMON, BESIDE]),
             count: stage(shaders::DETECTION, "count", &of_rows),
             scan: stage(shaders::DETECTION, "scan", &[STARTS, COMMON]),
             fill: stage(shaders::DETECTION, "fill", &of_rows),
-            find: stage(shaders::RESPONSE, "find", &of_pairs),
+            glance: stage(shaders::NEAR, "glance", &[X, VERTICES, PAIRS, COMMON]),
+            find: stage(shaders::NEAR, "find", &of_pairs),
             warm: stage(shaders::RESPONSE, "warm", &[X, NEAR, SUMS, COMMON]),
             step: stage(shaders::RESPONSE, "step_pairs", &[X, VERTICES, NEAR, SUMS, COMMON]),
             take_first: stage(shaders::RESPONSE, "take_first", &of_vertices),
@@ -82,7 +90,7 @@ impl Stages {
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
-    let Buffers { about, table, vertices, tracks, nodes, starts, pairs, near, sums, common, bodies, let_go } = buffers;
+    let Buffers { about, table, vertices, tracks, nodes, starts, pairs, near, sums, common, bodies, let_go, beside } = buffers;
     let all = [
         Bind::Uniform(&about.buffer),
         Bind::Read(table),
@@ -99,6 +107,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a Stat
         Bind::Read(&let_go.buffer),
         Bind::Write(&to.x),
         Bind::Write(&to.p),
+        Bind::Write(beside),
     ];
     all.into_iter()
         .enumerate()

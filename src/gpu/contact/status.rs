@@ -9,6 +9,7 @@ pub(crate) const NO_ROOM: u32 = 1;
 pub(crate) const NOT_FINITE: u32 = 2;
 pub(crate) const CROWDED: u32 = 4;
 pub(crate) const EARLY: u32 = 8;
+pub(crate) const CLOSE: u32 = 16;
 /// Value of [`Status::since`] before the first detection.
 pub(super) const NEVER: f32 = -1.0;
 
@@ -37,13 +38,20 @@ pub(crate) struct Status {
     pub scale: f32,
     pub padding: u32,
     pub mean: [f32; 3],
-    pub end: u32,
+    pub needed_of_leaf: u32,
+    pub counted: u32,
+    pub padding_2: [u32; 3],
 }
 
 impl Status {
     /// The status after the state was replaced.
     pub(super) fn nothing() -> Status {
         Status { since: NEVER, ..Status::zeroed() }
+    }
+
+    /// The status at the end of a step of this many substeps, with all of them counted.
+    pub(super) fn at_end(self, substeps: usize) -> Status {
+        Status { since: self.since + (substeps as u32 - self.counted) as f32, counted: 0, ..self }
     }
 
     /// The status at the start of a step that continues from this one.
@@ -77,6 +85,8 @@ pub(crate) struct About {
     pub let_go_of_edges: u32,
     pub groups: u32,
     pub per_mass: f32,
+    pub parts: u32,
+    pub room_of_leaf: u32,
 }
 
 /// A listed pair: `Listed` of `shared.wgsl`.
@@ -113,6 +123,12 @@ pub(crate) const PLACES: [u32; 4] = [0, 1, 4, 7];
 pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
 #[cfg(test)]
 pub(crate) const SAMPLES: u32 = 32;
+#[cfg(test)]
+pub(crate) const HELD: u32 = 1024;
+#[cfg(test)]
+pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
+/// Detection is due early in every so many substeps.
+pub(crate) const SPACING: u32 = 5;
 #[cfg(test)]
 pub(crate) const MOST_OF_ROW: u32 = 4096;
 #[cfg(test)]

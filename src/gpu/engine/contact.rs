@@ -38,7 +38,7 @@ impl GpuEngine {
             while let Some(contact) = &mut self.contact {
                 contact.prepare(&gpu, plan, &self.forces);
                 Gpu::refused()?;
-                let mut submission = Submission::new(&gpu);
+                let mut submission = Submission::in_portions(&gpu);
                 self.encode_substeps(&mut submission, &swept, Some(plan));
                 let Some(contact) = &mut self.contact else { break };
                 submission.submit_with(|encoder| contact.copy(encoder));
@@ -58,12 +58,15 @@ impl GpuEngine {
         stepped.map_err(|fault| self.break_off(fault))?.map_or(Ok(()), Err)
     }
 
-    /// Sets the room of the list of pairs, so that tests can start with little.
+    /// Sets the room of the list of pairs and of each leaf's list, so that tests can start with little.
     #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
     pub(crate) fn contact_room(&mut self, pairs: usize) -> Result<(), GpuFault> {
         let GpuEngine { gpu, contact, .. } = self;
         gpu.checked(|| {
-            contact.iter_mut().for_each(|contact| contact.make_room(gpu, pairs));
+            if let Some(contact) = contact {
+                contact.make_room(gpu, pairs);
+                contact.make_room_of_leaf(gpu, pairs);
+            }
             Ok(())
         })
     }

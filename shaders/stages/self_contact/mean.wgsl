@@ -1,0 +1,49 @@
+// The mean displacement, from the workgroups' parts of a reduction over all vertices: `Part` of `shared.wgsl`.
+
+var<workgroup> low: array<vec4f, WORKGROUP>;
+var<workgroup> high: array<vec4f, WORKGROUP>;
+
+fn nothing() -> Part {
+    if about.pins == 0u {
+        return Part();
+    }
+    return Part(vec4f(MAX_POSITION), vec4f(-MAX_POSITION));
+}
+
+fn both(a: Part, b: Part) -> Part {
+    if about.pins == 0u {
+        return Part(a.low + b.low, vec4f());
+    }
+    return Part(min(a.low, b.low), max(a.high, b.high));
+}
+
+// Reduces the parts of a workgroup's invocations to the first, in a fixed order.
+fn gather(part: Part, lane: u32) {
+    low[lane] = part.low;
+    high[lane] = part.high;
+    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
+        workgroupBarrier();
+        if lane < width {
+            let one = both(Part(low[lane], high[lane]), Part(low[lane + width], high[lane + width]));
+            low[lane] = one.low;
+            high[lane] = one.high;
+        }
+    }
+}
+
+// Every workgroup that calls this reduces all parts by itself, in the same order.
+fn mean_of_parts(lane: u32) -> vec3f {
+    var part = nothing();
+    for (var k = lane; k < about.groups; k += WORKGROUP) {
+        part = both(part, known.parts[k]);
+    }
+    gather(part, lane);
+    workgroupBarrier();
+    if about.pins == 0u {
+        return low[0].xyz / low[0].w;
+    }
+    // If the pins move differently by more than this, there is no common motion: the mean would also move cloth that
+    // follows neither.
+    let is_common = distance(low[0].xyz, high[0].xyz) < about.thickness;
+    return select(vec3f(), 0.5 * (low[0].xyz + high[0].xyz), is_common);
+}

@@ -1,0 +1,135 @@
+// Selects the pairs of the list that may touch in this substep.
+
+override LANES: u32 = 256u;
+
+// A pair acts if it comes closer than its thickness plus this multiple of it.
+const ACTING: f32 = 0.3;
+// How much earlier `glance` considers a pair as near, as a multiple of the thickness.
+const MARGIN: f32 = 1e-3;
+
+// Numbers of pairs that a workgroup finds, and where they begin: those that truncation alone holds, and those that act.
+var<workgroup> found: array<atomic<u32>, 2>;
+var<workgroup> firsts: array<u32, 2>;
+
+// The closest points of a listed pair, and how close these can come in this substep.
+struct Closest {
+    weights: vec4f,
+    apart: vec3f,
+    left: f32,
+}
+
+fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
+    let corners = pair.corners;
+    let at = Four(x[corners.x].xyz, x[corners.y].xyz, x[corners.z].xyz, x[corners.w].xyz);
+    let travel = vec4f(square(u.a - mean), square(u.b - mean), square(u.c - mean), square(u.d - mean));
+    var weights: vec4f;
+    var most: vec2f;
+    if is_edge {
+        weights = edge_edge(at);
+        most = vec2f(max(travel.x, travel.y), max(travel.z, travel.w));
+    } else {
+        weights = vertex_triangle(at);
+        most = vec2f(travel.x, max(travel.y, max(travel.z, travel.w)));
+    }
+    let apart = between(weights, at);
+    return Closest(weights, apart, length(apart) - sqrt(most.x) - sqrt(most.y) - 2.0 * pushed);
+}
+
+// Used instead of the response while pairs are listed but none is near: stops the step if one may be. The margin covers
+// rounding, because kernels may round differently.
+@compute @workgroup_size(WORKGROUP)
+fn glance(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    if lane == 0u {
+        total = select(known.status.listed, 0u, has_stopped());
+    }
+    let all = workgroupUniformLoad(&total);
+    if all == 0u {
+        return;
+    }
+    let mean = mean_of_parts(lane);
+    let pushed = max(known.status.pushed, bitcast<f32>(atomicLoad(&known.status.most_push)));
+    for (var k = item(id, groups); k < all; k += stride(groups)) {
+        let pair = pairs[place(k)];
+        let is_edge = k >= known.status.with_vertices;
+        let closest = closest_of(pair, is_edge, displacements(pair.corners), mean, pushed);
+        if !(closest.left > pair.thickness + MARGIN * about.thickness) {
+            atomicOr(&known.status.stopped, CLOSE);
+        }
+    }
+}
+
+// A listed pair in this substep. `state` is 0 if it is not near, 1 if only truncation holds it, and 2 if it acts.
+struct Looked {
+    pair: Near,
+    state: u32,
+}
+
+fn look_at_pair(k: u32) -> Looked {
+    let pair = pairs[place(k)];
+    let is_edge = k >= known.status.with_vertices;
+    let u = displacements(pair.corners);
+    let closest = closest_of(pair, is_edge, u, known.status.mean, known.status.pushed);
+    let weights = closest.weights;
+    let distance = length(closest.apart);
+    let normal = closest.apart / max(distance, 1e-12);
+    var state = 0u;
+    if closest.left < pair.thickness && distance > 1e-12 {
+        let gap = distance - pair.thickness + dot(normal, between(weights, u));
+        // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
+        let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
+        let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
+        state = select(1u, 2u, acts);
+    }
+    if state < 2u && any(pair.lambda != vec4f()) {
+        pairs[place(k)].lambda = vec4f();
+    }
+    return Looked(Near(pair.corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k), state);
+}
+
+@compute @workgroup_size(LANES)
+fn find(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    if lane == 0u {
+        total = select(known.status.listed, 0u, has_stopped());
+    }
+    let all = workgroupUniformLoad(&total);
+    for (var first = 0u; first < all; first += groups.x * groups.y * LANES) {
+        if lane < 2u {
+            atomicStore(&found[lane], 0u);
+        }
+        workgroupBarrier();
+        let k = first + (group.x + group.y * groups.x) * LANES + lane;
+        var looked: Looked;
+        var rank = 0u;
+        if k < all {
+            looked = look_at_pair(k);
+            if looked.state > 0u {
+                rank = atomicAdd(&found[looked.state - 1u], 1u);
+            }
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            firsts[0] = atomicAdd(&known.status.near, atomicLoad(&found[0]));
+            firsts[1] = atomicAdd(&known.status.acting, atomicLoad(&found[1]));
+        }
+        workgroupBarrier();
+        if looked.state > 0u {
+            near[place_of(looked.state, firsts[looked.state - 1u] + rank)] = looked.pair;
+        }
+        if looked.state == 2u {
+            let corners = looked.pair.corners;
+            let units = vec4i(round(abs(looked.pair.weights) * UNIT_WEIGHT));
+            atomicAdd(&sums[SUMS * corners.x + WEIGHT], units.x);
+            atomicAdd(&sums[SUMS * corners.y + WEIGHT], units.y);
+            atomicAdd(&sums[SUMS * corners.z + WEIGHT], units.z);
+            atomicAdd(&sums[SUMS * corners.w + WEIGHT], units.w);
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The dispatches of contact in a substep.
+
+use super::GpuContact;
+use super::course::Response;
+use super::stages::Stages;
+use crate::step::plan::Plan;
+
+/// Iterations of the response per substep.
+const ITERATIONS: usize = crate::contact::ITERATIONS;
+/// Dispatches of a detection, with the decision whether it is due, and of the response.
+const OF_DETECTION: usize = 8;
+const OF_RESPONSE: usize = 8 + 2 * ITERATIONS;
+/// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
+const LEAST_ITEMS: usize = 4096;
+const MOST_ITEMS: usize = 1 << 18;
+/// Invocations per workgroup of the kernel that looks for near pairs: `LANES` of `near.wgsl`.
+const FINDERS: usize = 256;
+/// Limit on the invocations that only check that no pair is near, whose workgroups each compute the mean displacement.
+const GLANCED: usize = 16_384;
+
+impl GpuContact {
+    /// Limit on the dispatches of a substep.
+    pub(crate) fn dispatches(&self, index: usize) -> usize {
+        let detection = if self.course.looks(index) { OF_DETECTION } else { 0 };
+        1 + detection
+            + match self.course.response {
+                Response::None => 0,
+                Response::Glance => 1,
+                Response::Full => OF_RESPONSE,
+            }
+    }
+
+    /// Encodes contact in substep number `index` after its sweep; `group` is an index of
+    /// [`crate::gpu::state::PING_PONG`].
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
+        let Some(stages) = &self.stages else { return };
+        let (looks, response) = (self.course.looks(index), self.course.response);
+        let meet = if looks { &stages.meet } else { &stages.meet_alone };
+        meet.dispatch(pass, group, &[], self.vertices);
+        if looks || response == Response::Full {
+            let decide = if looks { &stages.decide } else { &stages.decide_alone };
+            decide.dispatch_workgroups(pass, group, &[], 1);
+        }
+        if looks {
+            self.encode_detection(stages, pass, group);
+        }
+        match response {
+            Response::None => {}
+            Response::Glance => stages.glance.dispatch(pass, group, &[], self.items(self.status.listed).min(GLANCED)),
+            Response::Full => self.encode_response(stages, pass, plan, group),
+        }
+    }
+
+    /// The number of invocations for the pairs, given their number before the step.
+    fn items(&self, before: u32) -> usize {
+        (2 * before as usize).clamp(LEAST_ITEMS, self.room.clamp(LEAST_ITEMS, MOST_ITEMS))
+    }
+
+    fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
+        let parts = self.parts * self.table.rows as usize;
+        stages.begin_paths.dispatch(pass, group, &[], self.vertices);
+        stages.bound.dispatch(pass, group, &[], 1 << self.table.depth);
+        stages.refit.dispatch_workgroups(pass, group, &[], 1);
+        stages.walk.dispatch_workgroups(pass, group, &[], 1 << self.table.depth);
+        stages.count.dispatch(pass, group, &[], parts);
+        stages.scan.dispatch_workgroups(pass, group, &[], 1);
+        if self.course.response != Response::None {
+            stages.fill.dispatch(pass, group, &[], parts);
+        }
+    }
+
+    fn encode_response(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+        let vertices = self.vertices;
+        stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
+        let items = self.items(self.status.near + self.status.acting);
+        stages.warm.dispatch(pass, group, &[], items);
+        stages.take_first.dispatch(pass, group, &[], vertices);
+        for iteration in 1..=ITERATIONS {
+            stages.step.dispatch(pass, group, &[], items);
+            let take = if iteration < ITERATIONS { &stages.take } else { &stages.take_last };
+            take.dispatch(pass, group, &[], vertices);
+        }
+        stages.cut.dispatch(pass, group, &[], items);
+        stages.finish.dispatch(pass, group, &[], vertices);
+        if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() {
+            stages.give_back.dispatch(pass, group, &[], vertices);
+        }
+    }
+}
