@@ -6,9 +6,11 @@
 //! steps it may be shortened, to no less than 0.5 s, where it would take too many sweeps (`LONGEST`), because these
 //! methods fail soon or not at all. The label is the first of these that applies:
 //!
-//! - `not finite`: a step failed as unstable, or a position is not a number. The cell ends.
-//! - `gaining energy`: the mechanical energy, averaged over 0.25 s, exceeds that at the start of the phase by more than
-//!   1 % of the fall (`m g L/2` for an even sheet). The cell ends. The energy is that of `tests/common/energy.rs`:
+//! - `not finite`: a step failed because a position is not a number or beyond 1e15 m. The cell ends.
+//! - `gaining energy`: a step failed because the cloth moves faster, or an edge is longer, than everything in the scene
+//!   can explain (`Instability::Energy`, `Instability::Edge`), or the mechanical energy, averaged over 0.25 s, exceeds
+//!   that at the start of the phase by more than 1 % of the fall (`m g L/2` for an even sheet). The cell ends. The
+//!   energy is that of `tests/common/energy.rs`:
 //!   heights are those of half a substep ago, as velocities are. Springs count for `Springs`, and for `SmallSteps` from
 //!   twice the substeps that resolve them on. With fewer substeps the stretch that a sweep leaves does not correspond
 //!   to a stored energy, so kinetic plus gravitational energy is a lower bound. The energy of bending is left out
@@ -24,7 +26,7 @@
 //! The reference is resolved and in double precision (`truth.rs`).
 
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, Deformer, Method, Options, Quality, StepError};
+use cloth_deformer::{Attributes, Backend, Deformer, Instability, Method, Options, Quality, StepError};
 
 use crate::common::energy::energy;
 use crate::common::reference::Spring;
@@ -73,6 +75,15 @@ impl Label {
     }
 }
 
+/// The label of a run that the watch over every step has ended.
+fn failure(error: StepError) -> Label {
+    match error {
+        StepError::Unstable { cause: Instability::Energy { .. } | Instability::Edge { .. }, .. } => Label::GainingEnergy,
+        StepError::Unstable { .. } => Label::NotFinite,
+        error => panic!("{error}"),
+    }
+}
+
 /// The parameters of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Cell {
@@ -83,6 +94,7 @@ pub(crate) struct Cell {
     pub(crate) steps: u32,
     /// Ratio of alternating step lengths, with a fixed mean.
     pub(crate) step_ratio: f64,
+    pub(crate) backend: Backend,
 }
 
 /// The measurements of a cell. Those that the run did not reach are NaN.
@@ -108,7 +120,7 @@ impl Cell {
         // Above 30 n/(n - 1) steps, counting per 1/60 s would give n - 1.
         let most = if substeps > 1.0 { (30.0 * substeps / (substeps - 1.0)).ceil() - 1.0 } else { 59.0 };
         let steps = (30.0 * wanted / substeps).round().clamp(30.0, most.max(30.0));
-        Cell { sheet, method, substeps: substeps as u32, steps: steps as u32, step_ratio: 1.0 }
+        Cell { sheet, method, substeps: substeps as u32, steps: steps as u32, step_ratio: 1.0, backend: Backend::Cpu }
     }
 
     /// Substeps per 1/60 s.
@@ -200,19 +212,15 @@ impl Cell {
         let (mut start, mut sum) = (0.0, 0.0);
         for step in 1..=steps {
             let dt = self.dt(step - 1);
-            let report = match deformer.step(dt, &attributes) {
-                Ok(report) => report,
-                Err(StepError::Unstable { .. }) => return Err(Label::NotFinite),
-                Err(error) => panic!("{self:?}: {error}"),
-            };
+            let report = deformer.step(dt, &attributes).map_err(failure)?;
             let h = f64::from(dt) / f64::from(report.substeps);
             if step == 1 || h > outcome.h {
                 outcome.h = outcome.h.max(h);
                 springs = self.springs(outcome.h);
                 start = energy(&springs, &masses, G, 0.0, &x, &v);
             }
-            let v = deformer.velocities().map_err(|_| Label::NotFinite)?.to_vec();
-            let x = deformer.positions().map_err(|_| Label::NotFinite)?;
+            let v = deformer.velocities().map_err(failure)?.to_vec();
+            let x = deformer.positions().map_err(failure)?;
             let gain = (energy(&springs, &masses, G, h, x, &v) - start) / fall;
             if !gain.is_finite() {
                 return Err(Label::NotFinite);
@@ -242,7 +250,7 @@ impl Cell {
 
     fn deformer(&self) -> Deformer {
         let options = Options {
-            backend: Backend::Cpu,
+            backend: self.backend,
             method: self.method,
             quality: Quality::Substeps(self.substeps),
             fabric: self.sheet.fabric(),

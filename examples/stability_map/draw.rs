@@ -29,7 +29,7 @@ const TEXT: f64 = 14.0;
 const SMALL: f64 = 12.0;
 const SCENE: &str = "A sheet of 1 m and 0.2 kg/m², pinned along its top edge, swings down from horizontal; then it hangs, jolted, with damping 1/s.";
 const CAPTION: [&str; 2] = [
-    "gaining energy: by more than 1 % of m g L/2; inaccurate: after 0.5 s more than 2 cm or 1 % of strain from a resolved reference; \
+    "gaining energy: by more than 1 % of m g L/2, or so much that a step refuses it; inaccurate: after 0.5 s more than 2 cm or 1 % of strain from a resolved reference; \
      never resting: faster than a damped mode",
     "after 1.5 s (0.05 m/s), and than twice the reference; frozen: fallen less than a tenth of it. The first that holds, from the \
      right. cargo run --release --example stability_map",

@@ -9,7 +9,8 @@ use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
 use crate::step::bending::BendRows;
-use crate::step::substep_count::Length;
+use crate::step::substep_count::{Length, STANDARD_GRAVITY};
+use crate::step::watch::TRANSIENT;
 
 /// The coefficients of a cloth for substeps of one length.
 #[derive(Debug, Clone)]
@@ -40,7 +41,8 @@ impl Coefficients {
             edge(link, inverse_weight)
         };
         let in_chain = in_chain(cloth);
-        let least = |link: &Link| if in_chain(link) { 0.0 } else { floor(link, cloth.weight(link), length) };
+        let stress = TRANSIENT * cloth.density * STANDARD_GRAVITY * cloth.extent;
+        let least = |link: &Link| if in_chain(link) { 0.0 } else { floor(link, cloth.weight(link), length, stress) };
         let swept = if options.method == Method::Springs { &[] } else { cloth.swept() };
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
         // The levels carry only the load that the fine sweep does not, so that both together are as stiff as the
@@ -109,6 +111,8 @@ fn inverse_weight(compliance: f64, weight: f64, floor: f64, length: Length) -> f
 
 /// Substeps in 1/60 s above which unresolved edges are softened.
 const MANY: f64 = 100.0;
+/// The strain that softening may add at any stiffness.
+const UNSEEN: f64 = 5e-5;
 
 /// The least value of `a'/w` of an edge: 0, except for edges that even many substeps do not resolve.
 ///
@@ -117,15 +121,24 @@ const MANY: f64 = 100.0;
 /// is little, but 1000 substeps in 1/60 s are 60,000 a second, and a stiff sheet of 17 by 17 vertices gained more than
 /// the energy of its whole fall. A floor of `w/2`, approached as the number of substeps grows, divides the rate by nine
 /// (measured on the spectra of 9 by 9 sheets). It costs up to twice the strain, which is small at so many substeps.
-fn floor(link: &Link, weight: f64, length: Length) -> f64 {
+///
+/// The floor fades as the substeps come to resolve the edge, because there the accuracy is its stiffness. But it does
+/// not fade where twice the strain cannot be seen, since nothing else keeps a sheet of K = 1e7 N/m at 1000 substeps
+/// from gaining an eighth of the energy of its fall: under a membrane `stress` (N/m) it adds a strain of
+/// `floor h² w k stress/K`, and at most [`UNSEEN`].
+fn floor(link: &Link, weight: f64, length: Length, stress: f64) -> f64 {
     let longest = f64::from(length.longest);
     let substeps = 1.0 / (60.0 * longest);
     if substeps <= MANY {
         return 0.0;
     }
+    let most = 0.5 * (1.0 - MANY / substeps);
+    let square = longest * longest * weight;
     // `(S/S*)²` of this edge.
-    let resolved = 2.0 / (link.stiffness * longest * longest * weight);
-    0.5 * (1.0 - resolved).max(0.0).powi(2) * (1.0 - MANY / substeps)
+    let resolved = 2.0 / (link.stiffness * square);
+    let fading = most * (1.0 - resolved).max(0.0).powi(2);
+    let unseen = UNSEEN / (square * link.shape * stress);
+    fading.max(unseen.min(most))
 }
 
 /// Tells which edges are part of a chain. The order of visits does not affect the stability of a chain, so its edges

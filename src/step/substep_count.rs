@@ -14,13 +14,16 @@ use crate::step::load::pressure;
 /// [`Quality`] counts substeps per 1/60 s.
 pub(crate) const FRAMES: f64 = 60.0;
 
-/// The gravity (m/s²) that the automatic choice of levels assumes.
-const STANDARD_GRAVITY: f64 = 9.81;
+/// The gravity (m/s²) assumed where a choice may not depend on the scene.
+pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
 /// Below this number of vertices, levels cost more than they gain, unless resolving the stiffness would take [`FAR`]
-/// times as many substeps.
+/// times as many substeps, or their own weight would stretch them by [`SAGGING`].
 const SMALL: usize = 1000;
 /// Ratio of the substeps that resolve the stiffness to those taken, from which levels pay in small cloths too.
 const FAR: f64 = 8.0;
+/// The strain under the cloth's own weight from which levels pay in small cloths too. Edges so overstretched, as above a
+/// hem that weighs a thousand times as much as the cloth, would give back more energy than they took.
+const SAGGING: f64 = 0.1;
 /// Ratio of wind pressure to the cloth's weight above which levels are off, because they would turn small wrinkles into
 /// stretch: see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
@@ -126,7 +129,9 @@ impl Rates {
             Levels::Count(count) => count as usize,
             Levels::Auto => {
                 let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest);
-                let pays_from = if cloth.rest.len() < SMALL { FAR } else { 1.15 };
+                let weight = cloth.density * STANDARD_GRAVITY * cloth.extent;
+                let sags = self.strain(weight, f64::from(length.longest)) > SAGGING;
+                let pays_from = if cloth.rest.len() < SMALL && !sags { FAR } else { 1.15 };
                 if shortfall < pays_from || is_gale(cloth, attributes) {
                     return 0;
                 }

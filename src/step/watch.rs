@@ -34,7 +34,7 @@ const MARGIN: f64 = 8.0;
 /// Extent (m) below which edges cannot be told from rounding errors of positions, so lengths are not checked.
 const LEAST_EXTENT: f64 = 1e-6;
 /// Ratio of the peak stress in motion to the static stress `rho g L`.
-const TRANSIENT: f64 = 5.0;
+pub(crate) const TRANSIENT: f64 = 5.0;
 /// Each step checks one of so many parts of the edges, in turn; `stages/watch.wgsl` has the same constant. Checking an
 /// edge that is out of cache costs more than sweeping it, and overstretched edges persist for many steps.
 pub(crate) const TURNS: usize = 128;
