@@ -14,6 +14,7 @@ use glam::{DMat3, DVec3, Vec3};
 #[cfg(feature = "gpu")]
 use crate::gpu::BoundVertex;
 use crate::kernels::pair::vertex_triangle;
+use crate::limits::MAX_POSITION;
 use crate::model::mesh::Mesh;
 use crate::simd::Vector;
 
@@ -32,11 +33,21 @@ pub enum BindError {
     /// The cloth has no triangle with an area.
     #[error("the cloth mesh has no triangle with an area; bind to the mesh that is simulated")]
     NoSurface,
-    /// A vertex is not finite.
-    #[error("vertex {vertex} of the {mesh} mesh is at {position}; positions must be finite")]
+    /// A vertex is not finite, or beyond 1e15 m.
+    #[error("vertex {vertex} of the {mesh} mesh is at {position}; positions must be finite and within 1e15 m")]
     Position {
         /// `render` or `cloth`.
         mesh: &'static str,
+        /// The vertex.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// A vertex is so far from the cloth, compared with the triangle next to it, that numbers overflow.
+    #[error(
+        "vertex {vertex} of the render mesh is at {position}, too far from the cloth; check the units and places of both meshes"
+    )]
+    Far {
         /// The vertex.
         vertex: usize,
         /// Its position.
@@ -131,11 +142,11 @@ impl Binding {
     /// only logarithmically with the cloth.
     ///
     /// # Errors
-    /// If a position is not finite, a triangle refers to a vertex that does not exist, or the cloth has no triangle
-    /// with an area.
+    /// If a position is not finite or beyond 1e15 m, a vertex is too far from the cloth, a triangle refers to a vertex
+    /// that does not exist, or the cloth has no triangle with an area.
     pub fn new(render: &Mesh, cloth: &Mesh) -> Result<Binding, BindError> {
         for (mesh, positions) in [("render", &render.positions), ("cloth", &cloth.positions)] {
-            if let Some(vertex) = positions.iter().position(|x| !x.is_finite()) {
+            if let Some(vertex) = positions.iter().position(|x| !x.abs().cmple(Vec3::splat(MAX_POSITION)).all()) {
                 return Err(BindError::Position { mesh, vertex, position: positions[vertex] });
             }
         }
@@ -158,7 +169,15 @@ impl Binding {
             let smooth = smooth.normalize_or_zero();
             let (normal, weights) = if smooth.dot(own).abs() > STEEP { (smooth, weights) } else { (own, [0.0; 3]) };
             let [along, across, height] = (DMat3::from_cols(b - a, c - a, normal).inverse() * (x.as_dvec3() - a)).to_array();
-            feet.push(Foot { corners, weights: [1.0 - along - across, along, across].map(|weight| weight as f32) });
+            let place = [1.0 - along - across, along, across];
+            // Weights multiply positions of up to 1e15 m.
+            if ![place[0], along, across, height, f64::from(distance)]
+                .iter()
+                .all(|number| number.abs() <= f64::from(MAX_POSITION))
+            {
+                return Err(BindError::Far { vertex, position: x });
+            }
+            feet.push(Foot { corners, weights: place.map(|weight| weight as f32) });
             if height.abs() > FLAT * f64::from(extent) {
                 heights.push(Height { vertex: vertex as u32, along: height as f32, weights });
             }

@@ -119,6 +119,11 @@ fn what_cannot_be_bound_is_refused() {
     broken.positions[7].z = f32::NAN;
     refused(&drawn, &broken, &["vertex 7", "cloth", "finite"]);
     refused(&broken, &cloth, &["vertex 7", "render"]);
+    // What overflows would be drawn nowhere.
+    let far = |x: f32| Mesh { positions: vec![Vec3::ZERO, Vec3::splat(x)], triangles: Vec::new() };
+    refused(&far(1e30), &cloth, &["vertex 1", "render", "1e15"]);
+    let speck = Mesh { positions: [Vec3::ZERO, Vec3::X, Vec3::Z].map(|x| 1e-12 * x).to_vec(), triangles: vec![[0, 2, 1]] };
+    refused(&far(1e10), &speck, &["vertex 1", "too far"]);
     let mut broken = cloth.clone();
     broken.triangles[3][1] = 812;
     refused(&drawn, &broken, &["triangle 3", "812"]);

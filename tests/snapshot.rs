@@ -161,7 +161,8 @@ fn a_folded_cloth_in_contact_goes_on() {
     scene.goes_on(&[21, 24], 28);
 }
 
-/// Mesh colliders are part of the state as well: their last positions, and what they hold.
+/// Mesh colliders are part of the state as well: their last positions, and what they hold. A snapshot of cloth on one
+/// that stands still was once refused as altered.
 #[test]
 fn a_cloth_on_a_mesh_goes_on() {
     let mut mesh = Mesh::grid(13, 13, 0.5, 0.5);
@@ -169,13 +170,13 @@ fn a_cloth_on_a_mesh_goes_on() {
     let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(10), ..Options::default() };
     let attributes = |frame| {
         let mut body = Mesh::grid(4, 4, 0.7, 0.7);
-        body.positions.iter_mut().for_each(|x| *x += Vec3::new(0.01, 0.003, 0.0) * frame as f32);
+        body.positions.iter_mut().for_each(|x| *x += Vec3::new(0.01, 0.003, 0.0) * u32::min(frame, 9) as f32);
         Attributes { colliders: vec![Collider::mesh(body.into()).with_id(3)], ..Attributes::default() }
     };
     let scene = Scene { mesh, options, attributes };
     let mut cloth = scene.cloth();
     assert!(scene.play(&mut cloth, 0..12).last().unwrap().0.contacts > 20, "nothing touches");
-    scene.goes_on(&[9, 12], 16);
+    scene.goes_on(&[9, 13], 17);
 }
 
 /// The speed that a cloth was given is part of its state; otherwise the stability check could not explain such a speed.

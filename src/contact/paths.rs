@@ -129,7 +129,9 @@ impl Paths {
         self.from.clear();
         self.from.extend_from_slice(x);
         self.by.clear();
-        self.by.extend(u.iter().zip(&self.stray).map(|(u, stray)| u.with_w(1.0 / stray)));
+        // Bodies that stand still may not stray at all, and a snapshot holds finite numbers only.
+        let inverse = |stray: &f32| 1.0 / stray.max(f32::MIN_POSITIVE);
+        self.by.extend(u.iter().zip(&self.stray).map(|(u, stray)| u.with_w(inverse(stray))));
         self.since = Some(0.0);
     }
 }

@@ -3,10 +3,12 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each target of fuzz/ takes its own door")]
 
+use std::sync::Arc;
+
 use cloth_deformer::glam::{Affine3A, Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, ObjError, ObjTemplate, Options, Quality, Snapshot,
-    StepError,
+    Attributes, Backend, Binding, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, ObjError, ObjTemplate, Options,
+    Quality, Sleep, Snapshot, StepError, Tethers,
 };
 
 /// Decodes bytes into choices; zeros once they are used up.
@@ -126,6 +128,10 @@ pub fn scene(data: &[u8]) {
         Ok(deformer) => deformer,
         Err(error) => return assert!(error.to_string().len() > 20, "{error}"),
     };
+    if choices.below(4) == 0 {
+        let untangled = deformer.untangle(&attributes(choices, pins)).map(|_| ());
+        finite(&mut deformer, &untangled);
+    }
     for _ in 0..3 {
         let (dt, attributes) = (choices.number(1.0 / 60.0).min(0.2), attributes(choices, pins));
         let before = deformer.positions().unwrap().to_vec();
@@ -134,6 +140,16 @@ pub fn scene(data: &[u8]) {
             assert_eq!(deformer.positions().unwrap(), before, "a step that failed leaves the state");
         }
         finite(&mut deformer, &stepped);
+    }
+    assert!(deformer.crossings().unwrap().iter().all(|found| found.edge.iter().all(|&v| (v as usize) < mesh.positions.len())));
+    let render = Mesh { positions: (0..3).map(|_| choices.vector(1.0)).collect(), triangles: vec![[0, 1, 2]] };
+    match Binding::new(&render, &mesh) {
+        Err(error) => assert!(error.to_string().len() > 20, "{error}"),
+        Ok(binding) => {
+            let mut moved = render.positions;
+            binding.apply(deformer.positions().unwrap(), &mut moved).expect("as many vertices as it was made for");
+            assert!(moved.iter().all(|x| x.is_finite()), "{moved:?}");
+        }
     }
 }
 
@@ -144,11 +160,12 @@ pub fn calls(data: &[u8]) {
     let method = [Method::SmallSteps, Method::Relaxation { iterations: 2 }, Method::Springs][choices.below(3) as usize];
     let fabric = Fabric { stretch: 50.0, bending: [0.0, 1e-4][choices.below(2) as usize], ..Fabric::default() };
     let quality = Quality::Substeps(1 + choices.below(8));
-    let options = Options { backend: Backend::Cpu, method, fabric, quality, pinned: vec![0], ..Options::default() };
+    let contact = (choices.below(4) == 0).then(Contact::default);
+    let options = Options { backend: Backend::Cpu, method, fabric, quality, pinned: vec![0], contact, ..Options::default() };
     let [mut one, mut twin] = [(); 2].map(|()| Deformer::new(&mesh, options.clone()).expect("a plain scene is built"));
     let (vertices, mut pins) = (mesh.positions.len() as u32, 1);
     for _ in 0..6 {
-        match choices.below(12) {
+        match choices.below(14) {
             0 => [&mut one, &mut twin].into_iter().for_each(Deformer::reset),
             1 => {
                 let [x, v] = [1.0, 0.5].map(|size| mesh.positions.iter().map(|_| choices.vector(size)).collect::<Vec<_>>());
@@ -192,6 +209,19 @@ pub fn calls(data: &[u8]) {
                 let bytes = one.snapshot().unwrap().to_bytes();
                 one.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
             }
+            8 => {
+                let quality = [Quality::Substeps(choices.below(9)), Quality::Strain(choices.number(0.1))];
+                let quality = quality[choices.below(2) as usize];
+                if one.set_quality(quality).is_ok() {
+                    twin.set_quality(quality).unwrap();
+                }
+            }
+            9 => {
+                let attributes = attributes(choices, pins);
+                if let Ok(untangled) = one.untangle(&attributes) {
+                    assert_eq!(twin.untangle(&attributes), Ok(untangled));
+                }
+            }
             _ => {
                 let (dt, attributes) = (choices.number(1.0 / 60.0).min(0.2), attributes(choices, pins));
                 match one.step(dt, &attributes) {
@@ -229,25 +259,51 @@ fn mesh_and_options(choices: &mut Choices<'_>) -> (Mesh, Options) {
     };
     let method =
         [Method::SmallSteps, Method::Relaxation { iterations: choices.below(4) }, Method::Springs][choices.below(3) as usize];
-    let quality = [Quality::Substeps(choices.below(9)), Quality::Strain(choices.number(0.1))][choices.below(2) as usize];
+    let quality = match choices.below(4) {
+        0 | 1 => Quality::Substeps(choices.below(9)),
+        2 => Quality::Strain(choices.number(0.1)),
+        _ => Quality::Hold { stretch: choices.number(0.1), share: choices.number(0.8) },
+    };
     let levels = [Levels::Auto, Levels::Off, Levels::Count(3)][choices.below(3) as usize];
     let pinned = (0..choices.below(3)).map(|_| corner(choices)).collect();
     let mass = choices.seldom().then(|| (0..vertices).map(|_| choices.number(0.1)).collect());
     let edge_scale = choices.seldom().then(|| mesh.edges().iter().map(|_| choices.number(1.0)).collect());
-    let options =
-        Options { backend: Backend::Cpu, method, quality, levels, fabric, pinned, mass, edge_scale, ..Options::default() };
+    let bending_scale = choices.seldom().then(|| (0..vertices).map(|_| choices.number(1.0)).collect());
+    let contact = (choices.below(3) == 0).then(|| Contact { thickness: choices.number(0.02), friction: choices.number(0.3) });
+    let [mean_speed, speed, after] = [0.005, 0.1, 0.03].map(|usual| choices.number(usual));
+    let sleep = (choices.below(4) == 0).then_some(Sleep { mean_speed, speed, after });
+    let tethers = [Tethers::Auto, Tethers::Off][choices.below(2) as usize];
+    let options = Options {
+        backend: Backend::Cpu,
+        method,
+        quality,
+        levels,
+        fabric,
+        pinned,
+        mass,
+        edge_scale,
+        bending_scale,
+        contact,
+        sleep,
+        tethers,
+        ..Options::default()
+    };
     (mesh, options)
 }
 
 fn attributes(choices: &mut Choices<'_>, pins: usize) -> Attributes {
     let collider = |choices: &mut Choices<'_>| {
-        let collider = match choices.below(5) {
+        let collider = match choices.below(6) {
             0 => Collider::sphere(choices.vector(1.0), choices.number(0.5)),
             1 => Collider::plane(choices.vector(1.0), choices.vector(1.0)),
             2 => Collider::tapered_capsule(choices.vector(1.0), choices.number(0.3), choices.vector(1.0), choices.number(0.1)),
             3 => {
                 let (half, turn) = (choices.vector(0.5).abs(), choices.vector(1.0).extend(choices.number(0.5)));
                 Collider::rounded_box(choices.vector(1.0), half, Quat::from_vec4(turn), choices.number(0.01))
+            }
+            4 => {
+                let positions = (0..4).map(|_| choices.vector(1.0)).collect();
+                Collider::mesh(Arc::new(Mesh { positions, triangles: vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]] }))
             }
             _ => Collider::capsule(choices.vector(1.0), choices.vector(1.0), choices.number(0.3)),
         };
