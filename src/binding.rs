@@ -13,8 +13,8 @@ use glam::{DMat3, DVec3, Vec3};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::BoundVertex;
+use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::pair::vertex_triangle;
-use crate::limits::MAX_POSITION;
 use crate::model::mesh::Mesh;
 use crate::simd::Vector;
 

@@ -63,7 +63,7 @@ pub(super) struct Kept {
 
 impl SelfContact {
     /// Keeps what a failed step is to leave as it was.
-    pub(super) fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         let Kept { bodies, lists, paths, crossings, may_cross, h } = &mut self.kept;
         bodies.clone_from(&self.bodies.last);
         lists.iter_mut().zip(&self.lists).for_each(|(kept, rows)| kept.copy_from(rows));

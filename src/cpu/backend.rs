@@ -49,6 +49,8 @@ pub(crate) struct Cpu {
     threads: Option<usize>,
     /// Contact of triangles (the cloth with itself and with mesh colliders), if the scene has any.
     pub contact: Option<Box<SelfContact>>,
+    /// What the last step found in its place and replaced, to go back to if the step fails; `None` if it kept it.
+    replaced: Option<Option<Box<SelfContact>>>,
     /// Run each pass as a parallel loop instead of through the task graph.
     #[cfg(feature = "bench")]
     pub loop_by_loop: bool,
@@ -69,6 +71,7 @@ impl Cpu {
             choice: None,
             threads: None,
             contact: None,
+            replaced: None,
             #[cfg(feature = "bench")]
             loop_by_loop: false,
         }
@@ -108,8 +111,10 @@ impl Cpu {
         match &past.contact {
             None => self.contact = None,
             Some(past) => {
+                self.replaced = None;
                 self.prepare_contact(cloth, options, past.bodies.iter());
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
+                    self.replaced.take().into_iter().for_each(|contact| drop(self.set_contact(contact)));
                     return false;
                 }
             }
@@ -120,17 +125,19 @@ impl Cpu {
         true
     }
 
-    /// Creates the contact data that a plan needs, and drops what it does not.
+    /// Creates the contact data that a plan needs, and puts aside what it does not.
     fn make_contact(&mut self, plan: &Plan<'_>) {
+        self.replaced = None;
         if plan.contact.is_none() && plan.meshes.is_empty() {
-            self.contact = None;
+            if self.contact.is_some() {
+                self.replace_contact(None);
+            }
         } else {
             self.prepare_contact(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
         }
     }
 
-    /// Creates the contact data for the cloth and these mesh colliders unless it exists, and extends the state by the
-    /// colliders' vertices.
+    /// Creates the contact data for the cloth and these mesh colliders unless it exists.
     fn prepare_contact<'a>(
         &mut self,
         cloth: &Cloth,
@@ -138,10 +145,21 @@ impl Cpu {
         meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
     ) {
         if self.contact.as_ref().is_none_or(|contact| !contact.is_of(meshes.clone())) {
-            self.contact = SelfContact::new(cloth, options, meshes.cloned().collect()).map(Box::new);
-            let vertices = self.contact.as_ref().map_or(0, |contact| contact.vertices());
-            [&mut self.x, &mut self.p].into_iter().for_each(|state| state.make_room(vertices));
+            self.replace_contact(SelfContact::new(cloth, options, meshes.cloned().collect()).map(Box::new));
         }
+    }
+
+    fn replace_contact(&mut self, contact: Option<Box<SelfContact>>) {
+        let mut replaced = self.set_contact(contact);
+        replaced.iter_mut().for_each(|contact| contact.keep());
+        self.replaced = Some(replaced);
+    }
+
+    /// Sets the contact data, extends the state by the vertices of its mesh colliders, and returns the data of before.
+    fn set_contact(&mut self, contact: Option<Box<SelfContact>>) -> Option<Box<SelfContact>> {
+        let vertices = contact.as_ref().map_or(0, |contact| contact.vertices());
+        [&mut self.x, &mut self.p].into_iter().for_each(|state| state.make_room(vertices));
+        std::mem::replace(&mut self.contact, contact)
     }
 
     pub(crate) fn lanes(&self) -> usize {
@@ -188,7 +206,10 @@ impl Cpu {
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
-        self.contact.iter_mut().for_each(|contact| contact.revert());
+        match self.replaced.take() {
+            Some(contact) => drop(self.set_contact(contact)),
+            None => self.contact.iter_mut().for_each(|contact| contact.revert()),
+        }
     }
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
