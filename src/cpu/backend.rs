@@ -50,11 +50,15 @@ pub(crate) struct Cpu {
     /// Contact of triangles (the cloth with itself and with mesh colliders), if the scene has any.
     pub contact: Option<Box<SelfContact>>,
     /// What the last step found in its place and replaced, to go back to if the step fails; `None` if it kept it.
-    replaced: Option<Option<Box<SelfContact>>>,
+    replaced: Option<Replaced>,
     /// Run each pass as a parallel loop instead of through the task graph.
     #[cfg(feature = "bench")]
     pub loop_by_loop: bool,
 }
+
+/// Contact data that other data replaced, if there was any.
+#[derive(Debug)]
+struct Replaced(Option<Box<SelfContact>>);
 
 impl Cpu {
     pub(crate) fn new(cloth: &Cloth) -> Cpu {
@@ -114,7 +118,7 @@ impl Cpu {
                 self.replaced = None;
                 self.prepare_contact(cloth, options, past.bodies.iter());
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
-                    self.replaced.take().into_iter().for_each(|contact| drop(self.set_contact(contact)));
+                    self.put_back_contact();
                     return false;
                 }
             }
@@ -152,7 +156,14 @@ impl Cpu {
     fn replace_contact(&mut self, contact: Option<Box<SelfContact>>) {
         let mut replaced = self.set_contact(contact);
         replaced.iter_mut().for_each(|contact| contact.keep());
-        self.replaced = Some(replaced);
+        self.replaced = Some(Replaced(replaced));
+    }
+
+    /// Goes back to the contact data that was replaced. Returns false if none was.
+    fn put_back_contact(&mut self) -> bool {
+        let Some(Replaced(contact)) = self.replaced.take() else { return false };
+        self.set_contact(contact);
+        true
     }
 
     /// Sets the contact data, extends the state by the vertices of its mesh colliders, and returns the data of before.
@@ -206,9 +217,8 @@ impl Cpu {
     pub(crate) fn revert(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
-        match self.replaced.take() {
-            Some(contact) => drop(self.set_contact(contact)),
-            None => self.contact.iter_mut().for_each(|contact| contact.revert()),
+        if !self.put_back_contact() {
+            self.contact.iter_mut().for_each(|contact| contact.revert());
         }
     }
 
