@@ -1,5 +1,5 @@
 //! Runs a scene of the web page outside a browser, for the page's test, and prints the final positions. Usage:
-//! `page_native SCENE FRAMES`
+//! `page_native SCENE SIZE FRAMES`
 
 #[path = "src/preset.rs"]
 mod preset;
@@ -11,9 +11,9 @@ const FRAME: f32 = 1.0 / 60.0;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [scene, frames] = arguments.as_slice() else { return Err("a scene and a number of frames".into()) };
+    let [scene, size, frames] = arguments.as_slice() else { return Err("a scene, its size and a number of frames".into()) };
     let preset = preset::Preset::named(scene).ok_or("no such scene")?;
-    let (mesh, pinned) = preset.mesh(17);
+    let (mesh, pinned) = preset.mesh(size.parse()?);
     let pins: Vec<_> = pinned.iter().map(|&vertex| mesh.positions[vertex as usize]).collect();
     let (quality, levels) = (Quality::Substeps(20), Levels::Auto);
     let options = Options { backend: Backend::Cpu, fabric: preset.fabric(), pinned, quality, levels, ..Options::default() };

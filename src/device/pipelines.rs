@@ -8,11 +8,12 @@ use crate::device::Gpu;
 /// Shader, entry point, and its constants as bits.
 type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
 
-/// The source of a shader, with a unique name.
+/// The source of a shader, with a unique name. It is kept in parts, one after another, because shaders share files and a
+/// program would contain these once for each.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shader {
     pub name: &'static str,
-    pub source: &'static str,
+    pub source: &'static [&'static str],
 }
 
 /// An entry point of a shader, with the values of its overridable constants.
@@ -33,7 +34,7 @@ impl Gpu {
         let constants = entry.constants.iter().map(|(name, value)| (*name, value.to_bits())).collect();
         let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let pipeline = pipelines.entry((entry.shader.name, entry.name, constants)).or_insert_with(|| {
-            let source = wgpu::ShaderSource::Wgsl(entry.shader.source.into());
+            let source = wgpu::ShaderSource::Wgsl(entry.shader.source.concat().into());
             let module = wgpu::ShaderModuleDescriptor { label: Some(entry.shader.name), source };
             let module = device.create_shader_module(module);
             let bind_group_layouts = &layouts.map(Some);

@@ -6,11 +6,11 @@ macro_rules! shaders {
     ($($name:ident: $($file:literal)+;)+) => {
         $(pub(crate) const $name: Shader = Shader {
             name: stringify!($name),
-            source: concat!(
+            source: &[
                 include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/params.wgsl")),
                 include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/stages/dispatch.wgsl")),
                 $(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $file, ".wgsl"))),+
-            ),
+            ],
         };)+
 
         /// All shaders.

@@ -69,9 +69,12 @@ fn structs() -> Vec<Layout> {
 
 /// Every shader, as parsed by naga.
 fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
-    shaders::ALL.iter().map(|shader| match naga::front::wgsl::parse_str(shader.source) {
-        Ok(module) => (shader.name, module),
-        Err(error) => panic!("{}: {}", shader.name, error.emit_to_string(shader.source)),
+    shaders::ALL.iter().map(|shader| {
+        let source = shader.source.concat();
+        match naga::front::wgsl::parse_str(&source) {
+            Ok(module) => (shader.name, module),
+            Err(error) => panic!("{}: {}", shader.name, error.emit_to_string(&source)),
+        }
     })
 }
 

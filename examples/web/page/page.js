@@ -171,12 +171,14 @@ at("settings").addEventListener("submit", (event) => event.preventDefault());
 await init();
 await build();
 requestAnimationFrame(frame);
+// For the test of the page: the first picture is on the screen when the frame after it begins.
+requestAnimationFrame(() => requestAnimationFrame(() => performance.mark("first picture")));
 // Finding a GPU takes a while, so the page starts without waiting for it.
 if (navigator.gpu) navigator.gpu.requestAdapter().then((adapter) => (at("gpu").disabled = !adapter), () => {});
 
 // For the test of the page: runs some frames of a scene and returns the final positions.
-window.play = async (scene, frames, gpu) => {
-  const played = new Toy(scene, 17, gpu ? await device() : undefined);
+window.play = async (scene, size, frames, gpu) => {
+  const played = new Toy(scene, size, gpu ? await device() : undefined);
   played.set("small steps", 20, true);
   for (let k = 0; k < frames; k++) played.step();
   if (gpu) {
