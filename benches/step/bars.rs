@@ -1,4 +1,7 @@
 //! Figures that single timings cannot give: ratios of two programs timed in turn, and times together with errors.
+//!
+//! `cargo bench --bench step -- bars [ratio] [levels] [terms] [strain] [threads] [schedule] [limits]` prints all
+//! tables, or those named.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -8,6 +11,23 @@ use cloth_deformer::{Attributes, Deformer, Fabric, Levels, Mesh, Options, Qualit
 
 use crate::plain::Plain;
 use crate::scenes::{self, SUBSTEPS};
+
+/// Prints the tables that the arguments name.
+pub(crate) fn print(names: &[String]) {
+    let tables: [(&str, fn()); 7] = [
+        ("ratio", ratio),
+        ("levels", levels),
+        ("terms", terms),
+        ("strain", strain),
+        ("threads", threads),
+        ("schedule", schedule),
+        ("limits", limits),
+    ];
+    let named = tables.iter().any(|(name, _)| names.iter().any(|n| n == name));
+    for (_, table) in tables.iter().filter(|(name, _)| !named || names.iter().any(|n| n == name)) {
+        table();
+    }
+}
 
 /// The time (s) that `work` takes.
 pub(crate) fn seconds(work: &mut dyn FnMut()) -> f64 {
@@ -30,14 +50,14 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-pub(crate) fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread").install(work)
 }
 
 /// A frame of HANG on one thread, compared with the same frame by the plain code: in color order after half a second,
 /// and in the mesh's own order without batches. For the latter, the first frame is repeated from rest, because that
 /// order is unstable. For the SIMD width of the processor and for narrower ones.
-pub(crate) fn ratio() {
+fn ratio() {
     println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn)");
     println!(
         "{:>5} {:>6} {:>9} {:>9} {:>7} {:>12} {:>12}  from rest: {:>9} {:>9} {:>7}",
@@ -82,7 +102,7 @@ pub(crate) fn ratio() {
 }
 
 /// A frame of HANG on one thread with levels, compared with one without.
-pub(crate) fn levels() {
+fn levels() {
     println!("\nHANG, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn), and mean strain");
     println!("{:>5} {:>9} {:>9} {:>7} {:>9} {:>9}", "N", "without", "with", "ratio", "strain", "strain");
     for n in [128, 256] {
@@ -104,7 +124,7 @@ pub(crate) fn levels() {
 }
 
 /// How much each term adds to a frame on one thread.
-pub(crate) fn terms() {
+fn terms() {
     println!("\nHANG, N = 64, S = {SUBSTEPS}, one thread, ms a frame (medians of 41, in turn)");
     on_one_thread(|| {
         let scenes = scenes::terms();
@@ -122,7 +142,7 @@ pub(crate) fn terms() {
 }
 
 /// Frames on each number of threads up to the machine's, by size, fabric and levels, with the strain at 2 s.
-pub(crate) fn threads() {
+fn threads() {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let counts: Vec<usize> = [1, 2, 4, 8, 16, 32].into_iter().filter(|&count| count <= most).collect();
     println!("\nHANG, S = {SUBSTEPS}, ms a frame (medians, thread counts in turn), and mean strain at 2 s");
@@ -160,7 +180,7 @@ pub(crate) fn threads() {
 /// The same passes over the same tiles as a graph of tasks, as parallel loops of rayon one after another, and as a
 /// graph on an adaptive number of threads, timed in turn on pools of 1 thread up to the machine's. `CLOTH_MESHES` adds
 /// the meshes of a folder.
-pub(crate) fn schedule() {
+fn schedule() {
     let most = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     println!("\nS = {SUBSTEPS}, ms a frame: loops / graph / as many threads as pay (medians of 25, in turn)");
     let mut meshes: Vec<(String, Mesh, Vec<u32>)> =
@@ -208,7 +228,7 @@ pub(crate) fn schedule() {
 }
 
 /// The limits of the machine: memory bandwidth, and the time of a barrier between threads.
-pub(crate) fn limits() {
+fn limits() {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     println!("\nLimits of this machine");
     let mut bytes = vec![0_u64; 1 << 26];
@@ -291,7 +311,7 @@ fn shares() {
 }
 
 /// The time on one thread for a given strain, with levels, and the error relative to the true motion.
-pub(crate) fn strain() {
+fn strain() {
     let n = 128;
     let run = |substeps: u32, levels: Levels, frames: u32| {
         let (mesh, options) = scenes::hang(n, scenes::bare());
