@@ -6,7 +6,11 @@ use std::ops::Range;
 use glam::Vec3A;
 use rayon::prelude::*;
 
+use super::least;
 use crate::simd::{MAX_LANES, Registers};
+
+/// Boxes per task.
+const GRAIN: usize = 1024;
 
 /// Lower and upper bounds (m) per coordinate of many boxes.
 #[derive(Debug, Default)]
@@ -16,24 +20,25 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// Sets the boxes of some items; `of` returns the bounds for an axis and an item. With `is_shared` the coordinates
-    /// are computed in parallel.
-    pub(super) fn bound(&mut self, items: Range<usize>, is_shared: bool, of: impl Fn(usize, usize) -> [f32; 2] + Sync) {
-        let fill = |(axis, (low, high)): (usize, (&mut Vec<f32>, &mut Vec<f32>))| {
-            // Groups of lanes may extend beyond the last item.
-            let count = low.len().max(items.end + MAX_LANES);
-            low.resize(count, 0.0);
-            high.resize(count, 0.0);
-            let [low, high] = [&mut low[items.clone()], &mut high[items.clone()]];
-            for (item, (low, high)) in items.clone().zip(low.iter_mut().zip(high)) {
-                [*low, *high] = of(axis, item);
+    /// Sets the boxes of some items; `of` returns that of an item.
+    pub(super) fn bound(&mut self, items: Range<usize>, is_shared: bool, of: impl Fn(usize) -> [Vec3A; 2] + Sync) {
+        // Groups of lanes may extend beyond the last item.
+        let count = self.low[0].len().max(items.end + MAX_LANES);
+        let bounds = [&mut self.low, &mut self.high].map(|bounds| {
+            bounds.each_mut().map(|of| {
+                of.resize(count, 0.0);
+                of[items.clone()].par_chunks_mut(GRAIN)
+            })
+        });
+        let [[low_x, low_y, low_z], [high_x, high_y, high_z]] = bounds;
+        let tasks = low_x.zip(low_y).zip(low_z).zip(high_x.zip(high_y).zip(high_z)).enumerate();
+        tasks.with_min_len(least(is_shared)).for_each(|(task, (((low_x, low_y), low_z), ((high_x, high_y), high_z)))| {
+            for k in 0..low_x.len() {
+                let [low, high] = of(items.start + GRAIN * task + k);
+                [low_x[k], low_y[k], low_z[k]] = low.to_array();
+                [high_x[k], high_y[k], high_z[k]] = high.to_array();
             }
-        };
-        if is_shared {
-            self.low.par_iter_mut().zip(&mut self.high).enumerate().for_each(fill);
-        } else {
-            self.low.iter_mut().zip(&mut self.high).enumerate().for_each(fill);
-        }
+        });
     }
 
     #[inline(always)]

@@ -1,90 +1,196 @@
 //! The contacts of one substep: its near pairs, their vertices, and the active pairs.
+//!
+//! The lists are divided into portions of a fixed length, and what is found in a portion stays there. So later passes
+//! work on portions in parallel, too, and pairs are in the same order on any number of threads.
+
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
 
 use super::acting::Acting;
-use super::detection::{Kind, Rows};
-use super::near::{Find, Near, Start, Vertex};
+use super::least;
+use super::near::{Find, Portion, Start, Vertex};
+use super::pairs::{Kind, Listed};
+use super::rows::Rows;
 use crate::kernels::integrate::xyz;
 use crate::simd;
 
-/// Pairs per task.
-const GRAIN: usize = 512;
+/// Listed pairs of a portion.
+const PORTION: usize = 512;
+/// Vertices per task.
+pub(super) const GRAIN: usize = 128;
 
 /// The contacts of a substep. The buffers are reused.
 #[derive(Debug, Default)]
 pub(super) struct Contacts {
-    pub pairs: [Vec<Near>; 2],
+    /// Whether the vertices of the lists are numbered.
+    is_numbered: bool,
+    /// The vertices of listed pairs, and the place of each vertex of the cloth among them.
+    order: Vec<u32>,
+    place: Vec<AtomicU32>,
+    /// The corners of listed pairs of each kind, as places.
+    corners: [Vec<[u32; 4]>; 2],
+    /// The portions of each kind of pairs. Those beyond `used` are left from longer lists.
+    pub portions: [Vec<Portion>; 2],
+    pub used: [usize; 2],
     pub vertices: Vec<Vertex>,
-    /// Positions and displacements (m) of the vertices.
+    /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole.
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
+    pub by: Vec<Vec4>,
     /// The active pairs.
     pub acting: Acting,
-    /// Displacements (m) relative to the cloth as a whole, and the share of them that each pair leaves to a vertex.
-    pub by: Vec<Vec4>,
-    pub cutting: Vec<Vec<(u32, f32)>>,
-    /// For each vertex of the cloth, its place among the vertices of near pairs plus one.
-    place: Vec<u32>,
-    found: Vec<Vec<Near>>,
 }
 
 impl Contacts {
-    /// Finds the near pairs of the lists, in order, with their multipliers from the last substep times `scale`.
-    pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>, scale: f32) {
-        self.find(lists, start);
-        self.index(start);
-        self.acting.gather(&self.pairs, &mut self.vertices, lists, start, scale);
-        // Pairs that are not near have no multipliers.
-        lists.iter_mut().for_each(|rows| rows.lambda.fill(Vec4::ZERO));
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.pairs.iter().all(Vec::is_empty)
-    }
-
-    fn find(&mut self, lists: &[Rows; 2], start: Start<'_>) {
+    /// Finds the near pairs of the lists, in order, and the active ones among them.
+    pub(super) fn gather(&mut self, lists: &[Rows; 2], start: Start<'_>) {
+        if !self.is_numbered {
+            self.number(lists, start.x.len(), start.is_shared);
+        }
+        self.copy(start);
         for kind in Kind::ALL {
-            let (rows, pairs) = (&lists[kind as usize], &mut self.pairs[kind as usize]);
-            pairs.clear();
-            let tasks = rows.pairs.len().div_ceil(GRAIN);
-            if !start.is_shared || tasks < 2 {
-                simd::run(start.width, Find { kind, first: 0, pairs: &rows.pairs, start: &start, found: pairs });
-                continue;
-            }
-            if self.found.len() < tasks {
-                self.found.resize_with(tasks, Vec::new);
-            }
-            let found = &mut self.found[..tasks];
-            found.par_iter_mut().zip(rows.pairs.par_chunks(GRAIN)).enumerate().for_each(|(task, (found, pairs))| {
-                found.clear();
-                simd::run(start.width, Find { kind, first: task * GRAIN, pairs, start: &start, found });
+            self.find(kind, &lists[kind as usize].pairs, start);
+        }
+        let Contacts { portions, used, acting, vertices, .. } = self;
+        acting.gather([&portions[0][..used[0]], &portions[1][..used[1]]], vertices, start);
+    }
+
+    /// Discards what depends on the lists, because they have changed.
+    pub(super) fn forget(&mut self) {
+        self.is_numbered = false;
+    }
+
+    /// The portions of a kind of pairs.
+    pub(super) fn portions(&self, kind: Kind) -> &[Portion] {
+        &self.portions[kind as usize][..self.used[kind as usize]]
+    }
+
+    /// Number of near pairs.
+    pub(super) fn near(&self) -> usize {
+        Kind::ALL.into_iter().flat_map(|kind| self.portions(kind)).map(|portion| portion.pairs.len()).sum()
+    }
+
+    /// Number of pairs that press.
+    pub(super) fn pressing(&self) -> u32 {
+        Kind::ALL.into_iter().flat_map(|kind| self.portions(kind)).map(|portion| portion.pressing).sum()
+    }
+
+    /// Numbers the vertices of the lists, in order.
+    fn number(&mut self, lists: &[Rows; 2], vertices: usize, is_shared: bool) {
+        let Contacts { order, place, corners, .. } = self;
+        place.resize_with(vertices, AtomicU32::default);
+        place.iter_mut().for_each(|place| *place.get_mut() = 0);
+        for rows in lists {
+            rows.pairs.par_chunks(PORTION).with_min_len(least(is_shared)).for_each(|pairs| {
+                for &vertex in pairs.iter().flat_map(|pair| &pair.corners) {
+                    let mark = &place[vertex as usize];
+                    // Writing takes longer if other threads read.
+                    if mark.load(Ordering::Relaxed) == 0 {
+                        mark.store(1, Ordering::Relaxed);
+                    }
+                }
             });
-            found.iter().for_each(|found| pairs.extend_from_slice(found));
+        }
+        order.clear();
+        for (index, place) in (0..).zip(place.iter_mut().map(AtomicU32::get_mut)).filter(|(_, place)| **place > 0) {
+            *place = order.len() as u32;
+            order.push(index);
+        }
+        for (corners, rows) in corners.iter_mut().zip(lists) {
+            corners.resize(rows.pairs.len(), [0; 4]);
+            let tasks = corners.par_chunks_mut(PORTION).zip(rows.pairs.par_chunks(PORTION));
+            tasks.with_min_len(least(is_shared)).for_each(|(corners, pairs)| {
+                for (corners, pair) in corners.iter_mut().zip(pairs) {
+                    *corners = pair.corners.map(|vertex| place[vertex as usize].load(Ordering::Relaxed));
+                }
+            });
+        }
+        self.is_numbered = true;
+    }
+
+    /// Copies the state of the vertices.
+    fn copy(&mut self, start: Start<'_>) {
+        let Contacts { vertices, x, u, by, order, .. } = self;
+        vertices.resize(order.len(), Vertex::default());
+        [&mut *x, u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
+        let tasks = vertices.par_chunks_mut(GRAIN).zip(x.par_chunks_mut(GRAIN)).zip(u.par_chunks_mut(GRAIN));
+        let tasks = tasks.zip(order.par_chunks(GRAIN)).with_min_len(least(start.is_shared));
+        tasks.for_each(|(((vertices, x), u), order)| {
+            for (((vertex, x), u), &index) in vertices.iter_mut().zip(x).zip(u).zip(order) {
+                let of = index as usize;
+                (*x, *u) = (start.x[of], start.u[of].with_w(0.0));
+                let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
+                let travel = (xyz(*u) + push - start.mean).length();
+                *vertex = Vertex { index, x: *x, push, weight: 0.0, travel, reach: start.surface.reach[of], share: 1.0 };
+            }
+        });
+    }
+
+    /// Finds the near pairs of a kind.
+    fn find(&mut self, kind: Kind, listed: &[Listed], start: Start<'_>) {
+        let Contacts { corners, portions, used, x, u, .. } = self;
+        let (corners, portions, used) = (&corners[kind as usize], &mut portions[kind as usize], &mut used[kind as usize]);
+        *used = listed.len().div_ceil(PORTION);
+        portions.resize_with(portions.len().max(*used), Portion::default);
+        let (x, u, portions) = (&**x, &**u, &mut portions[..*used]);
+        let tasks = portions.par_iter_mut().zip(listed.par_chunks(PORTION)).zip(corners.par_chunks(PORTION)).enumerate();
+        tasks.with_min_len(least(start.is_shared)).for_each(|(index, ((portion, pairs), corners))| {
+            let Portion { pairs: found, acting, .. } = portion;
+            found.clear();
+            let first = index * PORTION;
+            simd::run(start.width, Find { kind, first, pairs, corners, x, u, start: &start, found, acting });
+        });
+        let mut before = 0;
+        for portion in portions {
+            portion.before = before;
+            before += portion.acting.len() as u32;
         }
     }
 
-    /// Numbers the vertices of near pairs and copies their state.
-    fn index(&mut self, start: Start<'_>) {
-        self.place.clear();
-        self.place.resize(start.x.len(), 0);
-        self.pairs.iter().flatten().flat_map(|pair| pair.corners).for_each(|vertex| self.place[vertex as usize] = 1);
-        self.vertices.clear();
-        self.x.clear();
-        self.u.clear();
-        for (index, place) in self.place.iter_mut().enumerate().filter(|(_, place)| **place > 0) {
-            let (x, u) = (start.x[index], start.u[index].with_w(0.0));
-            let push = start.push.get(index).map_or(Vec3A::ZERO, |&push| xyz(push));
-            let travel = (xyz(u) + push - start.mean).length();
-            let reach = start.surface.reach[index];
-            *place = self.vertices.len() as u32;
-            self.vertices.push(Vertex { index: index as u32, x, push, weight: 0.0, travel, reach, share: 1.0 });
-            self.x.push(x);
-            self.u.push(u);
+    /// Stores the multipliers in the lists. Pairs that do not act have none.
+    pub(super) fn keep(&mut self, lists: &mut [Rows; 2], is_shared: bool) {
+        for kind in Kind::ALL {
+            let (portions, acting) = (&mut self.portions[kind as usize][..self.used[kind as usize]], &self.acting);
+            let tasks = portions.par_iter_mut().zip(lists[kind as usize].lambda.par_chunks_mut(PORTION)).enumerate();
+            tasks.with_min_len(least(is_shared)).for_each(|(index, (portion, lambda))| {
+                lambda.fill(Vec4::ZERO);
+                portion.pressing = 0;
+                let before = portion.before as usize;
+                for pair in before..before + portion.acting.len() {
+                    let (listed, multiplier) = acting.multiplier(kind, pair);
+                    portion.pressing += u32::from(multiplier.w > 0.0);
+                    lambda[listed - index * PORTION] = multiplier;
+                }
+            });
         }
-        for pair in self.pairs.iter_mut().flatten() {
-            pair.corners = pair.corners.map(|vertex| self.place[vertex as usize]);
-        }
+    }
+
+    /// Writes displacements and positions back to the state. `push` are the corrections of positions by colliders;
+    /// empty if there are none.
+    pub(super) fn finish(&self, x: &mut [Vec4], u: &mut [Vec4], push: &[Vec4], is_shared: bool) {
+        let tasks = x.par_chunks_mut(GRAIN).zip(u.par_chunks_mut(GRAIN)).enumerate();
+        tasks.with_min_len(least(is_shared)).for_each(|(task, (x, u))| {
+            let first = task * GRAIN;
+            let push = &push[first.min(push.len())..(first + x.len()).min(push.len())];
+            let place = |vertex: usize| self.order.partition_point(|&near| (near as usize) < vertex);
+            let of_task = place(first)..place(first + x.len());
+            let mut near = self.vertices[of_task.clone()].iter().zip(&self.u[of_task]).peekable();
+            if push.is_empty() {
+                for (vertex, by) in near.filter(|(vertex, _)| vertex.x.w > 0.0) {
+                    let index = vertex.index as usize - first;
+                    u[index] = by.with_w(u[index].w);
+                    x[index] += vertex.push.extend(0.0);
+                }
+                return;
+            }
+            for (index, (x, u)) in (first as u32..).zip(x.iter_mut().zip(u)) {
+                let found = near.next_if(|(vertex, _)| vertex.index == index).filter(|(vertex, _)| vertex.x.w > 0.0);
+                let push = found.map_or(xyz(push[index as usize - first]), |(vertex, _)| vertex.push);
+                found.into_iter().for_each(|(_, by)| *u = by.with_w(u.w));
+                *x += push.extend(0.0);
+            }
+        });
     }
 }

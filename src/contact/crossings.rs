@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec4};
 
-use super::detection::{Kind, Listed};
+use super::pairs::{Kind, Listed};
 use super::surface::Surface;
 
 /// Finds the pairs of an edge and a triangle that intersect at the positions `x` (m) and share no vertex, as indices in

@@ -5,7 +5,7 @@ use glam::Vec4;
 
 use super::Past;
 use super::crossings::LetGo;
-use super::detection::Kind;
+use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
 use super::surface::Surface;
@@ -217,7 +217,7 @@ impl OnDevice {
         starts.pop();
         starts.extend(other.starts.iter().map(|start| first + start));
         let all = one.pairs.into_iter().zip(one.lambda).chain(other.pairs.into_iter().zip(other.lambda));
-        let pair = |(pair, lambda): (super::detection::Listed, Vec4)| DevicePair {
+        let pair = |(pair, lambda): (super::pairs::Listed, Vec4)| DevicePair {
             corners: pair.corners,
             other: pair.other,
             thickness: pair.thickness,

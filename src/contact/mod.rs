@@ -15,6 +15,7 @@
 mod acting;
 mod bodies;
 mod boxes;
+mod candidates;
 mod coincident;
 mod contacts;
 pub(crate) mod crossings;
@@ -22,10 +23,14 @@ mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
 mod lanes;
+mod measure;
 mod near;
+mod pairs;
 mod past;
 mod paths;
+mod ranges;
 mod response;
+mod rows;
 mod surface;
 mod tree;
 mod truncation;
@@ -50,13 +55,14 @@ use bodies::Bodies;
 use coincident::TOUCHING;
 use contacts::Contacts;
 use crossings::LetGo;
-use detection::{Detection, Rows, Scene};
+use detection::{Detection, Scene};
 use near::Start;
 use past::Kept;
 pub(crate) use past::Past;
 use paths::Paths;
 #[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;
+use rows::Rows;
 use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;
@@ -78,7 +84,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 14] = [
     ("UPRIGHT", tree::UPRIGHT),
     ("MOST_EXCESS", tree::MOST_EXCESS),
     ("ACTING", near::ACTING),
-    ("WARM", acting::WARM),
+    ("WARM", response::WARM),
     ("FARTHER", truncation::FARTHER),
 ];
 /// Vertices that a task looks at.
@@ -183,6 +189,7 @@ impl SelfContact {
         self.h = 0.0;
         self.paths.forget();
         self.lists.iter_mut().for_each(Rows::clear);
+        self.contacts.forget();
     }
 
     /// Edges that pass through triangles of the cloth, as of the last detection, given by vertices.
@@ -242,8 +249,8 @@ impl SelfContact {
             return;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);
-        let is_held = self.lists.iter().any(|rows| !rows.pairs.is_empty());
-        if is_held {
+        (self.tally.near, self.tally.contacts) = (0, 0);
+        if self.lists.iter().any(|rows| !rows.pairs.is_empty()) {
             let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
             let begins = self.h == 0.0;
@@ -251,36 +258,22 @@ impl SelfContact {
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
-            self.contacts.gather(&mut self.lists, start, scale);
-            if !self.contacts.is_empty() {
-                let lost = self.hold(plan, substep, mean, u, is_shared, width);
+            self.contacts.gather(&self.lists, start);
+            if self.contacts.near() > 0 {
+                self.contacts.respond(plan, substep, &self.lists, scale, is_shared, width);
+                let lost = self.contacts.truncate(mean, &plan.cloth.mass, is_shared, width);
+                self.contacts.finish(x, u, &self.push, is_shared);
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
                     give_back(&plan.cloth.mass, lost, u);
                 }
             }
+            self.contacts.keep(&mut self.lists, is_shared);
+            (self.tally.near, self.tally.contacts) = (self.contacts.near() as u32, self.contacts.pressing());
         }
-        self.tally.near = self.contacts.pairs.iter().map(|pairs| pairs.len() as u32).sum();
-        self.tally.contacts = if is_held { self.contacts.acting.pressing } else { 0 };
-        x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
-        if is_held {
-            let pushed = self.contacts.vertices.iter().filter(|vertex| self.push.is_empty() && vertex.x.w > 0.0);
-            pushed.for_each(|vertex| x[vertex.index as usize] += vertex.push.extend(0.0));
+        if self.tally.near == 0 {
+            x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
-    }
-
-    /// Holds near pairs apart. Returns the momentum, in kg m (mass times displacement), that truncation removes.
-    fn hold(&mut self, plan: &Plan<'_>, substep: &Substep, mean: Vec3A, u: &mut [Vec4], is_shared: bool, width: Width) -> DVec3 {
-        let SelfContact { contacts, push, .. } = self;
-        contacts.respond(plan, substep, is_shared, width);
-        let lost = contacts.truncate(mean, &plan.cloth.mass, is_shared, width);
-        for (vertex, by) in contacts.vertices.iter().zip(&contacts.u).filter(|(vertex, _)| vertex.x.w > 0.0) {
-            let index = vertex.index as usize;
-            u[index] = by.with_w(u[index].w);
-            push.get_mut(index).into_iter().for_each(|push| *push = vertex.push.extend(0.0));
-        }
-        contacts.acting.keep(&mut self.lists);
-        lost
     }
 
     /// Moves vertices out of the colliders. Returns the largest correction (m) that is not part of a displacement.
@@ -312,7 +305,7 @@ impl SelfContact {
             self.push.clear();
             return 0.0;
         }
-        self.push.iter().map(|push| xyz(*push).length()).fold(0.0, f32::max)
+        self.push.iter().map(|push| xyz(*push).length_squared()).fold(0.0, f32::max).sqrt()
     }
 
     /// Lists the pairs that may meet from here on. Returns false if there are too many, or if the state is not finite,
@@ -333,7 +326,7 @@ impl SelfContact {
         let path = Path { stray: &paths.stray, ..path };
         let look = Look { substeps: paths.ahead, margin: options.thickness };
         let (meets_itself, bodies_rest) = (self.meets_itself, bodies.are_known);
-        let scene = Scene { surface, meets_itself, bodies_rest, path, look, thickness: options.thickness, width };
+        let scene = Scene { surface, meets_itself, bodies_rest, path, look, width };
         bodies.are_known = bodies.are_still;
         if self.led_may_cross && !self.may_cross {
             self.may_cross = LetGo::led_cross(surface, path.x, self.meets_itself);
@@ -349,6 +342,7 @@ impl SelfContact {
             self.crowd = crowd;
             return false;
         }
+        self.contacts.forget();
         self.tally.detections += 1;
         self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
         true
@@ -370,6 +364,11 @@ fn give_back(mass: &[f32], lost: DVec3, u: &mut [Vec4]) {
     let mass: f64 = mass.iter().map(|&mass| f64::from(mass)).sum();
     let back = (lost / mass).as_vec3().extend(0.0);
     u.iter_mut().for_each(|u| *u += back);
+}
+
+/// Least number of items of a task of a parallel loop, all of them unless other threads share the work.
+fn least(is_shared: bool) -> usize {
+    if is_shared { 1 } else { usize::MAX }
 }
 
 /// Calls `work(first, chunk)` for the chunks of a list, in parallel if `is_shared`.

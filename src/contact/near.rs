@@ -4,8 +4,8 @@
 use glam::{Vec3A, Vec4};
 
 use super::coincident::{TOUCHING, coincident};
-use super::detection::{Kind, Listed, between, closest, square};
 use super::lanes::{corners_of, scattered};
+use super::pairs::{Kind, Listed, between, closest, square};
 use super::surface::Surface;
 use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 
@@ -16,8 +16,7 @@ pub(super) const ACTING: f32 = 0.3;
 /// A pair that is near in this substep.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Near {
-    /// Vertices of the cloth; after [`Contacts`](super::contacts::Contacts) has gathered them, indices of near
-    /// vertices.
+    /// Places among the vertices of listed pairs.
     pub corners: [u32; 4],
     /// Unit vector from the second side to the first.
     pub normal: [f32; 3],
@@ -29,39 +28,24 @@ pub(super) struct Near {
     pub last: f32,
     /// Index in the list.
     pub listed: u32,
-    pub acts: bool,
 }
 
-impl Kind {
-    /// The weights of a pair's four corners; they sum to 1 on the first side and -1 on the second.
-    pub(super) fn weights(self, free: f32, last: f32) -> [f32; 4] {
-        match self {
-            Kind::VertexTriangle => [1.0, -1.0 - free - last, free, last],
-            Kind::EdgeEdge => [1.0 - free, free, -1.0 - last, last],
-        }
-    }
-
-    /// The same for as many pairs as there are lanes.
-    #[inline(always)]
-    pub(super) fn wide_weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
-        let one = L::splat(1.0);
-        match self {
-            Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],
-            Kind::EdgeEdge => [one - free, free, L::splat(-1.0) - last, last],
-        }
-    }
-
-    /// The number of corners on the first side.
-    pub(super) fn first_side(self) -> usize {
-        match self {
-            Kind::VertexTriangle => 1,
-            Kind::EdgeEdge => 2,
-        }
-    }
+/// What is found among consecutive pairs of a list.
+#[derive(Debug, Default)]
+pub(super) struct Portion {
+    /// The near pairs.
+    pub pairs: Vec<Near>,
+    /// Which of them act, and how many pairs of this kind act in the portions before.
+    pub acting: Vec<u32>,
+    pub before: u32,
+    /// How many of them press after the response.
+    pub pressing: u32,
+    /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
+    pub cut: Vec<(u32, f32)>,
 }
 
-/// A vertex of near pairs.
-#[derive(Debug, Clone, Copy)]
+/// A vertex of listed pairs.
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Vertex {
     pub index: u32,
     /// Position (m); w is the inverse mass (1/kg).
@@ -103,24 +87,32 @@ pub(super) struct Find<'a> {
     /// Index in the list of the first pair.
     pub first: usize,
     pub pairs: &'a [Listed],
+    /// Their corners as places among the vertices of listed pairs, whose positions and displacements (m) these are.
+    pub corners: &'a [[u32; 4]],
+    pub x: &'a [Vec4],
+    pub u: &'a [Vec4],
     pub start: &'a Start<'a>,
     pub found: &'a mut Vec<Near>,
+    /// Which of them act.
+    pub acting: &'a mut Vec<u32>,
 }
 
 impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Find { kind, first, pairs, start, found } = self;
+        let Find { kind, first, pairs, corners, x: at, u: by, start, found, acting } = self;
+        acting.resize(pairs.len(), 0);
+        let mut count = 0;
         let mean = Vector::<L>::splat(start.mean.to_array());
         let (zero, one, most_push) = (L::splat(0.0), L::splat(1.0), L::splat(2.0 * start.most_push));
-        for (group, listed) in pairs.chunks(L::LANES).enumerate() {
-            let (mut places, mut thickness) = ([listed[0].corners; MAX_LANES], [0.0; MAX_LANES]);
-            for (lane, pair) in listed.iter().enumerate() {
-                (places[lane], thickness[lane]) = (pair.corners, pair.thickness);
+        for (group, (listed, corners)) in pairs.chunks(L::LANES).zip(corners.chunks(L::LANES)).enumerate() {
+            let (mut places, mut thickness) = ([corners[0]; MAX_LANES], [0.0; MAX_LANES]);
+            for (lane, (pair, corners)) in listed.iter().zip(corners).enumerate() {
+                (places[lane], thickness[lane]) = (*corners, pair.thickness);
             }
             let thickness = L::from_slice(&thickness[..L::LANES]);
             let least = if start.begins { thickness * L::splat(TOUCHING) } else { L::splat(1e-12) };
-            let (x, u) = (corners_of::<L>(start.x, &places), corners_of::<L>(start.u, &places));
+            let (x, u) = (corners_of::<L>(at, &places), corners_of::<L>(by, &places));
             let travel = [square(u[0] - mean), square(u[1] - mean), square(u[2] - mean), square(u[3] - mean)];
             let weights = closest(kind, x);
             let apart = between(weights, x);
@@ -137,10 +129,12 @@ impl Loop for Find<'_> {
             while start.begins && kind == Kind::VertexTriangle && touching != 0 {
                 let lane = touching.trailing_zeros() as usize;
                 touching &= touching - 1;
-                let Listed { corners, thickness, .. } = listed[lane];
-                let Some((normal, [free, last])) = coincident(start.surface, start.x, corners) else { continue };
-                let listed = (first + group * L::LANES + lane) as u32;
-                found.push(Near { corners, normal, distance: 0.0, thickness, free, last, listed, acts: true });
+                let Listed { corners: of_cloth, thickness, .. } = listed[lane];
+                let Some((normal, [free, last])) = coincident(start.surface, start.x, of_cloth) else { continue };
+                let (corners, listed) = (corners[lane], (first + group * L::LANES + lane) as u32);
+                acting[count] = found.len() as u32;
+                count += 1;
+                found.push(Near { corners, normal, distance: 0.0, thickness, free, last, listed });
             }
             let mut lanes = L::bits(L::and(near, is_apart)) & all;
             if lanes == 0 {
@@ -167,17 +161,20 @@ impl Loop for Find<'_> {
                 let lane = lanes.trailing_zeros() as usize;
                 lanes &= lanes - 1;
                 let (pair, normal, numbers) = (&listed[lane], normals[lane], numbers[lane]);
+                // Without a branch, because pairs that act alternate with others.
+                acting[count] = found.len() as u32;
+                count += (acts >> lane & 1) as usize;
                 found.push(Near {
-                    corners: pair.corners,
+                    corners: corners[lane],
                     normal: [normal.x, normal.y, normal.z],
                     distance: numbers.z,
                     thickness: pair.thickness,
                     free: numbers.x,
                     last: numbers.y,
                     listed: (first + group * L::LANES + lane) as u32,
-                    acts: acts >> lane & 1 != 0,
                 });
             }
         }
+        acting.truncate(count);
     }
 }

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use glam::Vec4;
 
 use super::SelfContact;
-use super::detection::{Kind, Listed, Rows, corners};
+use super::pairs::{Kind, Listed, corners};
 use super::paths::Paths;
+use super::rows::Rows;
 use super::surface::Surface;
 use crate::kernels::rigid::Rigid;
 use crate::model::mesh::Mesh;
@@ -83,6 +84,7 @@ impl SelfContact {
         if self.let_go.crossings != *crossings {
             self.let_go.take(crossings.clone(), &self.surface);
         }
+        self.contacts.forget();
         (self.may_cross, self.h) = (*may_cross, *h);
     }
 
@@ -137,6 +139,7 @@ impl SelfContact {
         }
         self.bodies.forget(&past.bodies);
         self.lists = [first, second];
+        self.contacts.forget();
         self.let_go.take(past.crossings.clone(), &self.surface);
         (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);
         true

@@ -5,10 +5,12 @@
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::acting::{Acting, Group};
+use super::acting::{Acting, GROUPS, Group};
 use super::contacts::Contacts;
-use super::detection::between;
 use super::lanes::{corners_of, scattered};
+use super::least;
+use super::pairs::between;
+use super::rows::Rows;
 use crate::kernels::contact::{DEPENETRATION, contact_body};
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{RELAXATION, impulse, step_of_lambda};
@@ -18,121 +20,162 @@ use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
 pub(crate) const ITERATIONS: usize = 4;
-/// Vertices per task, and groups of pairs per task.
-pub(super) const GRAIN: usize = 512;
-const GROUPS: usize = 32;
+/// Share of the last substep's multipliers with which this one starts.
+pub(super) const WARM: f32 = 0.9;
 
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
-    /// vertices stay outside the colliders.
-    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, is_shared: bool, width: Width) {
+    /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
+    pub(super) fn respond(
+        &mut self,
+        plan: &Plan<'_>,
+        substep: &Substep,
+        lists: &[Rows; 2],
+        scale: f32,
+        is_shared: bool,
+        width: Width,
+    ) {
+        if self.acting.groups.is_empty() {
+            return;
+        }
         let most = DEPENETRATION * plan.params.h;
-        // Warm start with the impulses of the last substep, which are usually close to the new ones.
-        self.step(Turn::Warm, is_shared, width);
-        self.give(plan, substep, is_shared);
+        self.begin(lists, WARM * scale, most, is_shared, width);
+        self.give(plan, substep, true, is_shared);
         for _ in 0..ITERATIONS {
-            self.step(Turn::Step, is_shared, width);
-            self.give(plan, substep, is_shared);
+            self.step(is_shared, width);
+            self.give(plan, substep, false, is_shared);
         }
-        self.step(Turn::Push { most }, is_shared, width);
-        for (index, vertex) in self.vertices.iter_mut().enumerate().filter(|(_, vertex)| vertex.weight > 0.0) {
-            vertex.push += self.acting.sum(index) * vertex.x.w;
-        }
+    }
+
+    /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
+    /// Computes their impulses, and the corrections that separate pairs closer than their thickness by at most `most`
+    /// (m).
+    fn begin(&mut self, lists: &[Rows; 2], scale: f32, most: f32, is_shared: bool, width: Width) {
+        let Acting { groups, impulses, pushes, mobility, .. } = &mut self.acting;
+        let lanes = GROUPS * MAX_LANES;
+        let tasks = groups.par_chunks_mut(GROUPS).zip(impulses.par_chunks_mut(lanes)).zip(pushes.par_chunks_mut(lanes));
+        tasks.with_min_len(least(is_shared)).for_each(|((groups, impulses), pushes)| {
+            for group in groups.iter_mut() {
+                for lane in 0..group.count as usize {
+                    let (corners, weights) = (group.corners[lane], group.weights(lane));
+                    let of = |k: usize| mobility[corners[k] as usize] * weights[k].abs();
+                    let bound = (of(0) + of(1)) + (of(2) + of(3));
+                    if bound > 0.0 {
+                        group.rate[lane] = RELAXATION / bound;
+                        let held = lists[group.kind as usize].lambda[group.listed[lane] as usize];
+                        group.warm(lane, held * scale);
+                    }
+                }
+            }
+            simd::run(width, Begin { groups, impulses, pushes, most });
+        });
     }
 
     /// Updates the multipliers, and computes the impulses of the pairs.
-    fn step(&mut self, turn: Turn, is_shared: bool, width: Width) {
+    fn step(&mut self, is_shared: bool, width: Width) {
         let Contacts { acting: Acting { groups, impulses, .. }, u, .. } = self;
-        let step = |(groups, impulses): (&mut [Group], &mut [Vec4])| simd::run(width, Step { groups, impulses, u, turn });
-        if is_shared && groups.len() > GROUPS {
-            groups.par_chunks_mut(GROUPS).zip(impulses.par_chunks_mut(GROUPS * MAX_LANES)).for_each(step);
-        } else {
-            step((groups, impulses));
-        }
+        let tasks = groups.par_chunks_mut(GROUPS).zip(impulses.par_chunks_mut(GROUPS * MAX_LANES));
+        let step = |(groups, impulses)| simd::run(width, Step { groups, impulses, u });
+        tasks.with_min_len(least(is_shared)).for_each(step);
     }
 
-    /// Applies the impulses to the vertices, then resolves their contact with the colliders.
-    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_shared: bool) {
-        let Contacts { acting, vertices, u, .. } = self;
-        super::for_chunks(is_shared, u, GRAIN, |first, u| {
-            for (index, (u, vertex)) in (first..).zip(u.iter_mut().zip(&vertices[first..])) {
+    /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
+    /// up the corrections of positions.
+    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, is_shared: bool) {
+        let Contacts { acting: Acting { impulses, pushes, corners, ranges, .. }, vertices, u, .. } = self;
+        let tasks = u.par_chunks_mut(ranges.len()).zip(vertices.par_chunks_mut(ranges.len())).zip(corners);
+        tasks.with_min_len(least(is_shared)).for_each(|((u, vertices), corners)| {
+            for (place, (u, vertex)) in u.iter_mut().zip(vertices).enumerate() {
                 if vertex.x.w == 0.0 || vertex.weight == 0.0 {
                     continue;
                 }
-                let mut by = xyz(*u) + acting.sum(index) * vertex.x.w;
+                let mut by = xyz(*u) + corners.sum(impulses, place) * vertex.x.w;
                 for body in plan.bodies {
                     by = contact_body(xyz(vertex.x), by, body, substep, &plan.params).1;
                 }
                 *u = by.extend(0.0);
+                if is_first {
+                    vertex.push += corners.sum(pushes, place) * vertex.x.w;
+                }
             }
         });
     }
 }
 
-/// What a pass over the pairs computes.
-#[derive(Debug, Clone, Copy)]
-enum Turn {
-    /// The impulses of the warm start.
-    Warm,
-    /// Changes of impulse from one iteration of the multipliers.
-    Step,
-    /// Corrections of positions, not impulses, that separate pairs closer than their thickness by at most `most` (m).
-    Push { most: f32 },
+/// Computes the impulses of the multipliers with which the iteration begins, and the corrections of positions.
+struct Begin<'a> {
+    groups: &'a [Group],
+    impulses: &'a mut [Vec4],
+    pushes: &'a mut [Vec4],
+    most: f32,
 }
 
+impl Loop for Begin<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Begin { groups, impulses, pushes, most } = self;
+        let lanes = impulses.chunks_exact_mut(L::LANES).zip(pushes.chunks_exact_mut(L::LANES));
+        for (index, (impulses, pushes)) in lanes.enumerate() {
+            let (group, first) = (&groups[index * L::LANES / MAX_LANES], index * L::LANES % MAX_LANES);
+            let normal = vector::<L>(&group.normal, first);
+            let (rub, press) = (vector::<L>(&group.rub, first), number(&group.press, first));
+            let depth: L = number(&group.depth, first);
+            let most = L::splat(most);
+            let depth = L::select(depth.lt(most), depth, most);
+            let push = normal * (depth * number(&group.rate, first) * L::splat(1.0 / RELAXATION));
+            store_vectors(impulse((rub, press), normal), impulses);
+            store_vectors(push, pushes);
+        }
+    }
+}
+
+/// One iteration of the multipliers.
 struct Step<'a> {
     groups: &'a mut [Group],
+    /// The changes of impulse.
     impulses: &'a mut [Vec4],
     u: &'a [Vec4],
-    turn: Turn,
 }
 
 impl Loop for Step<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Step { groups, impulses, u, turn } = self;
-        for (group, impulses) in groups.iter_mut().zip(impulses.chunks_mut(MAX_LANES)) {
-            for first in (0..MAX_LANES).step_by(L::LANES) {
-                let lanes = first..first + L::LANES;
-                let mut places = [group.corners[first]; MAX_LANES];
-                places[..L::LANES].copy_from_slice(&group.corners[lanes.clone()]);
-                let normal = vector::<L>(&group.normal, first);
-                let (rub, press) = (vector::<L>(&group.rub, first), L::from_slice(&group.press[lanes.clone()]));
-                let rate = L::from_slice(&group.rate[lanes.clone()]);
-                let given = match turn {
-                    Turn::Warm => impulse((rub, press), normal),
-                    Turn::Step => {
-                        let (free, last) = (L::from_slice(&group.free[lanes.clone()]), L::from_slice(&group.last[lanes.clone()]));
-                        let weights = group.kind.wide_weights(free, last);
-                        let relative = between(weights, corners_of::<L>(u, &places));
-                        let (gap, friction) =
-                            (L::from_slice(&group.gap[lanes.clone()]), L::from_slice(&group.friction[lanes.clone()]));
-                        let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, friction);
-                        let given = impulse((new_rub - rub, new_press - press), normal);
-                        store(&mut group.rub[0][lanes.clone()], new_rub.x);
-                        store(&mut group.rub[1][lanes.clone()], new_rub.y);
-                        store(&mut group.rub[2][lanes.clone()], new_rub.z);
-                        store(&mut group.press[lanes.clone()], new_press);
-                        given
-                    }
-                    Turn::Push { most } => {
-                        let (depth, most) = (L::from_slice(&group.depth[lanes.clone()]), L::splat(most));
-                        normal * (L::select(depth.lt(most), depth, most) * rate * L::splat(1.0 / RELAXATION))
-                    }
-                };
-                let mut all = [Vec4::ZERO; MAX_LANES];
-                scattered(given, &mut all);
-                impulses[lanes].copy_from_slice(&all[..L::LANES]);
-            }
+        let Step { groups, impulses, u } = self;
+        for (index, impulses) in impulses.chunks_exact_mut(L::LANES).enumerate() {
+            let (group, first) = (&mut groups[index * L::LANES / MAX_LANES], index * L::LANES % MAX_LANES);
+            let lanes = first..first + L::LANES;
+            let mut places = [group.corners[first]; MAX_LANES];
+            places[..L::LANES].copy_from_slice(&group.corners[lanes.clone()]);
+            let normal = vector::<L>(&group.normal, first);
+            let (rub, press) = (vector::<L>(&group.rub, first), number(&group.press, first));
+            let weights = group.kind.wide_weights(number(&group.free, first), number(&group.last, first));
+            let relative = between(weights, corners_of::<L>(u, &places));
+            let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
+            let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, friction);
+            store(&mut group.rub[0][lanes.clone()], new_rub.x);
+            store(&mut group.rub[1][lanes.clone()], new_rub.y);
+            store(&mut group.rub[2][lanes.clone()], new_rub.z);
+            store(&mut group.press[lanes], new_press);
+            store_vectors(impulse((new_rub - rub, new_press - press), normal), impulses);
         }
     }
 }
 
 #[inline(always)]
+fn store_vectors<L: Registers>(from: Vector<L>, to: &mut [Vec4]) {
+    let mut all = [Vec4::ZERO; MAX_LANES];
+    scattered(from, &mut all);
+    to.copy_from_slice(&all[..L::LANES]);
+}
+
+#[inline(always)]
+fn number<L: Registers>(of: &[f32; MAX_LANES], first: usize) -> L {
+    L::from_slice(&of[first..first + L::LANES])
+}
+
+#[inline(always)]
 fn vector<L: Registers>(of: &[[f32; MAX_LANES]; 3], first: usize) -> Vector<L> {
-    let lanes = first..first + L::LANES;
-    let (x, y) = (L::from_slice(&of[0][lanes.clone()]), L::from_slice(&of[1][lanes.clone()]));
-    Vector::new(x, y, L::from_slice(&of[2][lanes]))
+    Vector::new(number(&of[0], first), number(&of[1], first), number(&of[2], first))
 }
 
 #[inline(always)]

@@ -10,10 +10,11 @@
 use glam::{DVec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::contacts::Contacts;
-use super::detection::{Kind, between};
+use super::contacts::{Contacts, GRAIN};
 use super::lanes::{corners_of, fourth_of};
+use super::least;
 use super::near::Near;
+use super::pairs::{Kind, between};
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{kept, share_above};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
@@ -21,42 +22,29 @@ use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
 /// [`Vertex::reach`](super::near::Vertex::reach).
 pub(super) const FARTHER: f32 = 0.45;
-/// Pairs per task.
-const GRAIN: usize = 512;
-
-/// The shares of displacements that the pairs of a task leave: near vertex and share, for each vertex that is
-/// shortened.
-type Cut = Vec<(u32, f32)>;
 
 impl Contacts {
     /// Shortens the displacements of vertices; `mean` is the mean displacement (m). Returns the momentum (kg m) that
     /// this removes.
     pub(super) fn truncate(&mut self, mean: Vec3A, mass: &[f32], is_shared: bool, width: Width) -> DVec3 {
-        let Contacts { pairs, vertices, x, u, by, cutting, .. } = self;
-        by.clear();
-        for (vertex, &u) in vertices.iter_mut().zip(&*u) {
-            let way = xyz(u) + vertex.push - mean;
-            let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
-            vertex.share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
-            by.push(way.extend(0.0));
-        }
+        let Contacts { portions, used, vertices, x, u, by, .. } = self;
+        let tasks = vertices.par_chunks_mut(GRAIN).zip(by.par_chunks_mut(GRAIN)).zip(u.par_chunks(GRAIN));
+        tasks.with_min_len(least(is_shared)).for_each(|((vertices, by), u)| {
+            for (vertex, (by, &u)) in vertices.iter_mut().zip(by.iter_mut().zip(u)) {
+                let way = xyz(u) + vertex.push - mean;
+                let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
+                vertex.share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
+                *by = way.extend(0.0);
+            }
+        });
         let (x, by): (&[Vec4], &[Vec4]) = (x, by);
         for kind in Kind::ALL {
-            let pairs = &pairs[kind as usize];
-            let tasks = pairs.len().div_ceil(GRAIN);
-            if cutting.len() < tasks {
-                cutting.resize_with(tasks, Vec::new);
-            }
-            let cut = |(cut, pairs): (&mut Cut, &[Near])| {
-                cut.clear();
-                simd::run(width, Shares { kind, pairs, x, by, cut });
-            };
-            if is_shared && tasks > 1 {
-                cutting[..tasks].par_iter_mut().zip(pairs.par_chunks(GRAIN)).for_each(cut);
-            } else {
-                cutting[..tasks].iter_mut().zip(pairs.chunks(GRAIN)).for_each(cut);
-            }
-            for &(vertex, share) in cutting[..tasks].iter().flatten() {
+            let portions = &mut portions[kind as usize][..used[kind as usize]];
+            portions.par_iter_mut().with_min_len(least(is_shared)).for_each(|portion| {
+                portion.cut.clear();
+                simd::run(width, Shares { kind, pairs: &portion.pairs, x, by, cut: &mut portion.cut });
+            });
+            for &(vertex, share) in portions.iter().flat_map(|portion| &portion.cut) {
                 let vertex = &mut vertices[vertex as usize];
                 vertex.share = vertex.share.min(share);
             }
@@ -79,7 +67,7 @@ struct Shares<'a> {
     pairs: &'a [Near],
     x: &'a [Vec4],
     by: &'a [Vec4],
-    cut: &'a mut Cut,
+    cut: &'a mut Vec<(u32, f32)>,
 }
 
 impl Loop for Shares<'_> {

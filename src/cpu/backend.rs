@@ -14,6 +14,7 @@ use crate::cpu::schedule::Schedule;
 use crate::cpu::statistics::Observed;
 use crate::cpu::substep::{ExternalPrediction, Stepper};
 use crate::cpu::sweep::Rule;
+use crate::cpu::tasks::awake::awake;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::tethers::Tethering;
 use crate::cpu::threads::ThreadChoice;
@@ -239,10 +240,9 @@ impl Cpu {
         let cause = match self.contact.take() {
             None => self.turns(0, 0..turns, plan, external, threads),
             Some(mut contact) => {
-                // Contact runs parallel loops one after another, which are cheaper to start from a thread of the pool
-                // than from outside.
                 let mut work = || self.substeps(&mut contact, plan, external, threads);
-                let cause = if threads > 1 { rayon::join(work, || ()).0 } else { work() };
+                // Its loops run on the whole pool, whatever number of threads pays off for the rest.
+                let cause = if threads > 1 { awake(pool - 1, work) } else { work() };
                 self.contact = Some(contact);
                 cause
             }

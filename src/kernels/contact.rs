@@ -56,18 +56,31 @@ pub(crate) const SWEEP_STEPS: u32 = 24;
 /// which the vertex already was inside is removed from `x` at a bounded speed, which adds no velocity. The remaining
 /// depth is removed from `u`, and Coulomb friction, relative to the body's motion, is proportional to it. The path of a
 /// fast vertex is tested for the first touch.
+#[inline]
 pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
-    let a = Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start;
-    let a_step = Vec3A::from(body.a_travel) * params.fraction;
-    if body.kind == PLANE {
-        let n = Vec3A::from(body.b);
-        let before = n.dot(x - a);
-        let after = before + n.dot(u - a_step);
-        return respond(x, u, n, before, after, a_step, body.friction, params.h);
+    match body.kind {
+        PLANE => {
+            let (a, a_step) = axis_end(body, substep, params);
+            let n = Vec3A::from(body.b);
+            let before = n.dot(x - a);
+            let after = before + n.dot(u - a_step);
+            respond(x, u, n, before, after, a_step, body.friction, params.h)
+        }
+        BOX => contact_box(x, u, body, substep, params),
+        _ => contact_round(x, u, body, substep, params),
     }
-    if body.kind == BOX {
-        return contact_box(x, u, body, substep, params);
-    }
+}
+
+/// [`Body::a`] at the start of a substep, and its displacement.
+#[inline]
+fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
+    let travel = Vec3A::from(body.a_travel);
+    (Vec3A::from(body.a) + travel * substep.start, travel * params.fraction)
+}
+
+/// [`contact_body`] for a sphere or a capsule.
+fn contact_round(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
+    let (a, a_step) = axis_end(body, substep, params);
     let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
     let b_step = Vec3A::from(body.b_travel) * params.fraction;
     let (taper, taper_step) = (body.c[0] + body.c_travel[0] * substep.start, body.c_travel[0] * params.fraction);
@@ -254,6 +267,7 @@ fn turned_back(rotation: Vec4, v: Vec3A) -> Vec3A {
 
 /// Pushes a vertex out along `n`, given its signed gap before and after the substep, and applies friction. Returns
 /// `(x, u)` afterwards.
+#[inline]
 #[expect(clippy::too_many_arguments, reason = "a contact has this many numbers; the shader's twin takes the same")]
 fn respond(x: Vec3A, u: Vec3A, n: Vec3A, before: f32, after: f32, step: Vec3A, friction: f32, h: f32) -> (Vec3A, Vec3A) {
     if after >= 0.0 {

@@ -1,0 +1,86 @@
+//! Pairs of features: a vertex and a triangle, or two edges.
+
+use super::surface::Surface;
+use crate::kernels::pair::{edge_edge, vertex_triangle};
+use crate::simd::{Registers, Vector};
+
+/// The kinds of pairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    VertexTriangle,
+    EdgeEdge,
+}
+
+impl Kind {
+    pub(super) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
+
+    /// The weights of a pair's four corners; they sum to 1 on the first side and -1 on the second.
+    pub(super) fn weights(self, free: f32, last: f32) -> [f32; 4] {
+        match self {
+            Kind::VertexTriangle => [1.0, -1.0 - free - last, free, last],
+            Kind::EdgeEdge => [1.0 - free, free, -1.0 - last, last],
+        }
+    }
+
+    /// The same for as many pairs as there are lanes.
+    #[inline(always)]
+    pub(super) fn wide_weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
+        let one = L::splat(1.0);
+        match self {
+            Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],
+            Kind::EdgeEdge => [one - free, free, L::splat(-1.0) - last, last],
+        }
+    }
+
+    /// The number of corners on the first side.
+    pub(super) fn first_side(self) -> usize {
+        match self {
+            Kind::VertexTriangle => 1,
+            Kind::EdgeEdge => 2,
+        }
+    }
+}
+
+/// A listed pair.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Listed {
+    pub corners: [u32; 4],
+    /// The second feature; the first is the row of the list.
+    pub other: u32,
+    /// Distance (m) at which they are held apart.
+    pub thickness: f32,
+}
+
+/// The corners of a pair.
+pub(super) fn corners(surface: &Surface, kind: Kind, [first, second]: [u32; 2]) -> [u32; 4] {
+    match kind {
+        Kind::VertexTriangle => {
+            let [a, b, c] = surface.triangles[second as usize];
+            [first, a, b, c]
+        }
+        Kind::EdgeEdge => {
+            let ([a, b], [c, d]) = (surface.edges[first as usize], surface.edges[second as usize]);
+            [a, b, c, d]
+        }
+    }
+}
+
+/// The weights of the closest points of pairs.
+#[inline(always)]
+pub(super) fn closest<L: Registers>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
+    match kind {
+        Kind::VertexTriangle => vertex_triangle(x),
+        Kind::EdgeEdge => edge_edge(x),
+    }
+}
+
+/// The vector between the closest points.
+#[inline(always)]
+pub(super) fn between<L: Registers>(weights: [L; 4], x: [Vector<L>; 4]) -> Vector<L> {
+    x[3].mul_add(weights[3], x[2].mul_add(weights[2], x[1].mul_add(weights[1], x[0] * weights[0])))
+}
+
+#[inline(always)]
+pub(super) fn square<L: Registers>(v: Vector<L>) -> L {
+    v.dot(v)
+}

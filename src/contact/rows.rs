@@ -1,0 +1,140 @@
+//! The lists of pairs, in rows, with their multipliers.
+
+use std::ops::Range;
+
+use glam::Vec4;
+use rayon::prelude::*;
+
+use super::least;
+use super::pairs::Listed;
+use super::ranges::Ranges;
+
+/// The pairs of one kind, in a row for each first feature, with their multipliers.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    /// The start of each row, and the end of the last.
+    pub starts: Vec<u32>,
+    pub pairs: Vec<Listed>,
+    /// Multipliers (kg m): xyz for friction, w along the normal.
+    pub lambda: Vec<Vec4>,
+}
+
+/// The pairs that a task of detection found, each with its row, and the ranges of rows that they are in.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    pub pairs: Vec<(u32, Listed)>,
+    pub ranges: u64,
+}
+
+impl Found {
+    /// The pairs in the rows of a range, in order.
+    fn within(&self, ranges: Ranges, range: usize) -> impl Iterator<Item = &(u32, Listed)> {
+        let pairs = if self.ranges >> range & 1 == 0 { &[] } else { &*self.pairs };
+        pairs.iter().filter(move |(row, _)| ranges.place(*row).0 == range)
+    }
+}
+
+impl Rows {
+    /// Becomes another list, in its own buffers.
+    pub(super) fn copy_from(&mut self, other: &Rows) {
+        self.starts.clone_from(&other.starts);
+        self.pairs.clone_from(&other.pairs);
+        self.lambda.clone_from(&other.lambda);
+    }
+
+    /// Removes all pairs.
+    pub(super) fn clear(&mut self) {
+        self.starts.clear();
+        self.pairs.clear();
+        self.lambda.clear();
+    }
+
+    /// Replaces the pairs by those that tasks found, in order, with the multipliers of pairs that were listed before.
+    pub(super) fn fill<'a, I: Iterator<Item = &'a Found>>(
+        &mut self,
+        rows: usize,
+        ranges: Ranges,
+        found: impl Fn() -> I + Sync,
+        before: &mut Rows,
+        is_shared: bool,
+    ) {
+        std::mem::swap(self, before);
+        let Rows { starts, pairs, lambda } = self;
+        starts.clear();
+        starts.resize(rows + 1, 0);
+        let tasks = starts[1..].par_chunks_mut(ranges.len()).enumerate().with_min_len(least(is_shared));
+        tasks.for_each(|(range, counts)| {
+            let pairs = found().flat_map(|found| found.within(ranges, range));
+            pairs.for_each(|(row, _)| counts[ranges.place(*row).1] += 1);
+        });
+        let mut total = 0;
+        for start in starts.iter_mut() {
+            // For now each entry is the end of the row before it, that is, the start of its own row.
+            total += std::mem::replace(start, total);
+        }
+        pairs.resize(total as usize, Listed { corners: [0; 4], other: 0, thickness: 0.0 });
+        lambda.resize(total as usize, Vec4::ZERO);
+        let before = (before.starts.len() == starts.len()).then_some(&*before);
+        let part = Part { first: 0, starts: &mut starts[1..], pairs, lambda };
+        Filling { ranges, found, before }.fill(0..ranges.count, part);
+    }
+}
+
+/// The rows of some ranges.
+struct Part<'a> {
+    /// Number of pairs in the rows before.
+    first: u32,
+    /// The start of each row; when it is filled, its end.
+    starts: &'a mut [u32],
+    pairs: &'a mut [Listed],
+    lambda: &'a mut [Vec4],
+}
+
+struct Filling<'a, F> {
+    ranges: Ranges,
+    found: F,
+    /// The pairs that were listed before, if there are any.
+    before: Option<&'a Rows>,
+}
+
+impl<'a, I: Iterator<Item = &'a Found>, F: Fn() -> I + Sync> Filling<'_, F> {
+    /// Fills ranges by recursive halving, in parallel if there are several.
+    fn fill(&self, ranges: Range<usize>, part: Part<'_>) {
+        let middle = ranges.start.midpoint(ranges.end);
+        if ranges.is_empty() {
+            return;
+        }
+        if middle == ranges.start {
+            return self.fill_one(middle, part);
+        }
+        let Part { first, starts, pairs, lambda } = part;
+        let (starts, later) = starts.split_at_mut((middle - ranges.start) * self.ranges.len());
+        let (pairs, later_pairs) = pairs.split_at_mut((later[0] - first) as usize);
+        let (lambda, later_lambda) = lambda.split_at_mut(pairs.len());
+        let one = Part { first, starts, pairs, lambda };
+        let other = Part { first: later[0], starts: later, pairs: later_pairs, lambda: later_lambda };
+        rayon::join(|| self.fill(ranges.start..middle, one), || self.fill(middle..ranges.end, other));
+    }
+
+    fn fill_one(&self, range: usize, part: Part<'_>) {
+        let Part { first, starts, pairs, lambda } = part;
+        for &(row, pair) in (self.found)().flat_map(|found| found.within(self.ranges, range)) {
+            let place = &mut starts[self.ranges.place(row).1];
+            pairs[(*place - first) as usize] = pair;
+            *place += 1;
+        }
+        lambda.fill(Vec4::ZERO);
+        let Some(before) = self.before else { return };
+        let mut start = 0;
+        for (row, &end) in (range * self.ranges.len()..).zip(&*starts) {
+            let row_of = |starts: &[u32]| starts[row] as usize..starts[row + 1] as usize;
+            let end = (end - first) as usize;
+            for index in row_of(&before.starts).filter(|&index| before.lambda[index] != Vec4::ZERO) {
+                let other = before.pairs[index].other;
+                let same = (start..end).find(|&place| pairs[place].other == other);
+                same.into_iter().for_each(|place| lambda[place] = before.lambda[index]);
+            }
+            start = end;
+        }
+    }
+}
