@@ -37,9 +37,9 @@ impl GpuContact {
         status.half = 0;
     }
 
-    /// Rolls back, and makes room for the needed pairs and half as many more.
+    /// Rolls back, and makes room for twice the needed pairs if the device allows it: folding cloth soon needs more again.
     pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize) {
-        let room = (needed + needed / 2).next_multiple_of(WORKGROUP);
+        let room = (2 * needed).next_multiple_of(WORKGROUP).min(most_room(gpu));
         let good = std::mem::replace(&mut self.good.pairs, gpu.buffer("pairs before", (room * size_of::<Listed>()) as u64));
         let mut encoder = gpu.encoder();
         encoder.copy_buffer_to_buffer(&good, 0, &self.good.pairs, 0, good.size().min(self.good.pairs.size()));
@@ -75,9 +75,8 @@ impl GpuContact {
         let needed = status.needed as usize;
         let has = |reason| status.stopped & reason != 0;
         let of_leaf = status.needed_of_leaf as usize;
-        let most = gpu.most_table_bytes() / (3 * size_of::<Listed>());
         let most_of_leaf = gpu.most_table_bytes() / (8 << self.table.depth);
-        if has(CROWDED) || needed > most || of_leaf > most_of_leaf {
+        if has(CROWDED) || needed > most_room(gpu) || of_leaf > most_of_leaf {
             self.go_back(gpu);
             self.forget();
             return Ok(Err(needed.max(status.listed as usize)));
@@ -102,4 +101,9 @@ impl GpuContact {
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.copy_buffer_to_buffer(&self.buffers.common, 0, &self.staging, 0, size_of::<Status>() as u64);
     }
+}
+
+/// The largest number of pairs that the device allows room for, in both halves of the list.
+fn most_room(gpu: &Gpu) -> usize {
+    gpu.most_table_bytes() / (2 * size_of::<Listed>())
 }

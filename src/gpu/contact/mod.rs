@@ -27,8 +27,7 @@ use course::{Course, Response};
 use stages::Stages;
 use status::{About, Listed, NEAR, NODE, PART, SUMS, Status, TRACK, VERTEX};
 
-/// Initially, the list has room for one pair per this many vertices, and for at least so many pairs.
-const FIRST_ROOM: usize = 2;
+/// Initially, the list has room for one pair per vertex, and for at least so many.
 const LEAST_ROOM: usize = 4096;
 /// Initially, each leaf's list has room for this many leaves.
 const FIRST_ROOM_OF_LEAF: usize = 62;
@@ -95,7 +94,7 @@ impl GpuContact {
         let (kept, mut table) = OnDevice::new(cloth, options)?;
         let words = std::mem::take(&mut table.words);
         let (vertices, rows) = (cloth.rest.len(), table.rows as usize);
-        let room = (vertices / FIRST_ROOM).max(LEAST_ROOM);
+        let room = vertices.max(LEAST_ROOM);
         let parts = 1 << (ENOUGH / rows).clamp(1, PARTS).ilog2();
         let groups = vertices.div_ceil(WORKGROUP);
         let starts = 2 * (rows + 1) + parts * rows + (parts * rows).div_ceil(WORKGROUP);
