@@ -5,7 +5,7 @@ const ALL_ENERGY: u32 = 0x1000000u;
 // Each step checks one of so many parts of the edges, in turn.
 const TURNS: u32 = 128u;
 // The least number of edges that a step checks.
-const LEAST: u32 = 64u;
+const LEAST: u32 = 16u;
 // Set by `single_workgroup.wgsl` beside the index of an edge, which is an index in the tile's table there.
 const IN_TABLE: u32 = 0x80000000u;
 

@@ -54,7 +54,9 @@ fn what_is_told_to_be_clear_is_clear() {
             let (substep, then) = (&plan.substeps[0], Then::Fall(&plan.substeps[1]));
             match width {
                 Some(_) => integrator.advance(&task, &[0..37, 37..count as u32], substep, then),
-                None => integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, then),
+                None => {
+                    integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, then);
+                }
             }
             [x, u].map(|values| values.iter().map(Vec4::to_array).collect::<Vec<_>>())
         };
