@@ -15,11 +15,11 @@ const STRIDES: f32 = 0.95;
 const LEG: f32 = 0.44;
 
 /// Number of limbs.
-pub(crate) const LIMBS: usize = 9;
+pub(crate) const LIMBS: usize = 10;
 /// Radii of the limbs (m).
-pub(crate) const RADII: [f32; LIMBS] = [0.135, 0.08, 0.12, 0.08, 0.055, 0.045, 0.08, 0.055, 0.045];
-/// Limbs that are balls.
-pub(crate) const HEAD: usize = 2;
+pub(crate) const RADII: [f32; LIMBS] = [0.135, 0.08, 0.05, 0.12, 0.08, 0.055, 0.045, 0.08, 0.055, 0.045];
+/// The limb that is a ball.
+pub(crate) const HEAD: usize = 3;
 
 /// The body at a time: it looks along -z of its own space, y is up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,8 +53,9 @@ impl Pose {
         let (left, right) = (side(1.0, phase), side(-1.0, phase + PI));
         let chest = [at(0.0, 1.04, 0.0), at(0.0, 1.34, 0.0)];
         let shoulders = [at(-0.165, 1.43, 0.0), at(0.165, 1.43, 0.0)];
+        let neck = [at(0.0, 1.43, 0.0), at(0.0, 1.6, -0.01)];
         let head = [at(0.0, 1.70, -0.02); 2];
-        let limbs = [chest, shoulders, head, left[0], left[1], left[2], right[0], right[1], right[2]];
+        let limbs = [chest, shoulders, neck, head, left[0], left[1], left[2], right[0], right[1], right[2]];
         Pose { root, limbs: limbs.map(|ends| ends.map(|end| root.transform_point3(end))) }
     }
 
