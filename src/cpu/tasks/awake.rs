@@ -21,16 +21,16 @@ thread_local! {
 
 /// Does some work while up to `others` other threads of the pool look for jobs that it leaves to them.
 pub(crate) fn awake<R: Send>(others: usize, work: impl FnOnce() -> R + Send) -> R {
-    Crew { waited_for: AtomicUsize::new(others), is_over: AtomicBool::new(false) }.recruit(others, work)
+    Workers { waited_for: AtomicUsize::new(others), is_over: AtomicBool::new(false) }.recruit(others, work)
 }
 
-struct Crew {
+struct Workers {
     /// Number of threads that have not come yet.
     waited_for: AtomicUsize,
     is_over: AtomicBool,
 }
 
-impl Crew {
+impl Workers {
     /// Recruits by nested joins, which allocate no memory. All jobs are in this thread's queue before the work begins.
     fn recruit<R: Send>(&self, others: usize, work: impl FnOnce() -> R + Send) -> R {
         if others > 0 {
@@ -42,7 +42,7 @@ impl Crew {
         work()
     }
 
-    /// Looks for work until the crew's is over.
+    /// Looks for work until the step's is over.
     fn linger(&self) {
         self.waited_for.fetch_sub(1, Ordering::Relaxed);
         if IS_BUSY.get() || self.is_over.load(Ordering::Relaxed) {
@@ -78,7 +78,7 @@ impl Drop for Busy {
     }
 }
 
-/// Ends the crew's work, after a panic too.
+/// Ends the workers' search, after a panic too.
 struct Over<'a>(&'a AtomicBool);
 
 impl Drop for Over<'_> {
