@@ -284,7 +284,8 @@ impl Cpu {
         external: Option<&ExternalPrediction<'_>>,
         threads: usize,
     ) -> Option<Cause> {
-        let Cpu { x, p, x_good, p_good, packed, .. } = self;
+        let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
+        let found = Found::nothing(&plan.params, x);
         let Packed { forces, coarse, edges, tethers, schedules, partition, width, terms, .. } = packed;
         let schedule = &mut schedules[schedule];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
@@ -304,12 +305,11 @@ impl Cpu {
                 if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse },
                 *width,
             ),
-            integrator: Integrator { plan, x: &x, u: &u, good, found: Found::nothing(), width: *width },
+            integrator: Integrator { plan, x: &x, u: &u, good, found, width: *width },
             chunks: schedule.chunks.as_deref(),
             external,
             rule: rule(plan.method),
             workers: threads,
-            step: self.steps,
         };
         let Schedule { passes, graph, .. } = schedule;
         let (first, count) = (turns.start, turns.end - turns.start);
@@ -323,7 +323,7 @@ impl Cpu {
         #[cfg(not(feature = "bench"))]
         graph.run(count, threads, &work);
         let found = stepper.integrator.found;
-        found.verdict(&plan.params, &self.x, &self.p)
+        found.verdict(plan.cloth, &plan.params, *steps, &self.x, &self.p)
     }
 }
 

@@ -10,9 +10,7 @@ use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::cpu::watch::Found;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::{predict_displacement, xyz};
-use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::Substep;
-use crate::kernels::watch::energy_share;
 use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
 
@@ -38,7 +36,7 @@ pub(crate) enum Then<'a> {
     Wait,
     /// Its displacement in the next substep is predicted at once, from the ambient acceleration alone.
     Fall(&'a Substep),
-    /// The step is over: check that it is within bounds, and add its share of the kinetic energy.
+    /// The step is over: check that it is within bounds.
     Check,
 }
 
@@ -69,10 +67,8 @@ impl Integrator<'_> {
         (Vec3::from(self.plan.params.acceleration) * substep.gain).extend(0.0)
     }
 
-    /// The scalar form of [`Integrator::advance`]. Returns the sum of the squared displacements (m²) if it is to check
-    /// them.
-    fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, then: Then<'_>) -> f32 {
-        let mut squares = 0.0;
+    /// The scalar form of [`Integrator::advance`].
+    fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
         for i in vertices {
             let (from, by) = (x.get(i), u.get(i));
             let w = from.w;
@@ -91,37 +87,13 @@ impl Integrator<'_> {
                 }
                 Then::Fall(_) => Vec4::ZERO,
                 Then::Check => {
-                    let bounded = |v: Vec4| v.truncate().abs().cmple(Vec3::splat(MAX_POSITION)).all();
-                    // Written so that NaN, which compares false, also counts as out of bounds.
-                    if !(bounded(to) && bounded(by.extend(0.0))) {
-                        self.found.report_lost(i);
-                    }
-                    squares += by.length_squared();
+                    self.found.check(i, at + by, by);
                     by.extend(0.0)
                 }
             };
             x.set(i, to);
             u.set(i, on);
         }
-        squares
-    }
-
-    /// Adds the kinetic energy of some vertices, unless it is less than their share of what is allowed even if each of
-    /// them were as heavy as the heaviest. What is left out is less than is allowed in all, and in all but violent steps
-    /// this saves reading each mass.
-    fn add_energy(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, squares: f32) {
-        let (cloth, params) = (self.plan.cloth, &self.plan.params);
-        let most = squares * params.per_length * params.per_length * cloth.heaviest * params.per_mass;
-        // Written so that NaN is not left out.
-        if most <= vertices.len() as f32 / cloth.rest.len() as f32 {
-            return;
-        }
-        let share = |p: f32, mass| energy_share(p, mass, params.per_length, params.per_mass);
-        let of_vertex = |i: usize| {
-            let (by, mass) = (u.get(i), cloth.mass[i]);
-            share(by.x, mass) + share(by.y, mass) + share(by.z, mass)
-        };
-        self.found.add(vertices.filter(|&i| x.get(i).w > 0.0).map(of_vertex).sum());
     }
 }
 
@@ -194,8 +166,8 @@ impl Loop for Advance<'_> {
             Then::Wait | Then::Check => (L::splat(1.0), zero),
         };
         let fourth = zero.lt(L::repeat(Vec4::W));
-        let most = L::splat(MAX_POSITION);
-        let (mut squares, mut others) = (zero, 0.0);
+        let Found { center, distance, travel, .. } = &integrator.found;
+        let (center, distance, travel) = (L::repeat(center.extend(0.0)), L::splat(*distance), L::splat(*travel));
         let mut first = self.vertices.start;
         while self.vertices.end - first >= L::LANES {
             let (x_row, u_row) = (x.row::<L>(first as u32), u.row::<L>(first as u32));
@@ -203,10 +175,9 @@ impl Loop for Advance<'_> {
             if clear && matches!(then, Then::Check) {
                 for k in 0..4 {
                     let (from, by) = (x_row.get(k), u_row.get(k));
-                    let to = L::select(fourth, zero, from + by);
+                    let away = L::select(fourth, zero, from + by - center);
                     let by = L::select(fourth, zero, by);
-                    clear &= L::all(L::and(to.abs().lt(most), by.abs().lt(most)));
-                    squares = by.mul_add(by, squares);
+                    clear &= L::all(L::and(away.abs().lt(distance), by.abs().lt(travel)));
                 }
             }
             if clear {
@@ -220,14 +191,11 @@ impl Loop for Advance<'_> {
                     }
                 }
             } else {
-                others += integrator.advance_each(x, u, first..first + L::LANES, substep, then);
+                integrator.advance_each(x, u, first..first + L::LANES, substep, then);
             }
             first += L::LANES;
         }
-        others += integrator.advance_each(x, u, first..self.vertices.end, substep, then);
-        if matches!(then, Then::Check) {
-            integrator.add_energy(x, u, self.vertices.clone(), squares.sum().element_sum() + others);
-        }
+        integrator.advance_each(x, u, first..self.vertices.end, substep, then);
     }
 }
 

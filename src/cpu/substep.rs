@@ -53,8 +53,6 @@ pub(crate) struct Stepper<'a> {
     /// How edges are corrected; none if they are springs, which act as forces.
     pub rule: Option<Rule>,
     pub workers: usize,
-    /// Number of successful steps before this one.
-    pub step: u32,
 }
 
 impl Stepper<'_> {
@@ -98,17 +96,9 @@ impl Stepper<'_> {
             Stage::SmallLevels(first) => self.correction.small_levels(task, first),
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
-            Stage::Sweep(round) => {
-                self.sweep(task, round, part);
-                if self.terms.contact {
-                    self.check_edges(task, round, part, index);
-                }
-            }
+            Stage::Sweep(round) => self.sweep(task, round, part),
             Stage::Tether(round) => self.tethering.hold(task, &self.tethers[round], part, substep),
-            Stage::Move(round) => {
-                self.check_edges(task, round, part, index);
-                self.advance(task, &self.partition.rounds[round][part].vertices, index);
-            }
+            Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
             Stage::MoveAfterContact => self.advance(task, &[tile()], index),
         }
     }
@@ -142,15 +132,6 @@ impl Stepper<'_> {
             vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
         }
         sweep(&self.edges[round], part, rule, x, u, self.integrator.width);
-    }
-
-    /// In the last substep of a step, checks some of a piece's edges for excessive length.
-    fn check_edges(&self, task: &Task, round: usize, part: usize, index: usize) {
-        if index + 1 == self.plan.substeps.len() {
-            let (State { x, u }, piece) = (self.state(task), &self.partition.rounds[round][part]);
-            let longest = self.plan.params.longest;
-            self.integrator.found.check_edges(self.plan.cloth, piece, self.step, x, u, longest);
-        }
     }
 
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {

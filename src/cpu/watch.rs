@@ -1,36 +1,51 @@
-//! Stability checks by the tasks of a step: vertices out of bounds, edges that are too long, and the total kinetic
-//! energy.
+//! Stability checks of the result of a step. The tasks of its last substep test each vertex against bounds within which
+//! neither the kinetic energy nor any edge can be too large. Only if a vertex is beyond them are energies added up and
+//! edges measured.
 
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use glam::Vec4;
+use glam::{Vec3A, Vec4};
 
-use crate::cpu::partition::Piece;
-use crate::cpu::tasks::shared::View;
 use crate::error::failure::Cause;
 use crate::kernels::integrate::xyz;
+use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::Params;
-use crate::kernels::watch::is_long;
+use crate::kernels::watch::{energy_share, is_long};
 use crate::model::cloth::Cloth;
 use crate::step::watch::{LEAST, TURNS};
 
-/// The allowed kinetic energy as a fixed-point number. Integer sums do not depend on the order in which tasks add.
-const WHOLE: f64 = (1_u64 << 40) as f64;
+/// Half the edge of a cube whose points are less than 1 apart: less than `1 / (2 sqrt 3)`, for rounding errors.
+const CUBE: f32 = 0.28;
+/// A vector whose components are less than this is shorter than 1: less than `1 / sqrt 3`, likewise.
+const COMPONENT: f32 = 0.57;
 
-/// The defects that the tasks of a step have found so far.
+/// What the tasks of a step have found so far.
 #[derive(Debug)]
 pub(crate) struct Found {
     /// Index of the first vertex out of bounds; `usize::MAX` if there is none.
     lost: AtomicUsize,
-    /// Index of the first edge that is too long; `usize::MAX` if there is none.
-    long: AtomicUsize,
-    /// Kinetic energy in units of the allowed energy over [`WHOLE`].
-    energy: AtomicU64,
+    /// Whether a vertex is so fast or so far away that energies and edges must be looked at.
+    is_suspicious: AtomicBool,
+    /// A vertex at the step's start (m), and how far (m) others may be from it along each axis.
+    pub center: Vec3A,
+    pub distance: f32,
+    /// How far (m) a vertex may move along each axis in a substep.
+    pub travel: f32,
 }
 
 impl Found {
-    pub(crate) fn nothing() -> Found {
-        Found { lost: AtomicUsize::new(usize::MAX), long: AtomicUsize::new(usize::MAX), energy: AtomicU64::new(0) }
+    /// Nothing yet, in a step from the positions `x` (m).
+    pub(crate) fn nothing(params: &Params, x: &[Vec4]) -> Found {
+        let center = x.first().map_or(Vec3A::ZERO, |&x| xyz(x));
+        // All within the cube are then within the bounds of positions, too.
+        let within = MAX_POSITION - center.abs().max_element();
+        Found {
+            lost: AtomicUsize::new(usize::MAX),
+            is_suspicious: AtomicBool::new(false),
+            center,
+            distance: within.min(CUBE * params.longest),
+            travel: (COMPONENT / params.per_length).min(MAX_POSITION),
+        }
     }
 
     /// Records a vertex that is out of bounds.
@@ -38,37 +53,49 @@ impl Found {
         self.lost.fetch_min(vertex, Ordering::Relaxed);
     }
 
-    /// Adds to the kinetic energy, in shares of the allowed energy.
-    pub(crate) fn add(&self, share: f32) {
-        self.energy.fetch_add((f64::from(share.min(1.0)) * WHOLE) as u64, Ordering::Relaxed);
-    }
-
-    /// Checks the length that edges have once their vertices have moved. Each step checks another part of a piece's
-    /// edges, 1 in [`TURNS`] but at least [`LEAST`].
-    pub(crate) fn check_edges(&self, cloth: &Cloth, piece: &Piece, step: u32, x: View<'_>, u: View<'_>, longest: f32) {
-        let each = piece.edges.len().div_ceil(TURNS).max(LEAST);
-        let turns = piece.edges.len().div_ceil(each).max(1);
-        let Some(edges) = piece.edges.chunks(each).nth(step as usize % turns) else { return };
-        for &place in edges {
-            let link = &cloth.links[place as usize];
-            let [a, b] = link.ends.map(|end| xyz(x.get(end as usize)) + xyz(u.get(end as usize)));
-            // An edge without stiffness may have any length.
-            if link.stiffness > 0.0 && is_long(a - b, longest) {
-                self.long.fetch_min(place as usize, Ordering::Relaxed);
+    /// Checks one vertex, now at `x` (m), which moved by `u` (m) in the last substep.
+    pub(crate) fn check(&self, vertex: usize, x: Vec3A, u: Vec3A) {
+        let within = |v: Vec3A, most: f32| v.abs().cmplt(Vec3A::splat(most)).all();
+        // Written so that NaN, which compares false, also counts as out of bounds.
+        if !(within(x - self.center, self.distance) && within(u, self.travel)) {
+            self.is_suspicious.store(true, Ordering::Relaxed);
+            if !(within(x, MAX_POSITION) && within(u, MAX_POSITION)) {
+                self.report_lost(vertex);
             }
         }
     }
 
-    /// The most severe defect, if any was found, given the state at the step's end.
-    pub(crate) fn verdict(self, params: &Params, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
-        let (lost, long) = (self.lost.into_inner(), self.long.into_inner());
+    /// The most severe defect, if there is any, given the state at the end of step number `step`.
+    pub(crate) fn verdict(self, cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
+        let lost = self.lost.into_inner();
         if lost < usize::MAX {
             return Some(Cause::Lost(lost));
         }
-        if self.energy.into_inner() as f64 >= WHOLE {
-            let is_fast = |(x, u): (&Vec4, &Vec4)| x.w > 0.0 && (xyz(*u) * params.per_length).length_squared() > 1.0;
-            return Some(Cause::Energy(x.iter().zip(u).position(is_fast).unwrap_or(0)));
+        if !self.is_suspicious.into_inner() {
+            return None;
         }
-        (long < usize::MAX).then_some(Cause::Edge(long))
+        let share = |(u, &mass): (&Vec4, &f32)| {
+            let of = |u| f64::from(energy_share(u, mass, params.per_length, params.per_mass));
+            of(u.x) + of(u.y) + of(u.z)
+        };
+        let is_free = |index: usize| x[index].w > 0.0;
+        let shares = u.iter().zip(&cloth.mass).enumerate().filter(|&(index, _)| is_free(index)).map(|(_, of)| share(of));
+        if shares.sum::<f64>() >= 1.0 {
+            let is_fast = |&index: &usize| is_free(index) && (xyz(u[index]) * params.per_length).length_squared() > 1.0;
+            return Some(Cause::Energy((0..cloth.mass.len()).find(is_fast).unwrap_or(0)));
+        }
+        overlong(cloth, params.longest, step, x).map(Cause::Edge)
     }
+}
+
+/// The first edge that is longer than `longest` (m). Each step looks at another part of the edges, 1 in [`TURNS`] but at
+/// least [`LEAST`]: parts of a cloth may be far from each other for good.
+fn overlong(cloth: &Cloth, longest: f32, step: u32, x: &[Vec4]) -> Option<usize> {
+    let edges = cloth.swept();
+    let each = edges.len().div_ceil(TURNS).max(LEAST);
+    let first = step as usize % edges.len().div_ceil(each).max(1) * each;
+    // An edge without stiffness may have any length.
+    let mut part = edges.iter().enumerate().skip(first).take(each).filter(|(_, edge)| edge.stiffness > 0.0);
+    let is_overlong = |ends: [u32; 2]| is_long(xyz(x[ends[0] as usize]) - xyz(x[ends[1] as usize]), longest);
+    part.find(|(_, edge)| is_overlong(edge.ends)).map(|(place, _)| place)
 }

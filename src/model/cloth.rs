@@ -44,8 +44,6 @@ pub(crate) struct Cloth {
     pub colors: Vec<Range<usize>>,
     /// Pinned vertices, in the order of [`Options::pinned`].
     pub pinned: Vec<u32>,
-    /// The largest mass (kg) of a vertex.
-    pub heaviest: f32,
     /// Mean areal density (kg/m²).
     pub density: f64,
     /// Sides of the rest shape's bounding box (m).
@@ -147,7 +145,6 @@ impl Cloth {
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
         let cloth = Cloth {
-            heaviest: mass.iter().copied().fold(0.0, f32::max),
             order,
             origin,
             rest,
@@ -201,7 +198,6 @@ impl Cloth {
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
         let cloth = Cloth {
-            heaviest: mass.iter().copied().fold(0.0, f32::max),
             order: self.order.clone(),
             rest,
             mass,

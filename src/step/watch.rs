@@ -36,7 +36,8 @@ const LEAST_EXTENT: f64 = 1e-6;
 /// Ratio of the peak stress in motion to the static stress `rho g L`.
 pub(crate) const TRANSIENT: f64 = 5.0;
 /// Each step checks one of so many parts of the edges, in turn; `stages/watch.wgsl` has the same constant. Checking an
-/// edge that is out of cache costs more than sweeping it, and overstretched edges persist for many steps.
+/// edge that is out of cache costs more than sweeping it, and overstretched edges persist for many steps. On the CPU a
+/// step whose vertices are all close enough together checks none.
 pub(crate) const TURNS: usize = 128;
 /// Minimum number of edges that a step checks; `stages/watch.wgsl` has the same constant.
 pub(crate) const LEAST: usize = 16;

@@ -47,16 +47,14 @@ fn what_is_told_to_be_clear_is_clear() {
             start.iter().enumerate().for_each(|(v, [at, by])| (x[v], u[v]) = (*at, *by));
             let (shared_x, shared_u, task) = (SharedArray::new(x.room()), SharedArray::new(u.room()), Task::alone());
             let good = [SharedArray::new(none.room()), SharedArray::new(&mut [])];
-            let found = Found::nothing();
+            let found = Found::nothing(&plan.params, &cloth.rest);
             let (x_view, u_view) = (&shared_x, &shared_u);
             let integrator =
                 Integrator { plan: &plan, x: x_view, u: u_view, good, found, width: width.unwrap_or(Width::detected()) };
             let (substep, then) = (&plan.substeps[0], Then::Fall(&plan.substeps[1]));
             match width {
                 Some(_) => integrator.advance(&task, &[0..37, 37..count as u32], substep, then),
-                None => {
-                    integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, then);
-                }
+                None => integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, then),
             }
             [x, u].map(|values| values.iter().map(Vec4::to_array).collect::<Vec<_>>())
         };
