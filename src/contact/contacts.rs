@@ -35,7 +35,8 @@ pub(super) struct Contacts {
     pub portions: [Vec<Portion>; 2],
     pub used: [usize; 2],
     pub vertices: Vec<Vertex>,
-    /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole.
+    /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole. The w of a
+    /// position is the length of that displacement at the start, that of the last is 1 if the vertex is led.
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
     pub by: Vec<Vec4>,
@@ -120,10 +121,11 @@ impl Contacts {
         tasks.for_each(|(((vertices, x), u), order)| {
             for (((vertex, x), u), &index) in vertices.iter_mut().zip(x).zip(u).zip(order) {
                 let of = index as usize;
-                (*x, *u) = (start.x[of], start.u[of].with_w(0.0));
+                *u = start.u[of].with_w(0.0);
+                *x = start.x[of].with_w((xyz(*u) - start.mean).length());
                 let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                 let travel = (xyz(*u) + push - start.mean).length();
-                *vertex = Vertex { index, x: *x, push, weight: 0.0, travel, reach: start.surface.reach[of], share: 1.0 };
+                *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of], share: 1.0 };
             }
         });
     }

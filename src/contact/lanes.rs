@@ -5,20 +5,20 @@ use glam::Vec4;
 
 use crate::simd::{MAX_LANES, Registers, Vector};
 
-/// One corner of as many pairs as lanes.
+/// The registers of one corner: the `k`th has lanes `k`, `k + 4` and so on.
 #[inline(always)]
-fn gathered<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner: usize) -> Vector<L> {
-    L::transpose([
+fn gathered<L: Registers>(from: &[Vec4], places: &[[u32; 4]], corner: usize) -> [L; 4] {
+    let places = &places[..L::LANES];
+    [
         register(from, places, corner, 0),
         register(from, places, corner, 1),
         register(from, places, corner, 2),
         register(from, places, corner, 3),
-    ])
+    ]
 }
 
-/// One register of that corner: lanes `k`, `k + 4` and so on.
 #[inline(always)]
-fn register<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner: usize, k: usize) -> L {
+fn register<L: Registers>(from: &[Vec4], places: &[[u32; 4]], corner: usize, k: usize) -> L {
     let mut vectors = [from[places[k][corner] as usize]; 4];
     for index in 1..L::VECTORS {
         vectors[index] = from[places[k + 4 * index][corner] as usize];
@@ -26,20 +26,35 @@ fn register<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner:
     L::from_vectors(vectors)
 }
 
-/// All corners of as many pairs as lanes.
+/// All corners of as many pairs as lanes, of which `places` has at least as many.
 #[inline(always)]
-pub(super) fn corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES]) -> [Vector<L>; 4] {
-    [gathered(from, places, 0), gathered(from, places, 1), gathered(from, places, 2), gathered(from, places, 3)]
+pub(super) fn corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]]) -> [Vector<L>; 4] {
+    [
+        L::transpose(gathered(from, places, 0)),
+        L::transpose(gathered(from, places, 1)),
+        L::transpose(gathered(from, places, 2)),
+        L::transpose(gathered(from, places, 3)),
+    ]
 }
 
-/// The w of one corner of as many pairs as lanes.
+/// The same with the w of each corner.
 #[inline(always)]
-pub(super) fn fourth_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]; MAX_LANES], corner: usize) -> L {
-    let mut numbers = [0.0; MAX_LANES];
-    for k in 0..L::LANES {
-        numbers[k] = from[places[k][corner] as usize].w;
+pub(super) fn whole_corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]]) -> ([Vector<L>; 4], [L; 4]) {
+    let (a, b) = (gathered::<L>(from, places, 0), gathered::<L>(from, places, 1));
+    let (c, d) = (gathered::<L>(from, places, 2), gathered::<L>(from, places, 3));
+    let vectors = [L::transpose(a), L::transpose(b), L::transpose(c), L::transpose(d)];
+    (vectors, [L::fourth(a), L::fourth(b), L::fourth(c), L::fourth(d)])
+}
+
+/// The pairs of a group, which has at most as many as lanes, repeated to as many if it has fewer.
+#[inline(always)]
+pub(super) fn filled<'a, L: Registers>(group: &'a [[u32; 4]], room: &'a mut [[u32; 4]; MAX_LANES]) -> &'a [[u32; 4]] {
+    if group.len() >= L::LANES {
+        return group;
     }
-    L::from_slice(&numbers[..L::LANES])
+    room.fill(group[0]);
+    room[..group.len()].copy_from_slice(group);
+    room
 }
 
 /// Stores the vector of each lane.

@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::lanes::{corners_of, fourth_of, scattered};
+use super::lanes::{corners_of, scattered, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest, corners, square};
 use super::surface::Surface;
 use super::tree::Look;
@@ -29,7 +29,7 @@ impl Loop for Measure<'_> {
         for group in near.chunks(L::LANES) {
             let mut places = [corners(surface, kind, group[0]); MAX_LANES];
             places.iter_mut().zip(group).for_each(|(place, &pair)| *place = corners(surface, kind, pair));
-            let (y, u) = (corners_of::<L>(middle, &places), corners_of::<L>(u, &places));
+            let ((y, [a, b, c, d]), u) = (whole_corners_of::<L>(middle, &places), corners_of::<L>(u, &places));
             let apart = between(closest(kind, y), y);
             let distance = apart.dot(apart).sqrt();
             let mut relative = square(u[0] - u[2]).max(square(u[0] - u[3]));
@@ -37,8 +37,6 @@ impl Loop for Measure<'_> {
                 Kind::VertexTriangle => relative.max(square(u[0] - u[1])),
                 Kind::EdgeEdge => relative.max(square(u[1] - u[2])).max(square(u[1] - u[3])),
             };
-            let (a, b) = (fourth_of::<L>(middle, &places, 0), fourth_of::<L>(middle, &places, 1));
-            let (c, d) = (fourth_of::<L>(middle, &places, 2), fourth_of::<L>(middle, &places, 3));
             let stray = match kind {
                 Kind::VertexTriangle => a + b.max(c).max(d),
                 Kind::EdgeEdge => a.max(b) + c.max(d),

@@ -4,8 +4,8 @@
 use glam::{Vec3A, Vec4};
 
 use super::coincident::{TOUCHING, coincident};
-use super::lanes::{corners_of, scattered};
-use super::pairs::{Kind, Listed, between, closest, square};
+use super::lanes::{corners_of, filled, scattered, whole_corners_of};
+use super::pairs::{Kind, Listed, between, closest};
 use super::surface::Surface;
 use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 
@@ -87,7 +87,8 @@ pub(super) struct Find<'a> {
     /// Index in the list of the first pair.
     pub first: usize,
     pub pairs: &'a [Listed],
-    /// Their corners as places among the vertices of listed pairs, whose positions and displacements (m) these are.
+    /// Their corners as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
+    /// w of a position is how far (m) the vertex is about to move relative to the mean displacement.
     pub corners: &'a [[u32; 4]],
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
@@ -103,17 +104,17 @@ impl Loop for Find<'_> {
         let Find { kind, first, pairs, corners, x: at, u: by, start, found, acting } = self;
         acting.resize(pairs.len(), 0);
         let mut count = 0;
-        let mean = Vector::<L>::splat(start.mean.to_array());
+        let mut room = [[0; 4]; MAX_LANES];
         let (zero, one, most_push) = (L::splat(0.0), L::splat(1.0), L::splat(2.0 * start.most_push));
         for (group, (listed, corners)) in pairs.chunks(L::LANES).zip(corners.chunks(L::LANES)).enumerate() {
-            let (mut places, mut thickness) = ([corners[0]; MAX_LANES], [0.0; MAX_LANES]);
-            for (lane, (pair, corners)) in listed.iter().zip(corners).enumerate() {
-                (places[lane], thickness[lane]) = (*corners, pair.thickness);
+            let mut thickness = [0.0; MAX_LANES];
+            for (lane, pair) in listed.iter().enumerate() {
+                thickness[lane] = pair.thickness;
             }
+            let places = filled::<L>(corners, &mut room);
             let thickness = L::from_slice(&thickness[..L::LANES]);
             let least = if start.begins { thickness * L::splat(TOUCHING) } else { L::splat(1e-12) };
-            let (x, u) = (corners_of::<L>(at, &places), corners_of::<L>(by, &places));
-            let travel = [square(u[0] - mean), square(u[1] - mean), square(u[2] - mean), square(u[3] - mean)];
+            let (x, travel) = whole_corners_of::<L>(at, places);
             let weights = closest(kind, x);
             let apart = between(weights, x);
             let (a, b) = match kind {
@@ -121,7 +122,7 @@ impl Loop for Find<'_> {
                 Kind::EdgeEdge => (travel[0].max(travel[1]), travel[2].max(travel[3])),
             };
             let distance = apart.dot(apart).sqrt();
-            let left = distance - a.sqrt() - b.sqrt() - most_push;
+            let left = distance - a - b - most_push;
             let all = (1_u32 << listed.len()) - 1;
             let (near, is_apart) = (left.lt(thickness), least.lt(distance));
             let mut touching = L::bits(near) & all & !L::bits(is_apart);
@@ -141,7 +142,7 @@ impl Loop for Find<'_> {
                 continue;
             }
             let normal = apart * (one / distance);
-            let gap = distance - thickness + normal.dot(between(weights, u));
+            let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(by, places)));
             let mut acts = gap.lt(thickness * L::splat(ACTING));
             let free = match kind {
                 Kind::VertexTriangle => weights[2],

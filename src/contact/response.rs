@@ -144,12 +144,10 @@ impl Loop for Step<'_> {
         for (index, impulses) in impulses.chunks_exact_mut(L::LANES).enumerate() {
             let (group, first) = (&mut groups[index * L::LANES / MAX_LANES], index * L::LANES % MAX_LANES);
             let lanes = first..first + L::LANES;
-            let mut places = [group.corners[first]; MAX_LANES];
-            places[..L::LANES].copy_from_slice(&group.corners[lanes.clone()]);
             let normal = vector::<L>(&group.normal, first);
             let (rub, press) = (vector::<L>(&group.rub, first), number(&group.press, first));
             let weights = group.kind.wide_weights(number(&group.free, first), number(&group.last, first));
-            let relative = between(weights, corners_of::<L>(u, &places));
+            let relative = between(weights, corners_of::<L>(u, &group.corners[lanes.clone()]));
             let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
             let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, friction);
             store(&mut group.rub[0][lanes.clone()], new_rub.x);

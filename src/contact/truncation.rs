@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
 use super::contacts::{Contacts, GRAIN};
-use super::lanes::{corners_of, fourth_of};
+use super::lanes::{corners_of, whole_corners_of};
 use super::least;
 use super::near::Near;
 use super::pairs::{Kind, between};
@@ -34,7 +34,7 @@ impl Contacts {
                 let way = xyz(u) + vertex.push - mean;
                 let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
                 vertex.share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
-                *by = way.extend(0.0);
+                *by = way.extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
         });
         let (x, by): (&[Vec4], &[Vec4]) = (x, by);
@@ -88,7 +88,7 @@ impl Loop for Shares<'_> {
             let normal = Vector::new(number(&numbers[0]), number(&numbers[1]), number(&numbers[2]));
             let (distance, thickness): (L, L) = (number(&numbers[3]), number(&numbers[4]));
             let weights = kind.wide_weights::<L>(number(&numbers[5]), number(&numbers[6]));
-            let (at, by) = (corners_of::<L>(x, &places), corners_of::<L>(by, &places));
+            let (at, (by, is_led)) = (corners_of::<L>(x, &places), whole_corners_of::<L>(by, &places));
             // A point halfway between the closest points.
             let none = Vector::<L>::zero();
             let first = match kind {
@@ -99,14 +99,12 @@ impl Loop for Shares<'_> {
             let kept = kept(distance, thickness);
             let mut heights = [zero; 4];
             let mut towards = [zero; 4];
-            let mut is_led = [zero; 4];
             let (mut led_down, mut led_up) = (zero, zero);
             for k in 0..4 {
                 let is_first = k < kind.first_side();
                 let side = if is_first { one } else { L::splat(-1.0) };
                 heights[k] = side * normal.dot(at[k] - middle);
                 towards[k] = (zero - side) * normal.dot(by[k]);
-                is_led[k] = L::select(L::eq(fourth_of::<L>(x, &places, k), zero), one, zero);
                 // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
                 let out = (kept - (heights[k] - towards[k])).max(zero) * is_led[k];
                 if is_first {

@@ -153,6 +153,8 @@ pub(crate) trait Registers: Lanes {
     fn store_pairs(pairs: [Self; 2], to: &mut [Vec4]);
     /// The x, y and z of the vectors in four registers; [`vector_of_lane`] tells the order of the lanes.
     fn transpose(vectors: [Self; 4]) -> Vector<Self>;
+    /// The w of the same vectors.
+    fn fourth(vectors: [Self; 4]) -> Self;
     /// The inverse of [`Registers::transpose`], with 0 as the fourth component.
     fn vectors(numbers: Vector<Self>) -> [Self; 4];
     /// The sum of the register's 4-vectors.

@@ -69,6 +69,7 @@ impl Registers for Vec4 {
             let t = Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose();
             Vector::new(t.x_axis, t.y_axis, t.z_axis)
         }
+        fn fourth(v: [Vec4; 4]) -> Vec4 { Vec4::new(v[0].w, v[1].w, v[2].w, v[3].w) }
         fn vectors(v: Vector<Vec4>) -> [Vec4; 4] {
             let t = Mat4::from_cols(v.x, v.y, v.z, Vec4::ZERO).transpose();
             [t.x_axis, t.y_axis, t.z_axis, t.w_axis]

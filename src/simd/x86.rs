@@ -135,6 +135,9 @@ impl Registers for F32x8 {
                 z: F32x8(_mm256_shuffle_ps::<0x44>(zw_low, zw_high)),
             }
         }
+        fn fourth([a, b, c, d]: [F32x8; 4]) -> F32x8 {
+            F32x8(_mm256_shuffle_ps::<0xee>(_mm256_unpackhi_ps(a.0, b.0), _mm256_unpackhi_ps(c.0, d.0)))
+        }
         fn vectors(v: Vector<F32x8>) -> [F32x8; 4] {
             let zero = _mm256_setzero_ps();
             let (xy_low, xy_high) = (_mm256_unpacklo_ps(v.x.0, v.y.0), _mm256_unpackhi_ps(v.x.0, v.y.0));
@@ -251,6 +254,9 @@ impl Registers for F32x16 {
                 y: F32x16(_mm512_shuffle_ps::<0xee>(xy_low, xy_high)),
                 z: F32x16(_mm512_shuffle_ps::<0x44>(zw_low, zw_high)),
             }
+        }
+        fn fourth([a, b, c, d]: [F32x16; 4]) -> F32x16 {
+            F32x16(_mm512_shuffle_ps::<0xee>(_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0)))
         }
         fn vectors(v: Vector<F32x16>) -> [F32x16; 4] {
             let zero = _mm512_setzero_ps();
