@@ -6,6 +6,7 @@ import { createReadStream, existsSync, mkdirSync, readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { createRequire } from "node:module";
 import { extname, join } from "node:path";
+import { brotliCompressSync, gzipSync } from "node:zlib";
 
 const [native, , shots] = process.argv.slice(2);
 const { chromium } = createRequire(import.meta.url)(join(process.env.NODE_MODULES, "playwright-core"));
@@ -30,7 +31,9 @@ await new Promise((ready) => server.listen(0, "127.0.0.1", ready));
 const address = `http://127.0.0.1:${server.address().port}/`;
 
 const { initSync, Toy } = await import(new URL("dist/cloth.js", import.meta.url));
-initSync({ module: readFileSync(new URL("dist/cloth_bg.wasm", import.meta.url)) });
+const module = readFileSync(new URL("dist/cloth_bg.wasm", import.meta.url));
+console.log(`module: ${Math.round(gzipSync(module, { level: 9 }).length / 1000)} kB with gzip, ${Math.round(brotliCompressSync(module).length / 1000)} kB with brotli`);
+initSync({ module });
 
 const browser = await chromium.launch({
   executablePath: process.env.CHROMIUM,

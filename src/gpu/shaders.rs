@@ -2,14 +2,55 @@
 
 use crate::device::Shader;
 
+/// A file of `shaders/`. A web page downloads it, so there it has no comments, nor in the unit tests, which parse it.
+macro_rules! wgsl {
+    ($($path:literal),+) => {{
+        const TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $($path),+));
+        #[cfg(not(any(test, target_arch = "wasm32")))]
+        const SOURCE: &str = TEXT;
+        #[cfg(any(test, target_arch = "wasm32"))]
+        const SOURCE: &str = {
+            const CODE: [u8; without_comments(TEXT, &mut [])] = {
+                let mut code = [0; _];
+                without_comments(TEXT, &mut code);
+                code
+            };
+            match str::from_utf8(&CODE) {
+                Ok(code) => code,
+                Err(_) => panic!("comments begin and end between characters"),
+            }
+        };
+        SOURCE
+    }};
+}
+
+/// Writes a text without its comments, as far as there is room, and returns its length. Lines keep their numbers.
+#[cfg(any(test, target_arch = "wasm32"))]
+const fn without_comments(text: &str, code: &mut [u8]) -> usize {
+    let text = text.as_bytes();
+    let (mut from, mut to, mut comment) = (0, 0, false);
+    while from < text.len() {
+        let slashes = text[from] == b'/' && from + 1 < text.len() && text[from + 1] == b'/';
+        comment = (comment || slashes) && text[from] != b'\n';
+        if !comment {
+            if to < code.len() {
+                code[to] = text[from];
+            }
+            to += 1;
+        }
+        from += 1;
+    }
+    to
+}
+
 macro_rules! shaders {
     ($($name:ident: $($file:literal)+;)+) => {
         $(pub(crate) const $name: Shader = Shader {
             name: stringify!($name),
             source: &[
-                include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/params.wgsl")),
-                include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/stages/dispatch.wgsl")),
-                $(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $file, ".wgsl"))),+
+                wgsl!("params.wgsl"),
+                wgsl!("stages/dispatch.wgsl"),
+                $(wgsl!($file, ".wgsl")),+
             ],
         };)+
 

@@ -12,6 +12,16 @@ macro_rules! inlined {
     )*};
 }
 
+/// The square root of each number. Glam has only that of one number, which compilers combine to one of four, but for
+/// WebAssembly only at the highest level of optimization.
+#[inline(always)]
+fn sqrt(of: Vec4) -> Vec4 {
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    return std::arch::wasm32::f32x4_sqrt(of.into()).into();
+    #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
+    Vec4::from_array(of.to_array().map(f32::sqrt))
+}
+
 impl Lanes for f32 {
     type Mask = bool;
     const LANES: usize = 1;
@@ -42,7 +52,7 @@ impl Lanes for Vec4 {
         fn mul_add(self, by: Vec4, plus: Vec4) -> Vec4 { self * by + plus }
         fn neg_mul_add(self, by: Vec4, plus: Vec4) -> Vec4 { plus - self * by }
         fn abs(self) -> Vec4 { Vec4::abs(self) }
-        fn sqrt(self) -> Vec4 { Vec4::from_array(self.to_array().map(f32::sqrt)) }
+        fn sqrt(self) -> Vec4 { sqrt(self) }
         fn max(self, other: Vec4) -> Vec4 { Vec4::max(self, other) }
         fn lt(self, other: Vec4) -> BVec4A { self.cmplt(other) }
         fn eq(self, other: Vec4) -> BVec4A { self.cmpeq(other) }
