@@ -99,3 +99,7 @@ fn overlong(cloth: &Cloth, longest: f32, step: u32, x: &[Vec4]) -> Option<usize>
     let is_overlong = |ends: [u32; 2]| is_long(xyz(x[ends[0] as usize]) - xyz(x[ends[1] as usize]), longest);
     part.find(|(_, edge)| is_overlong(edge.ends)).map(|(place, _)| place)
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/cpu_watch.rs"]
+mod tests;
