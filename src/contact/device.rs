@@ -15,24 +15,23 @@ use crate::model::cloth::Cloth;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
 
-/// The rows of vertices are padded to a multiple of this number.
-const GROUP: usize = 64;
-/// The leaf of a row whose feature belongs to no triangle.
-const NONE: u32 = u32::MAX;
-
 /// The surface and its tree as words, and the positions of the lists in them, as in `About` of
 /// `shaders/stages/self_contact/shared.wgsl`.
 #[derive(Debug, Default)]
 pub(crate) struct Table {
     pub words: Vec<u32>,
     pub depth: u32,
-    /// The rows are those of the vertices, padded, followed by those of the edges.
+    /// The rows are those of the vertices, followed by those of the edges.
     pub first_edge: u32,
     pub rows: u32,
     pub triangles: u32,
     pub edges: u32,
-    pub leaves: u32,
-    pub of_leaves: u32,
+    pub order: u32,
+    pub leaf_triangles: u32,
+    pub leaf_edges: u32,
+    pub leaf_vertices: u32,
+    /// Number of triangles, whose boxes precede those of the edges.
+    pub boxes: u32,
     pub excess: u32,
     pub beside: u32,
     pub of_vertices: u32,
@@ -40,20 +39,17 @@ pub(crate) struct Table {
 
 impl Table {
     fn new(surface: &Surface, tree: &Tree, vertices: usize) -> Table {
-        let (leaves, first_edge) = (&tree.leaves, vertices.next_multiple_of(GROUP));
+        let (leaves, first_edge) = (&tree.leaves, vertices);
         let (excess, beside) = tree.culls();
         let mut table = Table { depth: leaves.depth, first_edge: first_edge as u32, ..Table::default() };
         table.rows = (first_edge + surface.edges.len()) as u32;
+        table.boxes = surface.triangles.len() as u32;
         table.triangles = table.add(surface.triangles.as_flattened());
         table.edges = table.add(surface.edges.as_flattened());
-        table.leaves = table.add(&leaves.triangles);
-        table.add(&leaves.edges);
-        let mut leaf_of = vec![NONE; table.rows as usize];
-        for leaf in 0..1_usize << leaves.depth {
-            leaves.vertices_of(leaf).for_each(|place| leaf_of[surface.order[place] as usize] = leaf as u32);
-            leaves.edges_of(leaf).for_each(|edge| leaf_of[first_edge + edge] = leaf as u32);
-        }
-        table.of_leaves = table.add(&leaf_of);
+        table.order = table.add(&surface.order);
+        table.leaf_triangles = table.add(&leaves.triangles);
+        table.leaf_edges = table.add(&leaves.edges);
+        table.leaf_vertices = table.add(&leaves.vertices);
         table.excess = table.add(&excess.iter().map(|excess| excess.to_bits()).collect::<Vec<u32>>());
         // For each node, the position of the list of nodes that share a vertex with it, then these lists.
         let nodes = 2_usize << leaves.depth;
@@ -94,7 +90,7 @@ pub(crate) struct OnDevice {
     may_cross: bool,
 }
 
-/// The lists in the GPU's layout: the rows of the vertices, padded, followed by those of the edges.
+/// The lists in the GPU's layout: the rows of the vertices, followed by those of the edges.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct DeviceLists {
     pub starts: Vec<u32>,
@@ -223,11 +219,7 @@ impl OnDevice {
             thickness: pair.thickness,
             lambda,
         };
-        let mut pairs: Vec<DevicePair> = all.map(pair).collect();
-        // The GPU searches its rows, and a state may come from the CPU, whose rows have another order.
-        for row in starts.windows(2) {
-            pairs[row[0] as usize..row[1] as usize].sort_unstable_by_key(|pair| pair.other);
-        }
+        let pairs: Vec<DevicePair> = all.map(pair).collect();
         self.let_go.take(crossings.clone(), &self.surface);
         self.may_cross = *may_cross;
         let from = from.iter().zip(stray).map(|(from, &stray)| from.with_w(stray)).collect();

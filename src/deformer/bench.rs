@@ -55,15 +55,14 @@ impl Deformer {
         }
     }
 
-    /// Makes room for so few pairs in the lists of contact on the GPU, before the first step, unless `pairs` is `None`,
-    /// and for so few leaves in the list of each leaf of its tree, before any step.
+    /// Makes room for so few pairs in the list of contact on the GPU, before the first step.
     ///
     /// # Errors
     /// As [`Deformer::step`].
     #[cfg(feature = "gpu")]
-    pub fn contact_room(&mut self, pairs: Option<usize>, leaves: usize) -> Result<(), StepError> {
+    pub fn contact_room(&mut self, pairs: usize) -> Result<(), StepError> {
         let Engine::Gpu(gpu) = &mut self.engine else { return Ok(()) };
-        gpu.contact_room(pairs, leaves).map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
+        gpu.contact_room(pairs).map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
     }
 
     /// The number of substeps between two exchanges of the hybrid with the GPU.

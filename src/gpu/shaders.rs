@@ -85,10 +85,8 @@ shaders! {
     MEET: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
         "stages/self_contact/mean" "stages/self_contact/meet";
     TREE: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/tree";
-    WALK: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/boxes" "stages/self_contact/walk";
-    DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/boxes" "stages/self_contact/detection";
+    DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/boxes"
+        "stages/self_contact/descent" "stages/self_contact/listing" "stages/self_contact/detection";
     NEAR: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
         "stages/self_contact/mean" "stages/self_contact/pairs" "stages/self_contact/near";
     RESPONSE: "limits" "distance" "contact" "pair" "stages/self_contact/shared"

@@ -59,9 +59,9 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
-        layout!(About { thickness, friction, vertices, first_edge, rows, depth, triangles, edges, leaves, of_leaves, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass, parts, room_of_leaf }),
-        layout!(Listed { corners, lambda, other, thickness }),
-        layout!(Status { half, listed, with_vertices, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, needed_of_leaf, counted }),
+        layout!(About { thickness, friction, vertices, first_edge, rows, depth, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass, box_edges, sharing }),
+        layout!(Listed { corners, lambda, other, thickness, row, next }),
+        layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before }),
         layout!(Track { start, by }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
@@ -124,7 +124,6 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("CLOSE", Literal::U32(contact::CLOSE)),
         ("SPACING", Literal::U32(contact::SPACING)),
         ("SAMPLES", Literal::U32(contact::SAMPLES)),
-        ("HELD", Literal::U32(contact::HELD)),
         ("SOON", Literal::F32(contact::SHARES[0])),
         ("MARGIN", Literal::F32(contact::SHARES[1])),
         ("SUMS", Literal::U32(contact::SUMS as u32)),
@@ -134,8 +133,16 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("SHARE", Literal::U32(contact::PLACES[3])),
         ("UNIT_WEIGHT", Literal::F32(contact::UNITS[0])),
         ("UNIT_LENGTH", Literal::F32(contact::UNITS[1])),
-        ("MOST_OF_ROW", Literal::U32(contact::MOST_OF_ROW)),
-        ("MOST_OF_ALL", Literal::U32(contact::MOST_OF_ALL)),
+        ("MOST_OF_ALL", Literal::U32(contact::DETECTION[0])),
+        ("ITEMS", Literal::U32(contact::DETECTION[1])),
+        ("OTHERS", Literal::U32(contact::DETECTION[2])),
+        ("CHOSEN", Literal::U32(contact::DETECTION[3])),
+        ("CANDIDATES", Literal::U32(contact::DETECTION[4])),
+        ("FIRST_LEVEL", Literal::U32(contact::DETECTION[5])),
+        ("HELD", Literal::U32(contact::DETECTION[6])),
+        ("LEVELS", Literal::U32(contact::DETECTION[7])),
+        ("MET", Literal::U32(contact::DETECTION[8])),
+        ("MOST_MET", Literal::U32(contact::DETECTION[9])),
     ];
     all.extend(of_contact);
     all
@@ -165,8 +172,21 @@ fn shared_structs_agree_member_for_member() {
             // These structs exist only in shaders.
             let alone =
                 ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"];
-            let of_contact =
-                ["Four", "Multipliers", "Near", "Looked", "Vertex", "Node", "Part", "Known", "Place", "Box", "Closest"];
+            let of_contact = [
+                "Four",
+                "Multipliers",
+                "Near",
+                "Looked",
+                "Vertex",
+                "Node",
+                "Part",
+                "Known",
+                "Place",
+                "Box",
+                "Closest",
+                "Features",
+                "Own",
+            ];
             if alone.iter().chain(&of_contact).any(|known| known == name) {
                 continue;
             }

@@ -8,6 +8,9 @@ struct Box {
     step_high: vec3f,
 }
 
+// Those of the triangles, followed by those of the edges.
+@group(1) @binding(15) var<storage, read_write> boxes: array<Box>;
+
 fn box_of_node(n: u32) -> Box {
     return Box(nodes[n].place_low, nodes[n].place_high, nodes[n].step_low, nodes[n].step_high);
 }

@@ -1,298 +1,296 @@
-// Detection lists the pairs that may come closer than their thickness within some substeps, in a row for each first
-// feature. A row is divided into parts, which look at leaves in ascending order and are processed at once. A first pass
-// counts the pairs of each part. If there is room for all of them, a second pass finds them again and writes them. Thus
-// no pair is dropped, and the result does not depend on the order of invocations.
+// Detection lists the pairs that may come closer than their thickness within some substeps. A workgroup finds those of
+// a leaf of the tree with itself and with the leaves after it. It compares boxes first, and collects the pairs that these
+// do not rule out until there is one for each invocation to measure. The order of the list has no effect on the result.
 
-override LANES: u32 = 256u;
+override LANES: u32 = 128u;
 
-// Limits on the pairs of a part, and on all pairs. Beyond these, all cloth is in one place.
-const MOST_OF_ROW: u32 = 4096u;
+// Limit on the number of pairs. Beyond it, all cloth is in one place.
 const MOST_OF_ALL: u32 = 0x10000000u;
+// Number of features of another leaf that an invocation compares before the candidates are measured.
+const ITEMS: u32 = 12u;
+// A candidate is the number of one of the own features, times this, plus the other feature.
+const OTHERS: u32 = 0x04000000u;
+// Limits on the comparisons that are chosen, at most 3 by each invocation besides fewer than one each from before, and on
+// the candidates, at most `ITEMS` of each invocation besides fewer than one each of either kind.
+const CHOSEN: u32 = 512u;
+const CANDIDATES: u32 = 1792u;
 
-var<workgroup> counts: array<u32, WORKGROUP>;
-var<workgroup> all_counts: array<u32, LANES>;
-
-// The midpoint of a vertex's path, with the distance that it may stray in w, and its displacement.
-struct Place {
-    middle: vec4f,
-    u: vec3f,
+// Consecutive features of a kind.
+struct Features {
+    first: u32,
+    count: u32,
 }
 
-fn place_at(v: u32) -> Place {
-    return Place(vertices[v].middle, vertices[v].u.xyz);
+// Own features. They are numbered: vertices, triangles, edges.
+struct Own {
+    vertices: Features,
+    triangles: Features,
+    edges: Features,
 }
 
-fn box_of(a: Place, b: Place) -> Box {
-    return Box(
-        min(a.middle.xyz - a.middle.w, b.middle.xyz - b.middle.w),
-        max(a.middle.xyz + a.middle.w, b.middle.xyz + b.middle.w),
-        min(a.u, b.u),
-        max(a.u, b.u),
-    );
-}
+var<workgroup> own: Own;
+// Comparisons of an own feature with some of another leaf's: the index of the leaf in `met`, the number of the feature in 7
+// bits, and in 2 bits from which of the leaf's features on, in units of `ITEMS`.
+var<workgroup> chosen: array<u32, CHOSEN>;
+var<workgroup> chosen_count: atomic<u32>;
+// Those of vertices with triangles fill the array from its start, those of edges from its end.
+var<workgroup> candidates: array<u32, CANDIDATES>;
+var<workgroup> candidate_counts: array<atomic<u32>, 2>;
+var<workgroup> listed_here: atomic<u32>;
+var<workgroup> first_listed: u32;
+var<workgroup> total: u32;
 
-fn box_with(a: Box, b: Place) -> Box {
-    return Box(
-        min(a.low, b.middle.xyz - b.middle.w),
-        max(a.high, b.middle.xyz + b.middle.w),
-        min(a.step_low, b.u),
-        max(a.step_high, b.u),
-    );
-}
-
-fn is_let_go(row: u32, other: u32) -> bool {
-    let is_edge = row >= about.first_edge;
-    let key = vec2u(select(row, row - about.first_edge, is_edge), other);
-    let first = select(0u, about.let_go, is_edge);
-    for (var k = first; k < first + select(about.let_go, about.let_go_of_edges, is_edge); k++) {
-        if all(let_go[k] == key) {
-            return true;
-        }
+// The number that the first invocation passes, for all.
+fn broadcast(value: u32, lane: u32) -> u32 {
+    if lane == 0u {
+        total = value;
     }
-    return false;
+    return workgroupUniformLoad(&total);
 }
 
-fn closest(is_edge: bool, at: Four) -> vec4f {
-    if is_edge {
-        return edge_edge(at);
-    }
-    return vertex_triangle(at);
+// A list of features in the table has the first of each leaf.
+fn features_of(list: u32, leaf: u32) -> Features {
+    let first = table[list + leaf];
+    return Features(first, table[list + leaf + 1u] - first);
 }
 
-// The distance at which a pair is held, or 0 if it cannot come so close within the substeps that detection covers.
-fn thickness_of(is_edge: bool, corners: vec4u, a: Place, b: Place, c: Place, d: Place) -> f32 {
-    let y = Four(a.middle.xyz, b.middle.xyz, c.middle.xyz, d.middle.xyz);
-    let apart = length(between(closest(is_edge, y), y));
-    var relative = max(square(a.u - c.u), square(a.u - d.u));
-    var stray: f32;
-    if is_edge {
-        relative = max(relative, max(square(b.u - c.u), square(b.u - d.u)));
-        stray = max(a.middle.w, b.middle.w) + max(c.middle.w, d.middle.w);
-    } else {
-        relative = max(relative, square(a.u - b.u));
-        stray = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
-    }
-    // A lower bound on the distance.
-    let left = apart - stray - sqrt(relative) * (0.5 * known.status.ahead);
-    if !(left < about.thickness) {
-        return 0.0;
-    }
-    var thickness = about.thickness;
-    if piece_of(corners.x) == piece_of(corners.w) {
-        let rest = Four(rest_of(corners.x), rest_of(corners.y), rest_of(corners.z), rest_of(corners.w));
-        thickness = min(thickness, 0.5 * length(between(closest(is_edge, rest), rest)));
-    }
-    return select(0.0, thickness, left < thickness);
+// The part of a leaf's features that a workgroup handles.
+fn share_of(all: Features, part: u32) -> Features {
+    let turn = part % about.sharing;
+    let first = all.count * turn / about.sharing;
+    return Features(all.first + first, all.count * (turn + 1u) / about.sharing - first);
 }
 
-// The multipliers of a pair in the previous lists, whose rows are sorted.
-fn held_before(row: u32, other: u32) -> vec4f {
-    let before = 1u - known.status.half;
-    let first = before * (about.rows + 1u) + row;
-    let list = before * about.room;
-    let end = starts[first + 1u];
-    var low = starts[first];
-    var high = end;
-    while low < high {
-        let middle = (low + high) / 2u;
-        if pairs[list + middle].other < other {
-            low = middle + 1u;
+fn vertex(place: u32) -> u32 {
+    return table[about.order + place];
+}
+
+fn are_adjacent(is_edge: bool, c: vec4u) -> bool {
+    return c.x == c.z || c.x == c.w || select(c.x == c.y, c.y == c.z || c.y == c.w, is_edge);
+}
+
+fn box_of_vertex(v: u32) -> Box {
+    let place = place_at(v);
+    return box_of(place, place);
+}
+
+fn box_of_own(k: u32) -> Box {
+    if k < own.vertices.count {
+        return box_of_vertex(vertex(own.vertices.first + k));
+    }
+    let triangle = k - own.vertices.count;
+    if triangle < own.triangles.count {
+        return boxes[own.triangles.first + triangle];
+    }
+    return boxes[about.box_edges + own.edges.first + triangle - own.triangles.count];
+}
+
+// The list of those features that an own one is compared with.
+fn list_for(k: u32) -> u32 {
+    if k < own.vertices.count {
+        return about.leaf_triangles;
+    }
+    return select(about.leaf_edges, about.leaf_vertices, k < own.vertices.count + own.triangles.count);
+}
+
+// Chooses the comparisons of own feature number `k` with a leaf that was met. A triangle is not compared with the
+// vertices of its own leaf, because these are compared with it.
+fn choose(k: u32, leaf: u32, index: u32) {
+    let list = list_for(k);
+    let is_own = list == about.leaf_vertices && met[index] == leaf;
+    if is_own || are_apart(box_of_own(k), box_of_node(leaves() + met[index])) {
+        return;
+    }
+    let count = features_of(list, met[index]).count;
+    for (var turn = 0u; ITEMS * turn < count; turn++) {
+        chosen[atomicAdd(&chosen_count, 1u)] = (index << 9u) | (k << 2u) | turn;
+    }
+}
+
+// Collects the pairs of a comparison whose boxes meet.
+fn collect(comparison: u32, leaf: u32) {
+    let other_leaf = met[comparison >> 9u];
+    let number = (comparison >> 2u) & 127u;
+    let here = box_of_own(number);
+    let list = list_for(number);
+    let is_edge = list == about.leaf_edges;
+    let k = number - select(0u, own.vertices.count + own.triangles.count, is_edge);
+    let others = features_of(list, other_leaf);
+    let turn = ITEMS * (comparison & 3u);
+    let end = others.first + min(turn + ITEMS, others.count);
+    var begin = others.first + turn;
+    if is_edge && other_leaf == leaf {
+        begin = max(begin, own.edges.first + k + 1u);
+    }
+    for (var other = begin; other < end; other++) {
+        var there: Box;
+        if list == about.leaf_vertices {
+            there = box_of_vertex(vertex(other));
         } else {
-            high = middle;
+            there = boxes[select(0u, about.box_edges, is_edge) + other];
+        }
+        if !are_apart(here, there) {
+            let place = atomicAdd(&candidate_counts[u32(is_edge)], 1u);
+            candidates[select(place, CANDIDATES - 1u - place, is_edge)] = k * OTHERS + other;
         }
     }
-    if low < end && pairs[list + low].other == other {
-        return pairs[list + low].lambda;
-    }
-    return vec4f();
 }
 
-// Counts the pairs of a part of a row, or, if it `writes`, writes them from `first` on.
-fn look_at_part(part: u32, writes: bool, first: u32) -> u32 {
-    let row = part / about.parts;
-    let turn = part % about.parts;
-    let is_edge = row >= about.first_edge;
-    let leaf = table[about.of_leaves + row];
-    if leaf == NONE {
-        return 0u;
-    }
-    var ends = vec2u(row);
-    if is_edge {
-        ends = edge(row - about.first_edge);
-    }
-    let a = place_at(ends.x);
-    let e = place_at(ends.y);
-    let here = box_of(a, e);
-    // A pair of edges belongs to the row of the edge with the lower index.
-    let skipped = select(0u, beside[list_of(leaf) + 1u], is_edge);
-    let count = beside[list_of(leaf)] - skipped;
-    let list = list_of(leaf) + 2u + skipped;
-    // The starts of the leaves' edges follow those of their triangles.
-    let of_leaves = about.leaves + select(0u, (1u << about.depth) + 1u, is_edge);
-    var found = 0u;
-    for (var k = count * turn / about.parts; k < count * (turn + 1u) / about.parts; k++) {
-        let other_leaf = beside[list + k];
-        if are_apart(here, box_of_node((1u << about.depth) + other_leaf)) {
-            continue;
+// Compares own features with those of the leaves that were met. Returns false if there are too many pairs.
+fn compare(leaf: u32, lane: u32) -> bool {
+    let features = own.vertices.count + own.triangles.count + own.edges.count;
+    let all = broadcast(atomicLoad(&met_count) * features, lane);
+    for (var first = 0u; first < all; first += LANES) {
+        let k = first + lane;
+        if k < all {
+            choose(k % features, leaf, k / features);
         }
-        var item = table[of_leaves + other_leaf];
-        let end = table[of_leaves + other_leaf + 1u];
+        workgroupBarrier();
+        var count = broadcast(atomicLoad(&chosen_count), lane);
+        let least = select(LANES, 1u, first + LANES >= all);
+        while count >= least {
+            let now = min(count, LANES);
+            if lane < now {
+                collect(chosen[count - now + lane], leaf);
+            }
+            count -= now;
+            workgroupBarrier();
+            if !list_candidates(LANES, lane) {
+                return false;
+            }
+        }
+        if lane == 0u {
+            atomicStore(&chosen_count, count);
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        atomicStore(&met_count, 0u);
+    }
+    return true;
+}
+
+// Lists candidates of either kind while there are at least so many. Returns false if there are too many pairs.
+fn list_candidates(least: u32, lane: u32) -> bool {
+    for (var kind = 0u; kind < 2u; kind++) {
+        var count = broadcast(atomicLoad(&candidate_counts[kind]), lane);
+        while count >= least {
+            let now = min(count, LANES);
+            let place = count - 1u - min(lane, now - 1u);
+            let candidate = candidates[select(place, CANDIDATES - 1u - place, kind == 1u)];
+            if !list_pair(kind, candidate, lane < now, lane) {
+                return false;
+            }
+            count -= now;
+            if lane == 0u {
+                atomicStore(&candidate_counts[kind], count);
+            }
+        }
+    }
+    workgroupBarrier();
+    return true;
+}
+
+// Lists the candidate of each invocation that has one, if it is close enough. Returns false if there are too many pairs.
+fn list_pair(kind: u32, candidate: u32, is_one: bool, lane: u32) -> bool {
+    let is_edge = kind == 1u;
+    if lane == 0u {
+        atomicStore(&listed_here, 0u);
+    }
+    workgroupBarrier();
+    var pair = Listed();
+    var rank = 0u;
+    if is_one {
+        pair = pair_of(is_edge, candidate / OTHERS, candidate % OTHERS);
+        if pair.thickness > 0.0 {
+            rank = atomicAdd(&listed_here, 1u);
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        let more = atomicLoad(&listed_here);
+        let listed = atomicAdd(&known.status.listed, more) + more;
         if is_edge {
-            item = max(item, row - about.first_edge + 1u);
+            first_listed = atomicAdd(&known.status.with_edges, more);
+        } else {
+            first_listed = atomicAdd(&known.status.with_vertices, more);
         }
-        for (; item < end; item++) {
-            var corners: vec4u;
-            var b = e;
-            if is_edge {
-                corners = vec4u(ends, edge(item));
-                if any(corners.xy == corners.zw) || any(corners.xy == corners.wz) {
-                    continue;
-                }
-            } else {
-                corners = vec4u(row, triangle(item));
-                if any(corners.yzw == vec3u(row)) {
-                    continue;
-                }
-                b = place_at(corners.y);
-            }
-            let c = place_at(corners.z);
-            let d = place_at(corners.w);
-            var there = box_of(c, d);
-            if !is_edge {
-                there = box_with(there, b);
-            }
-            if are_apart(here, there) {
-                continue;
-            }
-            let thickness = thickness_of(is_edge, corners, a, b, c, d);
-            if thickness <= 0.0 || is_let_go(row, item) {
-                continue;
-            }
-            if writes {
-                let place = known.status.half * about.room + first + found;
-                pairs[place] = Listed(corners, held_before(row, item), item, thickness);
-            }
-            found++;
-        }
-        if found > MOST_OF_ROW {
-            atomicOr(&known.status.stopped, CROWDED);
-            return found;
+        if listed > about.room {
+            atomicMax(&known.status.needed, listed);
+            atomicOr(&known.status.stopped, select(NO_ROOM, CROWDED, listed > MOST_OF_ALL));
         }
     }
-    return found;
+    let first = workgroupUniformLoad(&first_listed);
+    let index = first + rank;
+    if pair.thickness > 0.0 && index < about.room {
+        pairs[known.status.half * about.room + select(index, about.room - 1u - index, is_edge)] = pair;
+    }
+    return first < MOST_OF_ALL;
 }
 
-// `starts` contains the starts of the rows in each half of the lists. After these it has the start of each part in its
-// workgroup, then a number for each workgroup: a count of pairs at first, then a start.
-fn place_of_part(part: u32) -> u32 {
-    return 2u * (about.rows + 1u) + part;
+// A candidate as a pair. Its thickness is 0 if it is not listed.
+fn pair_of(is_edge: bool, k: u32, other: u32) -> Listed {
+    var corners: vec4u;
+    var row: u32;
+    var second = other;
+    if is_edge {
+        // The edge with the lower index is the first.
+        let one = own.edges.first + k;
+        second = max(one, other);
+        row = about.first_edge + min(one, other);
+        corners = vec4u(edge(min(one, other)), edge(second));
+    } else {
+        row = other;
+        if k < own.vertices.count {
+            row = own.vertices.first + k;
+        } else {
+            second = own.triangles.first + k - own.vertices.count;
+        }
+        row = vertex(row);
+        corners = vec4u(row, triangle(second));
+    }
+    var pair = Listed();
+    if are_adjacent(is_edge, corners) {
+        return pair;
+    }
+    let thickness = thickness_of(is_edge, corners);
+    if thickness > 0.0 && !is_let_go(is_edge, row, second) {
+        pair = Listed(corners, held_before(row, second), second, thickness, row, 0u);
+    }
+    return pair;
 }
 
-fn place_of_group(group: u32) -> u32 {
-    return place_of_part(about.parts * about.rows) + group;
-}
-
-fn start_of_part(part: u32) -> u32 {
-    return starts[place_of_part(part)] + starts[place_of_group(part / WORKGROUP)];
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn count(
-    @builtin(global_invocation_id) id: vec3u,
+@compute @workgroup_size(LANES)
+fn detect(
+    @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    if !looks_here(lane) {
+    // Several workgroups share the own features of a leaf if there are many pairs.
+    let part = group.x + group.y * groups.x;
+    let leaf = part / about.sharing;
+    // The number of pairs counts even if there is no room for them.
+    let goes_on = known.status.detects != 0u && (atomicLoad(&known.status.stopped) & ~NO_ROOM) == 0u;
+    if broadcast(u32(goes_on && leaf < leaves()), lane) == 0u {
         return;
     }
-    let part = item(id, groups);
-    let is_part = part < about.parts * about.rows;
-    var found = 0u;
-    if is_part {
-        found = look_at_part(part, false, 0u);
+    if lane == 0u {
+        own = Own(
+            share_of(features_of(about.leaf_vertices, leaf), part),
+            share_of(features_of(about.leaf_triangles, leaf), part),
+            share_of(features_of(about.leaf_edges, leaf), part),
+        );
+        atomicStore(&candidate_counts[0], 0u);
+        atomicStore(&candidate_counts[1], 0u);
+        atomicStore(&chosen_count, 0u);
     }
-    counts[lane] = found;
-    for (var by = 1u; by < WORKGROUP; by *= 2u) {
-        workgroupBarrier();
-        var before = 0u;
-        if lane >= by {
-            before = counts[lane - by];
+    begin_descent(lane);
+    for (var more = 1u; more > 0u; more = broadcast(atomicLoad(&held_count), lane)) {
+        descend(leaf, lane);
+        let is_last = atomicLoad(&held_count) == 0u;
+        if broadcast(u32(is_last || atomicLoad(&met_count) >= MET), lane) != 0u && !compare(leaf, lane) {
+            return;
         }
-        workgroupBarrier();
-        counts[lane] += before;
     }
-    if is_part {
-        starts[place_of_part(part)] = counts[lane] - found;
-    }
-    if lane == WORKGROUP - 1u && part - lane < about.parts * about.rows {
-        starts[place_of_group(part / WORKGROUP)] = counts[lane];
-    }
-}
-
-// One workgroup computes where the parts of each workgroup start, and checks whether there is room for all pairs.
-@compute @workgroup_size(LANES)
-fn scan(@builtin(local_invocation_index) lane: u32) {
-    if !looks_here(lane) {
-        return;
-    }
-    let groups = (about.parts * about.rows + WORKGROUP - 1u) / WORKGROUP;
-    let each = (groups + LANES - 1u) / LANES;
-    let first = min(lane * each, groups);
-    let end = min(first + each, groups);
-    var sum = 0u;
-    for (var k = first; k < end; k++) {
-        sum = min(sum + starts[place_of_group(k)], MOST_OF_ALL);
-    }
-    all_counts[lane] = sum;
-    for (var by = 1u; by < LANES; by *= 2u) {
-        workgroupBarrier();
-        var before = 0u;
-        if lane >= by {
-            before = all_counts[lane - by];
-        }
-        workgroupBarrier();
-        all_counts[lane] = min(all_counts[lane] + before, MOST_OF_ALL);
-    }
-    var total = all_counts[lane] - sum;
-    for (var k = first; k < end; k++) {
-        let here = starts[place_of_group(k)];
-        starts[place_of_group(k)] = total;
-        if k == about.parts * (about.first_edge / WORKGROUP) {
-            known.status.with_vertices = total;
-        }
-        total += here;
-    }
-    workgroupBarrier();
-    if lane == LANES - 1u {
-        let total = all_counts[lane];
-        if total >= MOST_OF_ALL {
-            atomicOr(&known.status.stopped, CROWDED);
-        } else if total > about.room {
-            atomicMax(&known.status.needed, total);
-            atomicOr(&known.status.stopped, NO_ROOM);
-        }
-        known.status.half = 1u - known.status.half;
-        known.status.listed = total;
-        starts[known.status.half * (about.rows + 1u) + about.rows] = total;
-    }
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn fill(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let part = item(id, groups);
-    let all = about.parts * about.rows;
-    if part >= all || !is_due() {
-        return;
-    }
-    let first = start_of_part(part);
-    if part % about.parts == 0u {
-        starts[known.status.half * (about.rows + 1u) + part / about.parts] = first;
-    }
-    var end = known.status.listed;
-    if part + 1u < all {
-        end = start_of_part(part + 1u);
-    }
-    if first < end {
-        look_at_part(part, true, first);
-    }
+    list_candidates(1u, lane);
 }

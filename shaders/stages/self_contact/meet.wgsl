@@ -138,8 +138,12 @@ fn begin_substep() {
     let ends = over + select(1.0, f32(SPACING), is_regular()) > known.status.ahead;
     known.status.detects = u32(LOOKS && (over < 0.0 || ends || strayed));
     if known.status.detects != 0u {
-        let few = 4u * known.status.listed < about.vertices;
-        let long = known.status.listed > 4u * (about.vertices + was_near);
+        let listed = atomicExchange(&known.status.listed, 0u);
+        known.status.vertices_before = atomicExchange(&known.status.with_vertices, 0u);
+        known.status.edges_before = atomicExchange(&known.status.with_edges, 0u);
+        known.status.half = 1u - known.status.half;
+        let few = 4u * listed < about.vertices;
+        let long = listed > 4u * (about.vertices + was_near);
         known.status.longer = -1.0;
         if over >= 0.0 && !few {
             known.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);

@@ -43,10 +43,7 @@ fn glance(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    if lane == 0u {
-        total = select(known.status.listed, 0u, has_stopped());
-    }
-    let all = workgroupUniformLoad(&total);
+    let all = listed_pairs(lane);
     if all == 0u {
         return;
     }
@@ -54,7 +51,7 @@ fn glance(
     let pushed = max(known.status.pushed, bitcast<f32>(atomicLoad(&known.status.most_push)));
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let pair = pairs[place(k)];
-        let is_edge = k >= known.status.with_vertices;
+        let is_edge = k >= with_vertices;
         let closest = closest_of(pair, is_edge, displacements(pair.corners), mean, pushed);
         if !(closest.left > pair.thickness + MARGIN * about.thickness) {
             atomicOr(&known.status.stopped, CLOSE);
@@ -70,7 +67,7 @@ struct Looked {
 
 fn look_at_pair(k: u32) -> Looked {
     let pair = pairs[place(k)];
-    let is_edge = k >= known.status.with_vertices;
+    let is_edge = k >= with_vertices;
     let u = displacements(pair.corners);
     let closest = closest_of(pair, is_edge, u, known.status.mean, known.status.pushed);
     let weights = closest.weights;
@@ -96,10 +93,7 @@ fn find(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    if lane == 0u {
-        total = select(known.status.listed, 0u, has_stopped());
-    }
-    let all = workgroupUniformLoad(&total);
+    let all = listed_pairs(lane);
     for (var first = 0u; first < all; first += groups.x * groups.y * LANES) {
         if lane < 2u {
             atomicStore(&found[lane], 0u);

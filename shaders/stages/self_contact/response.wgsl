@@ -12,8 +12,7 @@ const FARTHER: f32 = 0.45;
 // The number of pairs with a normal impulse that a workgroup counts.
 var<workgroup> pressing: atomic<u32>;
 
-// The number of pairs that act, or 0 if the step has stopped. One invocation loads it for its workgroup, because a
-// device is slow when all of them load from one place.
+// The number of pairs that act, or 0 if the step has stopped, for all invocations.
 fn acting_pairs(lane: u32) -> u32 {
     if lane == 0u {
         total = select(atomicLoad(&known.status.acting), 0u, is_idle());
@@ -170,7 +169,7 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
 // Computes the shares of its vertices' displacements with which a pair stays on both sides of the plane halfway
 // between.
 fn cut_pair(n: Near) {
-    let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= known.status.with_vertices);
+    let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
     let firsts = max(sides, vec4f());
     let at = Four(x[n.corners.x].xyz, x[n.corners.y].xyz, x[n.corners.z].xyz, x[n.corners.w].xyz);
     let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
@@ -209,6 +208,7 @@ fn cut(
     let acting = acting_pairs(lane);
     if lane == 0u {
         total = select(acting + atomicLoad(&known.status.near), 0u, is_idle());
+        with_vertices = atomicLoad(&known.status.with_vertices);
         atomicStore(&pressing, 0u);
     }
     let all = workgroupUniformLoad(&total);

@@ -8,15 +8,17 @@ struct About {
     thickness: f32,
     friction: f32,
     vertices: u32,
-    // Rows of the lists: one for each vertex, padded to a whole number of workgroups, then one for each edge.
+    // First features of pairs are numbered: the vertices, then from this number on the edges. How many numbers there are.
     first_edge: u32,
     rows: u32,
     depth: u32,
-    // Positions of the lists in the table.
+    // Positions of the lists in the table. Those of leaves have the first triangle, edge, and place in `order` of each.
     triangles: u32,
     edges: u32,
-    leaves: u32,
-    of_leaves: u32,
+    order: u32,
+    leaf_triangles: u32,
+    leaf_edges: u32,
+    leaf_vertices: u32,
     excess: u32,
     beside: u32,
     of_vertices: u32,
@@ -31,18 +33,20 @@ struct About {
     // Number of workgroups that cover all vertices; inverse of the cloth's mass [1/kg].
     groups: u32,
     per_mass: f32,
-    // Number of parts into which detection divides a row; number of leaves that there is room for in a leaf's list.
-    parts: u32,
-    room_of_leaf: u32,
+    // Where the boxes of edges start, after those of the triangles; number of workgroups that share a leaf.
+    box_edges: u32,
+    sharing: u32,
 }
 
-// A listed pair. Its first feature is its row, `other` the second.
+// A listed pair. Its first feature is number `row`, `other` is the second. `next` leads to another pair of its chain.
 struct Listed {
     corners: vec4u,
     // Multipliers [kg m]: xyz of friction, w of the normal.
     lambda: vec4f,
     other: u32,
     thickness: f32,
+    row: u32,
+    next: u32,
 }
 
 // A near pair in this substep: corners, their weights, multipliers, and its index in the list.
@@ -89,11 +93,12 @@ struct Part {
 }
 
 struct Status {
-    // Kept between steps: which half of the lists is current, the number of pairs in it, and how many of these are of a
-    // vertex and a triangle.
+    // Kept between steps: which half of the lists is current, the number of pairs in it, how many of these are of a
+    // vertex and a triangle, and how many of two edges.
     half: u32,
-    listed: u32,
-    with_vertices: u32,
+    listed: atomic<u32>,
+    with_vertices: atomic<u32>,
+    with_edges: atomic<u32>,
     // Number of substeps since the last detection (below 0: none yet), as of the end of the last substep that `decide`
     // counted, and number that it covers; length of the last substep [s].
     since: f32,
@@ -119,10 +124,11 @@ struct Status {
     scale: f32,
     // The mean displacement [m].
     mean: vec3f,
-    // The length of the longest list of a leaf, if there is not enough room for it.
-    needed_of_leaf: atomic<u32>,
     // Number of substeps of this step up to which `since` is counted.
     counted: u32,
+    // Numbers of pairs of either kind in the previous list.
+    vertices_before: u32,
+    edges_before: u32,
 }
 
 // The status, followed by the workgroups' parts of a reduction.
@@ -137,7 +143,7 @@ struct Known {
 @group(1) @binding(3) var<storage, read_write> vertices: array<Vertex>;
 @group(1) @binding(4) var<storage, read_write> tracks: array<Track>;
 @group(1) @binding(5) var<storage, read_write> nodes: array<Node>;
-@group(1) @binding(6) var<storage, read_write> starts: array<u32>;
+@group(1) @binding(6) var<storage, read_write> chains: array<atomic<u32>>;
 @group(1) @binding(7) var<storage, read_write> pairs: array<Listed>;
 @group(1) @binding(8) var<storage, read_write> near: array<Near>;
 @group(1) @binding(9) var<storage, read_write> sums: array<atomic<i32>>;
@@ -146,9 +152,6 @@ struct Known {
 @group(1) @binding(12) var<storage, read> let_go: array<vec2u>;
 @group(1) @binding(13) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> p_out: array<vec4f>;
-// For each leaf the number of leaves that its triangles may meet, how many of them come before it, and these leaves in
-// ascending order.
-@group(1) @binding(15) var<storage, read_write> beside: array<u32>;
 
 // Reasons to stop a step.
 const NO_ROOM: u32 = 1u;
@@ -207,11 +210,6 @@ fn triangle(t: u32) -> vec3u {
 fn edge(e: u32) -> vec2u {
     let at = about.edges + 2u * e;
     return vec2u(table[at], table[at + 1u]);
-}
-
-// The position in `beside` of the list of a leaf.
-fn list_of(leaf: u32) -> u32 {
-    return leaf * (about.room_of_leaf + 2u);
 }
 
 fn piece_of(v: u32) -> u32 {

@@ -22,11 +22,15 @@ fn join(a: Node, b: Node) -> Node {
 }
 
 // Starts the path of each vertex, and chooses how far it may stray from how far it strayed since the last detection.
+// Also empties the chains.
 @compute @workgroup_size(WORKGROUP)
 fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
     if i >= about.vertices || !is_due() {
         return;
+    }
+    for (var k = i; k < arrayLength(&chains); k += about.vertices) {
+        atomicStore(&chains[k], 0u);
     }
     let x_i = x[i].xyz;
     let u_i = vertices[i].u.xyz;
@@ -51,7 +55,7 @@ fn normal_of(a: vec3f, b: vec3f, c: vec3f) -> vec3f {
 fn node_of_leaf(leaf: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
-    for (var t = table[about.leaves + leaf]; t < table[about.leaves + leaf + 1u]; t++) {
+    for (var t = table[about.leaf_triangles + leaf]; t < table[about.leaf_triangles + leaf + 1u]; t++) {
         let corners = triangle(t);
         for (var k = 0u; k < 3u; k++) {
             let y = vertices[corners[k]].middle;

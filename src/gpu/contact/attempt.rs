@@ -1,64 +1,71 @@
 //! The attempts of a step: saves the state before them, judges each, and rolls back if another is necessary.
 
+use std::ops::Range;
+
 use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NO_ROOM, Status};
-use super::{GpuContact, leaf_lists};
+use super::{Good, GpuContact};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
 
 impl GpuContact {
+    /// The places of the listed pairs in half 0 of a list with room for this many, in bytes: those of a vertex and a
+    /// triangle at its start, those of two edges at its end.
+    pub(super) fn places(&self, room: usize) -> [Range<u64>; 2] {
+        let pair = size_of::<Listed>() as u64;
+        let Status { with_vertices, with_edges, .. } = self.status;
+        [0..u64::from(with_vertices) * pair, (room as u64 - u64::from(with_edges)) * pair..room as u64 * pair]
+    }
+
+    /// Copies the listed pairs from a half of a list to half 0 of another list.
+    fn copy_pairs(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        from: (&wgpu::Buffer, usize),
+        to: (&wgpu::Buffer, usize),
+        half: u32,
+    ) {
+        let first = u64::from(half) * (from.1 * size_of::<Listed>()) as u64;
+        for (from_place, to_place) in self.places(from.1).into_iter().zip(self.places(to.1)) {
+            if !from_place.is_empty() {
+                let bytes = from_place.end - from_place.start;
+                encoder.copy_buffer_to_buffer(from.0, first + from_place.start, to.0, to_place.start, bytes);
+            }
+        }
+    }
+
     /// Saves the state to which the step may have to be rolled back.
     fn keep(&self, gpu: &Gpu) {
-        let GpuContact { buffers, good, status, room, .. } = self;
-        let rows = 4 * (u64::from(self.table.rows) + 1);
-        let pair = size_of::<Listed>() as u64;
-        let (half, listed) = (u64::from(status.half), u64::from(status.listed));
+        let GpuContact { buffers, good, room, .. } = self;
         let mut encoder = gpu.encoder();
         encoder.copy_buffer_to_buffer(&buffers.tracks, 0, &good.tracks, 0, good.tracks.size());
-        encoder.copy_buffer_to_buffer(&buffers.starts, half * rows, &good.starts, 0, rows);
-        if listed > 0 {
-            encoder.copy_buffer_to_buffer(&buffers.pairs, half * *room as u64 * pair, &good.pairs, 0, listed * pair);
-        }
+        self.copy_pairs(&mut encoder, (&buffers.pairs, *room), (&good.pairs, good.room), self.status.half);
         gpu.queue().submit([encoder.finish()]);
     }
 
     /// Rolls back to the saved state.
     fn go_back(&mut self, gpu: &Gpu) {
-        let GpuContact { buffers, good, status, .. } = self;
-        let rows = 4 * (u64::from(self.table.rows) + 1);
+        let GpuContact { buffers, good, room, .. } = &*self;
         let mut encoder = gpu.encoder();
         encoder.copy_buffer_to_buffer(&good.tracks, 0, &buffers.tracks, 0, good.tracks.size());
-        encoder.copy_buffer_to_buffer(&good.starts, 0, &buffers.starts, 0, rows);
-        if status.listed > 0 {
-            let bytes = u64::from(status.listed) * size_of::<Listed>() as u64;
-            encoder.copy_buffer_to_buffer(&good.pairs, 0, &buffers.pairs, 0, bytes);
-        }
+        self.copy_pairs(&mut encoder, (&good.pairs, good.room), (&buffers.pairs, *room), 0);
         gpu.queue().submit([encoder.finish()]);
-        status.half = 0;
+        self.status.half = 0;
     }
 
     /// Rolls back, and makes room for twice the needed pairs if the device allows it: folding cloth soon needs more again.
     pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize) {
-        let room = (2 * needed).next_multiple_of(WORKGROUP).min(most_room(gpu));
-        let good = std::mem::replace(&mut self.good.pairs, gpu.buffer("pairs before", (room * size_of::<Listed>()) as u64));
-        let mut encoder = gpu.encoder();
-        encoder.copy_buffer_to_buffer(&good, 0, &self.good.pairs, 0, good.size().min(self.good.pairs.size()));
-        gpu.queue().submit([encoder.finish()]);
-        self.make_room(gpu, room);
+        self.make_room(gpu, (2 * needed).next_multiple_of(WORKGROUP).min(most_room(gpu)));
         self.go_back(gpu);
+        self.good = Good::new(gpu, self.vertices, self.room);
+        self.keep(gpu);
     }
 
-    /// Replaces the lists by empty ones with room for this many pairs.
+    /// Replaces the list by an empty one with room for this many pairs.
     pub(crate) fn make_room(&mut self, gpu: &Gpu, room: usize) {
         self.buffers.pairs = gpu.buffer("pairs", (2 * room * size_of::<Listed>()) as u64);
         self.buffers.near = gpu.buffer("near pairs", (NEAR * room) as u64);
         (self.room, self.stages) = (room, None);
-    }
-
-    /// Replaces the lists of leaves by empty ones with room for this many leaves each.
-    pub(crate) fn make_room_of_leaf(&mut self, gpu: &Gpu, room: usize) {
-        self.buffers.beside = leaf_lists(gpu, &self.table, room);
-        (self.room_of_leaf, self.stages) = (room, None);
     }
 
     /// Starts a step: chooses the kernels of the first attempt and saves the state.
@@ -74,9 +81,7 @@ impl GpuContact {
         let status: Status = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
         let needed = status.needed as usize;
         let has = |reason| status.stopped & reason != 0;
-        let of_leaf = status.needed_of_leaf as usize;
-        let most_of_leaf = gpu.most_table_bytes() / (8 << self.table.depth);
-        if has(CROWDED) || needed > most_room(gpu) || of_leaf > most_of_leaf {
+        if has(CROWDED) || needed > most_room(gpu) {
             self.go_back(gpu);
             self.forget();
             return Ok(Err(needed.max(status.listed as usize)));
@@ -86,9 +91,6 @@ impl GpuContact {
             return Ok(Ok(false));
         }
         self.course.change(status.stopped, needed > 0);
-        if of_leaf > self.room_of_leaf {
-            self.make_room_of_leaf(gpu, of_leaf + of_leaf / 2);
-        }
         if needed > self.room {
             self.grow(gpu, needed);
         } else {

@@ -8,13 +8,16 @@ use crate::step::plan::Plan;
 /// Iterations of the response per substep.
 const ITERATIONS: usize = crate::contact::ITERATIONS;
 /// Dispatches of a detection, with the decision whether it is due, and of the response.
-const OF_DETECTION: usize = 8;
+const OF_DETECTION: usize = 6;
 const OF_RESPONSE: usize = 8 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const LEAST_ITEMS: usize = 4096;
 const MOST_ITEMS: usize = 1 << 18;
 /// Invocations per workgroup of the kernel that looks for near pairs: `LANES` of `near.wgsl`.
 const FINDERS: usize = 256;
+/// Workgroups share a leaf if it has more pairs than this for each of them, and at most so many do.
+const PAIRS_OF_WORKGROUP: usize = 256;
+const MOST_SHARING: usize = 8;
 /// Limit on the invocations that only check that no pair is near, whose workgroups each compute the mean displacement.
 const GLANCED: usize = 16_384;
 
@@ -56,17 +59,18 @@ impl GpuContact {
         (2 * before as usize).clamp(LEAST_ITEMS, self.room.clamp(LEAST_ITEMS, MOST_ITEMS))
     }
 
+    /// Number of workgroups of detection that share the features of a leaf.
+    pub(super) fn sharing(&self) -> usize {
+        ((self.status.listed as usize >> self.table.depth) / PAIRS_OF_WORKGROUP).clamp(1, MOST_SHARING)
+    }
+
     fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
-        let parts = self.parts * self.table.rows as usize;
         stages.begin_paths.dispatch(pass, group, &[], self.vertices);
         stages.bound.dispatch(pass, group, &[], 1 << self.table.depth);
         stages.refit.dispatch_workgroups(pass, group, &[], 1);
-        stages.walk.dispatch_workgroups(pass, group, &[], 1 << self.table.depth);
-        stages.count.dispatch(pass, group, &[], parts);
-        stages.scan.dispatch_workgroups(pass, group, &[], 1);
-        if self.course.response != Response::None {
-            stages.fill.dispatch(pass, group, &[], parts);
-        }
+        let features = (self.table.boxes + self.table.rows) as usize - self.vertices;
+        stages.prepare.dispatch(pass, group, &[], features.max(self.items(self.status.listed)));
+        stages.detect.dispatch_workgroups(pass, group, &[], self.sharing() << self.table.depth);
     }
 
     fn encode_response(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {

@@ -25,18 +25,12 @@ use crate::step::plan::Plan;
 
 use course::{Course, Response};
 use stages::Stages;
-use status::{About, Listed, NEAR, NODE, PART, SUMS, Status, TRACK, VERTEX};
+use status::{About, BOX, Listed, NEAR, NODE, PART, SUMS, Status, TRACK, VERTEX};
 
 /// Initially, the list has room for one pair per vertex, and for at least so many.
 const LEAST_ROOM: usize = 4096;
-/// Initially, each leaf's list has room for this many leaves.
-const FIRST_ROOM_OF_LEAF: usize = 62;
-/// Detection divides rows into at most this many parts, and into fewer if these many parts are enough to keep a GPU
-/// busy.
-const PARTS: usize = 8;
-const ENOUGH: usize = 1 << 19;
 
-/// GPU buffers; `starts` and `pairs` have two halves, one of which contains the current lists.
+/// GPU buffers; `pairs` has two halves, one of which contains the current list.
 #[derive(Debug)]
 pub(super) struct Buffers {
     about: Sent,
@@ -44,22 +38,31 @@ pub(super) struct Buffers {
     vertices: wgpu::Buffer,
     tracks: wgpu::Buffer,
     nodes: wgpu::Buffer,
-    starts: wgpu::Buffer,
+    chains: wgpu::Buffer,
     pairs: wgpu::Buffer,
     near: wgpu::Buffer,
     sums: wgpu::Buffer,
     common: wgpu::Buffer,
     bodies: Sent,
     let_go: Sent,
-    beside: wgpu::Buffer,
+    boxes: wgpu::Buffer,
 }
 
 /// The state to which a step is rolled back.
 #[derive(Debug)]
 struct Good {
     tracks: wgpu::Buffer,
-    starts: wgpu::Buffer,
     pairs: wgpu::Buffer,
+    /// Number of pairs that there is room for.
+    room: usize,
+}
+
+impl Good {
+    fn new(gpu: &Gpu, vertices: usize, room: usize) -> Good {
+        let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
+        let [tracks, pairs] = [buffer("paths before", TRACK * vertices), buffer("pairs before", room * size_of::<Listed>())];
+        Good { tracks, pairs, room }
+    }
 }
 
 /// The state of contact of a cloth with itself, kept between steps.
@@ -71,11 +74,8 @@ pub(crate) struct GpuContact {
     vertices: usize,
     /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
     per_mass: Option<f32>,
-    /// Number of pairs that the list has room for, and number of leaves that each leaf's list has room for.
+    /// Number of pairs that the list has room for.
     room: usize,
-    room_of_leaf: usize,
-    /// Number of parts into which detection divides a row.
-    parts: usize,
     buffers: Buffers,
     good: Good,
     /// `None` if the kernels must be bound to new buffers.
@@ -93,11 +93,9 @@ impl GpuContact {
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, options: Contact) -> Option<GpuContact> {
         let (kept, mut table) = OnDevice::new(cloth, options)?;
         let words = std::mem::take(&mut table.words);
-        let (vertices, rows) = (cloth.rest.len(), table.rows as usize);
+        let vertices = cloth.rest.len();
         let room = vertices.max(LEAST_ROOM);
-        let parts = 1 << (ENOUGH / rows).clamp(1, PARTS).ilog2();
         let groups = vertices.div_ceil(WORKGROUP);
-        let starts = 2 * (rows + 1) + parts * rows + (parts * rows).div_ceil(WORKGROUP);
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {
             about: Sent::uniform(gpu, "about contact", size_of::<About>()),
@@ -105,20 +103,16 @@ impl GpuContact {
             vertices: buffer("vertices in contact", VERTEX * vertices),
             tracks: buffer("paths in contact", TRACK * vertices),
             nodes: buffer("nodes of contact", NODE * (2 << table.depth)),
-            starts: buffer("rows of pairs", 4 * starts),
+            chains: buffer("chains of pairs", 4 * (table.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR * room),
             sums: buffer("sums of contact", 4 * SUMS * vertices),
             common: buffer("status of contact", size_of::<Status>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
-            beside: leaf_lists(gpu, &table, FIRST_ROOM_OF_LEAF),
+            boxes: buffer("boxes of contact", BOX * (table.boxes as usize + table.rows as usize - vertices)),
         };
-        let good = Good {
-            tracks: buffer("paths before", TRACK * vertices),
-            starts: buffer("rows before", 4 * (rows + 1)),
-            pairs: buffer("pairs before", room * size_of::<Listed>()),
-        };
+        let good = Good::new(gpu, vertices, room);
         let staging = gpu.staging("status", size_of::<Status>() as u64);
         let status = Status::nothing();
         Some(GpuContact {
@@ -128,8 +122,6 @@ impl GpuContact {
             vertices,
             per_mass: None,
             room,
-            room_of_leaf: FIRST_ROOM_OF_LEAF,
-            parts,
             buffers,
             good,
             stages: None,
@@ -179,8 +171,8 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { kept, options, table, vertices, per_mass, room, room_of_leaf, parts, buffers, stages, course, .. } =
-            self;
+        let sharing = self.sharing() as u32;
+        let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, .. } = self;
         let [of_vertices, of_edges] = kept.let_go();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
@@ -195,8 +187,10 @@ impl GpuContact {
             depth: table.depth,
             triangles: table.triangles,
             edges: table.edges,
-            leaves: table.leaves,
-            of_leaves: table.of_leaves,
+            order: table.order,
+            leaf_triangles: table.leaf_triangles,
+            leaf_edges: table.leaf_edges,
+            leaf_vertices: table.leaf_vertices,
             excess: table.excess,
             beside: table.beside,
             of_vertices: table.of_vertices,
@@ -208,8 +202,8 @@ impl GpuContact {
             let_go_of_edges: of_edges.len() as u32,
             groups: vertices.div_ceil(WORKGROUP) as u32,
             per_mass,
-            parts: *parts as u32,
-            room_of_leaf: *room_of_leaf as u32,
+            box_edges: table.boxes,
+            sharing,
         };
         buffers.about.send(gpu, &[about]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().collect();
@@ -218,15 +212,6 @@ impl GpuContact {
             *stages = None;
         }
         stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers));
-        if self.status.since < 0.0 && self.status.listed == 0 {
-            // Clears the rows of a discarded state.
-            gpu.write(&buffers.starts, 0, &vec![0_u32; table.rows as usize + 1]);
-        }
         gpu.write(&buffers.common, 0, &[self.status.at_start()]);
     }
-}
-
-/// The lists of leaves beside each leaf, with room for some in each: `beside` of `shared.wgsl`.
-fn leaf_lists(gpu: &Gpu, table: &Table, room_of_leaf: usize) -> wgpu::Buffer {
-    gpu.buffer("leaves beside each leaf", (4 * (room_of_leaf as u64 + 2)) << table.depth)
 }

@@ -1,5 +1,7 @@
 //! Reads and writes the part of contact's state that snapshots save.
 
+use std::ops::Range;
+
 use super::GpuContact;
 use super::status::{Listed, NEVER, Status, Track};
 use crate::contact::Past;
@@ -10,31 +12,33 @@ use crate::device::fault::GpuFault;
 impl GpuContact {
     /// Reads the state. Waits for the GPU.
     pub(crate) fn past(&self, gpu: &Gpu) -> Result<Past, GpuFault> {
-        let Status { half, listed, since, ahead, h, .. } = self.status;
+        let Status { half, since, ahead, h, .. } = self.status;
         if since < 0.0 {
             return Ok(self.kept.past(&DeviceLists { h, ..DeviceLists::default() }));
         }
-        let (tracks, pair) = (&self.buffers.tracks, size_of::<Listed>() as u64);
-        let rows = 4 * (u64::from(self.table.rows) + 1);
-        let sizes = [tracks.size(), rows, u64::from(listed) * pair];
-        let staging = gpu.staging("contact so far", sizes.iter().sum());
+        let tracks = &self.buffers.tracks;
+        let [with_vertices, with_edges] = self.places(self.room);
+        let bytes = |place: &Range<u64>| place.end - place.start;
+        let staging = gpu.staging("contact so far", tracks.size() + bytes(&with_vertices) + bytes(&with_edges));
         let mut encoder = gpu.encoder();
-        encoder.copy_buffer_to_buffer(tracks, 0, &staging, 0, sizes[0]);
-        encoder.copy_buffer_to_buffer(&self.buffers.starts, u64::from(half) * rows, &staging, sizes[0], rows);
-        if listed > 0 {
-            let first = u64::from(half) * self.room as u64 * pair;
-            encoder.copy_buffer_to_buffer(&self.buffers.pairs, first, &staging, sizes[0] + rows, sizes[2]);
+        encoder.copy_buffer_to_buffer(tracks, 0, &staging, 0, tracks.size());
+        let (mut end, first) = (tracks.size(), u64::from(half) * (self.room * size_of::<Listed>()) as u64);
+        for place in [with_vertices, with_edges].into_iter().filter(|place| !place.is_empty()) {
+            encoder.copy_buffer_to_buffer(&self.buffers.pairs, first + place.start, &staging, end, bytes(&place));
+            end += bytes(&place);
         }
         gpu.queue().submit([encoder.finish()]);
         gpu.mapped(&staging, |bytes| {
-            let (tracks, rest) = bytes.split_at(sizes[0] as usize);
-            let (starts, pairs) = rest.split_at(rows as usize);
+            let (tracks, pairs) = bytes.split_at(tracks.size() as usize);
             let tracks: Vec<Track> = bytemuck::pod_collect_to_vec(tracks);
-            let pairs: Vec<Listed> = bytemuck::pod_collect_to_vec(pairs);
+            let mut pairs: Vec<Listed> = bytemuck::pod_collect_to_vec(pairs);
+            // The GPU's list has no order.
+            pairs.sort_unstable_by_key(|pair| (pair.row, pair.other));
             let pair =
                 |&Listed { corners, lambda, other, thickness, .. }: &Listed| DevicePair { corners, other, thickness, lambda };
+            let start = |row| pairs.partition_point(|pair| pair.row < row) as u32;
             self.kept.past(&DeviceLists {
-                starts: bytemuck::pod_collect_to_vec(starts),
+                starts: (0..=self.table.rows).map(start).collect(),
                 pairs: pairs.iter().map(pair).collect(),
                 from: tracks.iter().map(|track| track.start).collect(),
                 by: tracks.iter().map(|track| track.by).collect(),
@@ -52,24 +56,20 @@ impl GpuContact {
         if pairs.len() > self.room {
             self.grow(gpu, pairs.len());
         }
-        let all: Vec<Listed> = pairs
-            .iter()
-            .map(|&DevicePair { corners, other, thickness, lambda }| Listed {
-                corners,
-                lambda,
-                other,
-                thickness,
-                padding: [0; 2],
-            })
-            .collect();
+        let rows = starts.windows(2).zip(0..).flat_map(|(row, number)| (row[0]..row[1]).map(move |_| number));
+        let pair =
+            |(&DevicePair { corners, other, thickness, lambda }, row)| Listed { corners, lambda, other, thickness, row, next: 0 };
+        let all: Vec<Listed> = pairs.iter().zip(rows).map(pair).collect();
         let tracks: Vec<Track> = from.iter().zip(&by).map(|(&start, &by)| Track { start, by }).collect();
-        gpu.write(&self.buffers.starts, 0, &vec![0_u32; self.table.rows as usize + 1]);
-        gpu.write(&self.buffers.starts, 0, &starts);
-        gpu.write(&self.buffers.pairs, 0, &all);
-        gpu.write(&self.buffers.tracks, 0, &tracks);
         let with_vertices = starts.get(self.table.first_edge as usize).copied().unwrap_or_default();
-        self.status =
-            Status { listed: all.len() as u32, with_vertices, since: since.unwrap_or(NEVER), ahead, h, ..Status::nothing() };
+        let (listed, with_edges) = (all.len() as u32, all.len() as u32 - with_vertices);
+        let since = since.unwrap_or(NEVER);
+        self.status = Status { listed, with_vertices, with_edges, since, ahead, h, ..Status::nothing() };
+        let (first, second) = all.split_at(with_vertices as usize);
+        for (place, pairs) in self.places(self.room).into_iter().zip([first, second]) {
+            gpu.write(&self.buffers.pairs, place.start as usize, pairs);
+        }
+        gpu.write(&self.buffers.tracks, 0, &tracks);
         true
     }
 }

@@ -13,7 +13,7 @@ const X: usize = 2;
 const VERTICES: usize = 3;
 const TRACKS: usize = 4;
 const NODES: usize = 5;
-const STARTS: usize = 6;
+const CHAINS: usize = 6;
 const PAIRS: usize = 7;
 const NEAR: usize = 8;
 const SUMS: usize = 9;
@@ -22,7 +22,7 @@ const BODIES: usize = 11;
 const LET_GO: usize = 12;
 const X_OUT: usize = 13;
 const P_OUT: usize = 14;
-const BESIDE: usize = 15;
+const BOXES: usize = 15;
 
 /// The kernels of a substep.
 #[derive(Debug)]
@@ -35,10 +35,8 @@ pub(super) struct Stages {
     pub begin_paths: Stage,
     pub bound: Stage,
     pub refit: Stage,
-    pub walk: Stage,
-    pub count: Stage,
-    pub scan: Stage,
-    pub fill: Stage,
+    pub prepare: Stage,
+    pub detect: Stage,
     pub glance: Stage,
     pub find: Stage,
     pub warm: Stage,
@@ -58,7 +56,6 @@ impl Stages {
             Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
         };
         let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
-        let of_rows = [TABLE, VERTICES, NODES, STARTS, PAIRS, COMMON, LET_GO, BESIDE];
         let of_pairs = [X, VERTICES, PAIRS, NEAR, SUMS, COMMON];
         let of_vertices = [X, VERTICES, SUMS, COMMON, BODIES];
         let by_meet = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
@@ -67,13 +64,11 @@ impl Stages {
             meet_alone: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0)]),
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
-            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, X, VERTICES, TRACKS, COMMON]),
+            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, X, VERTICES, TRACKS, CHAINS, COMMON]),
             bound: stage(shaders::TREE, "bound", &[TABLE, X, VERTICES, NODES, COMMON]),
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
-            walk: stage(shaders::WALK, "walk", &[TABLE, NODES, COMMON, BESIDE]),
-            count: stage(shaders::DETECTION, "count", &of_rows),
-            scan: stage(shaders::DETECTION, "scan", &[STARTS, COMMON]),
-            fill: stage(shaders::DETECTION, "fill", &of_rows),
+            prepare: stage(shaders::DETECTION, "prepare", &[TABLE, VERTICES, CHAINS, PAIRS, COMMON, BOXES]),
+            detect: stage(shaders::DETECTION, "detect", &[TABLE, VERTICES, NODES, CHAINS, PAIRS, COMMON, LET_GO, BOXES]),
             glance: stage(shaders::NEAR, "glance", &[X, VERTICES, PAIRS, COMMON]),
             find: stage(shaders::NEAR, "find", &of_pairs),
             warm: stage(shaders::RESPONSE, "warm", &[X, NEAR, SUMS, COMMON]),
@@ -90,7 +85,7 @@ impl Stages {
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
-    let Buffers { about, table, vertices, tracks, nodes, starts, pairs, near, sums, common, bodies, let_go, beside } = buffers;
+    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes } = buffers;
     let all = [
         Bind::Uniform(&about.buffer),
         Bind::Read(table),
@@ -98,7 +93,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a Stat
         Bind::Write(vertices),
         Bind::Write(tracks),
         Bind::Write(nodes),
-        Bind::Write(starts),
+        Bind::Write(chains),
         Bind::Write(pairs),
         Bind::Write(near),
         Bind::Write(sums),
@@ -107,7 +102,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a Stat
         Bind::Read(&let_go.buffer),
         Bind::Write(&to.x),
         Bind::Write(&to.p),
-        Bind::Write(beside),
+        Bind::Write(boxes),
     ];
     all.into_iter()
         .enumerate()

@@ -20,6 +20,7 @@ pub(crate) struct Status {
     pub half: u32,
     pub listed: u32,
     pub with_vertices: u32,
+    pub with_edges: u32,
     pub since: f32,
     pub ahead: f32,
     pub h: f32,
@@ -36,11 +37,11 @@ pub(crate) struct Status {
     pub longer: f32,
     pub over: f32,
     pub scale: f32,
-    pub padding: u32,
     pub mean: [f32; 3],
-    pub needed_of_leaf: u32,
     pub counted: u32,
-    pub padding_2: [u32; 3],
+    pub vertices_before: u32,
+    pub edges_before: u32,
+    pub padding: [u32; 2],
 }
 
 impl Status {
@@ -56,8 +57,8 @@ impl Status {
 
     /// The status at the start of a step that continues from this one.
     pub(super) fn at_start(self) -> Status {
-        let Status { half, listed, with_vertices, since, ahead, h, .. } = self;
-        Status { half, listed, with_vertices, since, ahead, h, ..Status::zeroed() }
+        let Status { half, listed, with_vertices, with_edges, since, ahead, h, .. } = self;
+        Status { half, listed, with_vertices, with_edges, since, ahead, h, ..Status::zeroed() }
     }
 }
 
@@ -73,8 +74,10 @@ pub(crate) struct About {
     pub depth: u32,
     pub triangles: u32,
     pub edges: u32,
-    pub leaves: u32,
-    pub of_leaves: u32,
+    pub order: u32,
+    pub leaf_triangles: u32,
+    pub leaf_edges: u32,
+    pub leaf_vertices: u32,
     pub excess: u32,
     pub beside: u32,
     pub of_vertices: u32,
@@ -85,8 +88,8 @@ pub(crate) struct About {
     pub let_go_of_edges: u32,
     pub groups: u32,
     pub per_mass: f32,
-    pub parts: u32,
-    pub room_of_leaf: u32,
+    pub box_edges: u32,
+    pub sharing: u32,
 }
 
 /// A listed pair: `Listed` of `shared.wgsl`.
@@ -97,7 +100,8 @@ pub(crate) struct Listed {
     pub lambda: Vec4,
     pub other: u32,
     pub thickness: f32,
-    pub padding: [u32; 2],
+    pub row: u32,
+    pub next: u32,
 }
 
 /// The path of a vertex: `Track` of `shared.wgsl`.
@@ -112,6 +116,7 @@ pub(crate) struct Track {
 pub(super) const VERTEX: usize = 48;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
+pub(super) const BOX: usize = 64;
 pub(super) const NEAR: usize = 80;
 pub(super) const PART: usize = 32;
 /// Number of sums per vertex: `SUMS` of `shared.wgsl`.
@@ -124,12 +129,10 @@ pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
 #[cfg(test)]
 pub(crate) const SAMPLES: u32 = 32;
 #[cfg(test)]
-pub(crate) const HELD: u32 = 1024;
-#[cfg(test)]
 pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection is due early in every so many substeps.
 pub(crate) const SPACING: u32 = 5;
+/// `MOST_OF_ALL`, `ITEMS`, `OTHERS`, `CHOSEN`, `CANDIDATES`, `FIRST_LEVEL`, `HELD`, `LEVELS`, `MET`,
+/// `MOST_MET`.
 #[cfg(test)]
-pub(crate) const MOST_OF_ROW: u32 = 4096;
-#[cfg(test)]
-pub(crate) const MOST_OF_ALL: u32 = 1 << 28;
+pub(crate) const DETECTION: [u32; 10] = [1 << 28, 12, 1 << 26, 512, 1792, 6, 1024, 32, 64, 192];

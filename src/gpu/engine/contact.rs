@@ -58,15 +58,12 @@ impl GpuEngine {
         stepped.map_err(|fault| self.break_off(fault))?.map_or(Ok(()), Err)
     }
 
-    /// Sets the room of the list of pairs, unless it is `None`, and of each leaf's list, so that tests can have little.
+    /// Sets the room of the list of pairs, so that tests can have little.
     #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
-    pub(crate) fn contact_room(&mut self, pairs: Option<usize>, leaves: usize) -> Result<(), GpuFault> {
+    pub(crate) fn contact_room(&mut self, pairs: usize) -> Result<(), GpuFault> {
         let GpuEngine { gpu, contact, .. } = self;
         gpu.checked(|| {
-            if let Some(contact) = contact {
-                pairs.into_iter().for_each(|pairs| contact.make_room(gpu, pairs));
-                contact.make_room_of_leaf(gpu, leaves);
-            }
+            contact.iter_mut().for_each(|contact| contact.make_room(gpu, pairs));
             Ok(())
         })
     }

@@ -1,0 +1,130 @@
+// Whether a pair of features is listed, and the previous multipliers of those that are.
+
+// The midpoint of a vertex's path, with the distance that it may stray in w, and its displacement.
+struct Place {
+    middle: vec4f,
+    u: vec3f,
+}
+
+fn place_at(v: u32) -> Place {
+    return Place(vertices[v].middle, vertices[v].u.xyz);
+}
+
+fn box_of(a: Place, b: Place) -> Box {
+    return Box(
+        min(a.middle.xyz - a.middle.w, b.middle.xyz - b.middle.w),
+        max(a.middle.xyz + a.middle.w, b.middle.xyz + b.middle.w),
+        min(a.u, b.u),
+        max(a.u, b.u),
+    );
+}
+
+fn box_with(a: Box, b: Place) -> Box {
+    return Box(
+        min(a.low, b.middle.xyz - b.middle.w),
+        max(a.high, b.middle.xyz + b.middle.w),
+        min(a.step_low, b.u),
+        max(a.step_high, b.u),
+    );
+}
+
+fn is_let_go(is_edge: bool, row: u32, other: u32) -> bool {
+    let one = select(row, row - about.first_edge, is_edge);
+    let first = select(0u, about.let_go, is_edge);
+    for (var k = first; k < first + select(about.let_go, about.let_go_of_edges, is_edge); k++) {
+        if all(let_go[k] == vec2u(one, other)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+fn closest(is_edge: bool, at: Four) -> vec4f {
+    if is_edge {
+        return edge_edge(at);
+    }
+    return vertex_triangle(at);
+}
+
+// The distance at which a pair is held, or 0 if it cannot come so close within the substeps that detection covers.
+fn thickness_of(is_edge: bool, corners: vec4u) -> f32 {
+    let a = place_at(corners.x);
+    let b = place_at(corners.y);
+    let c = place_at(corners.z);
+    let d = place_at(corners.w);
+    let y = Four(a.middle.xyz, b.middle.xyz, c.middle.xyz, d.middle.xyz);
+    let apart = length(between(closest(is_edge, y), y));
+    var relative = max(square(a.u - c.u), square(a.u - d.u));
+    var stray: f32;
+    if is_edge {
+        relative = max(relative, max(square(b.u - c.u), square(b.u - d.u)));
+        stray = max(a.middle.w, b.middle.w) + max(c.middle.w, d.middle.w);
+    } else {
+        relative = max(relative, square(a.u - b.u));
+        stray = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
+    }
+    // A lower bound on the distance.
+    let left = apart - stray - sqrt(relative) * (0.5 * known.status.ahead);
+    if !(left < about.thickness) {
+        return 0.0;
+    }
+    var thickness = about.thickness;
+    if piece_of(corners.x) == piece_of(corners.w) {
+        let rest = Four(rest_of(corners.x), rest_of(corners.y), rest_of(corners.z), rest_of(corners.w));
+        thickness = min(thickness, 0.5 * length(between(closest(is_edge, rest), rest)));
+    }
+    return select(0.0, thickness, left < thickness);
+}
+
+// The position of a pair of the previous list.
+fn place_before(k: u32) -> u32 {
+    let edges = k - known.status.vertices_before;
+    return (1u - known.status.half) * about.room + select(about.room - 1u - edges, k, k < known.status.vertices_before);
+}
+
+// The chain that a pair of the previous list is in. There is a power of two of them.
+fn chain_of(row: u32, other: u32) -> u32 {
+    let mixed = (row * 0x9e3779b1u) ^ (other * 0x85ebca6bu);
+    return (mixed ^ (mixed >> 15u)) & (arrayLength(&chains) - 1u);
+}
+
+// The multipliers of a pair in the previous list.
+fn held_before(row: u32, other: u32) -> vec4f {
+    var next = atomicLoad(&chains[chain_of(row, other)]);
+    while next != 0u {
+        let at = place_before(next - 1u);
+        if pairs[at].row == row && pairs[at].other == other {
+            return pairs[at].lambda;
+        }
+        next = pairs[at].next;
+    }
+    return vec4f();
+}
+
+// Computes the boxes of the triangles and edges. Puts the previous list's pairs that have multipliers into chains: an
+// element of `chains` is 1 more than the number of a pair, whose `next` is 1 more than that of another, or 0 at the end.
+@compute @workgroup_size(WORKGROUP)
+fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    if !is_due() {
+        return;
+    }
+    let first = item(id, groups);
+    let stride = groups.x * groups.y * WORKGROUP;
+    let features = about.box_edges + about.rows - about.first_edge;
+    for (var k = first; k < features; k += stride) {
+        if k < about.box_edges {
+            let corners = triangle(k);
+            boxes[k] = box_with(box_of(place_at(corners.x), place_at(corners.y)), place_at(corners.z));
+        } else {
+            let ends = edge(k - about.box_edges);
+            boxes[k] = box_of(place_at(ends.x), place_at(ends.y));
+        }
+    }
+    let all = known.status.vertices_before + known.status.edges_before;
+    for (var k = first; k < all; k += stride) {
+        let at = place_before(k);
+        if any(pairs[at].lambda != vec4f()) {
+            pairs[at].next = atomicExchange(&chains[chain_of(pairs[at].row, pairs[at].other)], k + 1u);
+        }
+    }
+}
