@@ -24,6 +24,8 @@ on_every_backend!(
     a_moving_floor_carries_the_cloth,
     a_growing_sphere_pushes,
     a_set_state_forgets_where_colliders_were,
+    a_placed_collider_has_a_velocity_at_once,
+    boxes_culled_reordered_or_teleported_give_no_energy,
 );
 
 /// A sheet lying on a plane inclined by `degrees` about z, with friction .3.
@@ -331,6 +333,80 @@ fn a_set_state_forgets_where_colliders_were(backend: Backend) {
     // Only rounding in the edges moves it.
     let moved = common::rms(deformer.positions().unwrap(), &mesh.positions);
     assert!(moved <= 1e-7, "flung by {moved} m");
+}
+
+/// A floor that rises in the first step takes the cloth with it, if it was placed before, and without a velocity if not.
+fn a_placed_collider_has_a_velocity_at_once(backend: Backend) {
+    let at = |y: f32| Attributes {
+        gravity: Vec3::ZERO,
+        colliders: vec![Collider::rounded_box(Vec3::Y * (y - 0.1), Vec3::new(1.0, 0.1, 1.0), Quat::IDENTITY, 0.0)],
+        ..Attributes::default()
+    };
+    let rises = |placed: bool| {
+        let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+        let mut deformer = Deformer::new(&Mesh::grid(5, 5, 0.3, 0.3), options).unwrap();
+        if placed {
+            deformer.place_colliders(&at(0.0).colliders).unwrap();
+        }
+        deformer.step(FRAME, &at(0.01)).unwrap();
+        deformer.velocities().unwrap().iter().map(|v| v.y).sum::<f32>() / 25.0
+    };
+    let (placed, new) = (rises(true), rises(false));
+    assert!((placed - 0.01 / FRAME).abs() < 1e-3, "contact is inelastic, so the cloth is as fast as the floor: {placed} m/s");
+    assert!(new.abs() < 1e-3, "what arrives has no velocity: {new} m/s");
+
+    let mut deformer = Deformer::new(&Mesh::grid(5, 5, 0.3, 0.3), Options { backend, ..Options::default() }).unwrap();
+    let error = deformer.place_colliders(&[Collider::sphere(Vec3::ZERO, f32::NAN)]).unwrap_err();
+    assert!(error.to_string().contains("colliders[0].radius"), "{error}");
+}
+
+/// A sheet falls on a table, and its borders on a floor. Both and what is far away are boxes, so none can be told from
+/// another by its kind.
+fn boxes_culled_reordered_or_teleported_give_no_energy(backend: Backend) {
+    type List<'a> = &'a dyn Fn(u32) -> Vec<Collider>;
+    let mut mesh = Mesh::grid(13, 13, 0.5, 0.5);
+    mesh.positions.iter_mut().for_each(|x| x.y = 0.22);
+    let boxed = |center: Vec3, half: Vec3, turn: f32| Collider::rounded_box(center, half, Quat::from_rotation_y(turn), 0.01);
+    let table = boxed(Vec3::Y * 0.1, Vec3::new(0.12, 0.1, 0.12), 0.0).with_id(1);
+    let floor = |x: f32, turn: f32| boxed(Vec3::new(x, -1.0, 0.0), Vec3::new(9.0, 1.0, 9.0), turn).with_id(2);
+    let far = boxed(Vec3::X * 30.0, Vec3::splat(0.2), 0.0).with_id(3);
+    let energies = |list: List| -> Vec<f64> {
+        let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+        let mut deformer = Deformer::new(&mesh, options).unwrap();
+        let mut energy = |frame| {
+            deformer.step(FRAME, &Attributes { colliders: list(frame), ..Attributes::default() }).unwrap();
+            deformer.measure().unwrap().kinetic_energy
+        };
+        (0..40).map(&mut energy).collect()
+    };
+    let whole = |_: u32| vec![table.clone(), floor(0.0, 0.0), far.clone()];
+    let undisturbed = energies(&whole);
+    let most = undisturbed.iter().copied().fold(0.0, f64::max);
+    let nameless = |list: Vec<Collider>| list.into_iter().map(|one| Collider { id: None, ..one }).collect::<Vec<_>>();
+    let culled = |frame: u32| whole(frame)[..if frame.is_multiple_of(3) { 2 } else { 3 }].to_vec();
+    let disturbed: [(&str, List); 5] = [
+        ("culled", &culled),
+        ("culled at the front, nameless", &|frame| nameless(culled(frame).into_iter().rev().collect())),
+        ("reordered", &|frame| {
+            let mut list = whole(frame);
+            list.rotate_left(frame as usize % 3);
+            list
+        }),
+        ("one jumps through the sheet, into the table and out of it", &|frame| {
+            let y = if frame.is_multiple_of(2) { 0.1 } else { 1.0 };
+            let small = boxed(Vec3::Y * y, Vec3::splat(0.05), 0.0).with_id(3);
+            vec![table.clone(), floor(0.0, 0.0), small.teleported()]
+        }),
+        ("the floor jumps along itself and turns", &|frame| {
+            let (x, turn) = ((frame % 4) as f32, 0.3 * frame as f32);
+            vec![table.clone(), floor(x, turn).teleported(), far.clone()]
+        }),
+    ];
+    for (name, list) in disturbed {
+        for (frame, (is, was)) in energies(list).into_iter().zip(&undisturbed).enumerate() {
+            assert!(is <= 1.05 * was + 1e-3 * most, "{name}, frame {frame}: {is} J, undisturbed {was}, at most {most}");
+        }
+    }
 }
 
 /// A towel stays on a sphere for any number of substeps. In other engines friction depends on that number and lets it

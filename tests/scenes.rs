@@ -114,6 +114,21 @@ half = [1.5, 0.5, 1.5]
     assert!((height(15) - 0.1 * 14.0 / 15.0).abs() < 1e-4, "lifted to {}", height(15));
 }
 
+/// What moves from frame 1 on has its velocity in the first step: a table that rises for one frame throws the cloth up.
+#[test]
+fn colliders_are_in_motion_from_the_first_frame_on() {
+    let table = "
+[[collider]]
+shape = \"box\"
+center = [{ time = 0, value = [0, -0.5, 0] }, { time = 0.016666667, value = [0, -0.49, 0] }]
+half = [1.5, 0.5, 1.5]
+";
+    let (directory, output) = scene(&(SHEET.to_owned() + table), &[]);
+    succeeds(&output);
+    let lowest = frame(&directory, 31).iter().map(|x| x.y).fold(f32::MAX, f32::min);
+    assert!((lowest - 0.3).abs() < 1e-3, "0.6 m/s for half a second without gravity: {lowest} m");
+}
+
 /// A loop whose ends differ restarts without a velocity: a table that sinks and jumps back up throws nothing.
 #[test]
 fn a_loop_that_does_not_close_throws_nothing() {

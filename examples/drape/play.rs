@@ -68,6 +68,10 @@ pub(crate) fn play(
     let progress = progress(quiet, outputs.frames);
     progress.set_position(u64::from(done));
     let mut shape = mesh.clone();
+    if done == 0 {
+        // Colliders that are in motion at frame 1 move with their velocity from there.
+        deformer.place_colliders(&scene.attributes(1).colliders).map_err(|error| Failure::step(1, &error))?;
+    }
     if scene.untangle && done == 0 {
         untangle(scene, &mut deformer, &mut shape)?;
     }

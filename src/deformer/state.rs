@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::Deformer;
-use crate::attributes::{Collider, Shape};
+use crate::attributes::{Attributes, Collider, Shape};
 #[cfg(feature = "gpu")]
 use crate::backend::Engine;
 #[cfg(feature = "gpu")]
@@ -107,6 +107,20 @@ impl Deformer {
         self.engine.set(&x, &p);
         self.forget();
         self.shown = false;
+        Ok(())
+    }
+
+    /// Says where the colliders are now, so that the next step moves them from there. Without this, those of the first
+    /// step arrive without a velocity. A frame of a scene that begins with colliders in motion:
+    /// `cloth.place_colliders(&scene.at(0.0))` before the first step, which has those of its own end.
+    ///
+    /// # Errors
+    /// If a value is out of its range, as in [`Deformer::step`]; nothing then changes.
+    pub fn place_colliders(&mut self, colliders: &[Collider]) -> Result<(), StepError> {
+        let attributes = Attributes { colliders: colliders.to_vec(), ..Attributes::default() };
+        attributes.validate(0)?;
+        self.motion.colliders.clone_from(&attributes.colliders);
+        self.colliders = attributes.colliders;
         Ok(())
     }
 
