@@ -43,9 +43,9 @@ pub use gpu::{BoundMesh, Surface};
 pub use io::cache_form::CacheForm;
 pub use io::obj::ObjError;
 pub use io::obj::template::ObjTemplate;
-pub use io::pc2_error::Pc2Error;
 pub use io::pc2_reader::{Pc2ReadError, PointCacheReader};
 pub use io::point_cache::PointCache;
+pub use io::point_cache_error::PointCacheError;
 pub use model::mesh::Mesh;
 pub use options::{
     Backend, Cause, Contact, Crossing, Fabric, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning,

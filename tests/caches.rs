@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use cloth_deformer::glam::{Vec2, Vec3};
-use cloth_deformer::{CacheForm, Pc2Error, Pc2ReadError, PointCache, PointCacheReader};
+use cloth_deformer::{CacheForm, Pc2ReadError, PointCache, PointCacheError, PointCacheReader};
 
 /// Two samples of four vertices, in which all numbers differ.
 fn samples() -> [Vec<Vec3>; 2] {
@@ -13,7 +13,7 @@ fn samples() -> [Vec<Vec3>; 2] {
     [0, 1].map(|sample| (0..4).map(|vertex| position(sample, vertex)).collect())
 }
 
-fn write(form: CacheForm, path: &Path) -> Result<(), Pc2Error> {
+fn write(form: CacheForm, path: &Path) -> Result<(), PointCacheError> {
     let mut cache = PointCache::create_as(form, path, 4, 2)?;
     samples().iter().try_for_each(|sample| cache.push(sample))?;
     cache.finish()

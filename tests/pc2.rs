@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Pc2Error, PointCache};
+use cloth_deformer::{PointCache, PointCacheError};
 
 /// Two samples of three vertices, in which all numbers differ.
 fn samples() -> [Vec<Vec3>; 2] {
@@ -12,7 +12,7 @@ fn samples() -> [Vec<Vec3>; 2] {
     [0, 1].map(|sample| (0..3).map(|vertex| position(sample, vertex)).collect())
 }
 
-fn write(path: &Path) -> Result<(), Pc2Error> {
+fn write(path: &Path) -> Result<(), PointCacheError> {
     let mut cache = PointCache::create(path, 3, 2)?;
     for sample in samples() {
         cache.push(&sample)?;
@@ -88,18 +88,18 @@ fn a_sample_that_does_not_fit_is_refused() {
     let message = cache.push(&second[..2]).unwrap_err().to_string();
     assert_eq!(message, "sample 2 has 2 positions; give a finite position for each of the cache's 3 vertices");
     cache.push(&second).unwrap();
-    assert!(matches!(cache.push(&first), Err(Pc2Error::Samples { given: 3, expected: 2 })));
+    assert!(matches!(cache.push(&first), Err(PointCacheError::Samples { given: 3, expected: 2 })));
     cache.finish().unwrap();
     let whole = folder.path().join("whole.pc2");
     write(&whole).unwrap();
     assert_eq!(fs::read(&path).unwrap(), fs::read(&whole).unwrap());
 
     let too_many = 1 << 31;
-    assert!(matches!(PointCache::create(&path, too_many, 1), Err(Pc2Error::TooMany { things: "vertices", .. })));
-    assert!(matches!(PointCache::create(&path, 1, too_many), Err(Pc2Error::TooMany { things: "samples", .. })));
+    assert!(matches!(PointCache::create(&path, too_many, 1), Err(PointCacheError::TooMany { things: "vertices", .. })));
+    assert!(matches!(PointCache::create(&path, 1, too_many), Err(PointCacheError::TooMany { things: "samples", .. })));
     let nowhere = folder.path().join("none/towel.pc2");
-    assert!(matches!(PointCache::create(&nowhere, 1, 1), Err(Pc2Error::Write { file, .. }) if file == nowhere));
-    assert!(matches!(PointCache::create(folder.path(), 0, 0).and_then(PointCache::finish), Err(Pc2Error::Write { .. })));
+    assert!(matches!(PointCache::create(&nowhere, 1, 1), Err(PointCacheError::Write { file, .. }) if file == nowhere));
+    assert!(matches!(PointCache::create(folder.path(), 0, 0).and_then(PointCache::finish), Err(PointCacheError::Write { .. })));
 }
 
 /// A device is written to directly, and an error is reported when it is full.
@@ -127,9 +127,9 @@ fn a_cache_that_a_write_cut_short_is_never_finished() {
     let first = reader();
     let mut cache = PointCache::create(&path, sample.len(), 1).unwrap();
     drop(first);
-    assert!(matches!(cache.push(&sample), Err(Pc2Error::Write { .. })), "nobody reads");
+    assert!(matches!(cache.push(&sample), Err(PointCacheError::Write { .. })), "nobody reads");
     let _again = reader();
     let message = cache.push(&sample).unwrap_err().to_string();
     assert!(message.contains("pipe.pc2: sample 1 was cut short") && message.contains("anew"), "{message}");
-    assert!(matches!(cache.finish(), Err(Pc2Error::CutShort { sample: 1, .. })));
+    assert!(matches!(cache.finish(), Err(PointCacheError::CutShort { sample: 1, .. })));
 }

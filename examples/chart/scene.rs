@@ -69,7 +69,10 @@ impl Scene {
         // Building the cloth reports what is wrong with the mesh or the pins.
         Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() })
             .map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))?;
-        let options = Options { mass: Some(masses(&mesh, options.fabric.density)), ..options };
+        // A vertex without a triangle has a small mass, so that it can fall.
+        let mass = |area: &f64| (f64::from(options.fabric.density) * area).max(1e-6) as f32;
+        let mass = Some(mesh.vertex_areas().iter().map(mass).collect());
+        let options = Options { mass, ..options };
         let stem = path.file_stem().map_or("mesh".into(), |stem| stem.to_string_lossy());
         // Times for one meter of cloth; the period of a swing is proportional to sqrt(extent).
         let frames = |seconds: f64| (60.0 * seconds * extent.sqrt()).round().clamp(1.0, 600.0) as u32;
@@ -146,18 +149,4 @@ impl Scene {
 pub(crate) fn rms(a: &[DVec3], b: &[DVec3]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
     (sum / a.len().max(1) as f64).sqrt()
-}
-
-/// Masses of the vertices (kg): a third of that of each of their triangles. A vertex without a triangle gets a small
-/// mass so that it can fall.
-fn masses(mesh: &Mesh, density: f32) -> Vec<f32> {
-    let mut masses = vec![0.0; mesh.positions.len()];
-    for triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
-        let third = density * (b - a).cross(c - a).length() / 6.0;
-        for vertex in triangle {
-            masses[*vertex as usize] += third;
-        }
-    }
-    masses.iter().map(|&mass| if mass > 0.0 { mass } else { 1e-6 }).collect()
 }

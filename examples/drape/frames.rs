@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{CacheForm, Mesh, ObjTemplate, Pc2Error, PointCache};
+use cloth_deformer::{CacheForm, Mesh, ObjTemplate, PointCache, PointCacheError};
 
 use crate::{
     Failure,
@@ -102,6 +102,6 @@ impl<'a> Frames<'a> {
     }
 }
 
-fn failed(option: &str, error: &Pc2Error) -> Failure {
+fn failed(option: &str, error: &PointCacheError) -> Failure {
     Failure::input(format_args!("{option}: {error}"))
 }

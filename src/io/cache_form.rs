@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use glam::{Vec2, Vec3};
 
-use crate::io::pc2_error::Pc2Error;
+use crate::io::point_cache_error::PointCacheError;
 
 /// The file format of a point cache. Positions are written unchanged, in meters with y up; vertices are in the mesh's
 /// order.
@@ -39,8 +39,8 @@ pub enum CacheForm {
 
 impl CacheForm {
     /// The bytes before the first sample.
-    pub(super) fn header(&self, vertices: usize, samples: usize) -> Result<Vec<u8>, Pc2Error> {
-        let count = |things, count: usize| i32::try_from(count).map_err(|_| Pc2Error::TooMany { things, count });
+    pub(super) fn header(&self, vertices: usize, samples: usize) -> Result<Vec<u8>, PointCacheError> {
+        let count = |things, count: usize| i32::try_from(count).map_err(|_| PointCacheError::TooMany { things, count });
         let (few_vertices, few_samples) = (count("vertices", vertices)?, count("samples", samples)?);
         match self {
             CacheForm::Pc2 => {
@@ -65,18 +65,18 @@ impl CacheForm {
                 if let Some(face) = faces.iter().position(|face| !is_face(face)) {
                     let corners = &faces[face];
                     let problem = format!("face {face} has the corners {corners:?}; give three or more of {vertices} vertices");
-                    return Err(Pc2Error::Form { problem });
+                    return Err(PointCacheError::Form { problem });
                 }
                 let corners: usize = faces.iter().map(Vec::len).sum();
                 if !texture.is_empty() && texture.len() != corners {
                     let given = texture.len();
                     let problem =
                         format!("{given} texture coordinates were given for {corners} corners; give one for each, or none");
-                    return Err(Pc2Error::Form { problem });
+                    return Err(PointCacheError::Form { problem });
                 }
                 if let Some(corner) = texture.iter().position(|uv| !uv.is_finite()) {
                     let problem = format!("texture[{corner}] is {}; give finite numbers", texture[corner]);
-                    return Err(Pc2Error::Form { problem });
+                    return Err(PointCacheError::Form { problem });
                 }
                 Ok(usda_header(*fps, faces, texture, samples).into_bytes())
             }
@@ -118,10 +118,10 @@ pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
     positions.iter().fold([first; 2], |[low, high], &x| [low.min(x), high.max(x)])
 }
 
-fn check_rate(fps: f32) -> Result<(), Pc2Error> {
+fn check_rate(fps: f32) -> Result<(), PointCacheError> {
     match fps > 0.0 && fps.is_finite() {
         true => Ok(()),
-        false => Err(Pc2Error::Form { problem: format!("fps = {fps}; frames a second must be finite and above 0") }),
+        false => Err(PointCacheError::Form { problem: format!("fps = {fps}; frames a second must be finite and above 0") }),
     }
 }
 

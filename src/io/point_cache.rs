@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::io::atomic_file::AtomicFile;
 use crate::io::cache_form::{CacheForm, bounds};
-use crate::io::pc2_error::Pc2Error;
+use crate::io::point_cache_error::PointCacheError;
 
 /// Writes a point cache: create it for a number of samples, push each sample, and finish it. Until it is finished,
 /// whatever was at its path is unchanged; dropped before that, it leaves nothing behind.
@@ -47,7 +47,7 @@ impl PointCache {
     ///
     /// # Errors
     /// If the file cannot be created, or a number is too large for the format.
-    pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
+    pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, PointCacheError> {
         PointCache::create_as(CacheForm::Pc2, path, vertices, samples)
     }
 
@@ -56,13 +56,18 @@ impl PointCache {
     ///
     /// # Errors
     /// As [`PointCache::create`], or if the format's parameters are invalid.
-    pub fn create_as(form: CacheForm, path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, Pc2Error> {
+    pub fn create_as(
+        form: CacheForm,
+        path: impl AsRef<Path>,
+        vertices: usize,
+        samples: usize,
+    ) -> Result<PointCache, PointCacheError> {
         let path = path.as_ref().to_path_buf();
         let header = form.header(vertices, samples)?;
         let begun = AtomicFile::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
         match begun {
             Ok(file) => Ok(PointCache { path, file, form, boxes: Vec::new(), vertices, samples, given: 0, cut_short: false }),
-            Err(reason) => Err(Pc2Error::Write { file: path, reason }),
+            Err(reason) => Err(PointCacheError::Write { file: path, reason }),
         }
     }
 
@@ -72,11 +77,11 @@ impl PointCache {
     /// If there are more samples than announced, the number of positions is wrong, one is not finite, or writing fails.
     /// A refused sample is not written, and another one may be pushed in its place. A failed write may leave part of a
     /// sample, so every call after it fails.
-    pub fn push(&mut self, positions: &[Vec3]) -> Result<(), Pc2Error> {
+    pub fn push(&mut self, positions: &[Vec3]) -> Result<(), PointCacheError> {
         self.check_whole()?;
         let sample = self.given + 1;
         if sample > self.samples {
-            return Err(Pc2Error::Samples { given: sample, expected: self.samples });
+            return Err(PointCacheError::Samples { given: sample, expected: self.samples });
         }
         let problem = match positions.iter().position(|x| !x.is_finite()) {
             _ if positions.len() != self.vertices => Some(format!("{} positions", positions.len())),
@@ -84,14 +89,14 @@ impl PointCache {
             None => None,
         };
         if let Some(problem) = problem {
-            return Err(Pc2Error::Sample { sample, problem, vertices: self.vertices });
+            return Err(PointCacheError::Sample { sample, problem, vertices: self.vertices });
         }
         if matches!(self.form, CacheForm::Usda { .. }) {
             self.boxes.push(bounds(positions));
         }
         if let Err(reason) = self.form.write_sample(&mut self.file, sample, positions) {
             self.cut_short = true;
-            return Err(Pc2Error::Write { file: self.path.clone(), reason });
+            return Err(PointCacheError::Write { file: self.path.clone(), reason });
         }
         self.given = sample;
         Ok(())
@@ -101,19 +106,19 @@ impl PointCache {
     ///
     /// # Errors
     /// If samples are missing, a write failed before, or the file cannot be moved.
-    pub fn finish(mut self) -> Result<(), Pc2Error> {
+    pub fn finish(mut self) -> Result<(), PointCacheError> {
         self.check_whole()?;
         if self.given < self.samples {
-            return Err(Pc2Error::Samples { given: self.given, expected: self.samples });
+            return Err(PointCacheError::Samples { given: self.given, expected: self.samples });
         }
         let footer = self.form.footer(&self.boxes);
         let written = self.file.write_all(&footer).and_then(|()| self.file.finish());
-        written.map_err(|reason| Pc2Error::Write { file: self.path, reason })
+        written.map_err(|reason| PointCacheError::Write { file: self.path, reason })
     }
 
-    fn check_whole(&self) -> Result<(), Pc2Error> {
+    fn check_whole(&self) -> Result<(), PointCacheError> {
         match self.cut_short {
-            true => Err(Pc2Error::CutShort { file: self.path.clone(), sample: self.given + 1 }),
+            true => Err(PointCacheError::CutShort { file: self.path.clone(), sample: self.given + 1 }),
             false => Ok(()),
         }
     }

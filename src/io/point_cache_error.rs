@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// Why a point cache could not be written. Whatever was at its path is unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Pc2Error {
+pub enum PointCacheError {
     /// The file could not be written.
     #[error("{}: cannot be written: {reason}; check the folder and the space left", .file.display())]
     Write {

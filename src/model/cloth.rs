@@ -19,7 +19,7 @@ use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
 use crate::model::masses::Weights;
-use crate::model::mesh::{EdgeIndex, Mesh, bounds, sides};
+use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, sides, vertex_areas};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
@@ -175,7 +175,8 @@ impl Cloth {
     pub(crate) fn changed(&self, options: &Options) -> Result<(Cloth, Change), BuildError> {
         check_options(self.rest.len(), self.links.len(), options)?;
         let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
-        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &self.order, &self.areas(&positions))?;
+        let Weights { mass, density, pinned, inverse_mass } =
+            Weights::new(options, &self.order, &vertex_areas(&self.triangles, &positions))?;
 
         let stretch = f64::from(options.fabric.stretch);
         let mut links = self.links.clone();
@@ -228,15 +229,6 @@ impl Cloth {
         self
     }
 
-    /// Area (m²) of each vertex: a third of the area of each of its triangles.
-    fn areas(&self, rest: &[Vec3]) -> Vec<f64> {
-        let mut area = vec![0.0; rest.len()];
-        for &triangle in &self.triangles {
-            triangle.iter().for_each(|&vertex| area[vertex as usize] += area_of(triangle, rest) / 3.0);
-        }
-        area
-    }
-
     /// The edges that the sweep visits: all except those between two pins.
     pub(crate) fn swept(&self) -> &[Link] {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
@@ -264,7 +256,7 @@ impl Cloth {
     pub(crate) fn panels(&self) -> &Panels {
         self.panels.get_or_init(|| {
             let rest: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
-            let area = self.areas(&rest);
+            let area = vertex_areas(&self.triangles, &rest);
             let density = |vertex: u32| f64::from(self.mass[vertex as usize]) / area[vertex as usize];
             let panel = |&corners: &[u32; 3]| {
                 let least = corners.iter().map(|&vertex| density(vertex)).fold(f64::INFINITY, f64::min);
@@ -344,10 +336,4 @@ fn local_origin(positions: &[Vec3]) -> Vec3 {
         false => 0.0,
     };
     Vec3::new(along(low.x, high.x), along(low.y, high.y), along(low.z, high.z))
-}
-
-/// Area (m²), in double precision because single precision would lose a thin triangle.
-fn area_of(triangle: [u32; 3], positions: &[Vec3]) -> f64 {
-    let [a, b, c]: [DVec3; 3] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
-    0.5 * (b - a).cross(c - a).length()
 }

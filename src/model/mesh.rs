@@ -64,6 +64,31 @@ impl Mesh {
     pub fn edges(&self) -> Vec<[u32; 2]> {
         edges(&self.triangles)
     }
+
+    /// The area (m²) that belongs to each vertex: a third of that of each of its triangles. A vertex without triangles
+    /// has none.
+    ///
+    /// # Panics
+    /// If a triangle has a vertex that does not exist.
+    #[must_use]
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        vertex_areas(&self.triangles, &self.positions)
+    }
+}
+
+/// See [`Mesh::vertex_areas`].
+pub(crate) fn vertex_areas(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<f64> {
+    let mut area = vec![0.0; positions.len()];
+    for &triangle in triangles {
+        triangle.iter().for_each(|&vertex| area[vertex as usize] += area_of(triangle, positions) / 3.0);
+    }
+    area
+}
+
+/// Area (m²), in double precision because single precision would lose a thin triangle.
+pub(crate) fn area_of(triangle: [u32; 3], positions: &[Vec3]) -> f64 {
+    let [a, b, c]: [DVec3; 3] = triangle.map(|vertex| positions[vertex as usize].as_dvec3());
+    0.5 * (b - a).cross(c - a).length()
 }
 
 impl Recorded for Arc<Mesh> {

@@ -99,13 +99,9 @@ fn area(mesh: &Mesh, triangle: [u32; 3]) -> f64 {
     (b - a).cross(c - a).length() / 2.0
 }
 
-/// A third of the area (m²) of the triangles at each vertex; the mean of the others where there is none.
+/// Area (m²) of each vertex; the mean of the others where there is none.
 fn areas(mesh: &Mesh) -> Vec<f32> {
-    let mut areas = vec![0.0; mesh.positions.len()];
-    for &triangle in &mesh.triangles {
-        let third = area(mesh, triangle) / 3.0;
-        triangle.iter().for_each(|&vertex| areas[vertex as usize] += third);
-    }
+    let areas = mesh.vertex_areas();
     let count = areas.iter().filter(|&&area| area > 0.0).count().max(1);
     let mean = areas.iter().sum::<f64>() / count as f64;
     areas.iter().map(|&area| if area > 0.0 { area } else { mean } as f32).collect()
