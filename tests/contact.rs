@@ -384,14 +384,16 @@ fn boxes_culled_reordered_or_teleported_give_no_energy(backend: Backend) {
     let most = undisturbed.iter().copied().fold(0.0, f64::max);
     let nameless = |list: Vec<Collider>| list.into_iter().map(|one| Collider { id: None, ..one }).collect::<Vec<_>>();
     let culled = |frame: u32| whole(frame)[..if frame.is_multiple_of(3) { 2 } else { 3 }].to_vec();
-    let disturbed: [(&str, List); 5] = [
+    let reordered = |frame: u32| {
+        let mut list = whole(frame);
+        list.rotate_left(frame as usize % 3);
+        list
+    };
+    let disturbed: [(&str, List); 6] = [
         ("culled", &culled),
         ("culled at the front, nameless", &|frame| nameless(culled(frame).into_iter().rev().collect())),
-        ("reordered", &|frame| {
-            let mut list = whole(frame);
-            list.rotate_left(frame as usize % 3);
-            list
-        }),
+        ("reordered", &reordered),
+        ("reordered, nameless", &|frame| nameless(reordered(frame))),
         ("one jumps through the sheet, into the table and out of it", &|frame| {
             let y = if frame.is_multiple_of(2) { 0.1 } else { 1.0 };
             let small = boxed(Vec3::Y * y, Vec3::splat(0.05), 0.0).with_id(3);

@@ -37,8 +37,9 @@ pub struct Attributes {
     ///
     /// A collider with an [`id`](Collider::id) is matched with the one that had the same id in the last step. Colliders
     /// without an id are matched by their order among themselves, if their number and their shapes in order are the
-    /// same as in the last step. Otherwise all of them are taken as new and have no velocity, so that removing one from
-    /// the list does not give its position, and thus a false velocity, to the next.
+    /// same as in the last step, and no two of the same shape would have moved less by changing places. Otherwise all of
+    /// them are taken as new and have no velocity, so that removing one from the list or changing its order does not give
+    /// its position, and thus a false velocity, to another.
     ///
     /// Round colliders, including boxes with rounded edges, are enlarged by 1.2 times the sagitta `l²/8R`, where `l` is
     /// the longest edge of the cloth, so that edges stay outside and not only vertices. Edges longer than R count as R.

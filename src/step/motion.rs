@@ -30,11 +30,11 @@ impl Motion {
     }
 
     /// Pairs each collider with the one it moves from: itself if it is new, was teleported or has another kind of
-    /// shape. Colliders are matched by id; those without one by their order, if their kinds are the same in both lists.
+    /// shape. Colliders are matched by id; those without one by their order, if their kinds are the same in both lists and
+    /// nothing looks like another order.
     pub(crate) fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
         let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());
-        let shapes = |list: &'a [Collider]| unnamed(list).map(|collider| std::mem::discriminant(&collider.shape));
-        let mut last_unnamed = shapes(colliders).eq(shapes(&self.colliders)).then(|| unnamed(&self.colliders));
+        let mut last_unnamed = are_in_order(unnamed(&self.colliders), unnamed(colliders)).then(|| unnamed(&self.colliders));
         colliders.iter().map(move |now| {
             let last = match now.id {
                 Some(_) => self.colliders.iter().find(|last| last.id == now.id),
@@ -73,3 +73,24 @@ impl Motion {
         if self.h > 0.0 { self.h } else { 1.0 }
     }
 }
+
+/// Whether colliders can be matched by their order: their kinds agree, and no two of a kind that moved would have moved
+/// less if each were the other.
+fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl Iterator<Item = &'a Collider> + Clone) -> bool {
+    let kind = |collider: &Collider| std::mem::discriminant(&collider.shape);
+    if !last.clone().map(kind).eq(now.clone().map(kind)) {
+        return false;
+    }
+    let moved: Vec<_> = last.zip(now).filter(|(last, now)| last.way_to(now) > 0.0).collect();
+    moved.iter().enumerate().all(|(index, (last, now))| {
+        moved[..index].iter().filter(|(other, _)| kind(other) == kind(last)).all(|(other_last, other_now)| {
+            let exchanged = last.way_to(other_now) + other_last.way_to(now);
+            // A row of colliders that move by more than their distance ties, but for rounding.
+            exchanged >= 0.999 * (last.way_to(now) + other_last.way_to(other_now))
+        })
+    })
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/step_motion.rs"]
+mod tests;
