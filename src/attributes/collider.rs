@@ -226,7 +226,7 @@ impl Collider {
     }
 
     /// How far (m) its landmarks are from those of another collider, summed.
-    pub(crate) fn way_to(&self, other: &Collider) -> f32 {
+    pub(crate) fn distance_to(&self, other: &Collider) -> f32 {
         self.landmarks().into_iter().zip(other.landmarks()).map(|(a, b)| a.distance(b)).sum()
     }
 

@@ -8,12 +8,16 @@ use super::crossings::LetGo;
 use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
-use super::surface::Surface;
+use super::surface::{LEAF, Surface};
 use super::tree::Tree;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
+
+// `detection.wgsl` numbers the features that a leaf compares in 7 bits, and tells its at most three turns over another
+// leaf's features of a kind, 12 at a time, in 2 bits. A leaf has at most twice its fewest triangles.
+const _: () = assert!(2 * LEAF * 3 <= 3 * 12 && 2 * LEAF * (3 + 1 + 3) < 128);
 
 /// The surface and its tree as words, and the positions of the lists in them, as in `About` of
 /// `shaders/stages/self_contact/shared.wgsl`.
@@ -22,7 +26,6 @@ pub(crate) struct Table {
     pub words: Vec<u32>,
     pub depth: u32,
     /// The rows are those of the vertices, followed by those of the edges.
-    pub first_edge: u32,
     pub rows: u32,
     pub triangles: u32,
     pub edges: u32,
@@ -39,10 +42,10 @@ pub(crate) struct Table {
 
 impl Table {
     fn new(surface: &Surface, tree: &Tree, vertices: usize) -> Table {
-        let (leaves, first_edge) = (&tree.leaves, vertices);
+        let leaves = &tree.leaves;
         let (excess, beside) = tree.culls();
-        let mut table = Table { depth: leaves.depth, first_edge: first_edge as u32, ..Table::default() };
-        table.rows = (first_edge + surface.edges.len()) as u32;
+        let mut table = Table { depth: leaves.depth, ..Table::default() };
+        table.rows = (vertices + surface.edges.len()) as u32;
         table.boxes = surface.triangles.len() as u32;
         table.triangles = table.add(surface.triangles.as_flattened());
         table.edges = table.add(surface.edges.as_flattened());
@@ -85,7 +88,6 @@ impl Table {
 pub(crate) struct OnDevice {
     surface: Surface,
     vertices: usize,
-    first_edge: usize,
     let_go: LetGo,
     may_cross: bool,
 }
@@ -120,8 +122,8 @@ impl OnDevice {
         let (surface, leaves) = Surface::new(cloth, contact.thickness)?;
         let tree = Tree::of_cloth(&surface, leaves);
         let table = Table::new(&surface, &tree, cloth.rest.len());
-        let (vertices, first_edge) = (cloth.rest.len(), table.first_edge as usize);
-        Some((OnDevice { surface, vertices, first_edge, let_go: LetGo::default(), may_cross: true }, table))
+        let vertices = cloth.rest.len();
+        Some((OnDevice { surface, vertices, let_go: LetGo::default(), may_cross: true }, table))
     }
 
     /// Discards the known intersections, because the state was replaced.
@@ -189,8 +191,8 @@ impl OnDevice {
     fn rows_of(&self, kind: Kind, starts: usize) -> std::ops::Range<usize> {
         match (kind, starts) {
             (_, 0) => 0..0,
-            (Kind::VertexTriangle, _) => 0..self.first_edge + 1,
-            (Kind::EdgeEdge, _) => self.first_edge..starts,
+            (Kind::VertexTriangle, _) => 0..self.vertices + 1,
+            (Kind::EdgeEdge, _) => self.vertices..starts,
         }
     }
 
@@ -207,7 +209,7 @@ impl OnDevice {
         }
         let first = of_vertices.others.len() as u32;
         let pairs = |kind, rows: &ListedRows, count, others| super::past::rows(surface, kind, rows, [count, others]);
-        let one = pairs(Kind::VertexTriangle, of_vertices, self.first_edge, surface.triangles.len())?;
+        let one = pairs(Kind::VertexTriangle, of_vertices, self.vertices, surface.triangles.len())?;
         let other = pairs(Kind::EdgeEdge, of_edges, surface.edges.len(), surface.edges.len())?;
         let mut starts = one.starts;
         starts.pop();

@@ -15,8 +15,8 @@ use crate::simd::MAX_LANES;
 
 /// Bounds on [`Surface::roam`], in units of the thickness.
 const ROAM: [f32; 2] = [0.3, 1.6];
-/// Fewest triangles in a leaf.
-const LEAF: usize = 6;
+/// Fewest triangles in a leaf, unless the cloth has fewer; at most, it has twice as many.
+pub(super) const LEAF: usize = 6;
 
 /// The features of the cloth, followed by those of the bodies. They do not change between steps.
 #[derive(Debug)]

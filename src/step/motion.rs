@@ -81,12 +81,12 @@ fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl 
     if !last.clone().map(kind).eq(now.clone().map(kind)) {
         return false;
     }
-    let moved: Vec<_> = last.zip(now).filter(|(last, now)| last.way_to(now) > 0.0).collect();
+    let moved: Vec<_> = last.zip(now).filter(|(last, now)| last.distance_to(now) > 0.0).collect();
     moved.iter().enumerate().all(|(index, (last, now))| {
         moved[..index].iter().filter(|(other, _)| kind(other) == kind(last)).all(|(other_last, other_now)| {
-            let exchanged = last.way_to(other_now) + other_last.way_to(now);
+            let exchanged = last.distance_to(other_now) + other_last.distance_to(now);
             // A row of colliders that move by more than their distance ties, but for rounding.
-            exchanged >= 0.999 * (last.way_to(now) + other_last.way_to(other_now))
+            exchanged >= 0.999 * (last.distance_to(now) + other_last.distance_to(other_now))
         })
     })
 }

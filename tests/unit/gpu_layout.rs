@@ -59,7 +59,7 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
-        layout!(About { thickness, friction, vertices, first_edge, rows, depth, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass, box_edges, sharing }),
+        layout!(About { thickness, friction, vertices, rows, depth, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, beside, of_vertices, room, bodies, pins, let_go, let_go_of_edges, groups, per_mass, box_edges, sharing }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
         layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before }),
         layout!(Track { start, by }),

@@ -237,7 +237,7 @@ fn pair_of(is_edge: bool, k: u32, other: u32) -> Listed {
         // The edge with the lower index is the first.
         let one = own.edges.first + k;
         second = max(one, other);
-        row = about.first_edge + min(one, other);
+        row = about.vertices + min(one, other);
         corners = vec4u(edge(min(one, other)), edge(second));
     } else {
         row = other;

@@ -29,7 +29,7 @@ fn box_with(a: Box, b: Place) -> Box {
 }
 
 fn is_let_go(is_edge: bool, row: u32, other: u32) -> bool {
-    let one = select(row, row - about.first_edge, is_edge);
+    let one = select(row, row - about.vertices, is_edge);
     let first = select(0u, about.let_go, is_edge);
     for (var k = first; k < first + select(about.let_go, about.let_go_of_edges, is_edge); k++) {
         if all(let_go[k] == vec2u(one, other)) {
@@ -110,7 +110,7 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     }
     let first = item(id, groups);
     let stride = groups.x * groups.y * WORKGROUP;
-    let features = about.box_edges + about.rows - about.first_edge;
+    let features = about.box_edges + about.rows - about.vertices;
     for (var k = first; k < features; k += stride) {
         if k < about.box_edges {
             let corners = triangle(k);

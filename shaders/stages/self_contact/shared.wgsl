@@ -8,8 +8,7 @@ struct About {
     thickness: f32,
     friction: f32,
     vertices: u32,
-    // First features of pairs are numbered: the vertices, then from this number on the edges. How many numbers there are.
-    first_edge: u32,
+    // First features of pairs are numbered, the vertices before the edges; how many numbers there are.
     rows: u32,
     depth: u32,
     // Positions of the lists in the table. Those of leaves have the first triangle, edge, and place in `order` of each.

@@ -182,7 +182,6 @@ impl GpuContact {
             thickness: options.thickness,
             friction: options.friction,
             vertices: *vertices as u32,
-            first_edge: table.first_edge,
             rows: table.rows,
             depth: table.depth,
             triangles: table.triangles,

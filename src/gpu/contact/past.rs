@@ -61,7 +61,7 @@ impl GpuContact {
             |(&DevicePair { corners, other, thickness, lambda }, row)| Listed { corners, lambda, other, thickness, row, next: 0 };
         let all: Vec<Listed> = pairs.iter().zip(rows).map(pair).collect();
         let tracks: Vec<Track> = from.iter().zip(&by).map(|(&start, &by)| Track { start, by }).collect();
-        let with_vertices = starts.get(self.table.first_edge as usize).copied().unwrap_or_default();
+        let with_vertices = starts.get(self.vertices).copied().unwrap_or_default();
         let (listed, with_edges) = (all.len() as u32, all.len() as u32 - with_vertices);
         let since = since.unwrap_or(NEVER);
         self.status = Status { listed, with_vertices, with_edges, since, ahead, h, ..Status::nothing() };

@@ -69,7 +69,6 @@ pub(crate) struct About {
     pub thickness: f32,
     pub friction: f32,
     pub vertices: u32,
-    pub first_edge: u32,
     pub rows: u32,
     pub depth: u32,
     pub triangles: u32,
