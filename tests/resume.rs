@@ -76,6 +76,28 @@ fn a_killed_run_goes_on_as_if_it_had_not_been() {
 }
 
 #[test]
+fn a_run_killed_in_its_preroll_goes_on_too() {
+    let run =
+        "--frames 6 --preroll 0.8 --untangle --wind 3,0,1 --pin 0,63 --self-contact --save run.save --every 5 --pc2 run.pc2";
+    let whole = TempDir::new().unwrap();
+    succeeds(&whole, run);
+    let killed = TempDir::new().unwrap();
+    let mut child = drape(&killed, run).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while !killed.path().join("run.save").exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "nothing saved after two minutes");
+        sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    assert!(!child.wait().unwrap().success() && !killed.path().join(frame(1)).exists(), "it was past its preroll");
+    fails(&killed, "--frames 6 --preroll 0.9 --resume run.save", &["run.save", "preroll"]);
+    succeeds(&killed, &format!("{run} --resume run.save"));
+    for name in (1..=6).map(frame).chain(["run.pc2".to_owned()]) {
+        assert!(file(&whole, &name) == file(&killed, &name), "{name} differs");
+    }
+}
+
+#[test]
 fn only_the_same_run_is_resumed() {
     let directory = TempDir::new().unwrap();
     let run = "--frames 4 --save run.save --every 2 --quiet";
@@ -92,6 +114,17 @@ fn only_the_same_run_is_resumed() {
     let bytes = file(&directory, "run.save");
     for cut in [0, 10, bytes.len() / 2, bytes.len() - 1] {
         fs::write(directory.path().join("cut.save"), &bytes[..cut]).unwrap();
+        fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "truncated or altered"]);
+    }
+    // The line before the state is text that a hand may change.
+    let text = |from: &str, to: &str| {
+        let end = bytes.iter().position(|&byte| byte == b'\n').unwrap();
+        let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
+        assert!(head.contains(from), "{head}");
+        fs::write(directory.path().join("cut.save"), [head.replacen(from, to, 1).as_bytes(), &bytes[end..]].concat()).unwrap();
+    };
+    for number in ["-9", "0", "3"] {
+        text("\"frame\":4,", &format!("\"frame\":{number},"));
         fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "truncated or altered"]);
     }
     succeeds(&directory, more);

@@ -48,7 +48,7 @@ pub(crate) const FORMATS: [(&str, Format); 4] =
     args_conflicts_with_subcommands = true,
     disable_help_subcommand = true,
     after_help = "\
-Frame 1 is the input mesh; each further frame is one step of 1/FPS seconds. OBJ frames keep the order of vertices and faces and
+Frame 1 is the input mesh, unless there is a preroll; each further frame is one step of 1/FPS seconds. OBJ frames keep the order of vertices and faces and
 everything else in the input file: polygons, texture coordinates, groups, materials; normals turn with the cloth. If --out contains
 frames of a longer run, the program ends with an error instead of mixing them with new ones.
 Exit codes: 0 done, 1 different (diff), 2 bad input, 3 unstable, 4 GPU not available or failed, 130 interrupted. Files are written
@@ -92,9 +92,14 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
-    /// Number of frames, including the rest state [default: 120]
+    /// Number of frames, including the first [default: 120]
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..), allow_hyphen_values = true)]
     pub(crate) frames: Option<u32>,
+
+    /// Time before frame 1 that is simulated but not written, in which pins go from the mesh's own positions to where
+    /// they are at frame 1, and the cloth settles [default: 0]
+    #[arg(long, value_name = "SECONDS", value_parser = not_negative, allow_hyphen_values = true)]
+    pub(crate) preroll: Option<f32>,
 
     /// Frames per second [default: 60]
     #[arg(long, value_name = "F", value_parser = rate, allow_hyphen_values = true)]

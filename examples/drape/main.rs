@@ -67,8 +67,8 @@ impl Failure {
         Failure::from(error).of(part)
     }
 
-    fn step(frame: u32, error: &StepError) -> Failure {
-        Failure::from(error).of(&format!("frame {frame}"))
+    fn step(frame: i64, error: &StepError) -> Failure {
+        Failure::from(error).of(&if frame < 1 { format!("frame {frame}, in the preroll") } else { format!("frame {frame}") })
     }
 }
 
@@ -112,9 +112,9 @@ fn tune(scene: &Scene, tolerance: Tolerance) -> Result<(), Failure> {
             "--tune needs 60 frames per second and a start without untangling; change these in the scene",
         ));
     }
-    // Frame 1 is the start, which no step leads to.
-    let attributes = |step| scene.attributes(step + 1);
-    let steps = scene.outputs.frames - 1;
+    // No step leads to the first frame. The preroll is a part of the motion.
+    let attributes = |step| scene.attributes(scene.timeline.first() + i64::from(step));
+    let steps = scene.outputs.frames - 1 + scene.timeline.preroll;
     let tuned = cloth_deformer::tune(&scene.mesh, &scene.options, attributes, steps, tolerance);
     tuned::show(&tuned.map_err(|error| Failure::build(&scene.name, &error))?, tolerance);
     Ok(())

@@ -7,7 +7,7 @@ use std::{
     time::Instant,
 };
 
-use cloth_deformer::{Deformer, Mesh, StepError, Warning};
+use cloth_deformer::{Deformer, Measure, Mesh, StepError, Warning};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
@@ -50,14 +50,16 @@ pub(crate) fn play(
     let mut report = Report::new(&deformer, options.method, mesh);
     let (mut cells, mut moving): (Vec<Cell>, Vec<Cell>) = (Vec::new(), Vec::new());
     let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
+    // In this frame the cloth is the mesh: frame 1, or one before it if there is a preroll.
+    let first = scene.timeline.first();
     // The forecast warns of what the scene asks too much of before the first frame.
-    for warning in deformer.forecast(dt, &scene.attributes(1)).map_err(|error| Failure::step(1, &error))?.warnings {
+    for warning in deformer.forecast(dt, &scene.attributes(first)).map_err(|error| Failure::step(first, &error))?.warnings {
         warned.push(mem::discriminant(&warning));
         warn("warning", &describe(warning, 60.0 * dt));
     }
+    let resumed = save::resume(scene, &mut deformer)?;
     let acts = scene.acts();
-    let resumed = save::resume(outputs, &mut deformer, &acts)?;
-    let done = resumed.as_ref().map_or(0, |saved| saved.frame);
+    let done = resumed.as_ref().map(|saved| saved.frame);
     report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
     if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
         warn(
@@ -65,34 +67,34 @@ pub(crate) fn play(
             &format!("{name}: gives one normal to several vertices, which cannot turn with each; export it without normals"),
         );
     }
-    let progress = progress(quiet, outputs.frames);
-    progress.set_position(u64::from(done));
+    let progress = progress(quiet, u64::from(outputs.frames) + u64::from(scene.timeline.preroll));
+    progress.set_position(done.map_or(0, |done| 1 + done.abs_diff(first)));
     let mut shape = mesh.clone();
-    if done == 0 {
-        // Colliders that are in motion at frame 1 move with their velocity from there.
-        deformer.place_colliders(&scene.attributes(1).colliders).map_err(|error| Failure::step(1, &error))?;
-    }
-    if scene.untangle && done == 0 {
-        untangle(scene, &mut deformer, &mut shape)?;
+    if done.is_none() {
+        // Colliders that are in motion at the first frame move with their velocity from there.
+        deformer.place_colliders(&scene.attributes(first).colliders).map_err(|error| Failure::step(first, &error))?;
+        if scene.untangle {
+            untangle(scene, &mut deformer, &mut shape)?;
+        }
     }
     let is_cell = |frame| preview_file.is_some() && is_shown(frame, outputs.frames);
     let is_moving = |frame| animation_file.is_some() && scene.is_animated(frame);
     let mut keep = |frame: u32, shape: &Mesh| {
-        let cell = || Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame).colliders };
+        let cell = || Cell { frame, positions: shape.positions.clone(), colliders: scene.attributes(frame.into()).colliders };
         cells.extend(is_cell(frame).then(cell));
         moving.extend(is_moving(frame).then(cell));
     };
-    for frame in 1..=done {
+    for frame in (1..=outputs.frames).take_while(|&frame| done >= Some(frame.into())) {
         if frames.has_caches() || is_cell(frame) || is_moving(frame) {
             save::written(outputs, frame, &mut shape)?;
         }
         frames.cache(&shape.positions)?;
         keep(frame, &shape);
     }
-    for frame in done + 1..=outputs.frames {
+    for frame in done.map_or(first, |done| done + 1)..=outputs.frames.into() {
         let failed = |error: StepError| Failure::step(frame, &error);
         let (mut seconds, mut counts) = (0.0, [0, 0]);
-        if frame > 1 {
+        if frame > first {
             let attributes = scene.attributes(frame);
             let start = Instant::now();
             let done = deformer.step(dt, &attributes).map_err(failed)?;
@@ -109,24 +111,21 @@ pub(crate) fn play(
             }
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         }
-        // Frame 1 is the input mesh bit for bit unless it was untangled, because it has not passed through the
-        // deformer.
-        frames.write(frame, &shape)?;
-        keep(frame, &shape);
-        let measure = deformer.measure().map_err(failed)?;
-        let row = Frame::new(frame, seconds, counts, measure);
-        report.frames.push(row.ok_or_else(|| {
-            // Springs beyond their limit grow for some frames before the first position overflows.
-            let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
-            Failure::new(Failure::UNSTABLE, message)
-        })?);
+        // Frames before 1 are of the preroll.
+        if let Some(frame) = u32::try_from(frame).ok().filter(|&frame| frame > 0) {
+            // The first frame is the input mesh bit for bit unless it was untangled, because it has not passed through
+            // the deformer.
+            frames.write(frame, &shape)?;
+            keep(frame, &shape);
+            report.frames.push(row(frame, seconds, counts, deformer.measure().map_err(failed)?)?);
+        }
         progress.inc(1);
         let is_interrupted = interrupted.load(Ordering::Relaxed);
-        let is_last = is_interrupted || frame == outputs.frames;
+        let is_last = is_interrupted || frame == i64::from(outputs.frames);
         save::save(outputs, frame, is_last, &mut deformer, &acts, &report.frames)?;
         if is_interrupted {
             progress.finish_and_clear();
-            let message = format_args!("interrupted: {frame} of {} frames written", outputs.frames);
+            let message = format_args!("interrupted: {} of {} frames written", frame.max(0), outputs.frames);
             return Err(Failure::new(Failure::INTERRUPTED, message));
         }
     }
@@ -147,10 +146,20 @@ pub(crate) fn play(
     Ok(report)
 }
 
+/// The statistics of a frame.
+fn row(frame: u32, seconds: f64, counts: [u32; 2], measure: Measure) -> Result<Frame, Failure> {
+    Frame::new(frame, seconds, counts, measure).ok_or_else(|| {
+        // Springs beyond their limit grow for some frames before the first position overflows.
+        let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
+        Failure::new(Failure::UNSTABLE, message)
+    })
+}
+
 /// Separates cloth that crosses at the start, and prints the result.
 fn untangle(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(), Failure> {
-    let failed = |error: StepError| Failure::step(1, &error);
-    let parted = deformer.untangle(&scene.attributes(1)).map_err(failed)?;
+    let first = scene.timeline.first();
+    let failed = |error: StepError| Failure::step(first, &error);
+    let parted = deformer.untangle(&scene.attributes(first)).map_err(failed)?;
     if parted.farthest > 0.0 {
         shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         let (before, after, most) = (parted.before, parted.after, 1e3 * parted.farthest);
@@ -160,12 +169,12 @@ fn untangle(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<
 }
 
 /// A progress bar on a terminal, nothing otherwise.
-fn progress(quiet: bool, frames: u32) -> ProgressBar {
+fn progress(quiet: bool, frames: u64) -> ProgressBar {
     if quiet || !io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new(u64::from(frames));
-    match ProgressStyle::with_template("{bar:40} frame {pos} of {len}, {eta} left") {
+    let bar = ProgressBar::new(frames);
+    match ProgressStyle::with_template("{bar:40} {pos} of {len} frames, {eta} left") {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }

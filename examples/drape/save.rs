@@ -12,13 +12,14 @@ use crate::{
     Failure,
     output::{Output, Outputs},
     report::Frame,
+    scene::Scene,
 };
 
 /// The state of a run, besides the cloth.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
-    /// The last frame that was written.
-    pub(crate) frame: u32,
+    /// The last frame that was simulated. Frames before 1 are of the preroll.
+    pub(crate) frame: i64,
     /// Text form of everything that acts on the cloth. A run cannot be resumed with another one.
     scene: String,
     pub(crate) frames: Vec<Frame>,
@@ -27,13 +28,13 @@ pub(crate) struct Saved {
 /// Saves the state of the run, if it is wanted after this frame.
 pub(crate) fn save(
     outputs: &Outputs,
-    frame: u32,
+    frame: i64,
     is_last: bool,
     deformer: &mut Deformer,
     scene: &str,
     frames: &[Frame],
 ) -> Result<(), Failure> {
-    let Some(path) = outputs.save.as_deref().filter(|_| is_last || frame.is_multiple_of(outputs.every)) else {
+    let Some(path) = outputs.save.as_deref().filter(|_| is_last || frame % i64::from(outputs.every) == 0) else {
         return Ok(());
     };
     let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
@@ -45,18 +46,23 @@ pub(crate) fn save(
 }
 
 /// Restores the cloth from a saved run; `None` if the run starts from the beginning.
-pub(crate) fn resume(outputs: &Outputs, deformer: &mut Deformer, scene: &str) -> Result<Option<Saved>, Failure> {
+pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Saved>, Failure> {
+    let outputs = &scene.outputs;
     let Some(path) = &outputs.resume else { return Ok(None) };
     let refuse = |why: &dyn std::fmt::Display| Failure::input(format_args!("--resume {}: {why}", path.display()));
     let bytes = fs::read(path).map_err(|error| refuse(&format_args!("{error}; name a file written by --save")))?;
     let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
     let (head, snapshot) = bytes.split_at(end);
-    let saved: Saved =
-        serde_json::from_slice(head).map_err(|_| refuse(&"it was not written by --save, or was truncated or altered"))?;
-    if saved.scene != scene {
-        return Err(refuse(&"it was saved with different gravity, wind, colliders, pins or frames a second; use the same ones"));
+    let altered = || refuse(&"it was not written by --save, or was truncated or altered");
+    let saved: Saved = serde_json::from_slice(head).map_err(|_| altered())?;
+    if saved.scene != scene.acts() {
+        let message = "it was saved with different gravity, wind, colliders, pins, preroll or frames a second; use the same ones";
+        return Err(refuse(&message));
     }
-    if saved.frame > outputs.frames {
+    if saved.frame < scene.timeline.first() || saved.frames.len() as i64 != saved.frame.max(0) {
+        return Err(altered());
+    }
+    if saved.frame > i64::from(outputs.frames) {
         let message =
             format_args!("it was saved after frame {}, but --frames is {}; ask for more frames", saved.frame, outputs.frames);
         return Err(refuse(&message));

@@ -5,6 +5,7 @@ use cloth_deformer::glam::{Quat, Vec3};
 
 use super::file::{Gusts, Wind};
 use super::keys::Animated;
+use super::timeline::Moment;
 
 /// Density of the air at sea level and 15 °C (kg/m³) (ISO 2533).
 const AIR: f32 = 1.225;
@@ -15,13 +16,13 @@ impl Wind {
         Wind { velocity: Animated::still(velocity), density: None, drag: None, lift: None, damping: None, gusts: None }
     }
 
-    /// The attributes with the air at `time` (s).
-    pub(super) fn blow(&self, time: f64, attributes: Attributes) -> Attributes {
+    /// The attributes with the air at a moment.
+    pub(super) fn blow(&self, moment: Moment, attributes: Attributes) -> Attributes {
         let Wind { velocity, density, drag, lift, damping, gusts } = self;
-        let velocity = velocity.at(time);
+        let velocity = velocity.at(moment);
         let drag = drag.map_or(attributes.drag, |drag| drag.0);
         Attributes {
-            wind: gusts.as_ref().map_or(velocity, |gusts| gusts.of(velocity, time)),
+            wind: gusts.as_ref().map_or(velocity, |gusts| gusts.of(velocity, moment.time)),
             air_density: density.map_or(AIR, |density| density.0),
             drag,
             lift: lift.map_or(drag, |lift| lift.0),

@@ -10,6 +10,7 @@ use super::colliders::turn;
 use super::fabrics::{Material, soft_diagonals};
 use super::file::{Cloth, File, Grid, Source};
 use super::pins::Group;
+use super::timeline::Timeline;
 use crate::Failure;
 use crate::arguments::Arguments;
 use crate::command::warn;
@@ -55,7 +56,7 @@ impl Cloths {
 
     /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, all
     /// fabrics and all pins.
-    pub(super) fn of_scene(arguments: &Arguments, source: &Source, file: &File) -> Result<Cloths, Failure> {
+    pub(super) fn of_scene(arguments: &Arguments, source: &Source, file: &File, timeline: Timeline) -> Result<Cloths, Failure> {
         if file.cloth.is_empty() {
             return Err(source.wrong(0, "there is no cloth; give at least one [[cloth]] with a mesh or a grid"));
         }
@@ -73,7 +74,7 @@ impl Cloths {
             files: Vec::new(),
         };
         for (number, given) in file.cloth.iter().enumerate() {
-            all.add(arguments, source, number + 1, given)?;
+            all.add(arguments, source, number + 1, given, timeline)?;
         }
         if let Some(pin) = &arguments.pin {
             all.pins = vec![Group::still(pin, &all.mesh)];
@@ -82,7 +83,14 @@ impl Cloths {
     }
 
     /// Adds a cloth.
-    fn add(&mut self, arguments: &Arguments, source: &Source, number: usize, given: &Spanned<Cloth>) -> Result<(), Failure> {
+    fn add(
+        &mut self,
+        arguments: &Arguments,
+        source: &Source,
+        number: usize,
+        given: &Spanned<Cloth>,
+        timeline: Timeline,
+    ) -> Result<(), Failure> {
         let cloth = given.get_ref();
         let name = cloth.name.clone().unwrap_or_else(|| format!("cloth {number}"));
         let wrong = |what: &str| source.wrong_in(given, format_args!("{name}: {what}"));
@@ -122,7 +130,7 @@ impl Cloths {
         if arguments.pin.is_none() {
             let mut is_held = vec![false; piece.positions.len()];
             for (number, pin) in cloth.pin.iter().enumerate() {
-                let group = Group::read(source, number + 1, pin, &piece, obj.as_deref(), first)?;
+                let group = Group::read(source, number + 1, pin, &piece, obj.as_deref(), first, timeline)?;
                 for vertex in group.vertices.iter().map(|vertex| vertex - first) {
                     if std::mem::replace(&mut is_held[vertex as usize], true) {
                         return Err(source.wrong_in(pin, format_args!("{name}: vertex {vertex} is pinned twice; name it once")));

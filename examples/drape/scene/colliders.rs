@@ -8,7 +8,8 @@ use toml::Spanned;
 
 use super::bodies::Body;
 use super::file::{self, File, ShapeName, Source};
-use super::keys::{Animated, Extent, NotNegative, Positive};
+use super::keys::{Animated, Extent, NotNegative, Positive, Value};
+use super::timeline::{Moment, NO_PREROLL, Timeline};
 use crate::Failure;
 use crate::arguments::Arguments;
 use crate::pins::bounds;
@@ -43,22 +44,22 @@ pub(super) fn turn(degrees: Vec3) -> Quat {
 }
 
 impl Moving {
-    /// The collider at `time` (s); `dt` (s) is the time since the last frame.
-    pub(super) fn at(&self, time: f64, dt: f64) -> Collider {
+    /// The collider at a moment; `dt` (s) is the time since the last frame.
+    pub(super) fn at(&self, moment: Moment, dt: f64) -> Collider {
         let collider = match &self.motion {
             Motion::Still(collider) => collider.clone(),
-            Motion::Sphere { center, radius } => Collider::sphere(center.at(time), radius.at(time).0),
-            Motion::Plane { point, normal } => Collider::plane(point.at(time), normal.at(time)),
-            Motion::Capsule { a, b, radius } => Collider::capsule(a.at(time), b.at(time), radius.at(time).0),
+            Motion::Sphere { center, radius } => Collider::sphere(center.at(moment), radius.at(moment).0),
+            Motion::Plane { point, normal } => Collider::plane(point.at(moment), normal.at(moment)),
+            Motion::Capsule { a, b, radius } => Collider::capsule(a.at(moment), b.at(moment), radius.at(moment).0),
             Motion::TaperedCapsule { a, radius_a, b, radius_b } => {
-                Collider::tapered_capsule(a.at(time), radius_a.at(time).0, b.at(time), radius_b.at(time).0)
+                Collider::tapered_capsule(a.at(moment), radius_a.at(moment).0, b.at(moment), radius_b.at(moment).0)
             }
             Motion::Box { center, half, rotate, radius } => {
-                Collider::rounded_box(center.at(time), half.at(time).0, turn(rotate.at(time)), radius.at(time).0)
+                Collider::rounded_box(center.at(moment), half.at(moment).0, turn(rotate.at(moment)), radius.at(moment).0)
             }
-            Motion::Mesh(body) => Collider::mesh(body.at(time)),
+            Motion::Mesh(body) => Collider::mesh(body.at(moment)),
         };
-        let collider = if self.jumps(time - dt, time) { collider.teleported() } else { collider };
+        let collider = if self.jumps(moment.time - dt, moment.time) { collider.teleported() } else { collider };
         let friction = self.friction.unwrap_or(collider.friction);
         Collider { id: self.id, ..collider.with_friction(friction) }
     }
@@ -80,12 +81,7 @@ impl Moving {
     }
 
     /// Reads a collider of a scene file.
-    fn read(
-        source: &Source,
-        number: usize,
-        given: &Spanned<file::Collider>,
-        times: impl Iterator<Item = f64> + Clone,
-    ) -> Result<Moving, Failure> {
+    fn read(source: &Source, number: usize, given: &Spanned<file::Collider>, timeline: Timeline) -> Result<Moving, Failure> {
         let file::Collider {
             name,
             shape,
@@ -102,25 +98,30 @@ impl Moving {
             half,
             rotate,
             mesh,
+            start,
         } = given.get_ref();
         let name = name.clone().unwrap_or_else(|| format!("collider {number}"));
         let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
         let (called, known) = numbers_of(*shape);
         let given_numbers = [
-            ("center", center.is_some()),
-            ("radius", radius.is_some()),
-            ("point", point.is_some()),
-            ("normal", normal.is_some()),
-            ("a", a.is_some()),
-            ("b", b.is_some()),
-            ("radius_a", radius_a.is_some()),
-            ("radius_b", radius_b.is_some()),
-            ("half", half.is_some()),
-            ("rotate", rotate.is_some()),
-            ("mesh", mesh.is_some()),
+            ("center", starts(center.as_ref())),
+            ("radius", starts(radius.as_ref())),
+            ("point", starts(point.as_ref())),
+            ("normal", starts(normal.as_ref())),
+            ("a", starts(a.as_ref())),
+            ("b", starts(b.as_ref())),
+            ("radius_a", starts(radius_a.as_ref())),
+            ("radius_b", starts(radius_b.as_ref())),
+            ("half", starts(half.as_ref())),
+            ("rotate", starts(rotate.as_ref())),
+            ("mesh", mesh.as_ref().map(|_| start.is_some())),
+            ("start", start.as_ref().map(|_| true)),
         ];
-        if let Some((other, _)) = given_numbers.into_iter().find(|&(number, is_given)| is_given && !known.contains(&number)) {
+        if let Some((other, _)) = given_numbers.into_iter().find(|&(number, given)| given.is_some() && !known.contains(&number)) {
             return Err(wrong(format!("{called} has no `{other}`; it has {}", known.join(", "))));
+        }
+        if timeline.preroll == 0 && given_numbers.into_iter().any(|(_, starts)| starts == Some(true)) {
+            return Err(wrong(NO_PREROLL.to_owned()));
         }
         let missing = |number: &str| wrong(format!("{called} needs `{number}`"));
         let vector = |value: &Option<Animated<Vec3>>, number: &str| value.clone().ok_or_else(|| missing(number));
@@ -153,20 +154,21 @@ impl Moving {
             },
             ShapeName::Mesh => {
                 let path = source.beside(mesh.as_ref().ok_or_else(|| missing("mesh"))?.get_ref());
-                let body = Body::load(&path, None, times.clone());
+                let start = start.as_ref().map(|start| source.beside(start.get_ref()));
+                let body = Body::load(&path, start.as_deref(), None, timeline.times());
                 Motion::Mesh(body.map_err(|failure| wrong(format!("mesh: {}", failure.message())))?)
             }
         };
         let moving = Moving { motion, friction: friction.map(|friction| friction.0), id: *id };
         // Combinations that arise between keys are checked now, where the line is known, and not in the middle of a
         // run.
-        for time in times.take(LOOKED_AHEAD) {
-            match moving.at(time, 0.0).shape {
+        for moment in timeline.preroll_moments().take(LOOKED_AHEAD).chain(timeline.moments().take(LOOKED_AHEAD)) {
+            match moving.at(moment, 0.0).shape {
                 Shape::Plane { normal, .. } if normal.as_dvec3().try_normalize().is_none() => {
-                    return Err(wrong(format!("at {time} s `normal` has no direction")));
+                    return Err(wrong(format!("{moment} `normal` has no direction")));
                 }
                 Shape::RoundedBox { half, radius, .. } if radius > half.min_element() => {
-                    return Err(wrong(format!("at {time} s `radius` = {radius} m is more than the least of `half` = {half}")));
+                    return Err(wrong(format!("{moment} `radius` = {radius} m is more than the least of `half` = {half}")));
                 }
                 _ => {}
             }
@@ -185,6 +187,11 @@ impl Moving {
     }
 }
 
+/// Whether a value has a start, if it is given.
+fn starts<T: Value>(value: Option<&Animated<T>>) -> Option<bool> {
+    value.map(Animated::has_start)
+}
+
 /// The name of a shape, and the names of its values.
 fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
     match shape {
@@ -193,7 +200,7 @@ fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
         ShapeName::Capsule => ("a capsule", &["a", "b", "radius"]),
         ShapeName::TaperedCapsule => ("a tapered capsule", &["a", "radius_a", "b", "radius_b"]),
         ShapeName::Box => ("a box", &["center", "half", "rotate", "radius"]),
-        ShapeName::Mesh => ("a mesh", &["mesh"]),
+        ShapeName::Mesh => ("a mesh", &["mesh", "start"]),
     }
 }
 
@@ -202,7 +209,7 @@ pub(super) fn colliders(
     arguments: &Arguments,
     scene: Option<(&Source, &File)>,
     mesh: &Mesh,
-    times: impl Iterator<Item = f64> + Clone,
+    timeline: Timeline,
 ) -> Result<Vec<Moving>, Failure> {
     let Arguments { sphere, capsule, solid_box, body, plane, floor, no_sphere, no_floor, .. } = arguments;
     let (mut all, mut under) = (Vec::new(), None);
@@ -215,7 +222,7 @@ pub(super) fn colliders(
                 ShapeName::Box => !solid_box.is_empty(),
                 ShapeName::Mesh => !body.is_empty(),
             };
-            let moving = Moving::read(source, number + 1, given, times.clone())?;
+            let moving = Moving::read(source, number + 1, given, timeline)?;
             if let Some(id) = moving.id
                 && let Some(earlier) = file.collider[..number].iter().find(|earlier| earlier.get_ref().id == Some(id))
             {
@@ -235,7 +242,7 @@ pub(super) fn colliders(
     let floor = floor.map(|height| Collider::plane(Vec3::new(0.0, height, 0.0), Vec3::Y));
     all.extend([sphere, capsule, solid_box].into_iter().flatten().cloned().map(Moving::still));
     for path in body {
-        let body = Body::load(path, arguments.scale, times.clone())?;
+        let body = Body::load(path, None, arguments.scale, timeline.times())?;
         all.push(Moving { motion: Motion::Mesh(body), friction: None, id: None });
     }
     all.extend(under);

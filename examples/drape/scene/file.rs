@@ -2,7 +2,7 @@
 //!
 //! Lengths are in meters, masses in kilograms, times in seconds, angles in degrees; y is up. Input files are relative
 //! to the folder of the scene file, output files to the current folder, as on the command line. A value that may have
-//! key frames is [`Animated`]. Comments end with the default.
+//! key frames, and a start before them, is [`Animated`]. Comments end with the default.
 
 use std::fmt::Display;
 use std::io::Read;
@@ -27,8 +27,12 @@ const MOST_BYTES: u64 = 1 << 24;
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct File {
-    /// Number of frames, including the rest state. 120.
+    /// Number of frames, including the first. 120.
     pub(crate) frames: Option<NonZeroU32>,
+    /// Time (s) simulated before frame 1, rounded to frames, none of which are written. In its first half, everything
+    /// goes smoothly from its start to where it is at frame 1, pins from the mesh's own positions, colliders and the
+    /// rest from their `start`; in its second half the cloth settles. 0, frame 1 is then the mesh.
+    pub(crate) preroll: Option<Spanned<NotNegative>>,
     /// Frames per second. 60.
     pub(crate) fps: Option<Spanned<Positive>>,
     /// Processor that runs the simulation: "auto", "cpu", "hybrid" or "gpu". "auto".
@@ -38,7 +42,7 @@ pub(crate) struct File {
     /// Contact of the cloth with itself. None.
     pub(crate) contact: Option<Spanned<Contact>>,
     /// Gravity (m/s²). [0, -9.81, 0].
-    pub(crate) gravity: Option<Animated<Vec3>>,
+    pub(crate) gravity: Option<Spanned<Animated<Vec3>>>,
     /// The air. None.
     pub(crate) wind: Option<Spanned<Wind>>,
     /// The cloths, which become pieces of one mesh in this order. At least one.
@@ -202,8 +206,8 @@ struct FabricNumbers {
 
 /// A group of pinned vertices of a cloth, chosen by one of `rule`, `vertices`, `color` and `box`, and its motion.
 ///
-/// At any time its vertices are at their positions of frame 1, scaled by `scale` and rotated by `rotate` about `about`,
-/// and moved by `move`.
+/// At any time its vertices are at their positions in the mesh, scaled by `scale` and rotated by `rotate` about `about`,
+/// and moved by `move`. Without a preroll, the run begins without a motion; a preroll begins so.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Pin {
@@ -217,7 +221,7 @@ pub(crate) struct Pin {
     /// All vertices with this color (red, green, blue from 0 to 1) in the OBJ file, `v x y z r g b`.
     #[serde(deserialize_with = "maybe")]
     pub(crate) color: Option<Vec3>,
-    /// All vertices whose positions at frame 1 are in a box.
+    /// All vertices whose positions in the mesh are in a box.
     #[serde(rename = "box")]
     pub(crate) within: Option<Bounds>,
     /// Translation (m).
@@ -282,6 +286,8 @@ pub(crate) struct Collider {
     pub(crate) rotate: Option<Animated<Vec3>>,
     /// The OBJ file of a mesh collider; with `####` in its name, numbered files, one for each frame from 1 on.
     pub(crate) mesh: Option<Spanned<PathBuf>>,
+    /// The OBJ file of a mesh collider at the start of the preroll. Its shape at frame 1.
+    pub(crate) start: Option<Spanned<PathBuf>>,
 }
 
 /// Shapes of colliders.

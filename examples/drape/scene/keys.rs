@@ -1,20 +1,24 @@
-//! Values that may change over time: their form in a scene file, and their value at a time.
+//! Values that may change over time: their form in a scene file, and their value at a moment.
 
 use std::fmt;
 
 use cloth_deformer::glam::Vec3;
+
+use super::timeline::Moment;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
 
 /// A value, or key frames of it.
 ///
 /// Written as `value`, as `[{ time = 0, value = .. }, { time = 1.5, value = .. }]`, or, for a loop, as
 /// `{ loop = true, keys = [..] }`. Times are in seconds from frame 1, in ascending order. Values are interpolated
-/// linearly between keys, and constant before the first and after the last.
+/// linearly between keys, and constant before the first and after the last. `{ start = .., keys = [..] }` gives the
+/// value at the start of the preroll, in which it changes smoothly to that of frame 1.
 #[derive(Debug, Clone)]
 pub(crate) struct Animated<T> {
     /// At least one.
     keys: Vec<Key<T>>,
     repeats: bool,
+    start: Option<T>,
 }
 
 #[derive(Debug, Clone, Copy, serde::Deserialize)]
@@ -146,11 +150,19 @@ impl<'de> Deserialize<'de> for Time {
 impl<T: Value> Animated<T> {
     /// The same value at all times.
     pub(crate) fn still(value: T) -> Animated<T> {
-        Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false }
+        Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false, start: None }
     }
 
-    /// The value at `time` (s).
-    pub(crate) fn at(&self, time: f64) -> T {
+    /// The value at a moment.
+    pub(super) fn at(&self, moment: Moment) -> T {
+        match self.start {
+            Some(start) if moment.share < 1.0 => start.toward(self.at_time(0.0), moment.share),
+            _ => self.at_time(moment.time),
+        }
+    }
+
+    /// The value at `time` (s) from frame 1.
+    fn at_time(&self, time: f64) -> T {
         let time = self.within(time).0;
         let next = self.keys.partition_point(|key| key.time.0 <= time);
         match (next.checked_sub(1).map(|last| self.keys[last]), self.keys.get(next)) {
@@ -163,9 +175,19 @@ impl<T: Value> Animated<T> {
         }
     }
 
-    /// The values of all keys.
-    pub(crate) fn values(&self) -> impl Iterator<Item = T> {
-        self.keys.iter().map(|key| key.value)
+    /// Whether a value is given for the start of the preroll.
+    pub(super) fn has_start(&self) -> bool {
+        self.start.is_some()
+    }
+
+    /// The same with this value at the start of the preroll, unless one is given.
+    pub(super) fn starting_at(self, value: T) -> Animated<T> {
+        Animated { start: self.start.or(Some(value)), ..self }
+    }
+
+    /// The values of all keys, and that of the start.
+    pub(super) fn values(&self) -> impl Iterator<Item = T> {
+        self.keys.iter().map(|key| key.value).chain(self.start)
     }
 
     /// Whether a loop whose last value differs from its first restarted between two times (s).
@@ -193,7 +215,7 @@ impl<T: Value> Animated<T> {
                 "a key at {next} s comes after one at {last} s; put them in the order of their times"
             )));
         }
-        Ok(Animated { keys, repeats })
+        Ok(Animated { keys, repeats, start: None })
     }
 }
 
@@ -268,8 +290,8 @@ impl<'de, T: Value> Visitor<'de> for AnimatedVisitor<T> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Animated<T>, A::Error> {
-        let Keys { keys, repeats } = Keys::deserialize(MapAccessDeserializer::new(map))?;
-        Animated::from_keys(keys, repeats)
+        let Track { keys, repeats, start } = Track::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(Animated { start, ..Animated::from_keys(keys, repeats)? })
     }
 }
 
@@ -278,13 +300,19 @@ fn value<T: Value, E: Error>(numbers: &[f64]) -> Result<Animated<T>, E> {
     T::from_numbers(numbers).map(Animated::still).ok_or_else(error)
 }
 
-/// Key frames that may loop.
+/// Key frames that may loop, and the value at the start of the preroll.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields, bound = "T: Value")]
-struct Keys<T> {
+struct Track<T> {
     keys: Vec<Key<T>>,
     #[serde(rename = "loop", default)]
     repeats: bool,
+    #[serde(default = "none", deserialize_with = "maybe")]
+    start: Option<T>,
+}
+
+fn none<T>() -> Option<T> {
+    None
 }
 
 /// An item of a list: a number or a key.

@@ -8,6 +8,7 @@ mod fabrics;
 pub(crate) mod file;
 mod keys;
 mod pins;
+mod timeline;
 
 use std::path::PathBuf;
 
@@ -24,10 +25,7 @@ use colliders::{Moving, colliders};
 use file::{File, Source, Wind};
 use keys::Animated;
 use pins::Group;
-
-/// Default number of frames, and frames per second.
-const FRAMES: u32 = 120;
-const RATE: f32 = 60.0;
+use timeline::{NO_PREROLL, Timeline};
 
 /// Most substeps per 1/60 s.
 const MOST_SUBSTEPS: u32 = 65536;
@@ -44,6 +42,7 @@ pub(crate) struct Scene {
     pub(crate) untangle: bool,
     pub(crate) outputs: Outputs,
     pub(crate) look: Look,
+    pub(crate) timeline: Timeline,
     gravity: Animated<Vec3>,
     wind: Option<Wind>,
     colliders: Vec<Moving>,
@@ -61,18 +60,16 @@ impl Scene {
         let usual = File::default();
         let file = scene.map_or(&usual, |(_, file)| file);
 
-        let frames = arguments.frames.or(file.frames.map(u32::from)).unwrap_or(FRAMES);
-        let rate = rate(arguments, scene)?;
+        let timeline = Timeline::of(arguments, scene)?;
         let Cloths { name, mesh, template, materials, pins, pieces, mut files } = match scene {
-            Some((source, file)) => Cloths::of_scene(arguments, source, file)?,
+            Some((source, file)) => Cloths::of_scene(arguments, source, file, timeline)?,
             None => Cloths::of_arguments(arguments)?,
         };
         files.extend(arguments.scene.clone());
-        let times = (1..=frames).map(|frame| f64::from(frame - 1) / f64::from(rate));
-        let colliders = colliders(arguments, scene, &mesh, times)?;
+        let colliders = colliders(arguments, scene, &mesh, timeline)?;
         files.extend(colliders.iter().flat_map(Moving::files).cloned());
-        let wind = wind(arguments, scene)?;
-        let gravity = arguments.gravity.map(Animated::still).or(file.gravity.clone());
+        let wind = wind(arguments, scene, timeline)?;
+        let gravity = gravity(arguments, scene, timeline)?;
         let backend = arguments.backend.or(file.backend).unwrap_or_default();
         let fabrics = fabrics::combine(&mesh, &materials).map_err(|(number, why)| match scene {
             Some((source, file)) => source.wrong_in(&file.cloth[number], format_args!("cloth {}: {why}", number + 1)),
@@ -95,13 +92,14 @@ impl Scene {
             template,
             options,
             untangle,
-            outputs: outputs(arguments, file, frames, rate, files)?,
+            outputs: outputs(arguments, file, timeline, files)?,
             look: Look {
                 from: file.picture.from.map_or(Look::FROM, |from| from.0),
                 begin: file.picture.begin.map_or(0.0, |begin| begin.0),
                 pieces,
             },
-            gravity: gravity.unwrap_or(Animated::still(Attributes::default().gravity)),
+            timeline,
+            gravity,
             wind,
             colliders,
             pins,
@@ -126,50 +124,58 @@ impl Scene {
 
     /// Describes everything that acts on the cloth. A run can be resumed only if this text is unchanged.
     pub(crate) fn acts(&self) -> String {
-        let Scene { gravity, wind, colliders, pins, untangle, .. } = self;
+        let Scene { gravity, wind, colliders, pins, untangle, timeline, .. } = self;
         let led: Vec<&Group> = pins.iter().filter(|group| group.moves()).collect();
         let parted = if *untangle { " untangled" } else { "" };
-        format!("{:?} {gravity:?} {wind:?} {colliders:?} {led:?}{parted}", self.dt())
+        let preroll = timeline.preroll;
+        format!("{:?} {preroll} {gravity:?} {wind:?} {colliders:?} {led:?}{parted}", self.dt())
     }
 
-    /// The attributes of the step that leads to a frame.
-    pub(crate) fn attributes(&self, frame: u32) -> Attributes {
-        let time = f64::from(frame - 1) / f64::from(self.outputs.fps);
+    /// The attributes of the step that leads to a frame. The preroll has frames before 1.
+    pub(crate) fn attributes(&self, frame: i64) -> Attributes {
+        let moment = self.timeline.moment(frame);
         let is_led = self.pins.iter().any(Group::moves);
         let attributes = Attributes {
-            gravity: self.gravity.at(time),
-            colliders: self.colliders.iter().map(|moving| moving.at(time, f64::from(self.dt()))).collect(),
-            pin_targets: is_led.then(|| self.pins.iter().flat_map(|group| group.at(time)).collect()),
+            gravity: self.gravity.at(moment),
+            colliders: self.colliders.iter().map(|moving| moving.at(moment, f64::from(self.dt()))).collect(),
+            pin_targets: is_led.then(|| self.pins.iter().flat_map(|group| group.at(moment)).collect()),
             ..Attributes::default()
         };
         match &self.wind {
-            Some(wind) => wind.blow(time, attributes),
+            Some(wind) => wind.blow(moment, attributes),
             None => attributes,
         }
     }
 }
 
-/// The number of frames per second. The length of a frame must be finite too.
-fn rate(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<f32, Failure> {
-    let given = scene.and_then(|(source, file)| file.fps.as_ref().map(|fps| (source, fps)));
-    match (arguments.fps, given) {
-        (Some(rate), _) => Ok(rate),
-        (None, Some((source, fps))) if !(1.0 / fps.get_ref().0).is_finite() => {
-            Err(source.wrong_in(fps, "a frame of 1/fps seconds is not finite; give more frames a second"))
+/// Gravity. That of the command line replaces the file's.
+fn gravity(arguments: &Arguments, scene: Option<(&Source, &File)>, timeline: Timeline) -> Result<Animated<Vec3>, Failure> {
+    let given = scene.and_then(|(source, file)| file.gravity.as_ref().map(|gravity| (source, gravity)));
+    match (arguments.gravity, given) {
+        (Some(gravity), _) => Ok(Animated::still(gravity)),
+        (None, Some((source, gravity))) if timeline.preroll == 0 && gravity.get_ref().has_start() => {
+            Err(source.wrong_in(gravity, NO_PREROLL))
         }
-        (None, Some((_, fps))) => Ok(fps.get_ref().0),
-        (None, None) => Ok(RATE),
+        (None, Some((_, gravity))) => Ok(gravity.get_ref().clone()),
+        (None, None) => Ok(Animated::still(Attributes::default().gravity)),
     }
 }
 
 /// The air. A velocity on the command line replaces the file's.
-fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Option<Wind>, Failure> {
+fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>, timeline: Timeline) -> Result<Option<Wind>, Failure> {
     let given = scene.and_then(|(source, file)| file.wind.as_ref().map(|wind| (source, wind)));
     if let Some((source, wind)) = given
         && let (lift, drag) = (wind.get_ref().lift, wind.get_ref().drag)
         && let Some(lift) = lift.filter(|lift| lift.0 > drag.map_or(Attributes::default().drag, |drag| drag.0))
     {
         return Err(source.wrong_in(wind, format_args!("lift = {} must not exceed drag", lift.0)));
+    }
+    if let Some((source, wind)) = given
+        && timeline.preroll == 0
+        && arguments.wind.is_none()
+        && wind.get_ref().velocity.has_start()
+    {
+        return Err(source.wrong_in(wind, NO_PREROLL));
     }
     let wind = given.map(|(_, wind)| wind.get_ref().clone());
     Ok(match (arguments.wind, wind) {
@@ -241,7 +247,8 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
 }
 
 /// The output files.
-fn outputs(arguments: &Arguments, file: &File, frames: u32, fps: f32, read: Vec<PathBuf>) -> Result<Outputs, Failure> {
+fn outputs(arguments: &Arguments, file: &File, timeline: Timeline, read: Vec<PathBuf>) -> Result<Outputs, Failure> {
+    let Timeline { frames, fps, .. } = timeline;
     let output = &file.output;
     let of = |argument: &Option<PathBuf>, file: &Option<PathBuf>| argument.clone().or(file.clone());
     let formats = if arguments.format.is_empty() { output.formats() } else { arguments.format.clone() };

@@ -9,6 +9,7 @@ use toml::Spanned;
 use super::colliders::turn;
 use super::file::{self, Bounds, Rule, Source};
 use super::keys::{Animated, Extent};
+use super::timeline::{Moment, Timeline};
 use crate::Failure;
 use crate::pins::{Pin, bounds};
 
@@ -20,7 +21,7 @@ const SAME_COLOR: f32 = 0.02;
 pub(super) struct Group {
     /// Indices in the combined mesh.
     pub(super) vertices: Vec<u32>,
-    /// Positions at frame 1 (m).
+    /// Positions in the mesh (m).
     rest: Vec<Vec3>,
     about: Vec3,
     by: Option<Animated<Vec3>>,
@@ -46,6 +47,7 @@ impl Group {
         piece: &Mesh,
         obj: Option<&Path>,
         first: u32,
+        timeline: Timeline,
     ) -> Result<Group, Failure> {
         let file::Pin { name, rule, vertices, color, within, by, rotate, scale, about } = given.get_ref();
         let name = name.clone().unwrap_or_else(|| format!("pin {number}"));
@@ -78,13 +80,21 @@ impl Group {
             vertices: chosen.iter().map(|vertex| vertex + first).collect(),
             about: about.unwrap_or(0.5 * (low + high)),
             rest,
-            by: by.clone(),
-            rotate: rotate.clone(),
-            scale: scale.clone(),
+            by: by.clone().map(|by| by.starting_at(Vec3::ZERO)),
+            rotate: rotate.clone().map(|rotate| rotate.starting_at(Vec3::ZERO)),
+            scale: scale.clone().map(|scale| scale.starting_at(Extent(Vec3::ONE))),
         };
-        let begins_at_rest = group.at(0.0).zip(&group.rest).all(|(at, rest)| at.distance(*rest) <= 1e-5 * (1.0 + rest.length()));
+        let begin = timeline.moment(timeline.first());
+        let begins_at_rest =
+            group.at(begin).zip(&group.rest).all(|(at, rest)| at.distance(*rest) <= 1e-5 * (1.0 + rest.length()));
         if !begins_at_rest {
-            return Err(wrong("at 0 s it would not be where the cloth is; its first keys must be move = [0, 0, 0], rotate = [0, 0, 0], scale = [1, 1, 1]".to_owned()));
+            let message = match timeline.preroll {
+                0 => {
+                    "at 0 s it would not be where the cloth is; its first keys must be move = [0, 0, 0], rotate = [0, 0, 0], scale = [1, 1, 1], or give a preroll, in which it goes there"
+                }
+                _ => "at its start it would not be where the cloth is; leave out `start`",
+            };
+            return Err(wrong(message.to_owned()));
         }
         Ok(group)
     }
@@ -94,11 +104,11 @@ impl Group {
         self.by.is_some() || self.rotate.is_some() || self.scale.is_some()
     }
 
-    /// The positions of its vertices at `time` (s).
-    pub(super) fn at(&self, time: f64) -> impl Iterator<Item = Vec3> {
-        let scale = self.scale.as_ref().map_or(Vec3::ONE, |scale| scale.at(time).0);
-        let rotation = turn(self.rotate.as_ref().map_or(Vec3::ZERO, |rotate| rotate.at(time)));
-        let to = self.about + self.by.as_ref().map_or(Vec3::ZERO, |by| by.at(time));
+    /// The positions of its vertices at a moment.
+    pub(super) fn at(&self, moment: Moment) -> impl Iterator<Item = Vec3> {
+        let scale = self.scale.as_ref().map_or(Vec3::ONE, |scale| scale.at(moment).0);
+        let rotation = turn(self.rotate.as_ref().map_or(Vec3::ZERO, |rotate| rotate.at(moment)));
+        let to = self.about + self.by.as_ref().map_or(Vec3::ZERO, |by| by.at(moment));
         let is_led = self.moves();
         self.rest.iter().map(move |&rest| if is_led { to + rotation * (scale * (rest - self.about)) } else { rest })
     }
