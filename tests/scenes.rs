@@ -1,7 +1,6 @@
-//! Scene files: those that come with the program run, each key has the effect it states, and invalid values are refused
-//! with their line.
+//! Scene files: those that come with the program run, and each key has the effect it states.
 
-#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 
@@ -10,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Quat, Vec3};
-use program::{drape, fails, run, stderr, succeeds};
+use program::{fails, run, succeeds};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -318,107 +317,6 @@ fn colliders_of_the_command_line_repeat() {
     }
 }
 
-#[test]
-fn a_mesh_in_centimeters_is_told_of_and_scaled() {
-    let directory = TempDir::new().unwrap();
-    Mesh::grid(3, 3, 120.0, 120.0).save_obj(directory.path().join("m.obj")).unwrap();
-    let large = run(&directory, &["m.obj", "--frames", "1", "--quiet"]);
-    succeeds(&large);
-    assert!(stderr(&large).contains("120 m across") && stderr(&large).contains("--scale"), "{}", stderr(&large));
-    let scaled = run(&directory, &["m.obj", "--frames", "1", "--quiet", "--scale", "0.01"]);
-    succeeds(&scaled);
-    assert_eq!(stderr(&scaled), "");
-    assert!((frame(&directory, 1)[0].x + 0.6).abs() < 1e-6);
-}
-
-/// Asserts a single error line that names the file, the line in it and these words, and that nothing was written.
-#[test]
-fn what_cannot_be_is_refused_with_its_line() {
-    let in_cloth = |text: &str| format!("[[cloth]]\ngrid = {{ columns = 3, rows = 3, width = 1, height = 1 }}\n{text}");
-    let pin = |text: &str| in_cloth(&format!("[[cloth.pin]]\n{text}"));
-    let collider = |text: &str| in_cloth(&format!("[[collider]]\nname = \"it\"\n{text}"));
-    let table: Vec<(String, u32, &[&str])> = vec![
-        (String::new(), 1, &["no cloth", "[[cloth]]"]),
-        ("frames = 0".into(), 1, &["zero"]),
-        ("fps = -1".into(), 1, &["above 0"]),
-        ("fps = 1e-42\n[[cloth]]".into(), 1, &["finite"]),
-        ("frames = 3\nframe = 3".into(), 2, &["unknown", "`frame`"]),
-        ("frames = [".into(), 1, &[]),
-        ("backend = \"abacus\"".into(), 1, &["abacus", "hybrid"]),
-        ("gravity = [0, nan, 0]".into(), 1, &["NaN", "finite"]),
-        ("gravity = [{ time = 0, value = [0, 0, 0], ease = 1 }]".into(), 1, &["ease"]),
-        ("gravity = [\n  { time = 1, value = [0, 0, 0] },\n  { time = 1, value = [0, 0, 0] },\n]".into(), 1, &["1 s", "order"]),
-        ("gravity = { loop = true, keys = [] }".into(), 1, &["no keys"]),
-        ("gravity = [1, { time = 0, value = [0, 0, 0] }]".into(), 1, &["numbers among its keys"]),
-        (
-            "[quality]\nstrain = 0.1\nsubsteps = 4\n[[cloth]]\ngrid = { columns = 2, rows = 2, width = 1, height = 1 }".into(),
-            1,
-            &["one of"],
-        ),
-        (in_cloth("[quality]\nshare = 0.9"), 3, &["share"]),
-        (in_cloth("[quality]\niterations = 3"), 3, &["relaxation"]),
-        (in_cloth("[quality]\nsubsteps = 70000"), 3, &["substeps", "65536"]),
-        (in_cloth("[wind]\nvelocity = [0, 0, 0]\nlift = 2"), 3, &["lift = 2", "drag"]),
-        ("[[cloth]]\nname = \"it\"".into(), 1, &["it", "mesh", "grid"]),
-        ("[[cloth]]\n\nmesh = \"not there.obj\"".into(), 3, &["not there.obj"]),
-        ("[[cloth]]\ngrid = { columns = 1, rows = 3, width = 1, height = 1 }".into(), 2, &["1 x 3", "2 or more"]),
-        ("[[cloth]]\ngrid = { columns = 90000, rows = 90000, width = 1, height = 1 }".into(), 2, &["90000"]),
-        (in_cloth("at = [1e16, 0, 0]"), 1, &["1e15 m"]),
-        (in_cloth("fabric = \"steel\""), 3, &["steel", "denim"]),
-        (in_cloth("fabric = { density = 0 }"), 3, &["above 0"]),
-        (in_cloth("fabric = { colour = 0 }"), 3, &["colour", "density"]),
-        (
-            in_cloth("\n[[cloth]]\nfabric = \"silk\"\ngrid = { columns = 3, rows = 3, width = 1, height = 1 }"),
-            4,
-            &["cloth 2", "damping"],
-        ),
-        (pin("name = \"it\""), 3, &["it", "one of rule"]),
-        (pin("vertices = [9]"), 3, &["vertex 9", "9 vertices"]),
-        (pin("vertices = [1, 1]"), 3, &["vertex 1", "twice"]),
-        (pin("vertices = [1]\n[[cloth.pin]]\nrule = \"top\""), 5, &["vertex 1", "twice"]),
-        (pin("color = [1, 0, 0]"), 3, &["grid", "colors"]),
-        (pin("box = { low = [5, 5, 5], high = [6, 6, 6] }"), 3, &["no vertex"]),
-        (pin("rule = \"left\""), 4, &["left", "corners"]),
-        (pin("rule = \"top\"\nmove = [0, 1, 0]"), 3, &["0 s", "move"]),
-        (collider("shape = \"cube\""), 5, &["cube", "tapered-capsule"]),
-        (collider("shape = \"sphere\"\nradius = 1"), 3, &["it", "center"]),
-        (collider("shape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 0"), 3, &["it", "radius", "above 0"]),
-        (collider("shape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nhalf = [1, 1, 1]"), 3, &["half", "center, radius"]),
-        (collider("shape = \"plane\"\npoint = [0, 0, 0]\nnormal = [0, 0, 0]"), 3, &["it", "direction"]),
-        (collider("shape = \"box\"\ncenter = [0, 0, 0]\nhalf = [1, 0, 1]"), 7, &["above 0"]),
-        (
-            collider(
-                "shape = \"box\"\ncenter = [0, 0, 0]\nhalf = [1, 1, 1]\nradius = [{ time = 0, value = 0 }, { time = 1, value = 3 }]",
-            ),
-            3,
-            &["it", "radius", "least of `half`"],
-        ),
-        (collider("shape = \"mesh\"\nmesh = \"body.obj\""), 3, &["it", "mesh"]),
-        (
-            collider("shape = \"plane\"\npoint = [0, 0, 0]\nid = 4\n[[collider]]\nshape = \"plane\"\npoint = [0, 0, 0]\nid = 4"),
-            8,
-            &["id = 4", "it"],
-        ),
-        (in_cloth("[output]\nformat = [\"mp4\"]"), 4, &["mp4", "usda"]),
-        (in_cloth("[picture]\nfrom = [0, 0, 0]"), 4, &["not all of them 0"]),
-        (in_cloth("[picture]\nbegin = -1"), 4, &["0 or above"]),
-        (in_cloth("color = [1, 0, 1.5]"), 3, &["from 0 to 1"]),
-    ];
-    for (text, line, words) in table {
-        let (directory, output) = scene(&text, &[]);
-        println!("{text:?} -> {}", stderr(&output).trim_end());
-        fails(&output, 2, &[&[format!("s.toml:{line}: ").as_str()], words].concat());
-        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "nothing is written");
-    }
-    let directory = TempDir::new().unwrap();
-    fails(&run(&directory, &["--scene", "missing.toml"]), 2, &["missing.toml"]);
-    #[cfg(unix)]
-    fails(&run(&directory, &["--scene", "/dev/zero"]), 2, &["/dev/zero", "longer"]);
-    let two = "[[cloth]]\nmesh = \"a.obj\"\n[[cloth]]\nmesh = \"a.obj\"\n";
-    let (_, output) = scene(two, &["other.obj"]);
-    fails(&output, 2, &["s.toml:3", "several cloths"]);
-}
-
 /// A scene is tuned for as many steps as it has after its first frame, and nothing is written.
 #[test]
 fn a_scene_is_tuned() {
@@ -500,15 +398,4 @@ fn a_picture_is_as_the_scene_says() {
             assert_eq!(count(hue) > 5000, wanted.contains(&hue), "from {from}: {} pixels of {hue:?}", count(hue));
         }
     }
-}
-
-/// A scene file and its meshes are not overwritten.
-#[test]
-fn nothing_is_written_over_the_scene() {
-    let text = SHEET.to_owned() + "[output]\nreport = \"s.toml\"\n";
-    let (directory, output) = scene(&text, &[]);
-    fails(&output, 2, &["the scene", "--report"]);
-    assert_eq!(fs::read_to_string(directory.path().join("s.toml")).unwrap(), text);
-    let output = drape(&directory, &["--scene", "s.toml", "--preview", "s.toml", "--report", "r.json"]).output().unwrap();
-    fails(&output, 2, &["the scene", "--preview"]);
 }

@@ -19,7 +19,7 @@ use crate::{
     report::{Frame, Report},
     save,
     scene::Scene,
-    warnings::describe,
+    warnings::{self, describe},
 };
 
 /// Most cells of the contact sheet.
@@ -71,11 +71,7 @@ pub(crate) fn play(
     progress.set_position(done.map_or(0, |done| 1 + done.abs_diff(first)));
     let mut shape = mesh.clone();
     if done.is_none() {
-        // Colliders that are in motion at the first frame move with their velocity from there.
-        deformer.place_colliders(&scene.attributes(first).colliders).map_err(|error| Failure::step(first, &error))?;
-        if scene.untangle {
-            untangle(scene, &mut deformer, &mut shape)?;
-        }
+        begin(scene, &mut deformer, &mut shape)?;
     }
     let is_cell = |frame| preview_file.is_some() && is_shown(frame, outputs.frames);
     let is_moving = |frame| animation_file.is_some() && scene.is_animated(frame);
@@ -155,11 +151,20 @@ fn row(frame: u32, seconds: f64, counts: [u32; 2], measure: Measure) -> Result<F
     })
 }
 
-/// Separates cloth that crosses at the start, and prints the result.
-fn untangle(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(), Failure> {
+/// Places the colliders at the first frame, and separates cloth that crosses there if the scene asks for it.
+fn begin(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(), Failure> {
     let first = scene.timeline.first();
     let failed = |error: StepError| Failure::step(first, &error);
-    let parted = deformer.untangle(&scene.attributes(first)).map_err(failed)?;
+    let attributes = scene.attributes(first);
+    if let Some(inside) = warnings::begins_inside(shape, &scene.options.pinned, &attributes.colliders) {
+        warn("warning", &inside);
+    }
+    // Colliders that are in motion at the first frame move with their velocity from there.
+    deformer.place_colliders(&attributes.colliders).map_err(failed)?;
+    if !scene.untangle {
+        return Ok(());
+    }
+    let parted = deformer.untangle(&attributes).map_err(failed)?;
     if parted.farthest > 0.0 {
         shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         let (before, after, most) = (parted.before, parted.after, 1e3 * parted.farthest);

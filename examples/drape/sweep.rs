@@ -45,7 +45,7 @@ impl Sweep {
                 (false, None, None) => values.clone(),
                 (true, first, Some(count)) => {
                     let first = first.unwrap_or(1);
-                    (0..i64::from(u32::from(*count))).map(|k| Value::Integer(first.saturating_add(k))).collect()
+                    (0..i64::from(count.0)).map(|k| Value::Integer(first.saturating_add(k))).collect()
                 }
                 _ => return Err(source.wrong_in(given, format_args!("{key}: give values, or a count and where it begins"))),
             };
@@ -201,8 +201,11 @@ fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
             Some(Value::Table(inner)) => inner,
             Some(Value::Array(list)) => {
                 let item = words.next().unwrap_or_default();
-                let by_name = list.iter().position(|one| one.get("name").and_then(Value::as_str) == Some(item));
-                let place = by_name.or_else(|| item.parse::<usize>().ok()?.checked_sub(1));
+                let is_named = |one: &Value| one.get("name").and_then(Value::as_str) == Some(item);
+                if list.iter().filter(|one| is_named(one)).count() > 1 {
+                    return Err(format!("{path}: more than one `{word}` is called `{item}`; give its number from 1"));
+                }
+                let place = list.iter().position(is_named).or_else(|| item.parse::<usize>().ok()?.checked_sub(1));
                 let found = place.and_then(|place| list.get_mut(place)).and_then(Value::as_table_mut);
                 found.ok_or_else(|| format!("{path}: `{word}` has no `{item}`; give a name or a number from 1"))?
             }

@@ -1,8 +1,8 @@
 //! Formats warnings, one line each.
 
-use cloth_deformer::{Cause, Crossing, Warning};
+use cloth_deformer::{Cause, Collider, Crossing, Mesh, Shape, Warning};
 
-/// Formats a warning in terms of the command line. `sixtieths` is the length of a step in units of 1/60 s, by which `--substeps` counts.
+/// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes. `sixtieths` is the length of a step in units of 1/60 s, by which `--substeps` counts.
 pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
     match warning {
         Warning::BendingLimited { vertices } => {
@@ -40,13 +40,15 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
             )
         }
         Warning::ColliderOutruns { collider, speed, carried } => {
+            let number = collider + 1;
             format!(
-                "collider {collider} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps; move it more slowly, or ask for more --substeps"
+                "collider {number} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps; move it more slowly, or ask for more --substeps"
             )
         }
         Warning::BodyCrossings { pairs, collider } => {
+            let number = collider + 1;
             format!(
-                "cloth and mesh colliders cross at the start of contact in {pairs} pairs of an edge and a triangle, the first with collider {collider}; contact ignores them until they have separated"
+                "cloth and mesh colliders cross at the start of contact in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated"
             )
         }
         Warning::ContactOutruns { speed, resolved } => {
@@ -56,4 +58,21 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         }
         other => format!("{other:?}"),
     }
+}
+
+/// Warns if a free vertex begins deeper inside a collider than edges are long on average: it is pushed out in the first
+/// step, which tears at its neighbors. Pins may be inside.
+pub(crate) fn begins_inside(mesh: &Mesh, pinned: &[u32], colliders: &[Collider]) -> Option<String> {
+    let edges = mesh.edges();
+    let length = |&[a, b]: &[u32; 2]| mesh.positions[a as usize].distance(mesh.positions[b as usize]);
+    let mean = edges.iter().map(length).sum::<f32>() / edges.len() as f32;
+    let mut is_free = vec![true; mesh.positions.len()];
+    pinned.iter().for_each(|&vertex| is_free[vertex as usize] = false);
+    let free = (0..).zip(&mesh.positions).filter(|&(vertex, _): &(usize, _)| is_free[vertex]);
+    let solid = || (1..).zip(colliders).filter(|(_, collider): &(u32, _)| !matches!(collider.shape, Shape::Mesh { .. }));
+    let depths = free.flat_map(|(vertex, x)| solid().map(move |(number, collider)| (-collider.distance(*x), vertex, number)));
+    let (depth, vertex, number) = depths.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|&(depth, ..)| depth > mean)?;
+    Some(format!(
+        "the cloth begins inside collider {number}, vertex {vertex} by {depth:.3} m, and is pushed out in the first step; move one of them, or give the collider a start outside and a preroll"
+    ))
 }

@@ -11,6 +11,7 @@ use super::fabrics::{Material, soft_diagonals};
 use super::file::{Cloth, File, Grid, Source};
 use super::pins::Group;
 use super::timeline::Timeline;
+use super::values::Whole;
 use crate::Failure;
 use crate::arguments::Arguments;
 use crate::command::warn;
@@ -110,7 +111,7 @@ impl Cloths {
             (Some(_), Some(_)) if cloth.mesh.is_some() => return Err(wrong("it has a mesh and a grid; give one of them")),
             (Some(template), _) => template.mesh().clone(),
             (None, Some(given)) => {
-                let Grid { columns, rows, width, height } = given.get_ref();
+                let Grid { columns: Whole(columns), rows: Whole(rows), width, height } = given.get_ref();
                 if *columns < 2 || *rows < 2 || u64::from(*columns) * u64::from(*rows) > MOST {
                     let message = format!(
                         "{name}: a grid of {columns} x {rows} vertices; give 2 or more a side, and {MOST} in all at most"

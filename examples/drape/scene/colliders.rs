@@ -8,8 +8,9 @@ use toml::Spanned;
 
 use super::bodies::Body;
 use super::file::{self, File, ShapeName, Source};
-use super::keys::{Animated, Extent, NotNegative, Positive, Value};
+use super::keys::Animated;
 use super::timeline::{Moment, NO_PREROLL, Timeline};
+use super::values::{Extent, NotNegative, Positive, Value};
 use crate::Failure;
 use crate::arguments::Arguments;
 use crate::pins::bounds;

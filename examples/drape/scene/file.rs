@@ -6,7 +6,6 @@
 
 use std::fmt::Display;
 use std::io::Read;
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::{fmt, fs};
 
@@ -16,7 +15,8 @@ use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use toml::Spanned;
 
-use super::keys::{Animated, Color, Direction, Extent, NotNegative, Positive, maybe, plain};
+use super::keys::Animated;
+use super::values::{Color, Direction, Extent, NotNegative, Positive, Whole, list, maybe, maybe_list, plain, tables};
 use crate::Failure;
 use crate::arguments::{BACKENDS, FORMATS, Format, LEVELS, METHODS};
 
@@ -28,7 +28,7 @@ const MOST_BYTES: u64 = 1 << 24;
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct File {
     /// Number of frames, including the first. 120.
-    pub(crate) frames: Option<NonZeroU32>,
+    pub(crate) frames: Option<Whole<1>>,
     /// Time (s) simulated before frame 1, rounded to frames, none of which are written. In its first half, everything
     /// goes smoothly from its start to where it is at frame 1, pins from the mesh's own positions, colliders and the
     /// rest from their `start`; in its second half the cloth settles. 0, frame 1 is then the mesh.
@@ -46,12 +46,15 @@ pub(crate) struct File {
     /// The air. None.
     pub(crate) wind: Option<Spanned<Wind>>,
     /// The cloths, which become pieces of one mesh in this order. At least one.
+    #[serde(deserialize_with = "tables")]
     pub(crate) cloth: Vec<Spanned<Cloth>>,
     /// What they meet.
+    #[serde(deserialize_with = "tables")]
     pub(crate) collider: Vec<Spanned<Collider>>,
     pub(crate) picture: Picture,
     pub(crate) output: Output,
     /// Keys that vary between the runs of a sweep, in all combinations. Without `--variant` this is ignored.
+    #[serde(deserialize_with = "tables")]
     pub(crate) vary: Vec<Spanned<Vary>>,
 }
 
@@ -63,11 +66,11 @@ pub(crate) struct Vary {
     /// `cloth.1.fabric`.
     pub(crate) key: String,
     /// Any values that are valid for the key.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "list")]
     pub(crate) values: Vec<toml::Value>,
     /// 1.
     pub(crate) first: Option<i64>,
-    pub(crate) count: Option<NonZeroU32>,
+    pub(crate) count: Option<Whole<1>>,
 }
 
 /// The number of substeps: one of `substeps`, `strain` and `budget`; by default a strain of 0.03.
@@ -75,7 +78,7 @@ pub(crate) struct Vary {
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Quality {
     /// Substeps per 1/60 s.
-    pub(crate) substeps: Option<NonZeroU32>,
+    pub(crate) substeps: Option<Whole<1>>,
     /// Bound on the stretch of a share of the area beyond the fabric's own; 0.03 is three percent.
     pub(crate) strain: Option<Positive>,
     /// That share, from 0.5 to 1. 0.99.
@@ -92,7 +95,7 @@ pub(crate) struct Quality {
     #[serde(deserialize_with = "method")]
     pub(crate) method: Option<Method>,
     /// Sweeps per substep of relaxation. 20.
-    pub(crate) iterations: Option<NonZeroU32>,
+    pub(crate) iterations: Option<Whole<1>>,
 }
 
 /// Contact of the cloth with itself and with the other cloths.
@@ -165,6 +168,7 @@ pub(crate) struct Cloth {
     /// polygons are as stiff in shear as in stretch. As stiff as the edges make it: a quarter of the fabric's `stretch`.
     pub(crate) shear: Option<NotNegative>,
     /// Its pins.
+    #[serde(deserialize_with = "tables")]
     pub(crate) pin: Vec<Spanned<Pin>>,
     /// Color in pictures (sRGB: red, green and blue from 0 to 1) of the side from which its triangles are
     /// counterclockwise. Red.
@@ -180,8 +184,8 @@ pub(crate) struct Cloth {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Grid {
     /// Vertices along x and along z.
-    pub(crate) columns: u32,
-    pub(crate) rows: u32,
+    pub(crate) columns: Whole<0>,
+    pub(crate) rows: Whole<0>,
     /// Length along x and along z (m).
     pub(crate) width: Positive,
     pub(crate) height: Positive,
@@ -217,7 +221,8 @@ pub(crate) struct Pin {
     /// corners.
     pub(crate) rule: Option<Rule>,
     /// Vertex numbers from 0, in the order of the cloth's own file.
-    pub(crate) vertices: Option<Vec<u32>>,
+    #[serde(deserialize_with = "maybe_list")]
+    pub(crate) vertices: Option<Vec<Whole<0>>>,
     /// All vertices with this color (red, green, blue from 0 to 1) in the OBJ file, `v x y z r g b`.
     #[serde(deserialize_with = "maybe")]
     pub(crate) color: Option<Vec3>,
@@ -321,6 +326,7 @@ pub(crate) struct Output {
     pub(crate) folder: Option<PathBuf>,
     /// Formats of the frames, "obj", "pc2", "mdd" and "usda": one file per frame, or all frames in one file in that
     /// folder. "obj".
+    #[serde(deserialize_with = "maybe_list")]
     pub(crate) format: Option<Vec<FormatName>>,
     /// A PC2 point cache of all frames.
     pub(crate) pc2: Option<PathBuf>,

@@ -9,6 +9,7 @@ pub(crate) mod file;
 mod keys;
 mod pins;
 mod timeline;
+mod values;
 
 use std::path::PathBuf;
 
@@ -18,6 +19,7 @@ use toml::Spanned;
 
 use crate::Failure;
 use crate::arguments::{Arguments, Format};
+use crate::command::warn;
 use crate::output::Outputs;
 use crate::preview::Look;
 use cloths::Cloths;
@@ -26,6 +28,9 @@ use file::{File, Source, Wind};
 use keys::Animated;
 use pins::Group;
 use timeline::{NO_PREROLL, Timeline};
+
+/// File extensions of pictures and films that are not PNG files.
+const OTHER_PICTURES: [&str; 10] = ["jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "svg", "mp4", "mov"];
 
 /// Most substeps per 1/60 s.
 const MOST_SUBSTEPS: u32 = 65536;
@@ -205,7 +210,7 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
         None => Failure::input(what),
     };
 
-    let substeps = file.substeps.map(|count| Quality::Substeps(count.into()));
+    let substeps = file.substeps.map(|count| Quality::Substeps(count.0));
     let strain = file.strain.map(|strain| match file.share {
         Some(share) => Quality::Hold { stretch: strain.0, share: share.0 },
         None => Quality::Strain(strain.0),
@@ -215,7 +220,7 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     if named.len() > 1 || (file.share.is_some() && strain.is_none()) {
         return Err(wrong("give one of substeps, strain and budget, and a share to a strain alone"));
     }
-    if file.substeps.is_some_and(|count| u32::from(count) > MOST_SUBSTEPS) {
+    if file.substeps.is_some_and(|count| count.0 > MOST_SUBSTEPS) {
         return Err(wrong("substeps must be 1 to 65536"));
     }
     if file.share.is_some_and(|share| !(0.5..=1.0).contains(&share.0)) {
@@ -226,9 +231,15 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
         (None, Some(strain)) => Quality::Strain(strain),
         (None, None) => named.first().copied().unwrap_or_default(),
     };
+    if let Quality::Strain(strain) | Quality::Hold { stretch: strain, .. } = quality
+        && strain >= 1.0
+    {
+        let percent = 100.0 * strain;
+        warn("warning", &format!("a strain of {strain} allows the cloth to stretch by {percent:.0} %; 0.03 is three percent"));
+    }
     let method = match (arguments.method.or(file.method).unwrap_or_default(), arguments.iterations, file.iterations) {
         (Method::Relaxation { .. }, Some(iterations), _) => Method::Relaxation { iterations },
-        (Method::Relaxation { .. }, None, Some(iterations)) => Method::Relaxation { iterations: iterations.into() },
+        (Method::Relaxation { .. }, None, Some(iterations)) => Method::Relaxation { iterations: iterations.0 },
         (_, Some(_), _) => {
             return Err(Failure::input("--iterations belongs to --method relaxation; add that, or leave it out"));
         }
@@ -256,14 +267,22 @@ fn outputs(arguments: &Arguments, file: &File, timeline: Timeline, read: Vec<Pat
     if (save.is_some() || resume.is_some()) && !formats.contains(&Format::Obj) {
         return Err(Failure::input("--save and --resume need the frames as OBJ files; add obj to --format"));
     }
+    let picture = |option: &str, path: Option<PathBuf>| match path {
+        Some(path)
+            if OTHER_PICTURES.iter().any(|other| path.extension().is_some_and(|name| name.eq_ignore_ascii_case(other))) =>
+        {
+            Err(Failure::input(format_args!("{option} {}: pictures are written as PNG; name a .png file", path.display())))
+        }
+        path => Ok(path),
+    };
     Ok(Outputs {
         folder: of(&arguments.out, &output.folder).unwrap_or_else(|| "frames".into()),
         frames,
         fps,
         formats,
         pc2: of(&arguments.pc2, &output.pc2),
-        preview: of(&arguments.preview, &output.preview),
-        animation: of(&arguments.animate, &output.animation),
+        preview: picture("--preview", of(&arguments.preview, &output.preview))?,
+        animation: picture("--animate", of(&arguments.animate, &output.animation))?,
         report: of(&arguments.report, &output.report),
         save: save.clone(),
         every: *every,

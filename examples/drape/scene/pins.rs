@@ -8,8 +8,9 @@ use toml::Spanned;
 
 use super::colliders::turn;
 use super::file::{self, Bounds, Rule, Source};
-use super::keys::{Animated, Extent};
+use super::keys::Animated;
 use super::timeline::{Moment, Timeline};
+use super::values::Extent;
 use crate::Failure;
 use crate::pins::{Pin, bounds};
 
@@ -55,7 +56,7 @@ impl Group {
         let chosen: Vec<u32> = match (rule, vertices, color, within) {
             (Some(Rule::Top), None, None, None) => Pin::Top.vertices(piece),
             (Some(Rule::Corners), None, None, None) => Pin::Corners.vertices(piece),
-            (None, Some(list), None, None) => list.clone(),
+            (None, Some(list), None, None) => list.iter().map(|number| number.0).collect(),
             (None, None, Some(color), None) => {
                 let obj =
                     obj.ok_or_else(|| wrong("a grid has no colors; choose its vertices by rule, vertices or box".to_owned()))?;

@@ -50,7 +50,7 @@ impl fmt::Display for Moment {
 impl Timeline {
     /// Reads the timeline of a scene.
     pub(super) fn of(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Timeline, Failure> {
-        let frames = arguments.frames.or(scene.and_then(|(_, file)| file.frames).map(u32::from)).unwrap_or(FRAMES);
+        let frames = arguments.frames.or(scene.and_then(|(_, file)| file.frames).map(|frames| frames.0)).unwrap_or(FRAMES);
         let fps = rate(arguments, scene)?;
         let given = scene.and_then(|(source, file)| file.preroll.as_ref().map(|preroll| (source, preroll)));
         let seconds = arguments.preroll.or(given.map(|(_, preroll)| preroll.get_ref().0)).unwrap_or(0.0);
