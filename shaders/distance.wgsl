@@ -7,17 +7,14 @@ struct Edge {
     inverse_weight: f32,
 }
 
-const TURN_GUARD: f32 = 0.9;
-const STRETCH_GUARD: f32 = 0.1;
-const FAR_TURN_GUARD: f32 = 0.5;
-const SHORT_GUARD: f32 = 0.1;
-const LONG_GUARD: f32 = 1.2;
+const TURN_GUARD: f32 = 0.5;
+const STRETCH_GUARD: f32 = 0.44;
 const SLACK_BAND: f32 = 6.5e-4;
 // Lower bound of lengths [m] that are used as divisors.
 const LEAST_LENGTH: f32 = 1e-12;
 
-// The impulse of an edge: along its direction at the substep's start (SHAKE) unless it has turned far, is very short or
-// very long; without a square root while it has hardly turned or stretched.
+// The impulse of an edge: along its direction at the substep's start (SHAKE) and without a square root, unless it has turned
+// or stretched far.
 fn project_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
@@ -25,16 +22,19 @@ fn project_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let c = dot(d0, d) * inverse_square;
     let r0 = dot(d0, d0) * inverse_square - 1.0;
     if c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
-        let unit = 1.0 - r0 * (0.5 - r0 * 0.375);
-        return d0 * (-edge.inverse_weight * unit * r * (0.5 - r * (0.125 - r * 0.0625)));
-    }
-    let stretch0 = edge.inverse_rest * length(d0);
-    let stretch = edge.inverse_rest * length(d);
-    let sound = stretch0 > SHORT_GUARD && stretch > SHORT_GUARD && stretch < LONG_GUARD;
-    if sound && c > FAR_TURN_GUARD * stretch0 * stretch {
-        return d0 * (-edge.inverse_weight * (stretch - 1.0) / stretch0);
+        return d0 * (-edge.inverse_weight * inverse_length(r0) * excess_length(r));
     }
     return relax_edge(d0, du, edge);
+}
+
+// (l - l0)/l0, where r = (l/l0)^2 - 1.
+fn excess_length(r: f32) -> f32 {
+    return r * (0.5 + r * (-0.125 + r * (0.0625 + r * (-0.0429 + r * 0.0307))));
+}
+
+// l0/l, where r = (l/l0)^2 - 1.
+fn inverse_length(r: f32) -> f32 {
+    return 1.0 + r * (-0.5 + r * (0.375 + r * (-0.360 + r * 0.321)));
 }
 
 // The impulse of an edge along its current direction.

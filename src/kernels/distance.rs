@@ -16,19 +16,12 @@ pub(crate) struct Edge {
     pub inverse_weight: f32,
 }
 
-/// An edge is corrected along its direction at the substep's start (SHAKE), without a square root, if it has turned by
-/// less than this (cosine) ...
-pub(crate) const TURN_GUARD: f32 = 0.9;
-/// ... and its squared length is within this share of the rest value, at the substep's start and end.
-pub(crate) const STRETCH_GUARD: f32 = 0.1;
-/// Otherwise it is corrected along that direction with square roots, if it has turned by less than this (cosine: 60
-/// degrees) ...
-pub(crate) const FAR_TURN_GUARD: f32 = 0.5;
-/// ... and is longer than this share of its rest length, at the substep's start and end ...
-pub(crate) const SHORT_GUARD: f32 = 0.1;
-/// ... and ends shorter than this multiple of it. A longer edge would throw the cloth about if corrected along a
-/// direction that is no longer its own.
-pub(crate) const LONG_GUARD: f32 = 1.2;
+/// An edge is corrected along its direction at the substep's start (SHAKE) if it has turned by less than this (the product
+/// of its vectors at the substep's start and end, over its squared rest length; 60 degrees at rest length) ...
+pub(crate) const TURN_GUARD: f32 = 0.5;
+/// ... and its squared length is within this share of the rest value, at the substep's start and end (.75 to 1.2 of the
+/// rest length). A longer edge would throw the cloth about if corrected along a direction that is no longer its own.
+pub(crate) const STRETCH_GUARD: f32 = 0.44;
 /// With [`hold_coarse`], a coarse edge pushes while its squared length is below the rest value by less than this share,
 /// and pushes less the closer it is to that limit.
 pub(crate) const SLACK_BAND: f32 = 6.5e-4;
@@ -50,15 +43,13 @@ pub(crate) struct Correction<L: Lanes> {
 /// (m) in it.
 ///
 /// The constraint is `C = l - l0`. It is corrected along the edge's direction at the substep's start (SHAKE: Ryckaert
-/// et al. 1977), or along its current direction (XPBD: Macklin et al. 2016) if the edge has turned far, is very short
-/// or very long. Only an impulse along the direction at the start exerts no torque about any point. One along the
-/// current direction turns the edge by `d0 x du`, so that a cloth hung by one pin whose edges stretch would slowly
-/// start to spin.
+/// et al. 1977), or along its current direction (XPBD: Macklin et al. 2016) if the edge has turned or stretched far. Only
+/// an impulse along the direction at the start exerts no torque about any point. One along the current direction turns
+/// the edge by `d0 x du`, so that a cloth hung by one pin whose edges stretch would slowly start to spin.
 ///
-/// While the edge has hardly turned or stretched, `l - l0` is a series in `r = (l/l0)² - 1`, and the inverse of the
-/// length at the start is a series too. So the common case needs no square root, and the rest length cancels. Without
-/// the second series the edge would be stiffer by a share equal to its strain, at any number of substeps. The guard on
-/// it excludes the edges of a scrambled cloth, where it diverges.
+/// `l - l0` is a polynomial in `r = (l/l0)² - 1`, and the inverse of the length at the start is one too. So the common
+/// case needs no square root, and the rest length cancels. Without the second polynomial the edge would be stiffer by a
+/// share equal to its strain, at any number of substeps.
 #[inline(always)]
 pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
     project::<L, false>(d0, du, inverse_rest)
@@ -101,7 +92,7 @@ pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L
 /// [`project_edge`], or with `PULL` [`project_coarse`].
 #[inline(always)]
 fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
-    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let zero = L::splat(0.0);
     let d = d0 + du;
     let less_one = L::splat(-1.0);
     let inverse_square = inverse_rest * inverse_rest;
@@ -114,26 +105,35 @@ fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_res
     let mut at_start = L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched);
     let slack = r.lt(zero);
     if PULL {
-        // A compressed edge gets no correction, so its direction is irrelevant and the path with roots is not needed for it.
+        // A compressed edge gets no correction, so its direction is irrelevant and the path with a root is not needed for it.
         at_start = L::or(at_start, slack);
     }
-    // `unit = 1 - r0 (1/2 - 3/8 r0)` approximates l0 over the length at the start, and
-    // `r inner = r (1/2 - r (1/8 - r/16))` approximates (l - l0)/l0.
-    let unit = r0.neg_mul_add(r0.neg_mul_add(L::splat(0.375), L::splat(0.5)), one);
-    let inner = r.neg_mul_add(r.neg_mul_add(L::splat(0.0625), L::splat(0.125)), L::splat(0.5));
-    let mut scale = unit * r * inner;
+    let mut scale = inverse_length(r0) * excess_length(r);
     if !L::all(at_start) {
-        let (stretch0, stretch) = (inverse_rest * d0.dot(d0).sqrt(), inverse_rest * d.dot(d).sqrt());
-        let short = L::splat(SHORT_GUARD);
-        let sound = L::and(L::and(short.lt(stretch0), short.lt(stretch)), stretch.lt(L::splat(LONG_GUARD)));
-        let hardly_turned = L::and((L::splat(FAR_TURN_GUARD) * stretch0 * stretch).lt(c), sound);
-        // (l - l0) over the length of the direction vector that is used.
-        let length = L::select(hardly_turned, stretch0, stretch.max(inverse_rest * L::splat(LEAST_LENGTH)));
-        scale = L::select(at_start, scale, (stretch + less_one) / length);
-        at_start = L::or(at_start, hardly_turned);
+        scale = L::select(at_start, scale, relax_edge(d0, du, inverse_rest).scale);
     }
     if PULL {
         scale = L::select(slack, zero, scale);
     }
     Correction { scale, at_start }
 }
+
+/// `(l - l0)/l0` of an edge with `r = (l/l0)² - 1`, within 1.3e-4 of it where `|r|` is less than [`STRETCH_GUARD`]: the
+/// Taylor series of `sqrt(1 + r) - 1` up to the cubic term, and two terms fitted to the rest.
+#[inline(always)]
+fn excess_length<L: Lanes>(r: L) -> L {
+    let rest = r.mul_add(L::splat(0.0307), L::splat(-0.0429)).mul_add(r, L::splat(0.0625));
+    r * rest.mul_add(r, L::splat(-0.125)).mul_add(r, L::splat(0.5))
+}
+
+/// `l0/l` of an edge with `r = (l/l0)² - 1`, within 8e-4 of it where `|r|` is less than [`STRETCH_GUARD`]: the Taylor
+/// series of `1/sqrt(1 + r)` up to the square, and two terms fitted to the rest.
+#[inline(always)]
+fn inverse_length<L: Lanes>(r: L) -> L {
+    let rest = r.mul_add(L::splat(0.321), L::splat(-0.360)).mul_add(r, L::splat(0.375));
+    rest.mul_add(r, L::splat(-0.5)).mul_add(r, L::splat(1.0))
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/kernels_distance.rs"]
+mod tests;

@@ -10,13 +10,12 @@ pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32
     let d = d0 + du;
     let (square, square0) = (d.length_squared() * inverse_rest * inverse_rest, d0.length_squared() * inverse_rest * inverse_rest);
     let turn = d0.dot(d) * inverse_rest * inverse_rest;
-    if turn > 0.9 && (square - 1.0).abs() < 0.1 && (square0 - 1.0).abs() < 0.1 {
-        // The series of `sqrt(square) - 1` and of `1/sqrt(square0)`.
-        let (r, r0) = (square - 1.0, square0 - 1.0);
-        let excess = r / 2.0 - r * r / 8.0 + r * r * r / 16.0;
-        -inverse_weight * excess * (1.0 - r0 / 2.0 + 3.0 * r0 * r0 / 8.0) * d0
-    } else if square0.min(square) > 0.01 && square < 1.44 && d0.angle_between(d) < std::f32::consts::FRAC_PI_3 {
-        inverse_weight * (1.0 / inverse_rest - d.length()) * d0.normalize()
+    let (r, r0) = (square - 1.0, square0 - 1.0);
+    if turn > 0.5 && r.abs() < 0.44 && r0.abs() < 0.44 {
+        // Near `sqrt(1 + r) - 1` and `1/sqrt(1 + r0)`.
+        let excess = r / 2.0 - r.powi(2) / 8.0 + r.powi(3) / 16.0 - 0.0429 * r.powi(4) + 0.0307 * r.powi(5);
+        let unit = 1.0 - r0 / 2.0 + 3.0 * r0.powi(2) / 8.0 - 0.360 * r0.powi(3) + 0.321 * r0.powi(4);
+        -inverse_weight * excess * unit * d0
     } else {
         relax_edge(d0, du, inverse_rest, inverse_weight)
     }

@@ -84,9 +84,6 @@ fn constants() -> Vec<(&'static str, Literal)> {
     let mut all = vec![
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
-        ("FAR_TURN_GUARD", Literal::F32(crate::kernels::distance::FAR_TURN_GUARD)),
-        ("SHORT_GUARD", Literal::F32(crate::kernels::distance::SHORT_GUARD)),
-        ("LONG_GUARD", Literal::F32(crate::kernels::distance::LONG_GUARD)),
         ("SLACK_BAND", Literal::F32(crate::kernels::distance::SLACK_BAND)),
         ("LEAST_LENGTH", Literal::F32(crate::kernels::distance::LEAST_LENGTH)),
         ("TETHER_TURN_GUARD", Literal::F32(crate::kernels::tether::TETHER_TURN_GUARD)),
