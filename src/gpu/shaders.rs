@@ -2,7 +2,8 @@
 
 use crate::device::Shader;
 
-/// A file of `shaders/`. A web page downloads it, so there it has no comments, nor in the unit tests, which parse it.
+/// A file of `shaders/`. A web page downloads it, so there it has neither comments nor indentation, nor in the unit tests,
+/// which parse it.
 macro_rules! wgsl {
     ($($path:literal),+) => {{
         const TEXT: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $($path),+));
@@ -10,9 +11,9 @@ macro_rules! wgsl {
         const SOURCE: &str = TEXT;
         #[cfg(any(test, target_arch = "wasm32"))]
         const SOURCE: &str = {
-            const CODE: [u8; without_comments(TEXT, &mut [])] = {
+            const CODE: [u8; compressed(TEXT, &mut [])] = {
                 let mut code = [0; _];
-                without_comments(TEXT, &mut code);
+                compressed(TEXT, &mut code);
                 code
             };
             match str::from_utf8(&CODE) {
@@ -24,15 +25,17 @@ macro_rules! wgsl {
     }};
 }
 
-/// Writes a text without its comments, as far as there is room, and returns its length. Lines keep their numbers.
+/// Writes a text without its comments and indentation, as far as there is room, and returns its length. Lines keep their
+/// numbers.
 #[cfg(any(test, target_arch = "wasm32"))]
-const fn without_comments(text: &str, code: &mut [u8]) -> usize {
+const fn compressed(text: &str, code: &mut [u8]) -> usize {
     let text = text.as_bytes();
-    let (mut from, mut to, mut comment) = (0, 0, false);
+    let (mut from, mut to, mut comment, mut indentation) = (0, 0, false, true);
     while from < text.len() {
         let slashes = text[from] == b'/' && from + 1 < text.len() && text[from + 1] == b'/';
         comment = (comment || slashes) && text[from] != b'\n';
-        if !comment {
+        indentation = text[from] == b'\n' || (indentation && text[from] == b' ');
+        if !comment && (!indentation || text[from] == b'\n') {
             if to < code.len() {
                 code[to] = text[from];
             }
