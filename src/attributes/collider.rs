@@ -215,7 +215,7 @@ impl Collider {
     }
 
     /// Two points (m) that move and turn with the collider.
-    fn landmarks(&self) -> [Vec3; 2] {
+    pub(crate) fn landmarks(&self) -> [Vec3; 2] {
         match &self.shape {
             &Shape::Sphere { center, radius } => [center, center + radius * Vec3::X],
             &Shape::Plane { point, normal } => [point, point + normal.normalize_or_zero()],
@@ -223,11 +223,6 @@ impl Collider {
             &Shape::RoundedBox { center, half, rotation, .. } => [center, center + rotation.normalize() * half],
             Shape::Mesh { mesh } => [mesh.positions.first(), mesh.positions.last()].map(|x| x.copied().unwrap_or_default()),
         }
-    }
-
-    /// How far (m) its landmarks are from those of another collider, summed.
-    pub(crate) fn distance_to(&self, other: &Collider) -> f32 {
-        self.landmarks().into_iter().zip(other.landmarks()).map(|(a, b)| a.distance(b)).sum()
     }
 
     /// The same collider in coordinates relative to `origin`; a mesh is returned unchanged.

@@ -1,5 +1,7 @@
 //! The end of the last step, from which the next one goes on.
 
+use std::mem::{Discriminant, discriminant};
+
 use glam::{Vec3, Vec4};
 
 use crate::attributes::{Collider, Shape, invalid};
@@ -74,21 +76,56 @@ impl Motion {
     }
 }
 
+/// A collider's way in a step, by its landmarks (m).
+struct Way {
+    kind: Discriminant<Shape>,
+    from: [Vec3; 2],
+    to: [Vec3; 2],
+    length: f32,
+}
+
+impl Way {
+    fn new(last: &Collider, now: &Collider) -> Way {
+        let (from, to) = (last.landmarks(), now.landmarks());
+        Way { kind: discriminant(&now.shape), from, to, length: distance(from, to) }
+    }
+
+    /// Whether this collider and another of its kind would have moved less if each were the other.
+    fn is_longer_than_exchanged(&self, other: &Way) -> bool {
+        let exchanged = distance(self.from, other.to) + distance(other.from, self.to);
+        // A row of colliders that move by more than their distance ties, but for rounding.
+        self.kind == other.kind && exchanged < 0.999 * (self.length + other.length)
+    }
+}
+
+/// The distance (m) between landmarks, summed.
+fn distance(from: [Vec3; 2], to: [Vec3; 2]) -> f32 {
+    from[0].distance(to[0]) + from[1].distance(to[1])
+}
+
 /// Whether colliders can be matched by their order: their kinds agree, and no two of a kind that moved would have moved
 /// less if each were the other.
 fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl Iterator<Item = &'a Collider> + Clone) -> bool {
-    let kind = |collider: &Collider| std::mem::discriminant(&collider.shape);
+    let kind = |collider: &Collider| discriminant(&collider.shape);
     if !last.clone().map(kind).eq(now.clone().map(kind)) {
         return false;
     }
-    let moved: Vec<_> = last.zip(now).filter(|(last, now)| last.distance_to(now) > 0.0).collect();
-    moved.iter().enumerate().all(|(index, (last, now))| {
-        moved[..index].iter().filter(|(other, _)| kind(other) == kind(last)).all(|(other_last, other_now)| {
-            let exchanged = last.distance_to(other_now) + other_last.distance_to(now);
-            // A row of colliders that move by more than their distance ties, but for rounding.
-            exchanged >= 0.999 * (last.distance_to(now) + other_last.distance_to(other_now))
-        })
-    })
+    let moved: Vec<Way> = last.zip(now).map(|(last, now)| Way::new(last, now)).filter(|way| way.length > 0.0).collect();
+    let bounds = moved.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), way| (low.min(way.to[0]), high.max(way.to[0])));
+    let axis = (bounds.1 - bounds.0).max_position();
+    let sorted = |end: fn(&Way) -> [Vec3; 2]| {
+        let mut places: Vec<(f32, &Way)> = moved.iter().map(|way| (end(way)[0][axis], way)).collect();
+        places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        places
+    };
+    let (starts, ends) = (sorted(|way| way.from), sorted(|way| way.to));
+    // If an exchange makes two ways shorter, then at least one of the new ways is shorter than the longer of the old: the
+    // other collider begins or ends within that length.
+    let is_best = |way: &Way, places: &[(f32, &Way)], place: f32| {
+        let near = &places[places.partition_point(|&(other, _)| other < place - way.length)..];
+        near.iter().take_while(|(other, _)| *other <= place + way.length).all(|(_, other)| !way.is_longer_than_exchanged(other))
+    };
+    moved.iter().all(|way| is_best(way, &ends, way.from[0][axis]) && is_best(way, &starts, way.to[0][axis]))
 }
 
 #[cfg(test)]

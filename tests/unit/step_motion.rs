@@ -1,8 +1,10 @@
 //! Unit tests of `src/step/motion.rs`.
 
+use std::mem::discriminant;
+
 use glam::Vec3;
 
-use super::Motion;
+use super::{Motion, are_in_order};
 use crate::attributes::Collider;
 
 /// A row of equal spheres without ids, displaced along the row.
@@ -37,4 +39,49 @@ fn another_order_is_not_taken_for_motion() {
     now.swap(0, 3);
     let motion = Motion { colliders: last, ..Motion::default() };
     assert!(motion.followed(&now).all(|(now, from)| now == from), "two changed places");
+}
+
+/// Whether some two of a kind would have moved less if each were the other: every pair compared with every other.
+fn some_exchange_is_shorter(last: &[Collider], now: &[Collider]) -> bool {
+    let distance =
+        |a: usize, b: usize| -> f32 { last[a].landmarks().into_iter().zip(now[b].landmarks()).map(|(a, b)| a.distance(b)).sum() };
+    let is_kind = |a: usize, b: usize| discriminant(&last[a].shape) == discriminant(&last[b].shape);
+    let moved: Vec<usize> = (0..last.len()).filter(|&index| distance(index, index) > 0.0).collect();
+    let pairs = moved.iter().flat_map(|&a| moved.iter().map(move |&b| (a, b)));
+    pairs
+        .filter(|&(a, b)| a < b && is_kind(a, b))
+        .any(|(a, b)| distance(a, b) + distance(b, a) < 0.999 * (distance(a, a) + distance(b, b)))
+}
+
+/// Colliders that move by about their distance are matched by their order in some cases and not in others, as a comparison of
+/// all pairs says.
+#[test]
+fn order_is_what_all_pairs_say() {
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut in_order = 0;
+    for case in 0..2000 {
+        let mut vector = |size: f32| Vec3::from_array([0; 3].map(|_| size * (2.0 * random.f32() - 1.0)));
+        let far = if case % 3 == 0 { 1e5 } else { 0.0 };
+        let make = |at: Vec3, k: usize| match k % 3 {
+            0 => Collider::sphere(at, 0.1),
+            1 => Collider::capsule(at, at + Vec3::Y, 0.1),
+            _ => Collider::plane(at, Vec3::Y),
+        };
+        let places: Vec<Vec3> = (0..12).map(|_| vector(1.0) + far).collect();
+        let by = [0.0, 0.05, 0.15, 0.3, 1.0][case % 5];
+        let last: Vec<Collider> = places.iter().enumerate().map(|(k, at)| make(*at, k)).collect();
+        let now: Vec<Collider> = places.iter().enumerate().map(|(k, at)| make(*at + vector(by), k)).collect();
+        let is_in_order = are_in_order(last.iter(), now.iter());
+        assert_eq!(is_in_order, !some_exchange_is_shorter(&last, &now), "case {case}, by {by} m");
+        in_order += usize::from(is_in_order && by > 0.0);
+    }
+    println!("{in_order} of 1600 in order");
+    assert!((200..1400).contains(&in_order), "{in_order} of 1600 in order");
+}
+
+/// A hundred thousand that move a little are matched, which takes minutes if all pairs are compared.
+#[test]
+fn many_colliders_are_matched() {
+    let row = |by: f32| (0..100_000_u32).map(move |k| Collider::sphere(Vec3::X * (0.3 * k as f32 + by), 0.1)).collect::<Vec<_>>();
+    assert!(are_in_order(row(0.0).iter(), row(0.125).iter()));
 }
