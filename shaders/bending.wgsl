@@ -17,7 +17,7 @@ struct BendEntry {
 struct BendPass {
     carry: f32,
     gain: f32,
-    way: f32,
+    trial: f32,
     last: u32,
 }
 
@@ -29,7 +29,7 @@ struct Passed {
 
 // The moment of a vertex's row, and the couple that cancels the torque of its damping.
 struct Moment {
-    pull: vec3f,
+    moment: vec3f,
     couple: vec3f,
 }
 

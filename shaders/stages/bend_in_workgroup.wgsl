@@ -7,8 +7,8 @@
 // The number of vertices whose entries are interleaved, so that neighboring lanes read neighboring words.
 const SLICE: u32 = 32u;
 
-// Positions of a vertex's vectors: moment (pull) and couple always, the others only with several passes.
-fn pull_of(k: u32) -> u32 {
+// Positions of a vertex's vectors: moment and couple always, the others only with several passes.
+fn moment_of(k: u32) -> u32 {
     return k;
 }
 
@@ -24,7 +24,7 @@ fn change_of(k: u32) -> u32 {
     return 3u * bend_room() + k;
 }
 
-fn way_of(k: u32) -> u32 {
+fn trial_of(k: u32) -> u32 {
     return 4u * bend_room() + k;
 }
 
@@ -64,54 +64,54 @@ fn first_moment(k: u32, rate: f32) {
     let row = row_of(k);
     let damping = row.stiffness * row.tau;
     if !is_filtered() {
-        let moment = bend_moment(ring, row.stiffness, damping);
-        set_bend_vector(pull_of(k), moment.pull);
-        set_bend_vector(couple_at(k), moment.couple);
+        let bend = bend_moment(ring, row.stiffness, damping);
+        set_bend_vector(moment_of(k), bend.moment);
+        set_bend_vector(couple_at(k), bend.couple);
         return;
     }
     let resisted = bend_moment(ring, 0.0, damping);
     let passed = next_moment(vec3f(), vec3f(), ring.y, row.stiffness, bend_pass_at(0u));
-    set_bend_vector(pull_of(k), passed.moment);
+    set_bend_vector(moment_of(k), passed.moment);
     set_bend_vector(couple_at(k), resisted.couple);
     set_bend_vector(curvature_of(k), ring.y);
     set_bend_vector(change_of(k), passed.change);
-    set_bend_vector(resisted_of(k), resisted.pull);
+    set_bend_vector(resisted_of(k), resisted.moment);
 }
 
-fn give_way(k: u32, w: f32, bend_pass: BendPass) {
+fn trial_displacements(k: u32, w: f32, bend_pass: BendPass) {
     let span = ring_of(k);
-    var force = bend_vector(pull_of(k)) * row_of(k).diagonal;
+    var force = bend_vector(moment_of(k)) * row_of(k).diagonal;
     for (var at = span.start; at < span.end; at += 3u * SLICE) {
         let entry = entry_at(at);
-        force += bend_vector(pull_of(entry.other)) * entry.backward;
+        force += bend_vector(moment_of(entry.other)) * entry.backward;
     }
-    set_bend_vector(way_of(k), force * (w * bend_pass.way));
+    set_bend_vector(trial_of(k), force * (w * bend_pass.trial));
 }
 
-fn bend_again(k: u32, bend_pass: BendPass) {
+fn filter_moments(k: u32, bend_pass: BendPass) {
     let span = ring_of(k);
-    let own = bend_vector(way_of(k));
+    let own = bend_vector(trial_of(k));
     var bent = bend_vector(curvature_of(k));
     for (var at = span.start; at < span.end; at += 3u * SLICE) {
         let entry = entry_at(at);
-        bent += (bend_vector(way_of(entry.other)) - own) * entry.forward;
+        bent += (bend_vector(trial_of(entry.other)) - own) * entry.forward;
     }
-    let passed = next_moment(bend_vector(pull_of(k)), bend_vector(change_of(k)), bent, row_of(k).stiffness, bend_pass);
+    let passed = next_moment(bend_vector(moment_of(k)), bend_vector(change_of(k)), bent, row_of(k).stiffness, bend_pass);
     if bend_pass.last == 0u {
-        set_bend_vector(pull_of(k), passed.moment);
+        set_bend_vector(moment_of(k), passed.moment);
         set_bend_vector(change_of(k), passed.change);
     } else {
-        set_bend_vector(pull_of(k), passed.moment + bend_vector(resisted_of(k)));
+        set_bend_vector(moment_of(k), passed.moment + bend_vector(resisted_of(k)));
     }
 }
 
 fn bend_force(k: u32) -> vec3f {
     let span = ring_of(k);
-    var force = -bend_vector(pull_of(k)) * row_of(k).diagonal;
+    var force = -bend_vector(moment_of(k)) * row_of(k).diagonal;
     if params.damped == 0u {
         for (var at = span.start; at < span.end; at += 3u * SLICE) {
             let entry = entry_at(at);
-            force -= bend_vector(pull_of(entry.other)) * entry.backward;
+            force -= bend_vector(moment_of(entry.other)) * entry.backward;
         }
         return force;
     }
@@ -119,7 +119,7 @@ fn bend_force(k: u32) -> vec3f {
     let own = bend_vector(couple_at(k));
     for (var at = span.start; at < span.end; at += 3u * SLICE) {
         let entry = entry_at(at);
-        force -= bend_vector(pull_of(entry.other)) * entry.backward;
+        force -= bend_vector(moment_of(entry.other)) * entry.backward;
         let couple = couple_of(own, bend_vector(couple_at(entry.other)), entry);
         force -= cross(couple, bent_x(entry.other) - x_k);
     }

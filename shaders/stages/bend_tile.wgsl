@@ -74,11 +74,11 @@ fn bend_tile(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     workgroupBarrier();
     for (var index = 1u; FILTERED && bend_passes[index - 1u].last == 0u; index++) {
         for (var k = lane; k < table[ends + ring - 1u]; k += LANES) {
-            give_way(k, x[table[list + k]].w, bend_passes[index]);
+            trial_displacements(k, x[table[list + k]].w, bend_passes[index]);
         }
         workgroupBarrier();
         for (var k = lane; k < table[ends + ring - 2u]; k += LANES) {
-            bend_again(k, bend_passes[index]);
+            filter_moments(k, bend_passes[index]);
         }
         workgroupBarrier();
         ring -= 2u;

@@ -113,11 +113,11 @@ fn gather_forces(lane: u32, now: Substep) {
         for (var index = 1u; index < passes(); index++) {
             meet_at_state();
             for (var v = lane; v < params.vertices; v += LANES) {
-                give_way(v, state[v].w, bend_pass_at(index));
+                trial_displacements(v, state[v].w, bend_pass_at(index));
             }
             meet_at_state();
             for (var v = lane; v < params.vertices; v += LANES) {
-                bend_again(v, bend_pass_at(index));
+                filter_moments(v, bend_pass_at(index));
             }
         }
     }

@@ -93,16 +93,16 @@ impl Pass<'_> {
 }
 
 /// Computes the tentative displacements of groups of vertices under the moments, before a pass.
-pub(crate) struct GiveWay<'t> {
+pub(crate) struct TrialDisplacements<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,
     pub pass: Pass<'t>,
 }
 
-impl Loop for GiveWay<'_> {
+impl Loop for TrialDisplacements<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let GiveWay { rings, pass: Pass { moments, trials, numbers, .. }, .. } = self;
+        let TrialDisplacements { rings, pass: Pass { moments, trials, numbers, .. }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
@@ -110,22 +110,22 @@ impl Loop for GiveWay<'_> {
             for near in rings.neighbors(group) {
                 force = rings.gather(moments, near).mul_add(rings.backward(near), force);
             }
-            trials.set_vectors(first, force * (inverse_mass * L::splat(numbers.way)));
+            trials.set_vectors(first, force * (inverse_mass * L::splat(numbers.trial)));
         }
     }
 }
 
 /// Runs a pass over groups of rows after the tentative displacement of their rings.
-pub(crate) struct BendAgain<'t> {
+pub(crate) struct FilterMoments<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,
     pub pass: Pass<'t>,
 }
 
-impl Loop for BendAgain<'_> {
+impl Loop for FilterMoments<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let BendAgain { rings, pass: Pass { moments, curvatures, changes, trials, resisted, numbers }, .. } = self;
+        let FilterMoments { rings, pass: Pass { moments, curvatures, changes, trials, resisted, numbers }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let own = trials.vectors::<L>(first);

@@ -68,10 +68,10 @@ impl Loop for DampedMoments<'_> {
                 ring.add_neighbor(rings.gather(x, near) - center, rate, rings.forward(near));
             }
             let unfiltered = if filter.is_some() { zero } else { stiffness };
-            let [pull, couple] = bend_moment(&ring, unfiltered, damping);
+            let [moment, couple] = bend_moment(&ring, unfiltered, damping);
             match filter {
-                None => moments.set_vectors(first, pull),
-                Some(pass) => pass.begin(first, ring.y, stiffness, Some(pull)),
+                None => moments.set_vectors(first, moment),
+                Some(pass) => pass.begin(first, ring.y, stiffness, Some(moment)),
             }
             couples.set_vectors(first, couple);
         }

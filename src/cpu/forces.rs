@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3A;
 
-use crate::cpu::bend_filter::{BendAgain, Filter, FilterArrays, GiveWay};
+use crate::cpu::bend_filter::{Filter, FilterArrays, FilterMoments, TrialDisplacements};
 use crate::cpu::force_batches::{PanelBatches, RingBatches};
 use crate::cpu::force_loops::{BendForces, BendMoments, DampedMoments, PanelForces};
 use crate::cpu::tasks::shared::{SharedArray, Task};
@@ -138,17 +138,17 @@ impl Forces<'_> {
     }
 
     /// Displaces a tile's vertices tentatively under the bending moments computed so far, before a pass of the filter.
-    pub(crate) fn give_way(&self, task: &Task, tile: Range<u32>, pass: usize) {
+    pub(crate) fn trial_displacements(&self, task: &Task, tile: Range<u32>, pass: usize) {
         let (rings, groups, moments) = (self.rings, self.groups(&tile), self.moments.within(task));
         let pass = self.filter.pass(task, moments, pass);
-        pass.into_iter().for_each(|pass| simd::run(self.width, GiveWay { rings, groups: groups.clone(), pass }));
+        pass.into_iter().for_each(|pass| simd::run(self.width, TrialDisplacements { rings, groups: groups.clone(), pass }));
     }
 
     /// Runs a pass of the filter: recomputes the moments of a tile's vertices from the tentatively displaced rings.
-    pub(crate) fn bend_again(&self, task: &Task, tile: Range<u32>, pass: usize) {
+    pub(crate) fn filter_moments(&self, task: &Task, tile: Range<u32>, pass: usize) {
         let (rings, groups, moments) = (self.rings, self.groups(&tile), self.moments.within(task));
         let pass = self.filter.pass(task, moments, pass);
-        pass.into_iter().for_each(|pass| simd::run(self.width, BendAgain { rings, groups: groups.clone(), pass }));
+        pass.into_iter().for_each(|pass| simd::run(self.width, FilterMoments { rings, groups: groups.clone(), pass }));
     }
 
     /// Computes the aerodynamic force on one chunk of triangles.

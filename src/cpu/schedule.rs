@@ -35,8 +35,8 @@ impl Stage {
         match self {
             Stage::Remember
             | Stage::BendMoments
-            | Stage::GiveWay(_)
-            | Stage::BendAgain(_)
+            | Stage::TrialDisplacements(_)
+            | Stage::FilterMoments(_)
             | Stage::Predict
             | Stage::LeadPins
             | Stage::MoveAfterContact
@@ -58,15 +58,15 @@ impl Stage {
     /// pass.
     fn reads_neighbors_of(self, before: Stage) -> bool {
         match before {
-            Stage::GiveWay(_) => matches!(self, Stage::BendAgain(_)),
-            before => before.reads_neighbors() && matches!(self, Stage::GiveWay(_) | Stage::Predict),
+            Stage::TrialDisplacements(_) => matches!(self, Stage::FilterMoments(_)),
+            before => before.reads_neighbors() && matches!(self, Stage::TrialDisplacements(_) | Stage::Predict),
         }
     }
 
     /// Whether this stage reads positions or displacements at neighboring vertices, so that its task must also reserve
     /// the tiles around its own.
     fn reads_neighbors(self) -> bool {
-        matches!(self, Stage::BendMoments | Stage::BendAgain(_))
+        matches!(self, Stage::BendMoments | Stage::FilterMoments(_))
     }
 }
 

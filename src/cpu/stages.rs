@@ -15,9 +15,9 @@ pub(crate) enum Stage {
     BendMoments,
     /// Displace the vertices tentatively under the moments computed so far, before the given pass of the Chebyshev
     /// filter that keeps stiff bending stable at few substeps ([`step::bending`](crate::step::bending)).
-    GiveWay(usize),
+    TrialDisplacements(usize),
     /// Run that pass of the filter: recompute the moments from the tentatively displaced rings.
-    BendAgain(usize),
+    FilterMoments(usize),
     /// Compute the aerodynamic force on each triangle.
     PanelForces,
     /// Predict each vertex's displacement in this substep from its last displacement and the forces on it.
@@ -90,7 +90,7 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
         stages.extend([Stage::Exchange, Stage::Predict]);
     } else {
         stages.extend(terms.bending.then_some(Stage::BendMoments));
-        stages.extend((1..terms.passes).flat_map(|pass| [Stage::GiveWay(pass), Stage::BendAgain(pass)]));
+        stages.extend((1..terms.passes).flat_map(|pass| [Stage::TrialDisplacements(pass), Stage::FilterMoments(pass)]));
         stages.extend(terms.wind.then_some(Stage::PanelForces));
         stages.extend((!terms.falls()).then_some(Stage::Predict));
     }

@@ -87,8 +87,8 @@ impl Stepper<'_> {
                 self.external.into_iter().for_each(|external| (external.exchange)(task, self.state(task), (), index));
             }
             Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
-            Stage::GiveWay(pass) => self.forces.give_way(task, tile(), pass),
-            Stage::BendAgain(pass) => self.forces.bend_again(task, tile(), pass),
+            Stage::TrialDisplacements(pass) => self.forces.trial_displacements(task, tile(), pass),
+            Stage::FilterMoments(pass) => self.forces.filter_moments(task, tile(), pass),
             Stage::PanelForces => self.forces.panel_forces(task, part, substep),
             Stage::Predict => self.predict(task, tile(), index),
             Stage::LeadPins => self.forces.lead_pins(task, tile(), substep),

@@ -22,7 +22,7 @@ const IN_TILE: [usize; 2] = [24, 72];
 /// The room of tiles is a multiple of this number of vertices.
 const ROOMS: usize = 32;
 /// A single, unfiltered pass.
-const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 }];
+const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, trial: 0.0, last: 1 }];
 
 /// The kernels of bending and their buffers.
 #[derive(Debug)]
@@ -175,9 +175,9 @@ impl Lists {
         let first = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
             [&bound_by_predict(state, u, pins)[..], &lists, &bend_pass].concat()
         });
-        let again = ["give_way", "bend_again"].map(|name| {
+        let again = ["trial_displacements", "filter_moments"].map(|name| {
             stage(gpu, uniforms, shaders::BEND, name, states, |state| {
-                let x = if name == "give_way" { Bind::Read(&state.x) } else { Bind::Unused };
+                let x = if name == "trial_displacements" { Bind::Read(&state.x) } else { Bind::Unused };
                 [&[x, Bind::Unused, Bind::Unused, Bind::Unused], &lists[..], &bend_pass].concat()
             })
         });

@@ -37,7 +37,7 @@ pub(crate) struct BendPass {
     pub gain: f32,
     /// Tentative displacement of a vertex of unit inverse mass per unit of force (s²). Negative, because the force is
     /// the negative transposed row times the moment.
-    pub way: f32,
+    pub trial: f32,
     /// 1 for the last pass.
     pub last: u32,
 }

@@ -119,7 +119,7 @@ fn filter(count: usize, h: f64) -> Vec<BendPass> {
             0 => (0.0, 1.5 * step / theta.cosh()),
             _ => (chebyshev(k - 1) / chebyshev(k + 1), 3.0 * step * chebyshev(k) / chebyshev(k + 1)),
         };
-        BendPass { carry: carry as f32, gain: gain as f32, way: (-2.0 / 3.0 * h * h) as f32, last: u32::from(k + 1 == count) }
+        BendPass { carry: carry as f32, gain: gain as f32, trial: (-2.0 / 3.0 * h * h) as f32, last: u32::from(k + 1 == count) }
     };
     (0..count).map(pass).collect()
 }

@@ -54,12 +54,12 @@ fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
             let ring: Vec<_> =
                 entries.of(v as u32).iter().map(|e| (x[near(e)] - x[v], (u[near(e)] - u[v]) * substep.rate, e.forward)).collect();
             let BendRow { stiffness, tau, .. } = plan.coefficients.bending.rows[v];
-            let [pull, couple] = oracle::bend_moment(&ring, stiffness, tau);
+            let [moment, couple] = oracle::bend_moment(&ring, stiffness, tau);
             if filtered == 0 {
-                return [pull, couple];
+                return [moment, couple];
             }
             // With a filter, this is only the damping part; the filtered part is added below.
-            [pull - oracle::bend_moment(&ring, stiffness, 0.0)[0], couple]
+            [moment - oracle::bend_moment(&ring, stiffness, 0.0)[0], couple]
         };
         let moments: Vec<[Vec3A; 2]> = (0..x.len()).map(moment).collect();
         for v in 0..x.len() {
@@ -115,8 +115,8 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
     if plan.bending {
         each_tile(&|tile| forces.bend_moments(&task, tile, substep));
         for pass in 1..plan.coefficients.bending.passes.len() {
-            each_tile(&|tile| forces.give_way(&task, tile, pass));
-            each_tile(&|tile| forces.bend_again(&task, tile, pass));
+            each_tile(&|tile| forces.trial_displacements(&task, tile, pass));
+            each_tile(&|tile| forces.filter_moments(&task, tile, pass));
         }
     }
     (0..arrays_of(plan)).for_each(|chunk| forces.panel_forces(&task, chunk, substep));

@@ -49,7 +49,7 @@ fn structs() -> Vec<Layout> {
         layout!(Pin { origin, vertex, goal, padding }),
         layout!(BendRow { stiffness, tau, diagonal }),
         layout!(BendEntry { other, forward, backward }),
-        layout!(BendPass { carry, gain, way, last }),
+        layout!(BendPass { carry, gain, trial, last }),
         layout!(Panel { corners, mass }),
         layout!(Spring { other, rest, stiffness }),
         layout!(Edge { a, b, inverse_rest, inverse_weight }),

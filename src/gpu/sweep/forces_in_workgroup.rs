@@ -12,7 +12,7 @@ use crate::step::plan::Plan;
 /// Vectors that bending stores per vertex: `BEND_VECTORS` of the shader.
 pub(crate) const BEND_VECTORS: usize = 6;
 /// A single pass, without a filter.
-const ONCE: BendPass = BendPass { carry: 0.0, gain: 0.0, way: 0.0, last: 1 };
+const ONCE: BendPass = BendPass { carry: 0.0, gain: 0.0, trial: 0.0, last: 1 };
 
 /// The forces that a table has data for, and where that starts.
 #[derive(Debug, Clone, Copy)]
