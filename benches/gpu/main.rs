@@ -19,11 +19,14 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Levels, Options, wgpu};
 
 use crate::checks::Checks;
+use crate::device::request;
 use crate::hang::{Run, Trial, make, scene};
 use crate::limits::Limits;
 use crate::timing::{DeviceClock, Times, time};
 
 mod checks;
+#[path = "../device.rs"]
+mod device;
 mod hang;
 mod limits;
 mod timing;
@@ -92,7 +95,7 @@ fn main() -> ExitCode {
 
 /// The whole program, from top to bottom. Returns whether all checks pass.
 fn run(arguments: &Arguments) -> Result<bool, Failure> {
-    let gpu = request();
+    let gpu = request(wgpu::Features::TIMESTAMP_QUERY);
     let backends = match gpu {
         Some(_) => vec![Backend::Cpu, Backend::Hybrid, Backend::Gpu],
         None => vec![Backend::Cpu],
@@ -115,21 +118,6 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     // The largest last, so that what was done when patience ends is kept.
     bench.sheets(if arguments.sizes.is_empty() { default } else { &arguments.sizes })?;
     Ok(good)
-}
-
-/// A device of this program's own: the best adapter with all its features, and with timestamps if it has them.
-fn request() -> Option<Gpu> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let power_preference = wgpu::PowerPreference::HighPerformance;
-    let wanted = wgpu::RequestAdapterOptions { power_preference, ..wgpu::RequestAdapterOptions::default() };
-    let adapter = pollster::block_on(instance.request_adapter(&wanted)).ok()?;
-    let descriptor = wgpu::DeviceDescriptor {
-        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-        required_limits: adapter.limits(),
-        ..wgpu::DeviceDescriptor::default()
-    };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).ok()?;
-    Some(Gpu::new(device, queue, adapter.get_info().name))
 }
 
 /// A row of the tables.

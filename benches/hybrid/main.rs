@@ -8,6 +8,8 @@
 //!
 //! The program that cargo builds is self-contained: it can be copied to another machine and run there.
 
+#[path = "../device.rs"]
+mod device;
 mod floor;
 mod scene;
 
@@ -18,6 +20,7 @@ use clap::{Parser, value_parser};
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Backend, Deformer, Gpu, Levels, Options, Quality, wgpu};
 
+use crate::device::{request, rms};
 use crate::floor::{Way, floor};
 use crate::scene::{FRAME, SUBSTEPS, Scene};
 
@@ -51,7 +54,7 @@ struct Arguments {
 
 fn main() -> Result<(), Failure> {
     let arguments = Arguments::parse();
-    let Some(gpu) = request() else {
+    let Some(gpu) = request(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS) else {
         println!("no GPU, not even a software driver: nothing to time");
         return Ok(());
     };
@@ -69,20 +72,6 @@ fn main() -> Result<(), Failure> {
         std::fs::write(path, bench.csv(&arguments))?;
     }
     Ok(())
-}
-
-fn request() -> Option<Gpu> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let power_preference = wgpu::PowerPreference::HighPerformance;
-    let wanted = wgpu::RequestAdapterOptions { power_preference, ..wgpu::RequestAdapterOptions::default() };
-    let adapter = pollster::block_on(instance.request_adapter(&wanted)).ok()?;
-    let descriptor = wgpu::DeviceDescriptor {
-        required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
-        required_limits: adapter.limits(),
-        ..wgpu::DeviceDescriptor::default()
-    };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).ok()?;
-    Some(Gpu::new(device, queue, adapter.get_info().name))
 }
 
 /// A line of the CSV file; what was not measured stays empty.
@@ -280,9 +269,4 @@ fn half_a_second(scene: &Scene, cloth: &mut Deformer) -> Result<(Vec<Vec3>, f64)
 pub(crate) fn median(times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]
-}
-
-fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
-    let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();
-    (sum / a.len() as f64).sqrt()
 }
