@@ -133,7 +133,9 @@ impl Engine {
                 #[cfg(feature = "gpu")]
                 Engine::Gpu(gpu) => match gpu.is_whole() {
                     // Such a step waits for the GPU, so it cannot share a submission with others.
-                    Ok(()) if gpu.contact.is_some() => done[index] = gpu.step(&plan).and_then(|()| gpu.statistics()),
+                    Ok(()) if gpu.contact.is_some() || plan.has_contact() => {
+                        done[index] = gpu.step(&plan).and_then(|()| gpu.statistics());
+                    }
                     Ok(()) => together.push((index, &mut **gpu, plan)),
                     Err(failure) => done[index] = Err(failure),
                 },
@@ -174,7 +176,7 @@ impl Engine {
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
         match self {
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => (gpu.contact.iter().flat_map(|contact| contact.crossings()).collect(), Vec::new()),
+            Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.crossings()).unwrap_or_default(),
             engine => engine
                 .contact_of_processor()
                 .map(|contact| (contact.crossings().collect(), contact.crossings_with_bodies().collect()))
@@ -228,7 +230,7 @@ impl Engine {
             #[cfg(feature = "gpu")]
             Engine::Hybrid(hybrid) => Ok(hybrid.resume(cloth, options.contact, [x, p], past)),
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.resume(cloth, [x, p], past),
+            Engine::Gpu(gpu) => gpu.resume(cloth, options.contact, [x, p], past),
         }
     }
 

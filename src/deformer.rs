@@ -253,8 +253,6 @@ impl Deformer {
         if dt == 0.0 {
             return attributes.validate(self.cloth.pinned.len()).map(|()| None);
         }
-        #[cfg(feature = "gpu")]
-        self.leave_the_gpu_for_meshes(attributes)?;
         let taken = self.taken(dt, attributes)?;
         if self.sleeps(attributes) {
             return Ok(None);

@@ -1,6 +1,6 @@
 //! Scenes of contact from several starts that differ by a tenth of a millimeter, with crossings counted in every frame.
 //! `CLOTH_RUNS=10 cargo test --release --test contact_starts -- --ignored --nocapture` takes half an hour; with
-//! `CLOTH_BACKEND=gpu` the scenes without mesh colliders run on the GPU.
+//! `CLOTH_BACKEND=gpu` they run on the GPU.
 
 mod common;
 
@@ -78,10 +78,6 @@ fn floor() -> Collider {
 /// Plays a scene from as many starts as are requested; none may have a crossing.
 fn from_all_starts(name: &str, start: impl Fn(u64) -> Start) {
     let runs = std::env::var("CLOTH_RUNS").map_or(1, |runs| runs.parse().expect("a number"));
-    let colliders = (start(1).attributes)(1).colliders;
-    if backend() == Backend::Gpu && colliders.iter().any(|collider| matches!(collider.shape, Shape::Mesh { .. })) {
-        return println!("{name}: left out, because a GPU does not support mesh colliders");
-    }
     let crossed: Vec<usize> = (1..=runs)
         .map(|seed| {
             println!("{name}, start {seed}");

@@ -2,6 +2,7 @@
 //! where without contact some do. Thickness, friction and momentum follow their laws, and the bits are the same on any
 //! number of threads.
 
+#[macro_use]
 mod common;
 
 use std::f32::consts::PI;
@@ -16,6 +17,8 @@ use common::crossings::{closest, crossings};
 use common::energy::{energy, masses, momenta};
 use common::shapes::{bent, jittered, sheets};
 use common::{FRAME, play, reference};
+
+on_every_backend!(sheets_that_start_in_one_another_part);
 
 /// A fabric that neither crumples at once nor is as stiff as paper.
 const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
@@ -435,8 +438,7 @@ fn it_refuses_what_it_cannot_do() {
 }
 
 /// Sheets that start exactly in one another, facing the same way and facing one another, part and lie one on the other.
-#[test]
-fn sheets_that_start_in_one_another_part() {
+fn sheets_that_start_in_one_another_part(backend: Backend) {
     for faces in [false, true] {
         let mut mesh = Mesh::grid(9, 9, 0.4, 0.4);
         let (one, count) = (mesh.clone(), mesh.positions.len() as u32);
@@ -445,6 +447,7 @@ fn sheets_that_start_in_one_another_part() {
             .extend(one.triangles.iter().map(|&[a, b, c]| if faces { [a, c, b] } else { [a, b, c] }.map(|v| v + count)));
         mesh.positions.iter_mut().for_each(|x| x.y += 0.02);
         let mut scene = Scene::new(mesh, 20, vec![floor()]);
+        scene.options.backend = backend;
         let (most, mut cloth) = scene.played(45, 1);
         assert_eq!(most, 0, "crossings, faces: {faces}");
         let apart = closest(&scene.mesh, cloth.positions().unwrap());

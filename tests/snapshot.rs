@@ -16,7 +16,8 @@ on_every_backend!(
     a_small_cloth_goes_on_in_one_workgroup,
     springs_and_relaxation_go_on,
     a_cloth_falls_asleep_on_time,
-    a_snapshot_of_rest_is_a_reset
+    a_snapshot_of_rest_is_a_reset,
+    a_cloth_on_a_mesh_goes_on
 );
 
 /// A cloth and what acts on it in each frame.
@@ -163,11 +164,10 @@ fn a_folded_cloth_in_contact_goes_on() {
 
 /// Mesh colliders are part of the state as well: their last positions, and what they hold. A snapshot of cloth on one
 /// that stands still was once refused as altered.
-#[test]
-fn a_cloth_on_a_mesh_goes_on() {
+fn a_cloth_on_a_mesh_goes_on(backend: Backend) {
     let mut mesh = Mesh::grid(13, 13, 0.5, 0.5);
     mesh.positions.iter_mut().for_each(|x| x.y += 0.02 + 0.001 * (50.0 * x.x).sin());
-    let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(10), ..Options::default() };
+    let options = Options { backend, quality: Quality::Substeps(10), ..Options::default() };
     let attributes = |frame| {
         let mut body = Mesh::grid(4, 4, 0.7, 0.7);
         body.positions.iter_mut().for_each(|x| *x += Vec3::new(0.01, 0.003, 0.0) * u32::min(frame, 9) as f32);

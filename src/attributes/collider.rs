@@ -134,8 +134,8 @@ impl Collider {
     /// the cloth from both sides, so thin and open parts work as well, and edges are held as well as vertices. Nothing
     /// passes through, provided that nothing crosses where the mesh first appears
     /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and that pins and meshes move no faster than the
-    /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). Mesh colliders run on the CPU
-    /// only; with `Backend::Gpu` the step returns an error.
+    /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). With [`Backend::Gpu`](crate::Backend::Gpu)
+    /// such a step waits for the GPU once; in a browser, which cannot wait, it returns an error.
     ///
     /// The mesh of the last step is kept to know where each vertex comes from. Pass a new mesh in each step in which it
     /// moves, and the same `Arc` while it stands still, which is cheaper.

@@ -12,7 +12,7 @@ use crate::step::plan::Plan;
 
 /// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
 /// largest extent.
-const NEAR: f32 = 0.1;
+pub(super) const NEAR: f32 = 0.1;
 
 /// The mesh colliders, from step to step.
 #[derive(Debug)]
@@ -21,7 +21,7 @@ pub(super) struct Bodies {
     pub first: usize,
     /// Their meshes at the end of the step, which are part of the state.
     pub last: Vec<Arc<Mesh>>,
-    /// Whether none of them moves in this step, and whether detection has seen them where they are.
+    /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
     pub are_still: bool,
     pub are_known: bool,
     /// Range, per coordinate, of the displacements (m) in this step of vertices near the cloth, if there are any.
@@ -46,23 +46,29 @@ impl Bodies {
         (self.are_still, self.are_known) = (false, false);
     }
 
-    /// Begins a step. Returns whether a body starts elsewhere than where the last step left it.
-    pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32, x: &mut [Vec4], u: &mut [Vec4]) -> bool {
+    /// Begins a step; `friction` is that of the cloth with itself. Returns whether a body starts elsewhere than where the
+    /// last step left it.
+    pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
         let meshes = plan.meshes;
+        let coefficients = || std::iter::once(friction).chain(meshes.iter().map(|body| body.friction));
+        self.are_known &= coefficients().eq(self.friction.iter().copied());
         self.friction.clear();
-        self.friction.push(friction);
-        self.friction.extend(meshes.iter().map(|body| body.friction));
+        self.friction.extend(coefficients());
         let is_same = |a: &Arc<Mesh>, b: &Arc<Mesh>| Arc::ptr_eq(a, b) || a.positions == b.positions;
         let jumped = !self.last.iter().zip(meshes).all(|(last, body)| is_same(last, &body.from));
         let are_still = meshes.iter().all(|body| is_same(&body.from, &body.to));
         self.are_known &= are_still && self.are_still && !jumped;
         self.are_still = are_still;
-        self.travel = travel_near(plan, x);
         for (last, body) in self.last.iter_mut().zip(meshes) {
             last.clone_from(&body.to);
         }
-        self.put(plan, 0.0, 0.0, x, u);
         jumped
+    }
+
+    /// Puts them where the step begins.
+    pub(super) fn place(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
+        self.travel = travel_near(plan, x);
+        self.put(plan, 0.0, 0.0, x, u);
     }
 
     /// Moves them through a substep.
@@ -74,11 +80,8 @@ impl Bodies {
 
     /// Sets their positions after a share `start` of the step, and their displacements for a share `fraction` of it.
     fn put(&self, plan: &Plan<'_>, start: f32, fraction: f32, x: &mut [Vec4], u: &mut [Vec4]) {
-        let origin = plan.cloth.origin;
-        let vertices = plan.meshes.iter().flat_map(|body| body.from.positions.iter().zip(&body.to.positions));
-        for ((&from, &to), (x, u)) in vertices.zip(x[self.first..].iter_mut().zip(&mut u[self.first..])) {
-            let travel = to - from;
-            *x = (from - origin + travel * start).extend(0.0);
+        for ([from, travel], (x, u)) in motions(plan).zip(x[self.first..].iter_mut().zip(&mut u[self.first..])) {
+            *x = (from + travel * start).extend(0.0);
             *u = (travel * fraction).extend(0.0);
         }
     }
@@ -102,6 +105,13 @@ impl Bodies {
         };
         range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2])).map(middle)
     }
+}
+
+/// For each vertex of the bodies its position at the start of a step (m, in local coordinates) and its displacement in
+/// the step (m).
+pub(super) fn motions(plan: &Plan<'_>) -> impl Iterator<Item = [Vec3; 2]> {
+    let vertices = plan.meshes.iter().flat_map(|body| body.from.positions.iter().zip(&body.to.positions));
+    vertices.map(|(&from, &to)| [from - plan.cloth.origin, to - from])
 }
 
 /// [`Bodies::travel`]: the range of the displacements of vertices near the cloth.

@@ -1,9 +1,10 @@
 //! Intersections of edges with triangles, found in double precision and independently of the lists.
 
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 use super::pairs::{Kind, Listed};
 use super::surface::Surface;
+use crate::options::Crossing;
 
 /// Finds the pairs of an edge and a triangle that intersect at the positions `x` (m) and share no vertex, as indices in
 /// sorted order. Only pairs are tested for which `may_meet` accepts a vertex of each.
@@ -105,15 +106,17 @@ impl LetGo {
         let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
         let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0 && is_led(vertices);
         // Only the region of led cloth needs a test.
-        let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &vertex in surface.edges.iter().filter(|ends| of_cloth(*ends)).flatten() {
-            (low, high) = (low.min(x[vertex as usize]), high.max(x[vertex as usize]));
+            let at = x[vertex as usize].truncate();
+            (low, high) = (low.min(at), high.max(at));
         }
-        let is_there = |vertices: &[u32]| {
-            let at = || vertices.iter().map(|&vertex| x[vertex as usize]);
-            let (least, most) = (at().fold(Vec4::INFINITY, Vec4::min), at().fold(Vec4::NEG_INFINITY, Vec4::max));
-            is_led(vertices) && least.cmple(high).all() && most.cmpge(low).all()
-        };
+        // For each vertex a bit for each side of the region that it is beyond. What has all of its vertices beyond the
+        // same side is not there.
+        let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
+        let beyond: Vec<u32> = x.iter().map(beyond).collect();
+        let is_beyond = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize]) != 0;
+        let is_there = |vertices: &[u32]| !is_beyond(vertices) && is_led(vertices);
         let edges: Vec<[u32; 2]> = surface.edges.iter().filter(|ends| is_there(*ends)).copied().collect();
         let triangles: Vec<[u32; 3]> = surface.triangles.iter().filter(|corners| is_there(*corners)).copied().collect();
         let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
@@ -131,6 +134,25 @@ impl LetGo {
             with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
         }
         self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
+    }
+
+    /// Intersections of the cloth with itself, given by vertices.
+    pub(super) fn of_cloth(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
+        let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
+        let crossing = |(edge, triangle)| Crossing { edge, triangle };
+        self.by_vertices(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
+    }
+
+    /// For each intersection of the cloth with a body: the index of the body.
+    pub(super) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
+        let owner = |vertex: u32| surface.owner[vertex as usize];
+        let owners = self.by_vertices(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
+        owners.filter(|&owner| owner > 0).map(|owner| owner - 1)
+    }
+
+    fn by_vertices(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
+        let Surface { edges, triangles, .. } = surface;
+        self.crossings.iter().map(|&[edge, triangle]| (edges[edge as usize], triangles[triangle as usize]))
     }
 
     #[cfg(feature = "gpu")]

@@ -1,95 +1,37 @@
-//! The part of contact on a GPU that the CPU keeps: the surface and its tree as one table for the shaders, the search
-//! for intersections, and the ignored pairs.
+//! The part of contact on a GPU that the CPU keeps: the motion of mesh colliders, the search for intersections, and the
+//! ignored pairs.
+
+use std::sync::Arc;
 
 use glam::Vec4;
 
 use super::Past;
+use super::bodies::{Bodies, motions};
+use super::coincident::TOUCHING;
 use super::crossings::LetGo;
 use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
-use super::surface::{LEAF, Surface};
+use super::surface::Surface;
+use super::table::Table;
 use super::tree::Tree;
-use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
-
-// `detection.wgsl` numbers the features that a leaf compares in 7 bits, and tells its at most three turns over another
-// leaf's features of a kind, 12 at a time, in 2 bits. A leaf has at most twice its fewest triangles.
-const _: () = assert!(2 * LEAF * 3 <= 3 * 12 && 2 * LEAF * (3 + 1 + 3) < 128);
-
-/// The surface and its tree as words, and the positions of the lists in them, as in `About` of
-/// `shaders/stages/self_contact/shared.wgsl`.
-#[derive(Debug, Default)]
-pub(crate) struct Table {
-    pub words: Vec<u32>,
-    pub depth: u32,
-    /// The rows are those of the vertices, followed by those of the edges.
-    pub rows: u32,
-    pub triangles: u32,
-    pub edges: u32,
-    pub order: u32,
-    pub leaf_triangles: u32,
-    pub leaf_edges: u32,
-    pub leaf_vertices: u32,
-    /// Number of triangles, whose boxes precede those of the edges.
-    pub boxes: u32,
-    pub excess: u32,
-    pub beside: u32,
-    pub of_vertices: u32,
-}
-
-impl Table {
-    fn new(surface: &Surface, tree: &Tree, vertices: usize) -> Table {
-        let leaves = &tree.leaves;
-        let (excess, beside) = tree.culls();
-        let mut table = Table { depth: leaves.depth, ..Table::default() };
-        table.rows = (vertices + surface.edges.len()) as u32;
-        table.boxes = surface.triangles.len() as u32;
-        table.triangles = table.add(surface.triangles.as_flattened());
-        table.edges = table.add(surface.edges.as_flattened());
-        table.order = table.add(&surface.order);
-        table.leaf_triangles = table.add(&leaves.triangles);
-        table.leaf_edges = table.add(&leaves.edges);
-        table.leaf_vertices = table.add(&leaves.vertices);
-        table.excess = table.add(&excess.iter().map(|excess| excess.to_bits()).collect::<Vec<u32>>());
-        // For each node, the position of the list of nodes that share a vertex with it, then these lists.
-        let nodes = 2_usize << leaves.depth;
-        let (mut starts, mut items) = (Vec::new(), Vec::new());
-        for node in 0..nodes as u32 {
-            starts.push((table.words.len() + nodes + 1 + items.len()) as u32);
-            if node > 0 {
-                let (level, first) = (node.ilog2(), 1 << node.ilog2());
-                items.extend(beside[level as usize].of(node - first).iter().map(|other| other + first));
-            }
-        }
-        starts.push((table.words.len() + nodes + 1 + items.len()) as u32);
-        table.beside = table.add(&starts);
-        table.add(&items);
-        let of_vertex = |vertex: usize| {
-            let [x, y, z] = xyz(surface.rest[vertex]).to_array();
-            let [reach, roam] = [surface.reach[vertex], surface.roam[vertex]];
-            [surface.piece[vertex], reach.to_bits(), roam.to_bits(), x.to_bits(), y.to_bits(), z.to_bits()]
-        };
-        table.of_vertices = table.add((0..vertices).map(of_vertex).collect::<Vec<_>>().as_flattened());
-        table
-    }
-
-    fn add(&mut self, words: &[u32]) -> u32 {
-        let first = self.words.len() as u32;
-        self.words.extend_from_slice(words);
-        first
-    }
-}
 
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
 pub(crate) struct OnDevice {
     surface: Surface,
+    meets_itself: bool,
+    bodies: Bodies,
+    /// Number of all vertices.
     vertices: usize,
     let_go: LetGo,
     may_cross: bool,
+    /// Distance (m) from a triangle's plane up to which an end of an edge does not cross it.
+    touching: f32,
 }
 
 /// The lists in the GPU's layout: the rows of the vertices, followed by those of the edges.
@@ -117,36 +59,87 @@ pub(crate) struct DevicePair {
 }
 
 impl OnDevice {
-    /// Returns `None` if the cloth has no triangles.
-    pub(crate) fn new(cloth: &Cloth, contact: Contact) -> Option<(OnDevice, Table)> {
-        let (surface, leaves) = Surface::new(cloth, contact.thickness)?;
+    /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
+    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<(OnDevice, Table)> {
+        let thickness = contact.unwrap_or_default().thickness;
+        let (mut surface, leaves) = Surface::new(cloth, thickness)?;
         let tree = Tree::of_cloth(&surface, leaves);
-        let table = Table::new(&surface, &tree, cloth.rest.len());
-        let vertices = cloth.rest.len();
-        Some((OnDevice { surface, vertices, let_go: LetGo::default(), may_cross: true }, table))
+        let own = cloth.rest.len();
+        let (mut range, mut of_meshes) = ([own; 2], None);
+        if !meshes.is_empty() {
+            let first = surface.rest.len();
+            range = [first, first + meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>()];
+            of_meshes = Some(surface.add_bodies(&meshes, thickness));
+        }
+        let table = Table::new(&surface, &tree, of_meshes.as_ref(), range);
+        let bodies = Bodies::new(range[0], meshes);
+        let (let_go, touching) = (LetGo::default(), TOUCHING * thickness);
+        let meets_itself = contact.is_some();
+        Some((OnDevice { surface, meets_itself, bodies, vertices: range[1], let_go, may_cross: true, touching }, table))
     }
 
-    /// Discards the known intersections, because the state was replaced.
+    /// Whether these are its mesh colliders.
+    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+        self.bodies.are(meshes)
+    }
+
+    /// Begins a step; `friction` is that of the cloth with itself. Returns whether a mesh collider starts elsewhere than
+    /// where the last step left it.
+    pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
+        let jumped = self.bodies.begin(plan, friction);
+        self.may_cross |= jumped;
+        jumped
+    }
+
+    /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction; `None` if the
+    /// device knows them already.
+    pub(crate) fn motions(&mut self, plan: &Plan<'_>) -> Option<Vec<[Vec4; 2]>> {
+        if std::mem::replace(&mut self.bodies.are_known, self.bodies.are_still) {
+            return None;
+        }
+        let friction = plan.meshes.iter().flat_map(|body| body.to.positions.iter().map(|_| body.friction));
+        Some(motions(plan).zip(friction).map(|([from, by], friction)| [from.extend(friction), by.extend(0.0)]).collect())
+    }
+
+    /// Whether no mesh collider moves in this step.
+    pub(crate) fn meshes_rest(&self) -> bool {
+        self.bodies.are_still
+    }
+
+    pub(crate) fn meets_itself(&self) -> bool {
+        self.meets_itself
+    }
+
+    /// Discards what depends on the state, because it was replaced.
     pub(crate) fn forget(&mut self) {
-        self.may_cross = true;
+        (self.may_cross, self.bodies.are_known) = (true, false);
     }
 
-    /// Whether a step must search for intersections first: after the state was replaced, while there are intersections,
-    /// and while moving pins intersect.
+    /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped,
+    /// while there are intersections, and while moving pins or mesh colliders intersect pins.
     pub(crate) fn must_look(&self, plan: &Plan<'_>) -> bool {
-        self.may_cross || !plan.pins.is_empty() && self.pins_cross(plan)
+        let pins_may = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
+        self.may_cross || pins_may && self.pins_cross(plan)
     }
 
     fn pins_cross(&self, plan: &Plan<'_>) -> bool {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
-        plan.pins.iter().for_each(|pin| x[pin.vertex as usize] = glam::Vec3::from(pin.origin).extend(0.0));
-        LetGo::led_cross(&self.surface, &x, true)
+        plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
+        LetGo::led_cross(&self.surface, &self.with_meshes(plan, x), self.meets_itself)
     }
 
-    /// Searches for intersections at the positions `x` (m).
-    pub(crate) fn look(&mut self, x: &[Vec4]) {
-        self.let_go.find(&self.surface, x, true, 0.0);
+    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m).
+    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
+        let x = self.with_meshes(plan, x);
+        self.let_go.find(&self.surface, &x, self.meets_itself, self.touching);
         self.may_cross = !self.let_go.crossings.is_empty();
+    }
+
+    /// The positions of all vertices at the start of a step, given those of the cloth.
+    fn with_meshes(&self, plan: &Plan<'_>, mut x: Vec<Vec4>) -> Vec<Vec4> {
+        x.resize(self.bodies.first, Vec4::ZERO);
+        x.extend(motions(plan).map(|[from, _]| from.extend(0.0)));
+        x
     }
 
     /// Ignored pairs of a vertex and a triangle, and of two edges.
@@ -154,12 +147,10 @@ impl OnDevice {
         self.let_go.pairs()
     }
 
-    /// Intersections found by the last search, given by vertices.
-    pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
-        let Surface { edges, triangles, .. } = &self.surface;
-        let named =
-            |&[edge, triangle]: &[u32; 2]| Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
-        self.let_go.crossings.iter().map(named)
+    /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
+    /// mesh collider the index of that.
+    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
+        (self.let_go.of_cloth(&self.surface).collect(), self.let_go.with_bodies(&self.surface).collect())
     }
 
     /// Converts the state to the form that both backends save.
@@ -179,7 +170,7 @@ impl OnDevice {
         let DeviceLists { from, by, ahead, since, h, .. } = lists;
         let stray = from.iter().map(|from| from.w).collect();
         Past {
-            bodies: Vec::new(),
+            bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
             paths: Paths { from: from.clone(), by: by.clone(), stray, ahead: *ahead, since: *since },
             crossings: self.let_go.crossings.clone(),
@@ -204,7 +195,7 @@ impl OnDevice {
         let surface = &self.surface;
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
-        if !bodies.is_empty() || !paths.are_of(self.vertices) || !crossings.iter().all(crosses) {
+        if bodies.len() != self.bodies.last.len() || !paths.are_of(self.vertices) || !crossings.iter().all(crosses) {
             return None;
         }
         let first = of_vertices.others.len() as u32;
@@ -222,6 +213,7 @@ impl OnDevice {
             lambda,
         };
         let pairs: Vec<DevicePair> = all.map(pair).collect();
+        self.bodies.forget(bodies);
         self.let_go.take(crossings.clone(), &self.surface);
         self.may_cross = *may_cross;
         let from = from.iter().zip(stray).map(|(from, &stray)| from.with_w(stray)).collect();

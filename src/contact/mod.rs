@@ -32,6 +32,8 @@ mod ranges;
 mod response;
 mod rows;
 mod surface;
+#[cfg(feature = "gpu")]
+pub(crate) mod table;
 mod tree;
 mod truncation;
 pub(crate) mod untangle;
@@ -71,7 +73,7 @@ use vertices::Meet;
 const LEAST_STRAY: f32 = 0.1;
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 14] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("KEEP", crate::kernels::pair::KEEP),
     ("THIN", crate::kernels::pair::THIN),
@@ -86,6 +88,8 @@ pub(crate) const IN_SHADERS: [(&str, f32); 14] = [
     ("ACTING", near::ACTING),
     ("WARM", response::WARM),
     ("FARTHER", truncation::FARTHER),
+    ("NEAR", bodies::NEAR),
+    ("TOUCHING", TOUCHING),
 ];
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
@@ -194,32 +198,24 @@ impl SelfContact {
 
     /// Edges that pass through triangles of the cloth, as of the last detection, given by vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
-        let crossing = |(edge, triangle)| Crossing { edge, triangle };
-        self.all_crossings().filter(|(edge, triangle)| self.owner(edge[0]) + self.owner(triangle[0]) == 0).map(crossing)
+        self.let_go.of_cloth(&self.surface)
     }
 
     /// For each pair of an edge and a triangle that intersect, one on the cloth and one on a body: the index of the
     /// body.
     pub(crate) fn crossings_with_bodies(&self) -> impl Iterator<Item = usize> {
-        let bodies = self.all_crossings().map(|(edge, triangle)| self.owner(edge[0]).max(self.owner(triangle[0])) as usize);
-        bodies.filter(|&owner| owner > 0).map(|owner| owner - 1)
-    }
-
-    fn all_crossings(&self) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
-        let Surface { edges, triangles, .. } = &self.surface;
-        self.let_go.crossings.iter().map(|&[edge, triangle]| (edges[edge as usize], triangles[triangle as usize]))
-    }
-
-    fn owner(&self, vertex: u32) -> u32 {
-        self.surface.owner[vertex as usize]
+        self.let_go.with_bodies(&self.surface)
     }
 
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.crowd) = (Tally::default(), 0);
         self.keep();
-        if self.bodies.begin(plan, self.options.friction, x, u) {
-            self.may_cross = true;
+        let jumped = self.bodies.begin(plan, self.options.friction);
+        self.bodies.place(plan, x, u);
+        self.may_cross |= jumped;
+        // Bodies that stand still are not tested for straying, so those that stop must not have paths that go on.
+        if jumped || self.bodies.are_still && self.paths.move_from(self.bodies.first) {
             self.paths.forget();
         }
         self.led_may_cross = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;

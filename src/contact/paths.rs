@@ -65,6 +65,11 @@ impl Paths {
         self.since = None;
     }
 
+    /// Whether any vertex from this one on moves along its path.
+    pub(super) fn move_from(&self, first: usize) -> bool {
+        self.by.get(first..).is_some_and(|by| by.iter().any(|by| xyz(*by) != Vec3A::ZERO))
+    }
+
     /// Whether all vertices will be close to their paths after this substep. If `is_free`, nothing is led, and the mean
     /// deviation is subtracted first: a common translation brings no two vertices closer to each other.
     pub(super) fn hold(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {

@@ -133,12 +133,10 @@ impl Cpu {
     /// Creates the contact data that a plan needs, and puts aside what it does not.
     fn make_contact(&mut self, plan: &Plan<'_>) {
         self.replaced = None;
-        if plan.contact.is_none() && plan.meshes.is_empty() {
-            if self.contact.is_some() {
-                self.replace_contact(None);
-            }
-        } else {
+        if plan.has_contact() {
             self.prepare_contact(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
+        } else if self.contact.is_some() {
+            self.replace_contact(None);
         }
     }
 

@@ -1,15 +1,15 @@
 //! Requirements of triangle contact on a step, and its warnings.
 
 use super::{Deformer, Taken};
-use crate::attributes::{Attributes, Shape, invalid};
 #[cfg(feature = "gpu")]
-use crate::backend::Engine;
+use crate::attributes::invalid;
+use crate::attributes::{Attributes, Shape};
 #[cfg(feature = "gpu")]
-use crate::cpu::Cpu;
+use crate::device::IN_BROWSER;
 use crate::error::StepError;
-use crate::options::{Backend, Contact, Quality, Warning};
 #[cfg(feature = "gpu")]
-use crate::past::Past;
+use crate::options::Backend;
+use crate::options::{Contact, Quality, Warning};
 use crate::step::substep_count::FRAMES;
 
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
@@ -19,36 +19,13 @@ const SUBSTEPS: f64 = 3.0;
 const MOST: f64 = 256.0;
 
 impl Deformer {
-    /// Moves the cloth from the GPU to the CPU if the backend was left to the library and a mesh collider appears: the GPU
-    /// does not support mesh colliders yet.
-    #[cfg(feature = "gpu")]
-    pub(super) fn leave_the_gpu_for_meshes(&mut self, attributes: &Attributes) -> Result<(), StepError> {
-        let has_mesh = attributes.colliders.iter().any(|collider| matches!(collider.shape, Shape::Mesh { .. }));
-        if !has_mesh || self.options.backend != Backend::Auto || self.backend() != Backend::Gpu {
-            return Ok(());
-        }
-        self.positions()?;
-        let mut cpu = Cpu::new(&self.cloth);
-        let mut steps = [0; 2];
-        let read = self.engine.past().map(|past| steps = past.steps);
-        let read = read.and_then(|()| {
-            self.engine.read(|x, p| {
-                let past = Past { steps, ..Past::default() };
-                cpu.resume(&self.cloth, self.options.contact, [x, p], &past);
-            })
-        });
-        read.map_err(|failure| self.failed(failure))?;
-        self.engine = Engine::Cpu(Box::new(cpu));
-        // Statistics of the GPU's last steps will not arrive any more.
-        self.unjudged.clear();
-        Ok(())
-    }
-
     /// The contact thickness (m), or `None` if no triangles can touch in a step.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "only a GPU in a browser has no contact"))]
     pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
-        if let (Some(index), Backend::Gpu) = (mesh, self.backend()) {
-            let remedy = "can collide with cloth only on the CPU so far; use Backend::Cpu or Hybrid";
+        #[cfg(feature = "gpu")]
+        if let (Some(index), Backend::Gpu, true) = (mesh, self.backend(), IN_BROWSER) {
+            let remedy = "must wait for the GPU in each step, which a browser does not allow; use Backend::Cpu";
             return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
@@ -88,7 +65,3 @@ impl Deformer {
         warnings
     }
 }
-
-#[cfg(all(test, feature = "gpu"))]
-#[path = "../../tests/unit/deformer_contact.rs"]
-mod tests;

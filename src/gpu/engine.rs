@@ -60,7 +60,7 @@ pub(crate) struct GpuEngine {
     /// each mesh, so there a cloth alone takes the other paths.
     small_with_forces: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
-    /// Contact of the cloth with itself, if it has any.
+    /// Contact of the cloth with itself and with mesh colliders, if it has any.
     pub(crate) contact: Option<Box<GpuContact>>,
     commit: Commit,
     readback: Readback,
@@ -209,11 +209,13 @@ impl GpuEngine {
 
     /// Submits a step. Returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        let gpu = self.gpu.clone();
         self.is_whole()?;
-        if self.contact.is_some() {
-            return self.step_with_contact(plan);
-        }
+        if self.contact.is_some() || plan.has_contact() { self.step_with(plan) } else { self.step_alone(plan) }
+    }
+
+    /// Submits a step without contact of triangles.
+    fn step_alone(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        let gpu = self.gpu.clone();
         let stepped = gpu.checked(|| {
             let path = self.prepare(plan, false);
             Gpu::refused()?;
@@ -274,7 +276,7 @@ impl GpuEngine {
     /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
         let levels = plan.coefficients.levels.len();
-        if (crowd || self.is_small(plan)) && plan.contact.is_none() {
+        if (crowd || self.is_small(plan)) && !plan.has_contact() {
             self.make_single_workgroup(plan);
         }
         let path = self.path(plan, crowd);
@@ -334,7 +336,7 @@ impl GpuEngine {
         let lasts = plan.params.substeps.saturating_mul(sweeps);
         let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
         match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && plan.contact.is_none() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
+            (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
                 Path::SingleWorkgroup
             }
             (Sweep::Tiled(_), _) => Path::Tiled,

@@ -71,8 +71,7 @@ pub struct Options {
 pub enum Backend {
     /// A hardware GPU if there is one and the mesh has at least 16384 vertices, otherwise the CPU. [`Options::contact`]
     /// and [`Quality::Budget`] always select the CPU, because the GPU is not faster at the first and does not support the
-    /// second. A step with a mesh collider ([`Collider::mesh`](crate::Collider::mesh)) moves the cloth to the CPU for
-    /// good; `Deformer::position_buffer` and `Deformer::surface` then return `None`.
+    /// second.
     #[default]
     Auto,
     /// The threads of the current rayon pool. The result is bit for bit the same on any number of threads.

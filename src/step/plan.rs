@@ -54,6 +54,9 @@ pub(crate) struct Plan<'a> {
     pub meshes: &'a [MeshBody],
     /// The pins that follow targets, sorted by vertex.
     pub pins: &'a [Pin],
+    /// Where the step starts for all pins (m, in local coordinates), in the order of [`Cloth::pinned`].
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the CPU's state has them"))]
+    pub pins_from: &'a [Vec3],
     /// Sweeps over the edges per substep.
     pub sweeps: u32,
     pub method: Method,
@@ -77,7 +80,7 @@ impl<'a> Plan<'a> {
         levels: &'a [Level],
         options: &Options,
         coefficients: &'a Coefficients,
-        motion: &Motion,
+        motion: &'a Motion,
         count: u32,
         attributes: &Attributes,
         buffers: &'a mut PlanBuffers,
@@ -170,6 +173,7 @@ impl<'a> Plan<'a> {
             anchors: &buffers.bodies[bodies..],
             meshes: &buffers.meshes,
             pins: &buffers.pins,
+            pins_from: &motion.pins,
             sweeps,
             method: options.method,
             bending,
@@ -186,6 +190,11 @@ impl<'a> Plan<'a> {
         let led: Vec3 = targets.iter().zip(&motion.pins).map(|(&target, &pin)| target - self.cloth.origin - pin).sum();
         let drift = led / targets.len().max(1) as f32 * (self.params.h / dt);
         Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
+    }
+
+    /// Whether triangles can touch: the cloth's own, or those of mesh colliders.
+    pub(crate) fn has_contact(&self) -> bool {
+        self.contact.is_some() || !self.meshes.is_empty()
     }
 
     /// Whether forces act that differ from vertex to vertex.

@@ -226,10 +226,11 @@ fn each_of_a_crowd_is_one_dispatch() {
     });
     let mut engines = scenes.each_ref().map(|(cloth, options, ..)| GpuEngine::new(gpu.clone(), cloth, options.method).unwrap());
     let mut buffers = [(); 4].map(|()| PlanBuffers::default());
-    let plans = scenes.iter().zip(&mut buffers).map(|((cloth, options, coefficients, attributes), buffers)| {
-        let motion = Motion::after(cloth, &cloth.rest, 0.0);
-        Plan::new(cloth, &[], options, coefficients, &motion, SUBSTEPS, attributes, buffers)
-    });
+    let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
+    let plans =
+        scenes.iter().zip(&motions).zip(&mut buffers).map(|(((cloth, options, coefficients, attributes), motion), buffers)| {
+            Plan::new(cloth, &[], options, coefficients, motion, SUBSTEPS, attributes, buffers)
+        });
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
     assert!(GpuEngine::step_all(&mut jobs).is_empty());
     for (_, engine, plan) in jobs {

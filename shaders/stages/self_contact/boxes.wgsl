@@ -1,4 +1,7 @@
 // Boxes around paths, and whether they come close within the substeps that detection covers.
+//
+// The nodes of a tree are numbered like a binary heap, its root being 1. The leaves and the nodes of the tree over mesh
+// colliders follow those of the tree over the cloth.
 
 // The box within which some vertices may stray, and the range of their displacements.
 struct Box {
@@ -10,6 +13,48 @@ struct Box {
 
 // Those of the triangles, followed by those of the edges.
 @group(1) @binding(15) var<storage, read_write> boxes: array<Box>;
+
+// The midpoint of a vertex's path, with the distance that it may stray in w, and its displacement.
+struct Place {
+    middle: vec4f,
+    u: vec3f,
+}
+
+fn place_at(v: u32) -> Place {
+    return Place(vertices[v].middle, vertices[v].u.xyz);
+}
+
+fn box_of(a: Place, b: Place) -> Box {
+    return Box(
+        min(a.middle.xyz - a.middle.w, b.middle.xyz - b.middle.w),
+        max(a.middle.xyz + a.middle.w, b.middle.xyz + b.middle.w),
+        min(a.u, b.u),
+        max(a.u, b.u),
+    );
+}
+
+fn box_with(a: Box, b: Place) -> Box {
+    return Box(
+        min(a.low, b.middle.xyz - b.middle.w),
+        max(a.high, b.middle.xyz + b.middle.w),
+        min(a.step_low, b.u),
+        max(a.step_high, b.u),
+    );
+}
+
+// Number of leaves of the cloth.
+fn leaves() -> u32 {
+    return 1u << about.depth;
+}
+
+// What the number of a node exceeds that in its own tree by.
+fn before_tree(node: u32) -> u32 {
+    return select(0u, 2u * leaves(), node >= 2u * leaves());
+}
+
+fn node_of_leaf(leaf: u32) -> u32 {
+    return leaves() + leaf + select(0u, about.mesh_leaves, leaf >= leaves());
+}
 
 fn box_of_node(n: u32) -> Box {
     return Box(nodes[n].place_low, nodes[n].place_high, nodes[n].step_low, nodes[n].step_high);

@@ -1,11 +1,11 @@
-// Descends the tree of bounds for a leaf, to itself and to those leaves after it whose triangles may meet its own. After
-// a leaf comes half of all leaves, and then it comes after the others: thus each pair is found once, and each leaf has as
-// many to find.
+// Descends the trees of bounds for a leaf of the cloth: to itself and to those leaves of the cloth after it whose triangles
+// may meet its own, and to those of mesh colliders. After a leaf comes half of all leaves, and then it comes after the
+// others: thus each pair is found once, and each leaf has as many to find. Mesh colliders do not meet each other.
 
 // The cosine and the excess angle [rad] below which connected cloth does not meet itself: `src/contact/tree.rs`.
 const UPRIGHT: f32 = 0.64;
 const MOST_EXCESS: f32 = 0.6;
-// The level whose nodes a descent begins with, unless the leaves are above it.
+// The level of each tree whose nodes a descent begins with, unless the leaves are above it.
 const FIRST_LEVEL: u32 = 6u;
 // Number of nodes that can be held. With the last few of these places left, one node is replaced by its children at a
 // time, which needs at most a place for each level.
@@ -50,10 +50,6 @@ fn is_beside(a: u32, b: u32) -> bool {
     return is_one;
 }
 
-fn leaves() -> u32 {
-    return 1u << about.depth;
-}
-
 // Whether the leaf itself, or one after it, is below a node on a level, or is that node.
 fn is_after(leaf: u32, node: u32, level: u32) -> bool {
     let below = about.depth - level;
@@ -64,18 +60,45 @@ fn is_after(leaf: u32, node: u32, level: u32) -> bool {
     return (ahead <= half && !is_tie) || ahead + (1u << below) > leaves();
 }
 
+// The level of a tree that a descent begins with. Above the root of a tree without other levels is node 0, which is not in
+// the tree.
+fn first_level(depth: u32) -> u32 {
+    return min(FIRST_LEVEL, max(depth, 1u) - 1u);
+}
+
 fn begin_descent(lane: u32) {
-    let level = min(FIRST_LEVEL, max(about.depth, 1u) - 1u);
-    // Node 0 is not in the tree; one of its children is the root.
-    let first = select(1u << level, 0u, about.depth == 0u);
-    if lane < (1u << level) {
-        held[lane] = first + lane;
+    let of_cloth = select(0u, 1u << first_level(about.depth), about.meets_itself != 0u);
+    let of_meshes = select(0u, 1u << first_level(about.mesh_depth), about.mesh_leaves > 0u);
+    if lane < of_cloth {
+        held[lane] = select(of_cloth, 0u, about.depth == 0u) + lane;
+    }
+    if lane < of_meshes {
+        held[of_cloth + lane] = 2u * leaves() + select(of_meshes, 0u, about.mesh_depth == 0u) + lane;
     }
     if lane == 0u {
-        atomicStore(&held_count, 1u << level);
+        atomicStore(&held_count, of_cloth + of_meshes);
         atomicStore(&met_count, 0u);
     }
     workgroupBarrier();
+}
+
+// Whether the leaf meets a node of the cloth.
+fn meets(leaf: u32, node: u32, level: u32) -> bool {
+    return is_after(leaf, node, level) && !is_clear((leaves() + leaf) >> (about.depth - level), node);
+}
+
+// Whether it meets a node of mesh colliders.
+fn meets_mesh(leaf: u32, node: u32) -> bool {
+    return !are_apart(box_of_node(leaves() + leaf), box_of_node(node));
+}
+
+// Holds a node whose children are to be tested, or meets the leaf that it is.
+fn keep(node: u32, is_leaf: bool, leaf: u32) {
+    if is_leaf {
+        met[atomicAdd(&met_count, 1u)] = leaf;
+    } else {
+        held[atomicAdd(&held_count, 1u)] = node;
+    }
 }
 
 // Replaces as many held nodes as there are invocations for by those of their children that may meet the leaf. Of these,
@@ -83,23 +106,26 @@ fn begin_descent(lane: u32) {
 fn descend(leaf: u32, lane: u32) {
     let count = broadcast(atomicLoad(&held_count), lane);
     let parents = min(min(count, LANES / 2u), max((HELD - count) / LEVELS, 1u));
-    var node = 0u;
+    var before = 0u;
+    // Its number in its tree; 0 is none.
+    var number = 0u;
     if lane < 2u * parents {
-        node = 2u * held[count - parents + lane / 2u] + lane % 2u;
+        let parent = held[count - parents + lane / 2u];
+        before = before_tree(parent);
+        number = 2u * (parent - before) + lane % 2u;
     }
     workgroupBarrier();
     if lane == 0u {
         atomicStore(&held_count, count - parents);
     }
     workgroupBarrier();
-    if node != 0u {
-        let level = firstLeadingBit(node);
-        if is_after(leaf, node, level) && !is_clear((leaves() + leaf) >> (about.depth - level), node) {
-            if level == about.depth {
-                met[atomicAdd(&met_count, 1u)] = node - leaves();
-            } else {
-                held[atomicAdd(&held_count, 1u)] = node;
-            }
+    if number != 0u {
+        let level = firstLeadingBit(number);
+        if before == 0u && meets(leaf, number, level) {
+            keep(number, level == about.depth, number - leaves());
+        }
+        if before > 0u && meets_mesh(leaf, before + number) {
+            keep(before + number, level == about.mesh_depth, leaves() + number - about.mesh_leaves);
         }
     }
     workgroupBarrier();

@@ -1,6 +1,6 @@
 // Detection lists the pairs that may come closer than their thickness within some substeps. A workgroup finds those of
-// a leaf of the tree with itself and with the leaves after it. It compares boxes first, and collects the pairs that these
-// do not rule out until there is one for each invocation to measure. The order of the list has no effect on the result.
+// a leaf of the cloth with itself, with the leaves after it and with those of mesh colliders. It compares boxes first, and
+// collects the pairs that these do not rule out until there is one for each invocation to measure. The order of the list has no effect on the result.
 
 override LANES: u32 = 128u;
 
@@ -98,7 +98,7 @@ fn list_for(k: u32) -> u32 {
 fn choose(k: u32, leaf: u32, index: u32) {
     let list = list_for(k);
     let is_own = list == about.leaf_vertices && met[index] == leaf;
-    if is_own || are_apart(box_of_own(k), box_of_node(leaves() + met[index])) {
+    if is_own || are_apart(box_of_own(k), box_of_node(node_of_leaf(met[index]))) {
         return;
     }
     let count = features_of(list, met[index]).count;
@@ -237,7 +237,7 @@ fn pair_of(is_edge: bool, k: u32, other: u32) -> Listed {
         // The edge with the lower index is the first.
         let one = own.edges.first + k;
         second = max(one, other);
-        row = about.vertices + min(one, other);
+        row = about.all_vertices + min(one, other);
         corners = vec4u(edge(min(one, other)), edge(second));
     } else {
         row = other;

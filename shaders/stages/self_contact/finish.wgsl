@@ -12,19 +12,19 @@ fn finish(
 ) {
     let i = item(id, groups);
     var mine = vec3f();
-    if i < about.vertices && !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u && x[i].w > 0.0 {
+    if i < about.vertices && !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u && vertices[i].x.w > 0.0 {
         var u = vertices[i].u.xyz;
         var push = vertices[i].push.xyz;
         let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
         if share < 1.0 {
             let after = known.status.mean + (u - known.status.mean) * share;
-            mine = (u - after) / x[i].w;
+            mine = (u - after) / vertices[i].x.w;
             u = after;
             push *= share;
             vertices[i].u = vec4f(u, 0.0);
             vertices[i].push = vec4f(push, 0.0);
         }
-        x_out[i] = vec4f(x[i].xyz + push + u, x[i].w);
+        x_out[i] = vec4f(vertices[i].x.xyz + push + u, vertices[i].x.w);
         p_out[i] = vec4f(u, params.h);
     }
     sum_lost(mine, lane);
@@ -61,7 +61,7 @@ fn give_back(
     let i = item(id, groups);
     if i < about.vertices && !has_stopped() && any(back != vec3f()) {
         let u = vertices[i].u.xyz + back;
-        x_out[i] = vec4f(x[i].xyz + vertices[i].push.xyz + u, x[i].w);
+        x_out[i] = vec4f(vertices[i].x.xyz + vertices[i].push.xyz + u, vertices[i].x.w);
         p_out[i] = vec4f(u, params.h);
     }
 }

@@ -1,35 +1,7 @@
 // Whether a pair of features is listed, and the previous multipliers of those that are.
 
-// The midpoint of a vertex's path, with the distance that it may stray in w, and its displacement.
-struct Place {
-    middle: vec4f,
-    u: vec3f,
-}
-
-fn place_at(v: u32) -> Place {
-    return Place(vertices[v].middle, vertices[v].u.xyz);
-}
-
-fn box_of(a: Place, b: Place) -> Box {
-    return Box(
-        min(a.middle.xyz - a.middle.w, b.middle.xyz - b.middle.w),
-        max(a.middle.xyz + a.middle.w, b.middle.xyz + b.middle.w),
-        min(a.u, b.u),
-        max(a.u, b.u),
-    );
-}
-
-fn box_with(a: Box, b: Place) -> Box {
-    return Box(
-        min(a.low, b.middle.xyz - b.middle.w),
-        max(a.high, b.middle.xyz + b.middle.w),
-        min(a.step_low, b.u),
-        max(a.step_high, b.u),
-    );
-}
-
 fn is_let_go(is_edge: bool, row: u32, other: u32) -> bool {
-    let one = select(row, row - about.vertices, is_edge);
+    let one = select(row, row - about.all_vertices, is_edge);
     let first = select(0u, about.let_go, is_edge);
     for (var k = first; k < first + select(about.let_go, about.let_go_of_edges, is_edge); k++) {
         if all(let_go[k] == vec2u(one, other)) {
@@ -110,7 +82,7 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     }
     let first = item(id, groups);
     let stride = groups.x * groups.y * WORKGROUP;
-    let features = about.box_edges + about.rows - about.vertices;
+    let features = about.box_edges + about.rows - about.all_vertices;
     for (var k = first; k < features; k += stride) {
         if k < about.box_edges {
             let corners = triangle(k);

@@ -1,17 +1,18 @@
-// The mean displacement, from the workgroups' parts of a reduction over all vertices: `Part` of `shared.wgsl`.
+// The mean displacement, or the middle of the range of those that are led, from the workgroups' parts of a reduction over
+// all vertices: `Part` of `shared.wgsl`.
 
 var<workgroup> low: array<vec4f, WORKGROUP>;
 var<workgroup> high: array<vec4f, WORKGROUP>;
 
 fn nothing() -> Part {
-    if about.pins == 0u {
+    if is_free() {
         return Part();
     }
     return Part(vec4f(MAX_POSITION), vec4f(-MAX_POSITION));
 }
 
 fn both(a: Part, b: Part) -> Part {
-    if about.pins == 0u {
+    if is_free() {
         return Part(a.low + b.low, vec4f());
     }
     return Part(min(a.low, b.low), max(a.high, b.high));
@@ -34,16 +35,16 @@ fn gather(part: Part, lane: u32) {
 // Every workgroup that calls this reduces all parts by itself, in the same order.
 fn mean_of_parts(lane: u32) -> vec3f {
     var part = nothing();
-    for (var k = lane; k < about.groups; k += WORKGROUP) {
+    for (var k = lane; k < about.groups + about.mesh_groups; k += WORKGROUP) {
         part = both(part, known.parts[k]);
     }
     gather(part, lane);
     workgroupBarrier();
-    if about.pins == 0u {
+    if is_free() {
         return low[0].xyz / low[0].w;
     }
-    // If the pins move differently by more than this, there is no common motion: the mean would also move cloth that
-    // follows neither.
+    // If what leads the cloth moves differently by more than this, there is no common motion: the mean would also move
+    // cloth that follows neither.
     let is_common = distance(low[0].xyz, high[0].xyz) < about.thickness;
     return select(vec3f(), 0.5 * (low[0].xyz + high[0].xyz), is_common);
 }

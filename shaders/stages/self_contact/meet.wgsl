@@ -20,10 +20,9 @@ const AHEAD_LEAST: f32 = 6.0;
 const AHEAD_MOST: f32 = 64.0;
 const FARTHER_AHEAD: f32 = 1.5;
 
-// A vertex's part of the reduction: for a free cloth the mean by mass, for a pinned one the range of the pins'
-// displacements.
+// A vertex's part of the reduction: for a free cloth the mean by mass, otherwise the range of the pins' displacements.
 fn part_of(u: vec3f, w: f32) -> Part {
-    if about.pins == 0u {
+    if is_free() {
         return Part(vec4f(u, 1.0) / w, vec4f());
     }
     if w == 0.0 {
@@ -49,7 +48,7 @@ fn strayed_together(lane: u32) -> vec3f {
         }
     }
     workgroupBarrier();
-    return select(vec3f(), samples[0] / f32(count), about.pins == 0u);
+    return select(vec3f(), samples[0] / f32(count), is_free());
 }
 
 // Moves a vertex out of the colliders, and tests whether it is close enough to its path.
@@ -65,6 +64,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     if !(is_bounded(x_i.xyz) && is_bounded(path.u) && is_bounded(push)) {
         atomicOr(&known.status.stopped, NOT_FINITE);
     }
+    vertices[i].x = x_i;
     vertices[i].u = vec4f(path.u, 0.0);
     vertices[i].push = vec4f(push, 0.0);
     x_out[i] = vec4f(path.x + path.u, x_i.w);
@@ -90,6 +90,27 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     return part_of(path.u, x_i.w);
 }
 
+// Moves a vertex of a mesh collider through the substep, and tests whether it is close enough to its path.
+fn lead_vertex(i: u32) {
+    let motion = tracks[about.all_vertices + i - about.mesh_first];
+    let x_i = motion.start.xyz + motion.by.xyz * substep.start;
+    let u_i = motion.by.xyz * params.fraction;
+    vertices[i].x = vec4f(x_i, 0.0);
+    vertices[i].u = vec4f(u_i, 0.0);
+    vertices[i].push = vec4f(vec3f(), motion.start.w);
+    // Its motion is uniform, so that one test covers the substeps up to the next one that looks anyway. One that stands
+    // still is tested at the start of the step only, and must not have a path that goes on.
+    if LOOKS && is_regular() {
+        let track = tracks[i];
+        let ahead = f32(SPACING);
+        let strayed = (x_i - track.start.xyz) + (u_i * ahead - track.by.xyz * (since() + ahead));
+        let stops = about.meshes_rest != 0u && any(track.by.xyz != vec3f());
+        if stops || !(square(strayed * track.by.w) < 1.0) {
+            atomicOr(&known.status.strayed, 1u);
+        }
+    }
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn meet(
     @builtin(global_invocation_id) id: vec3u,
@@ -102,6 +123,8 @@ fn meet(
     var part = nothing();
     if i < about.vertices && !has_stopped() {
         part = meet_vertex(i, together);
+    } else if i >= about.mesh_first && i < about.all_vertices && !has_stopped() {
+        lead_vertex(i);
     }
     gather(part, lane);
     let at = group.x + group.y * groups.x;
@@ -142,8 +165,8 @@ fn begin_substep() {
         known.status.vertices_before = atomicExchange(&known.status.with_vertices, 0u);
         known.status.edges_before = atomicExchange(&known.status.with_edges, 0u);
         known.status.half = 1u - known.status.half;
-        let few = 4u * listed < about.vertices;
-        let long = listed > 4u * (about.vertices + was_near);
+        let few = 4u * listed < about.all_vertices;
+        let long = listed > 4u * (about.all_vertices + was_near);
         known.status.longer = -1.0;
         if over >= 0.0 && !few {
             known.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);

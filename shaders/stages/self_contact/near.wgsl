@@ -20,7 +20,7 @@ struct Closest {
 
 fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
     let corners = pair.corners;
-    let at = Four(x[corners.x].xyz, x[corners.y].xyz, x[corners.z].xyz, x[corners.w].xyz);
+    let at = positions(corners);
     let travel = vec4f(square(u.a - mean), square(u.b - mean), square(u.c - mean), square(u.d - mean));
     var weights: vec4f;
     var most: vec2f;
@@ -59,6 +59,15 @@ fn glance(
     }
 }
 
+// The coefficient of friction of a pair: that of a mesh collider, whose vertices are the last, or the cloth's.
+fn friction_of(corners: vec4u) -> f32 {
+    let v = max(corners.x, corners.w);
+    if v < about.vertices {
+        return about.friction;
+    }
+    return vertices[v].push.w;
+}
+
 // A listed pair in this substep. `state` is 0 if it is not near, 1 if only truncation holds it, and 2 if it acts.
 struct Looked {
     pair: Near,
@@ -71,20 +80,28 @@ fn look_at_pair(k: u32) -> Looked {
     let u = displacements(pair.corners);
     let closest = closest_of(pair, is_edge, u, known.status.mean, known.status.pushed);
     let weights = closest.weights;
-    let distance = length(closest.apart);
-    let normal = closest.apart / max(distance, 1e-12);
+    var distance = length(closest.apart);
+    var normal = closest.apart / max(distance, 1e-12);
     var state = 0u;
-    if closest.left < pair.thickness && distance > 1e-12 {
+    let least = select(1e-12, TOUCHING * pair.thickness, begins());
+    if closest.left < pair.thickness && distance > least {
         let gap = distance - pair.thickness + dot(normal, between(weights, u));
         // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
         let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
         let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
         state = select(1u, 2u, acts);
     }
+    if closest.left < pair.thickness && !(distance > least) && begins() && !is_edge {
+        // The vector between edges that touch has no direction. They are held apart once their ends are.
+        distance = 0.0;
+        normal = facing(pair.corners);
+        state = select(0u, 2u, any(normal != vec3f()));
+    }
     if state < 2u && any(pair.lambda != vec4f()) {
         pairs[place(k)].lambda = vec4f();
     }
-    return Looked(Near(pair.corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k), state);
+    let friction = friction_of(pair.corners);
+    return Looked(Near(pair.corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k, friction), state);
 }
 
 @compute @workgroup_size(LANES)
@@ -118,12 +135,14 @@ fn find(
             near[place_of(looked.state, firsts[looked.state - 1u] + rank)] = looked.pair;
         }
         if looked.state == 2u {
-            let corners = looked.pair.corners;
             let units = vec4i(round(abs(looked.pair.weights) * UNIT_WEIGHT));
-            atomicAdd(&sums[SUMS * corners.x + WEIGHT], units.x);
-            atomicAdd(&sums[SUMS * corners.y + WEIGHT], units.y);
-            atomicAdd(&sums[SUMS * corners.z + WEIGHT], units.z);
-            atomicAdd(&sums[SUMS * corners.w + WEIGHT], units.w);
+            for (var c = 0u; c < 4u; c++) {
+                // The vertices of mesh colliders have no sums.
+                let v = looked.pair.corners[c];
+                if v < about.vertices {
+                    atomicAdd(&sums[SUMS * v + WEIGHT], units[c]);
+                }
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-// The places of listed and near pairs, and the displacements of their corners.
+// The places of listed and near pairs.
 
 // A number of pairs, and that of listed pairs of a vertex and a triangle, for all invocations of a workgroup. One of these
 // loads them, because a device is slow when all load from one place.
@@ -33,8 +33,4 @@ fn is_idle() -> bool {
 
 fn stride(groups: vec3u) -> u32 {
     return groups.x * groups.y * WORKGROUP;
-}
-
-fn displacements(corners: vec4u) -> Four {
-    return Four(vertices[corners.x].u.xyz, vertices[corners.y].u.xyz, vertices[corners.z].u.xyz, vertices[corners.w].u.xyz);
 }

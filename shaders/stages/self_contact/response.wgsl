@@ -21,7 +21,7 @@ fn acting_pairs(lane: u32) -> u32 {
 }
 
 fn inverse_masses(corners: vec4u) -> vec4f {
-    return vec4f(x[corners.x].w, x[corners.y].w, x[corners.z].w, x[corners.w].w);
+    return vec4f(vertices[corners.x].x.w, vertices[corners.y].x.w, vertices[corners.z].x.w, vertices[corners.w].x.w);
 }
 
 // Adds a vector [m] to three sums of a vertex.
@@ -52,7 +52,11 @@ fn taken(v: u32, first: u32) -> vec3f {
     return vec3f(units) * (about.thickness / UNIT_LENGTH);
 }
 
+// The vertices of mesh colliders have no sums, and need none because they have no inverse mass.
 fn weight_of(v: u32) -> f32 {
+    if v >= about.vertices {
+        return 0.0;
+    }
     return f32(atomicLoad(&sums[SUMS * v + WEIGHT])) / UNIT_WEIGHT;
 }
 
@@ -97,7 +101,7 @@ fn step_pair(k: u32) {
     let relative = between(n.weights, displacements(n.corners));
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
     let gap = max(n.distance - n.thickness, 0.0);
-    let now = step_of_lambda(held, n.normal, gap, relative, n.rate, about.friction);
+    let now = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
     near[k].lambda = vec4f(now.rub, now.press);
     let more = Multipliers(now.rub - held.rub, now.press - held.press);
     give(n.corners, inverse_masses(n.corners), GIVEN, n.weights, impulse(more, n.normal));
@@ -117,15 +121,15 @@ fn step_pairs(
 
 // Applies the impulses of its pairs to a vertex, then resolves its contact with the colliders.
 fn take_sums(i: u32) {
-    if x[i].w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
+    if vertices[i].x.w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
         return;
     }
-    var path = Path(x[i].xyz, vertices[i].u.xyz + taken(i, GIVEN));
+    var path = Path(vertices[i].x.xyz, vertices[i].u.xyz + taken(i, GIVEN));
     for (var k = 0u; k < 3u; k++) {
         atomicStore(&sums[SUMS * i + GIVEN + k], 0);
     }
     for (var k = 0u; k < about.bodies; k++) {
-        path.u = contact_body(x[i].xyz, path.u, bodies[k], substep).u;
+        path.u = contact_body(path.x, path.u, bodies[k], substep).u;
     }
     vertices[i].u = vec4f(path.u, vertices[i].u.w);
 }
@@ -161,7 +165,7 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     vertices[i].push = vec4f(push, 0.0);
     let way = length(vertices[i].u.xyz + push - known.status.mean);
     let most = vertices[i].u.w + FARTHER * reach_of(i);
-    if way > most && x[i].w > 0.0 {
+    if way > most && vertices[i].x.w > 0.0 {
         atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / way));
     }
 }
@@ -171,7 +175,7 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
 fn cut_pair(n: Near) {
     let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
     let firsts = max(sides, vec4f());
-    let at = Four(x[n.corners.x].xyz, x[n.corners.y].xyz, x[n.corners.z].xyz, x[n.corners.w].xyz);
+    let at = positions(n.corners);
     let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
     let keeps = kept(n.distance, n.thickness);
     var heights: vec4f;
@@ -182,7 +186,7 @@ fn cut_pair(n: Near) {
     for (var c = 0u; c < 4u; c++) {
         let v = n.corners[c];
         let way = vertices[v].u.xyz + vertices[v].push.xyz - known.status.mean;
-        heights[c] = sides[c] * dot(n.normal, x[v].xyz - middle);
+        heights[c] = sides[c] * dot(n.normal, vertices[v].x.xyz - middle);
         towards[c] = -sides[c] * dot(n.normal, way);
         // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
         let out = select(0.0, max(keeps - (heights[c] - towards[c]), 0.0), w[c] == 0.0);

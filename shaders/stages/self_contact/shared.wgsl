@@ -1,5 +1,5 @@
-// Contact of the cloth with itself: declarations shared by its stages. The files in src/contact with the same names
-// have the theory.
+// Contact of the cloth with itself and with mesh colliders: declarations shared by its stages. The files in src/contact
+// with the same names have the theory.
 //
 // Each stage binds the resources that it uses. Results do not depend on the order of invocations: values that several
 // invocations write are maxima, minima or sums of integers.
@@ -7,10 +7,17 @@
 struct About {
     thickness: f32,
     friction: f32,
+    // Number of the cloth's vertices. Those of mesh colliders follow: the first, and the number of all vertices.
     vertices: u32,
+    mesh_first: u32,
+    all_vertices: u32,
     // First features of pairs are numbered, the vertices before the edges; how many numbers there are.
     rows: u32,
+    // Levels below the roots of the trees over the cloth and over mesh colliders, and number of the latter's leaves: 0
+    // if there are no mesh colliders.
     depth: u32,
+    mesh_depth: u32,
+    mesh_leaves: u32,
     // Positions of the lists in the table. Those of leaves have the first triangle, edge, and place in `order` of each.
     triangles: u32,
     edges: u32,
@@ -24,13 +31,17 @@ struct About {
     // Number of pairs that the list has room for; number of colliders.
     room: u32,
     bodies: u32,
-    // Number of pinned vertices.
-    pins: u32,
+    // Whether anything is led (pins or mesh colliders), whether all mesh colliders stand still in this step, and whether
+    // contact of the cloth with itself is on; 1 or 0.
+    is_led: u32,
+    meshes_rest: u32,
+    meets_itself: u32,
     // Numbers of ignored pairs: of a vertex and a triangle, and of two edges.
     let_go: u32,
     let_go_of_edges: u32,
-    // Number of workgroups that cover all vertices; inverse of the cloth's mass [1/kg].
+    // Numbers of workgroups that cover the vertices of the cloth and of mesh colliders; inverse of the cloth's mass [1/kg].
     groups: u32,
+    mesh_groups: u32,
     per_mass: f32,
     // Where the boxes of edges start, after those of the triangles; number of workgroups that share a leaf.
     box_edges: u32,
@@ -58,18 +69,22 @@ struct Near {
     thickness: f32,
     rate: f32,
     listed: u32,
+    friction: f32,
 }
 
-// A vertex in this substep. `u`: displacement; w is the distance that it was about to move relative to the mean.
-// `push`: correction that adds no velocity. `middle`: midpoint of its path; w is how far it may stray.
+// A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is led. `u`: displacement; w is the distance
+// that it was about to move relative to the mean. `push`: correction that adds no velocity; w is the coefficient of
+// friction of a mesh collider's vertex. `middle`: midpoint of its path; w is how far it may stray.
 struct Vertex {
+    x: vec4f,
     u: vec4f,
     push: vec4f,
     middle: vec4f,
 }
 
 // The path that detection assumes: start, with the distance that the vertex may stray in w; displacement per substep,
-// with its inverse in w.
+// with its inverse in w. The paths of all vertices are followed by the motions in this step of those of mesh colliders:
+// start, with the coefficient of friction in w; displacement.
 struct Track {
     start: vec4f,
     by: vec4f,
@@ -130,7 +145,7 @@ struct Status {
     edges_before: u32,
 }
 
-// The status, followed by the workgroups' parts of a reduction.
+// The status, followed by the workgroups' parts of a reduction over the cloth, and by those over mesh colliders.
 struct Known {
     status: Status,
     parts: array<Part>,
@@ -169,6 +184,11 @@ const SHARE: u32 = 7u;
 // The integers that represent a weight of 1, and a length of one thickness.
 const UNIT_WEIGHT: f32 = 262144.0;
 const UNIT_LENGTH: f32 = 8388608.0;
+
+// Whether nothing is led.
+fn is_free() -> bool {
+    return about.is_led == 0u;
+}
 
 fn has_stopped() -> bool {
     return atomicLoad(&known.status.stopped) != 0u;
@@ -212,18 +232,38 @@ fn edge(e: u32) -> vec2u {
 }
 
 fn piece_of(v: u32) -> u32 {
-    return table[about.of_vertices + 6u * v];
+    return table[about.of_vertices + 7u * v];
 }
 
 fn reach_of(v: u32) -> f32 {
-    return number(about.of_vertices + 6u * v + 1u);
+    return number(about.of_vertices + 7u * v + 1u);
 }
 
 fn roam_of(v: u32) -> f32 {
-    return number(about.of_vertices + 6u * v + 2u);
+    return number(about.of_vertices + 7u * v + 2u);
 }
 
 fn rest_of(v: u32) -> vec3f {
-    let at = about.of_vertices + 6u * v + 3u;
+    let at = about.of_vertices + 7u * v + 3u;
     return vec3f(number(at), number(at + 1u), number(at + 2u));
+}
+
+// A triangle at the vertex, or `NONE`.
+fn triangle_at(v: u32) -> u32 {
+    return table[about.of_vertices + 7u * v + 6u];
+}
+
+// The unit normal of a triangle, or 0 if it has no area.
+fn normal_of(a: vec3f, b: vec3f, c: vec3f) -> vec3f {
+    let n = cross(b - a, c - a);
+    let size = length(n);
+    return select(vec3f(), n / size, size > 0.0);
+}
+
+fn positions(corners: vec4u) -> Four {
+    return Four(vertices[corners.x].x.xyz, vertices[corners.y].x.xyz, vertices[corners.z].x.xyz, vertices[corners.w].x.xyz);
+}
+
+fn displacements(corners: vec4u) -> Four {
+    return Four(vertices[corners.x].u.xyz, vertices[corners.y].u.xyz, vertices[corners.z].u.xyz, vertices[corners.w].u.xyz);
 }

@@ -1,5 +1,4 @@
-// Refits the tree: starts new paths, then bounds the leaves and all nodes above. Nodes are numbered like a binary heap,
-// the root being 1.
+// Refits the trees: starts new paths, then bounds the leaves and all nodes above.
 
 override LANES: u32 = 256u;
 
@@ -7,6 +6,8 @@ override LANES: u32 = 256u;
 // last one.
 const LEAST_STRAY: f32 = 0.1;
 const KEEPS: f32 = 0.8;
+// Distance [m] that counts as nothing. Numbers remain finite if it is divided by.
+const LEAST_DISTANCE: f32 = 1e-12;
 
 var<workgroup> below: array<Node, WORKGROUP>;
 
@@ -21,20 +22,31 @@ fn join(a: Node, b: Node) -> Node {
     );
 }
 
+// The number of a tree's leaves, and what its nodes' numbers in `nodes` exceed those in the tree by.
+struct Tree {
+    leaves: u32,
+    before: u32,
+}
+
+fn tree_of(is_mesh: bool) -> Tree {
+    return Tree(select(leaves(), about.mesh_leaves, is_mesh), select(0u, 2u * leaves(), is_mesh));
+}
+
 // Starts the path of each vertex, and chooses how far it may stray from how far it strayed since the last detection.
 // Also empties the chains.
 @compute @workgroup_size(WORKGROUP)
 fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= about.vertices || !is_due() {
+    if i >= about.all_vertices || !is_due() {
         return;
     }
-    for (var k = i; k < arrayLength(&chains); k += about.vertices) {
+    for (var k = i; k < arrayLength(&chains); k += about.all_vertices) {
         atomicStore(&chains[k], 0u);
     }
-    let x_i = x[i].xyz;
+    let x_i = vertices[i].x.xyz;
     let u_i = vertices[i].u.xyz;
-    let most = roam_of(i);
+    // Nothing strays that stands still.
+    let most = select(roam_of(i), 0.0, i >= about.mesh_first && about.meshes_rest != 0u);
     var stray = most;
     if known.status.longer >= 0.0 {
         let track = tracks[i];
@@ -42,67 +54,59 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
         let least = min(LEAST_STRAY * about.thickness, most);
         stray = clamp(max(far, KEEPS * track.start.w), least, most);
     }
-    tracks[i] = Track(vec4f(x_i, stray), vec4f(u_i, 1.0 / stray));
+    tracks[i] = Track(vec4f(x_i, stray), vec4f(u_i, 1.0 / max(stray, LEAST_DISTANCE)));
     vertices[i].middle = vec4f(x_i + u_i * (0.5 * known.status.ahead), stray);
 }
 
-fn normal_of(a: vec3f, b: vec3f, c: vec3f) -> vec3f {
-    let n = cross(b - a, c - a);
-    let size = length(n);
-    return select(vec3f(), n / size, size > 0.0);
-}
-
-fn node_of_leaf(leaf: u32) -> Node {
+fn bounds_of_leaf(leaf: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
     for (var t = table[about.leaf_triangles + leaf]; t < table[about.leaf_triangles + leaf + 1u]; t++) {
+        let box = boxes[t];
         let corners = triangle(t);
-        for (var k = 0u; k < 3u; k++) {
-            let y = vertices[corners[k]].middle;
-            let u = vertices[corners[k]].u.xyz;
-            node.place_low = min(node.place_low, y.xyz - y.w);
-            node.place_high = max(node.place_high, y.xyz + y.w);
-            node.step_low = min(node.step_low, u);
-            node.step_high = max(node.step_high, u);
-        }
-        let u = Four(vertices[corners.x].u.xyz, vertices[corners.y].u.xyz, vertices[corners.z].u.xyz, vec3f());
-        let before = normal_of(x[corners.x].xyz, x[corners.y].xyz, x[corners.z].xyz);
+        let at = positions(vec4u(corners, corners.x));
+        let u = displacements(vec4u(corners, corners.x));
+        let before = normal_of(at.a, at.b, at.c);
         let after = normal_of(
-            x[corners.x].xyz + u.a * known.status.ahead,
-            x[corners.y].xyz + u.b * known.status.ahead,
-            x[corners.z].xyz + u.c * known.status.ahead,
+            at.a + u.a * known.status.ahead,
+            at.b + u.b * known.status.ahead,
+            at.c + u.c * known.status.ahead,
         );
-        node.normal_low = min(node.normal_low, min(before, after));
-        node.normal_high = max(node.normal_high, max(before, after));
+        let of_triangle = Node(box.low, box.high, box.step_low, box.step_high, min(before, after), max(before, after));
+        node = join(node, of_triangle);
     }
     return node;
 }
 
-// Bounds the leaves, and the levels above as far as all nodes below are in the same workgroup.
+// Bounds the leaves, and the levels above as far as all nodes below are in the same workgroup. The workgroups for mesh
+// colliders follow those for the cloth.
 @compute @workgroup_size(WORKGROUP)
 fn bound(
-    @builtin(global_invocation_id) id: vec3u,
+    @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
     if !looks_here(lane) {
         return;
     }
-    let leaf = item(id, groups);
-    let leaves = 1u << about.depth;
-    if leaf < leaves {
-        below[lane] = node_of_leaf(leaf);
-        nodes[leaves + leaf] = below[lane];
+    let of_cloth = (leaves() + WORKGROUP - 1u) / WORKGROUP;
+    let all = group.x + group.y * groups.x;
+    let is_mesh = all >= of_cloth;
+    let tree = tree_of(is_mesh);
+    let leaf = (all - select(0u, of_cloth, is_mesh)) * WORKGROUP + lane;
+    if leaf < tree.leaves {
+        below[lane] = bounds_of_leaf(leaf + select(0u, leaves(), is_mesh));
+        nodes[tree.before + tree.leaves + leaf] = below[lane];
     }
-    let levels = min(about.depth, firstTrailingBit(WORKGROUP));
+    let levels = min(select(about.depth, about.mesh_depth, is_mesh), firstTrailingBit(WORKGROUP));
     for (var level = 1u; level <= levels; level++) {
         let first = (leaf - lane) >> level;
-        let is_mine = lane < (WORKGROUP >> level) && first + lane < (leaves >> level);
+        let is_mine = lane < (WORKGROUP >> level) && first + lane < (tree.leaves >> level);
         workgroupBarrier();
         var node: Node;
         if is_mine {
             node = join(below[2u * lane], below[2u * lane + 1u]);
-            nodes[(leaves >> level) + first + lane] = node;
+            nodes[tree.before + (tree.leaves >> level) + first + lane] = node;
         }
         workgroupBarrier();
         if is_mine {
@@ -111,17 +115,20 @@ fn bound(
     }
 }
 
-// One workgroup bounds the remaining levels.
+// One workgroup for each tree bounds the remaining levels.
 @compute @workgroup_size(LANES)
-fn refit(@builtin(local_invocation_index) lane: u32) {
+fn refit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     if !looks_here(lane) {
         return;
     }
-    let done = min(about.depth, firstTrailingBit(WORKGROUP));
-    for (var level = about.depth - done; level > 0u; level--) {
+    let is_mesh = group.x > 0u;
+    let tree = tree_of(is_mesh);
+    let depth = select(about.depth, about.mesh_depth, is_mesh);
+    for (var level = depth - min(depth, firstTrailingBit(WORKGROUP)); level > 0u; level--) {
         let first = 1u << (level - 1u);
         for (var k = first + lane; k < 2u * first; k += LANES) {
-            nodes[k] = join(nodes[2u * k], nodes[2u * k + 1u]);
+            let node = tree.before + k;
+            nodes[node] = join(nodes[node + k], nodes[node + k + 1u]);
         }
         storageBarrier();
     }

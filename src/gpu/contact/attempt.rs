@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
-use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NO_ROOM, Status};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, Status, TRACK};
 use super::{Good, GpuContact};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
+use crate::step::plan::Plan;
 
 impl GpuContact {
     /// The places of the listed pairs in half 0 of a list with room for this many, in bytes: those of a vertex and a
@@ -57,7 +58,7 @@ impl GpuContact {
     pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize) {
         self.make_room(gpu, (2 * needed).next_multiple_of(WORKGROUP).min(most_room(gpu)));
         self.go_back(gpu);
-        self.good = Good::new(gpu, self.vertices, self.room);
+        self.good = Good::new(gpu, &self.table, self.room);
         self.keep(gpu);
     }
 
@@ -68,10 +69,20 @@ impl GpuContact {
         (self.room, self.stages) = (room, None);
     }
 
-    /// Starts a step: chooses the kernels of the first attempt and saves the state.
-    pub(crate) fn begin(&mut self, gpu: &Gpu, substeps: usize) {
-        self.substeps = substeps;
-        self.course.begin(&self.status, substeps);
+    /// Notes how mesh colliders move in the step.
+    pub(crate) fn lead(&mut self, plan: &Plan<'_>) {
+        if self.kept.begin(plan, self.options.friction) {
+            self.status.since = NEVER;
+        }
+    }
+
+    /// Starts a step: uploads the motion of mesh colliders, chooses the kernels of the first attempt, and saves the state.
+    pub(crate) fn begin(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+        if let Some(motions) = self.kept.motions(plan) {
+            gpu.write(&self.buffers.tracks, TRACK * self.table.vertices as usize, &motions);
+        }
+        self.substeps = plan.substeps.len();
+        self.course.begin(&self.status, self.substeps);
         self.keep(gpu);
     }
 

@@ -3,12 +3,16 @@
 use super::GpuContact;
 use super::course::Response;
 use super::stages::Stages;
+use crate::contact::table::Table;
+use crate::gpu::stage::WORKGROUP;
 use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
 const ITERATIONS: usize = crate::contact::ITERATIONS;
 /// Dispatches of a detection, with the decision whether it is due, and of the response.
 const OF_DETECTION: usize = 6;
+/// Dispatches at the start of a step with mesh colliders.
+const OF_START: usize = 2;
 const OF_RESPONSE: usize = 8 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const LEAST_ITEMS: usize = 4096;
@@ -25,7 +29,9 @@ impl GpuContact {
     /// Limit on the dispatches of a substep.
     pub(crate) fn dispatches(&self, index: usize) -> usize {
         let detection = if self.course.looks(index) { OF_DETECTION } else { 0 };
-        1 + detection
+        let start = if index == 0 { OF_START } else { 0 };
+        1 + start
+            + detection
             + match self.course.response {
                 Response::None => 0,
                 Response::Glance => 1,
@@ -39,7 +45,13 @@ impl GpuContact {
         let Some(stages) = &self.stages else { return };
         let (looks, response) = (self.course.looks(index), self.course.response);
         let meet = if looks { &stages.meet } else { &stages.meet_alone };
-        meet.dispatch(pass, group, &[], self.vertices);
+        if let (0, Some([bound_cloth, bound_meshes])) = (index, &stages.start) {
+            bound_cloth.dispatch(pass, group, &[], self.vertices);
+            bound_meshes.dispatch(pass, group, &[], self.table.mesh_vertices());
+        }
+        // Mesh colliders that stand still are put in place once.
+        let meshes_move = index == 0 || !self.kept.meshes_rest();
+        meet.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
         if looks || response == Response::Full {
             let decide = if looks { &stages.decide } else { &stages.decide_alone };
             decide.dispatch_workgroups(pass, group, &[], 1);
@@ -65,11 +77,13 @@ impl GpuContact {
     }
 
     fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
-        stages.begin_paths.dispatch(pass, group, &[], self.vertices);
-        stages.bound.dispatch(pass, group, &[], 1 << self.table.depth);
-        stages.refit.dispatch_workgroups(pass, group, &[], 1);
-        let features = (self.table.boxes + self.table.rows) as usize - self.vertices;
-        stages.prepare.dispatch(pass, group, &[], features.max(self.items(self.status.listed)));
+        let Table { vertices, depth, mesh_leaves, .. } = self.table;
+        stages.begin_paths.dispatch(pass, group, &[], vertices as usize);
+        stages.prepare.dispatch(pass, group, &[], self.table.boxes().max(self.items(self.status.listed)));
+        // Workgroups do not share the leaves of both trees.
+        let leaves = (1_usize << depth).next_multiple_of(WORKGROUP) + mesh_leaves as usize;
+        stages.bound.dispatch(pass, group, &[], leaves);
+        stages.refit.dispatch_workgroups(pass, group, &[], 1 + mesh_leaves.min(1) as usize);
         stages.detect.dispatch_workgroups(pass, group, &[], self.sharing() << self.table.depth);
     }
 
@@ -86,7 +100,7 @@ impl GpuContact {
         }
         stages.cut.dispatch(pass, group, &[], items);
         stages.finish.dispatch(pass, group, &[], vertices);
-        if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() {
+        if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() && plan.meshes.is_empty() {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }
     }

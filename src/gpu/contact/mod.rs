@@ -1,4 +1,5 @@
-//! Contact of the cloth with itself on the GPU: the algorithm of [`crate::contact`], in kernels of the same names.
+//! Contact of the cloth with itself and with mesh colliders on the GPU: the algorithm of [`crate::contact`], in kernels of
+//! the same names.
 //!
 //! It follows the sweep, which here ignores colliders, and computes the final positions. The list of pairs has limited
 //! room. If that does not suffice, the step stops, is rolled back and is repeated with more room, with the same result
@@ -11,15 +12,19 @@ mod past;
 mod stages;
 pub(crate) mod status;
 
+use std::sync::Arc;
+
 use glam::Vec4;
 
 use crate::contact::Tally;
-use crate::contact::device::{OnDevice, Table};
+use crate::contact::device::OnDevice;
+use crate::contact::table::Table;
 use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::stage::{Sent, WORKGROUP};
 use crate::kernels::contact::Body;
 use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
 
@@ -58,9 +63,10 @@ struct Good {
 }
 
 impl Good {
-    fn new(gpu: &Gpu, vertices: usize, room: usize) -> Good {
+    fn new(gpu: &Gpu, table: &Table, room: usize) -> Good {
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
-        let [tracks, pairs] = [buffer("paths before", TRACK * vertices), buffer("pairs before", room * size_of::<Listed>())];
+        let tracks = buffer("paths before", TRACK * table.vertices as usize);
+        let pairs = buffer("pairs before", room * size_of::<Listed>());
         Good { tracks, pairs, room }
     }
 }
@@ -71,6 +77,7 @@ pub(crate) struct GpuContact {
     kept: OnDevice,
     options: Contact,
     table: Table,
+    /// Number of the cloth's vertices.
     vertices: usize,
     /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
     per_mass: Option<f32>,
@@ -89,20 +96,20 @@ pub(crate) struct GpuContact {
 }
 
 impl GpuContact {
-    /// Returns `None` if the cloth has no triangles.
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, options: Contact) -> Option<GpuContact> {
-        let (kept, mut table) = OnDevice::new(cloth, options)?;
+    /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<GpuContact> {
+        let (kept, mut table) = OnDevice::new(cloth, contact, meshes)?;
         let words = std::mem::take(&mut table.words);
-        let vertices = cloth.rest.len();
+        let (vertices, all) = (cloth.rest.len(), table.vertices as usize);
         let room = vertices.max(LEAST_ROOM);
-        let groups = vertices.div_ceil(WORKGROUP);
+        let groups = vertices.div_ceil(WORKGROUP) + table.mesh_vertices().div_ceil(WORKGROUP);
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {
             about: Sent::uniform(gpu, "about contact", size_of::<About>()),
             table: gpu.filled("table of contact", &words),
-            vertices: buffer("vertices in contact", VERTEX * vertices),
-            tracks: buffer("paths in contact", TRACK * vertices),
-            nodes: buffer("nodes of contact", NODE * (2 << table.depth)),
+            vertices: buffer("vertices in contact", VERTEX * all),
+            tracks: buffer("paths in contact", TRACK * (all + table.mesh_vertices())),
+            nodes: buffer("nodes of contact", NODE * table.nodes()),
             chains: buffer("chains of pairs", 4 * (table.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR * room),
@@ -110,14 +117,14 @@ impl GpuContact {
             common: buffer("status of contact", size_of::<Status>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
-            boxes: buffer("boxes of contact", BOX * (table.boxes as usize + table.rows as usize - vertices)),
+            boxes: buffer("boxes of contact", BOX * table.boxes()),
         };
-        let good = Good::new(gpu, vertices, room);
+        let good = Good::new(gpu, &table, room);
         let staging = gpu.staging("status", size_of::<Status>() as u64);
         let status = Status::nothing();
         Some(GpuContact {
             kept,
-            options,
+            options: contact.unwrap_or_default(),
             table,
             vertices,
             per_mass: None,
@@ -148,18 +155,23 @@ impl GpuContact {
         self.kept.must_look(plan)
     }
 
-    /// Searches for intersections at the positions `x` (m).
-    pub(crate) fn look(&mut self, x: &[Vec4]) {
+    /// Whether these are its mesh colliders.
+    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+        self.kept.is_of(meshes)
+    }
+
+    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m).
+    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
         let crossed = !self.kept.let_go().iter().all(Vec::is_empty);
-        self.kept.look(x);
+        self.kept.look(plan, x);
         if crossed || !self.kept.let_go().iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
     }
 
-    /// Intersections found by the last search.
-    pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
+    /// Intersections found by the last search, with itself and with mesh colliders.
+    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
         self.kept.crossings()
     }
 
@@ -182,8 +194,12 @@ impl GpuContact {
             thickness: options.thickness,
             friction: options.friction,
             vertices: *vertices as u32,
+            mesh_first: table.mesh_first,
+            all_vertices: table.vertices,
             rows: table.rows,
             depth: table.depth,
+            mesh_depth: table.mesh_depth,
+            mesh_leaves: table.mesh_leaves,
             triangles: table.triangles,
             edges: table.edges,
             order: table.order,
@@ -196,12 +212,15 @@ impl GpuContact {
             // Without a response, any pair must stop the step.
             room: if course.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
-            pins: plan.cloth.pinned.len() as u32,
+            is_led: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
+            meshes_rest: kept.meshes_rest().into(),
+            meets_itself: kept.meets_itself().into(),
             let_go: of_vertices.len() as u32,
             let_go_of_edges: of_edges.len() as u32,
             groups: vertices.div_ceil(WORKGROUP) as u32,
+            mesh_groups: table.mesh_vertices().div_ceil(WORKGROUP) as u32,
             per_mass,
-            box_edges: table.boxes,
+            box_edges: table.box_edges,
             sharing,
         };
         buffers.about.send(gpu, &[about]);
@@ -210,7 +229,7 @@ impl GpuContact {
         if moved.contains(&true) {
             *stages = None;
         }
-        stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers));
+        stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers, table.mesh_vertices() > 0));
         gpu.write(&buffers.common, 0, &[self.status.at_start()]);
     }
 }

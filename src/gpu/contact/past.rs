@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::GpuContact;
-use super::status::{Listed, NEVER, Status, Track};
+use super::status::{Listed, NEVER, Status, TRACK, Track};
 use crate::contact::Past;
 use crate::contact::device::{DeviceLists, DevicePair};
 use crate::device::Gpu;
@@ -12,24 +12,24 @@ use crate::device::fault::GpuFault;
 impl GpuContact {
     /// Reads the state. Waits for the GPU.
     pub(crate) fn past(&self, gpu: &Gpu) -> Result<Past, GpuFault> {
-        let Status { half, since, ahead, h, .. } = self.status;
-        if since < 0.0 {
+        let Status { half, since, ahead, h, listed, .. } = self.status;
+        if since < 0.0 && listed == 0 {
             return Ok(self.kept.past(&DeviceLists { h, ..DeviceLists::default() }));
         }
-        let tracks = &self.buffers.tracks;
+        let (tracks, paths) = (&self.buffers.tracks, (TRACK * self.table.vertices as usize) as u64);
         let [with_vertices, with_edges] = self.places(self.room);
         let bytes = |place: &Range<u64>| place.end - place.start;
-        let staging = gpu.staging("contact so far", tracks.size() + bytes(&with_vertices) + bytes(&with_edges));
+        let staging = gpu.staging("contact so far", paths + bytes(&with_vertices) + bytes(&with_edges));
         let mut encoder = gpu.encoder();
-        encoder.copy_buffer_to_buffer(tracks, 0, &staging, 0, tracks.size());
-        let (mut end, first) = (tracks.size(), u64::from(half) * (self.room * size_of::<Listed>()) as u64);
+        encoder.copy_buffer_to_buffer(tracks, 0, &staging, 0, paths);
+        let (mut end, first) = (paths, u64::from(half) * (self.room * size_of::<Listed>()) as u64);
         for place in [with_vertices, with_edges].into_iter().filter(|place| !place.is_empty()) {
             encoder.copy_buffer_to_buffer(&self.buffers.pairs, first + place.start, &staging, end, bytes(&place));
             end += bytes(&place);
         }
         gpu.queue().submit([encoder.finish()]);
         gpu.mapped(&staging, |bytes| {
-            let (tracks, pairs) = bytes.split_at(tracks.size() as usize);
+            let (tracks, pairs) = bytes.split_at(paths as usize);
             let tracks: Vec<Track> = bytemuck::pod_collect_to_vec(tracks);
             let mut pairs: Vec<Listed> = bytemuck::pod_collect_to_vec(pairs);
             // The GPU's list has no order.
@@ -43,7 +43,7 @@ impl GpuContact {
                 from: tracks.iter().map(|track| track.start).collect(),
                 by: tracks.iter().map(|track| track.by).collect(),
                 ahead,
-                since: Some(since),
+                since: (since >= 0.0).then_some(since),
                 h,
             })
         })
@@ -61,7 +61,7 @@ impl GpuContact {
             |(&DevicePair { corners, other, thickness, lambda }, row)| Listed { corners, lambda, other, thickness, row, next: 0 };
         let all: Vec<Listed> = pairs.iter().zip(rows).map(pair).collect();
         let tracks: Vec<Track> = from.iter().zip(&by).map(|(&start, &by)| Track { start, by }).collect();
-        let with_vertices = starts.get(self.vertices).copied().unwrap_or_default();
+        let with_vertices = starts.get(self.table.vertices as usize).copied().unwrap_or_default();
         let (listed, with_edges) = (all.len() as u32, all.len() as u32 - with_vertices);
         let since = since.unwrap_or(NEVER);
         self.status = Status { listed, with_vertices, with_edges, since, ahead, h, ..Status::nothing() };

@@ -27,15 +27,17 @@ const BOXES: usize = 15;
 /// The kernels of a substep.
 #[derive(Debug)]
 pub(super) struct Stages {
+    /// Used at the start of a step with mesh colliders: `bound_cloth` and `bound_meshes`.
+    pub start: Option<[Stage; 2]>,
     pub meet: Stage,
     pub decide: Stage,
     /// Used in substeps without kernels of detection.
     pub meet_alone: Stage,
     pub decide_alone: Stage,
     pub begin_paths: Stage,
+    pub prepare: Stage,
     pub bound: Stage,
     pub refit: Stage,
-    pub prepare: Stage,
     pub detect: Stage,
     pub glance: Stage,
     pub find: Stage,
@@ -50,35 +52,39 @@ pub(super) struct Stages {
 }
 
 impl Stages {
-    pub(super) fn new(gpu: &Gpu, forces: &Forces, buffers: &Buffers) -> Stages {
+    pub(super) fn new(gpu: &Gpu, forces: &Forces, buffers: &Buffers, has_meshes: bool) -> Stages {
         let told = |shader: Shader, name: &'static str, uses: &[usize], constants: &[(&'static str, f64)]| {
             let bound = groups(&forces.states, |from, to| bound(buffers, uses, from, to));
             Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
         };
         let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
-        let of_pairs = [X, VERTICES, PAIRS, NEAR, SUMS, COMMON];
-        let of_vertices = [X, VERTICES, SUMS, COMMON, BODIES];
+        let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, COMMON];
+        let of_vertices = [VERTICES, SUMS, COMMON, BODIES];
         let by_meet = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
         Stages {
+            start: has_meshes.then(|| {
+                let bound_meshes = stage(shaders::BODIES, "bound_meshes", &[TRACKS, COMMON]);
+                [stage(shaders::BODIES, "bound_cloth", &[X, COMMON]), bound_meshes]
+            }),
             meet: stage(shaders::MEET, "meet", &by_meet),
             meet_alone: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0)]),
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
-            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, X, VERTICES, TRACKS, CHAINS, COMMON]),
-            bound: stage(shaders::TREE, "bound", &[TABLE, X, VERTICES, NODES, COMMON]),
-            refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
+            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
             prepare: stage(shaders::DETECTION, "prepare", &[TABLE, VERTICES, CHAINS, PAIRS, COMMON, BOXES]),
+            bound: stage(shaders::TREE, "bound", &[TABLE, VERTICES, NODES, COMMON, BOXES]),
+            refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
             detect: stage(shaders::DETECTION, "detect", &[TABLE, VERTICES, NODES, CHAINS, PAIRS, COMMON, LET_GO, BOXES]),
-            glance: stage(shaders::NEAR, "glance", &[X, VERTICES, PAIRS, COMMON]),
-            find: stage(shaders::NEAR, "find", &of_pairs),
-            warm: stage(shaders::RESPONSE, "warm", &[X, NEAR, SUMS, COMMON]),
-            step: stage(shaders::RESPONSE, "step_pairs", &[X, VERTICES, NEAR, SUMS, COMMON]),
+            glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, COMMON]),
+            find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, COMMON]),
+            warm: stage(shaders::RESPONSE, "warm", &[VERTICES, NEAR, SUMS, COMMON]),
+            step: stage(shaders::RESPONSE, "step_pairs", &[VERTICES, NEAR, SUMS, COMMON]),
             take_first: stage(shaders::RESPONSE, "take_first", &of_vertices),
             take: stage(shaders::RESPONSE, "take", &of_vertices),
-            take_last: stage(shaders::RESPONSE, "take_last", &[X, VERTICES, SUMS, COMMON, BODIES, TABLE]),
+            take_last: stage(shaders::RESPONSE, "take_last", &[VERTICES, SUMS, COMMON, BODIES, TABLE]),
             cut: stage(shaders::RESPONSE, "cut", &of_pairs),
-            finish: stage(shaders::FINISH, "finish", &[X, VERTICES, SUMS, COMMON, X_OUT, P_OUT]),
-            give_back: stage(shaders::FINISH, "give_back", &[X, VERTICES, COMMON, X_OUT, P_OUT]),
+            finish: stage(shaders::FINISH, "finish", &[VERTICES, SUMS, COMMON, X_OUT, P_OUT]),
+            give_back: stage(shaders::FINISH, "give_back", &[VERTICES, COMMON, X_OUT, P_OUT]),
         }
     }
 }

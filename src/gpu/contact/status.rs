@@ -69,8 +69,12 @@ pub(crate) struct About {
     pub thickness: f32,
     pub friction: f32,
     pub vertices: u32,
+    pub mesh_first: u32,
+    pub all_vertices: u32,
     pub rows: u32,
     pub depth: u32,
+    pub mesh_depth: u32,
+    pub mesh_leaves: u32,
     pub triangles: u32,
     pub edges: u32,
     pub order: u32,
@@ -82,10 +86,13 @@ pub(crate) struct About {
     pub of_vertices: u32,
     pub room: u32,
     pub bodies: u32,
-    pub pins: u32,
+    pub is_led: u32,
+    pub meshes_rest: u32,
+    pub meets_itself: u32,
     pub let_go: u32,
     pub let_go_of_edges: u32,
     pub groups: u32,
+    pub mesh_groups: u32,
     pub per_mass: f32,
     pub box_edges: u32,
     pub sharing: u32,
@@ -112,7 +119,7 @@ pub(crate) struct Track {
 }
 
 /// Sizes in bytes of structs that only the shaders access.
-pub(super) const VERTEX: usize = 48;
+pub(super) const VERTEX: usize = 64;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const BOX: usize = 64;
@@ -127,6 +134,8 @@ pub(crate) const PLACES: [u32; 4] = [0, 1, 4, 7];
 pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
 #[cfg(test)]
 pub(crate) const SAMPLES: u32 = 32;
+#[cfg(test)]
+pub(crate) const LEAST_DISTANCE: f32 = 1e-12;
 #[cfg(test)]
 pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection is due early in every so many substeps.

@@ -1,6 +1,9 @@
-//! A step with contact of the cloth with itself.
+//! A step with contact of the cloth with itself or with mesh colliders.
+
+use std::sync::Arc;
 
 use super::GpuEngine;
+use crate::contact::Past;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
@@ -8,33 +11,88 @@ use crate::gpu::contact::GpuContact;
 use crate::gpu::submission::Submission;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
 use crate::options::Contact;
 use crate::step::plan::Plan;
+
+/// Data of contact that others replaced, if there were any.
+#[derive(Debug)]
+pub(super) struct Replaced(Option<Box<GpuContact>>);
 
 impl GpuEngine {
     /// Adds contact of the cloth with itself to the engine, if there are options for it.
     pub(crate) fn with_contact(mut self, cloth: &Cloth, contact: Option<Contact>) -> Result<GpuEngine, GpuFault> {
-        let gpu = self.gpu.clone();
-        let made = gpu.checked(|| Ok(contact.and_then(|contact| GpuContact::new(&gpu, cloth, contact))));
-        self.contact = made?.map(Box::new);
+        self.prepare_contact(cloth, contact, [].iter())?;
         Ok(self)
+    }
+
+    /// Creates the data of contact for these options and mesh colliders unless they exist. Returns those of before, if
+    /// they were replaced.
+    pub(super) fn prepare_contact<'a>(
+        &mut self,
+        cloth: &Cloth,
+        contact: Option<Contact>,
+        meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
+    ) -> Result<Option<Replaced>, GpuFault> {
+        let is_wanted = contact.is_some() || meshes.len() > 0;
+        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.is_of(meshes.clone()));
+        if is_there {
+            return Ok(None);
+        }
+        let gpu = self.gpu.clone();
+        let make = || is_wanted.then(|| GpuContact::new(&gpu, cloth, contact, meshes.cloned().collect())).flatten();
+        let made = gpu.checked(|| Ok(make()))?.map(Box::new);
+        Ok(Some(Replaced(std::mem::replace(&mut self.contact, made))))
+    }
+
+    /// Takes a step, and goes back to the data of contact that it replaced if it fails.
+    pub(super) fn step_with(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        let meshes = plan.meshes.iter().map(|body| &body.from);
+        let replaced = self.prepare_contact(plan.cloth, plan.contact, meshes).map_err(Failure::Gpu)?;
+        let stepped = if self.contact.is_some() { self.step_with_contact(plan) } else { self.step_alone(plan) };
+        if let (Err(_), Some(Replaced(before))) = (&stepped, replaced) {
+            self.contact = before;
+        }
+        stepped
+    }
+
+    /// Continues contact from a saved state, if there is one. Returns false, and changes nothing, if the state cannot belong
+    /// to this cloth.
+    pub(super) fn resume_contact(
+        &mut self,
+        cloth: &Cloth,
+        options: Option<Contact>,
+        past: Option<&Past>,
+    ) -> Result<bool, GpuFault> {
+        let meshes = past.into_iter().flat_map(|past| &past.bodies).collect::<Vec<_>>();
+        let replaced = self.prepare_contact(cloth, options, meshes.into_iter())?;
+        let gpu = self.gpu.clone();
+        let resumed = match (&mut self.contact, past) {
+            (Some(contact), Some(past)) => gpu.checked(|| Ok(contact.resume(&gpu, past))),
+            (contact, past) => Ok(contact.is_some() == past.is_some()),
+        };
+        if let (Ok(false) | Err(_), Some(Replaced(before))) = (&resumed, replaced) {
+            self.contact = before;
+        }
+        resumed
     }
 
     /// Does one step, and waits for it. If the first attempt did not suffice, the step is rolled back and repeated.
     /// Contact resolves the colliders too, so the sweep ignores them.
-    pub(super) fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+    fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
+        self.contact.iter_mut().for_each(|contact| contact.lead(plan));
         if self.contact.as_ref().is_some_and(|contact| contact.must_look(plan)) {
             let mut x = Vec::new();
             self.read(|at, _| x.extend_from_slice(at))?;
-            self.contact.iter_mut().for_each(|contact| contact.look(&x));
+            self.contact.iter_mut().for_each(|contact| contact.look(plan, std::mem::take(&mut x)));
         }
         let params = Params { bodies: 0, ..plan.params };
         let swept = Plan { bodies: &[], bodies_and_anchors: plan.anchors, params, ..*plan };
         let stepped = gpu.checked(|| {
             self.prepare(&swept, false);
             Gpu::refused()?;
-            self.contact.iter_mut().for_each(|contact| contact.begin(&gpu, plan.substeps.len()));
+            self.contact.iter_mut().for_each(|contact| contact.begin(&gpu, plan));
             while let Some(contact) = &mut self.contact {
                 contact.prepare(&gpu, plan, &self.forces);
                 Gpu::refused()?;

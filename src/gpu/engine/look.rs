@@ -11,6 +11,7 @@ use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::watch::Found;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
+use crate::options::Contact;
 use crate::past::Past;
 
 impl GpuEngine {
@@ -49,21 +50,21 @@ impl GpuEngine {
     }
 
     /// Continues from a state and a past. Returns false and changes nothing if they cannot belong to this cloth.
-    pub(crate) fn resume(&mut self, cloth: &Cloth, [x, p]: [&[Vec4]; 2], past: &Past) -> Result<bool, Failure> {
+    pub(crate) fn resume(
+        &mut self,
+        cloth: &Cloth,
+        options: Option<Contact>,
+        [x, p]: [&[Vec4]; 2],
+        past: &Past,
+    ) -> Result<bool, Failure> {
         self.is_whole()?;
         let next = past.steps[1] as usize;
-        if past.contact.is_some() != self.contact.is_some()
-            || next >= cloth.swept().len().max(1)
-            || past.untold.len() > Counter::LATE
-        {
+        if next >= cloth.swept().len().max(1) || past.untold.len() > Counter::LATE {
             return Ok(false);
         }
         let gpu = self.gpu.clone();
-        if let (Some(contact), Some(past)) = (&mut self.contact, &past.contact) {
-            let resumed = gpu.checked(|| Ok(contact.resume(&gpu, past)));
-            if !resumed.map_err(Failure::Gpu)? {
-                return Ok(false);
-            }
+        if !self.resume_contact(cloth, options, past.contact.as_ref()).map_err(Failure::Gpu)? {
+            return Ok(false);
         }
         let counter = gpu.checked(|| {
             let GpuEngine { forces, counter, .. } = &mut *self;

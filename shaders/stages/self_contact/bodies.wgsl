@@ -1,0 +1,66 @@
+// The range of the displacements of mesh colliders near the cloth, once in a step: `Bodies::frame` in
+// `src/contact/bodies.rs`.
+
+// A vertex counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its largest extent.
+const NEAR: f32 = 0.1;
+
+// Bounds the cloth at the start of the step.
+@compute @workgroup_size(WORKGROUP)
+fn bound_cloth(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item(id, groups);
+    var part = nothing();
+    if i < about.vertices {
+        part = Part(x[i], x[i]);
+    }
+    gather(part, lane);
+    let at = group.x + group.y * groups.x;
+    if lane == 0u && at < about.groups {
+        known.parts[at] = Part(low[0], high[0]);
+    }
+}
+
+// The displacement in a substep of a vertex of mesh colliders, if it is near the cloth.
+fn part_of_mesh(motion: Track, cloth: Part) -> Part {
+    let extent = cloth.high.xyz - cloth.low.xyz;
+    let margin = abs(motion.by.xyz) + NEAR * max(max(extent.x, extent.y), extent.z);
+    let end = motion.start.xyz + motion.by.xyz;
+    let least = min(motion.start.xyz, end) - margin;
+    let most = max(motion.start.xyz, end) + margin;
+    if all(least <= cloth.high.xyz) && all(most >= cloth.low.xyz) {
+        let u = vec4f(motion.by.xyz * params.fraction, 0.0);
+        return Part(u, u);
+    }
+    return nothing();
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn bound_meshes(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    var part = nothing();
+    for (var k = lane; k < about.groups; k += WORKGROUP) {
+        part = both(part, known.parts[k]);
+    }
+    gather(part, lane);
+    workgroupBarrier();
+    let cloth = Part(low[0], high[0]);
+    workgroupBarrier();
+    let i = about.mesh_first + item(id, groups);
+    part = nothing();
+    if i < about.all_vertices {
+        part = part_of_mesh(tracks[about.all_vertices + i - about.mesh_first], cloth);
+    }
+    gather(part, lane);
+    let at = group.x + group.y * groups.x;
+    if lane == 0u && at < about.mesh_groups {
+        known.parts[about.groups + at] = Part(low[0], high[0]);
+    }
+}

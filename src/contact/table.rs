@@ -1,0 +1,103 @@
+//! The surface and its trees as one table for the shaders.
+
+use super::surface::{LEAF, Leaves, Surface};
+use super::tree::Tree;
+use crate::kernels::integrate::xyz;
+
+// `detection.wgsl` numbers the features that a leaf compares in 7 bits, and tells its at most three turns over another
+// leaf's features of a kind, 12 at a time, in 2 bits. A leaf has at most twice its fewest triangles.
+const _: () = assert!(2 * LEAF * 3 <= 3 * 12 && 2 * LEAF * (3 + 1 + 3) < 128);
+
+/// The surface and its trees as words, and the positions of the lists in them, as in `About` of
+/// `shaders/stages/self_contact/shared.wgsl`.
+#[derive(Debug, Default)]
+pub(crate) struct Table {
+    pub words: Vec<u32>,
+    /// Number of all vertices: the cloth's and, from `mesh_first` on, those of mesh colliders.
+    pub vertices: u32,
+    pub mesh_first: u32,
+    pub depth: u32,
+    pub mesh_depth: u32,
+    pub mesh_leaves: u32,
+    /// The rows are those of the vertices, followed by those of the edges.
+    pub rows: u32,
+    pub triangles: u32,
+    pub edges: u32,
+    pub order: u32,
+    pub leaf_triangles: u32,
+    pub leaf_edges: u32,
+    pub leaf_vertices: u32,
+    /// Number of triangles, whose boxes precede those of the edges.
+    pub box_edges: u32,
+    pub excess: u32,
+    pub beside: u32,
+    pub of_vertices: u32,
+}
+
+impl Table {
+    /// `of_meshes` are the leaves of the tree over mesh colliders, if there are any.
+    pub(super) fn new(surface: &Surface, tree: &Tree, of_meshes: Option<&Leaves>, [mesh_first, vertices]: [usize; 2]) -> Table {
+        let of_cloth = &tree.leaves;
+        let (excess, beside) = tree.culls();
+        let mut table = Table { depth: of_cloth.depth, ..Table::default() };
+        (table.mesh_first, table.vertices) = (mesh_first as u32, vertices as u32);
+        if let Some(of_meshes) = of_meshes {
+            (table.mesh_depth, table.mesh_leaves) = (of_meshes.depth, 1 << of_meshes.depth);
+        }
+        table.rows = (vertices + surface.edges.len()) as u32;
+        table.box_edges = surface.triangles.len() as u32;
+        table.triangles = table.add(surface.triangles.as_flattened());
+        table.edges = table.add(surface.edges.as_flattened());
+        table.order = table.add(&surface.order);
+        // The features of mesh colliders begin where those of the cloth end.
+        let both = |of: fn(&Leaves) -> &Vec<u32>| {
+            let of_meshes = of_meshes.into_iter().flat_map(|leaves| of(leaves).iter().skip(1));
+            of(of_cloth).iter().chain(of_meshes).copied().collect::<Vec<u32>>()
+        };
+        table.leaf_triangles = table.add(&both(|leaves| &leaves.triangles));
+        table.leaf_edges = table.add(&both(|leaves| &leaves.edges));
+        table.leaf_vertices = table.add(&both(|leaves| &leaves.vertices));
+        table.excess = table.add(&excess.iter().map(|excess| excess.to_bits()).collect::<Vec<u32>>());
+        // For each node, the position of the list of nodes that share a vertex with it, then these lists.
+        let nodes = 2_usize << of_cloth.depth;
+        let (mut starts, mut items) = (Vec::new(), Vec::new());
+        for node in 0..nodes as u32 {
+            starts.push((table.words.len() + nodes + 1 + items.len()) as u32);
+            if node > 0 {
+                let (level, first) = (node.ilog2(), 1 << node.ilog2());
+                items.extend(beside[level as usize].of(node - first).iter().map(|other| other + first));
+            }
+        }
+        starts.push((table.words.len() + nodes + 1 + items.len()) as u32);
+        table.beside = table.add(&starts);
+        table.add(&items);
+        let of_vertex = |vertex: usize| {
+            let [x, y, z] = xyz(surface.rest[vertex]).to_array().map(f32::to_bits);
+            let [reach, roam] = [surface.reach[vertex], surface.roam[vertex]].map(f32::to_bits);
+            [surface.piece[vertex], reach, roam, x, y, z, surface.triangle_at[vertex]]
+        };
+        table.of_vertices = table.add((0..vertices).map(of_vertex).collect::<Vec<_>>().as_flattened());
+        table
+    }
+
+    fn add(&mut self, words: &[u32]) -> u32 {
+        let first = self.words.len() as u32;
+        self.words.extend_from_slice(words);
+        first
+    }
+
+    /// Number of vertices of mesh colliders.
+    pub(crate) fn mesh_vertices(&self) -> usize {
+        (self.vertices - self.mesh_first) as usize
+    }
+
+    /// Number of nodes of both trees.
+    pub(crate) fn nodes(&self) -> usize {
+        (2 << self.depth) + 2 * self.mesh_leaves as usize
+    }
+
+    /// Number of boxes: those of all triangles and edges.
+    pub(crate) fn boxes(&self) -> usize {
+        (self.box_edges + self.rows - self.vertices) as usize
+    }
+}
