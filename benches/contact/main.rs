@@ -1,4 +1,4 @@
-//! The cost of cloth contact: without it, with it where nothing touches, at rest on itself, and in a heap.
+//! The cost of cloth contact: without it, with it where nothing touches, at rest on itself, in a heap, and on a body.
 //!
 //! ```text
 //! cargo bench --bench contact            # one thread; -- 2 for two; -- heap for the scenes of that name
@@ -45,8 +45,9 @@ fn cloth(scene: &Scene, backend: Backend, contact: Option<Contact>) -> Deformer 
 }
 
 /// The attributes of a frame.
-fn attributes(scene: &Scene, frame: u32) -> Attributes {
-    Attributes { colliders: scene.colliders.clone(), pin_targets: scene.targets(frame + 1), ..Attributes::default() }
+fn attributes(scene: &Scene, frame: u32, has_contact: bool) -> Attributes {
+    let colliders = scene.colliders(frame + 1, has_contact);
+    Attributes { colliders, pin_targets: scene.targets(frame + 1), ..Attributes::default() }
 }
 
 /// Milliseconds per frame with contact and without, the counts of contact in the last frame, and detections per frame.
@@ -54,9 +55,10 @@ fn timed(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
     let mut cloths = [Some(Contact::default()), None].map(|contact| cloth(scene, Backend::Cpu, contact));
     let (mut times, mut detections, start) = ([0.0; 2], 0, Instant::now());
     for frame in 0..scene.frames[0] + scene.frames[1] {
-        for (cloth, time) in cloths.iter_mut().zip(&mut times) {
+        for ((cloth, time), has_contact) in cloths.iter_mut().zip(&mut times).zip([true, false]) {
+            let attributes = attributes(scene, frame, has_contact);
             let begin = seconds(start);
-            cloth.step(FRAME, &attributes(scene, frame)).expect("the step succeeds");
+            cloth.step(FRAME, &attributes).expect("the step succeeds");
             if frame >= scene.frames[0] {
                 *time += 1e3 * (seconds(start) - begin) / f64::from(scene.frames[1]);
             }
@@ -71,13 +73,15 @@ fn timed_on_gpu(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
     let (mut tally, mut detections) = ([0; 4], 0);
     let times = [Some(Contact::default()), None].map(|contact| {
         let mut cloth = cloth(scene, Backend::Gpu, contact);
+        let frames = 0..scene.frames[0] + scene.frames[1];
+        let attributes: Vec<Attributes> = frames.clone().map(|frame| attributes(scene, frame, contact.is_some())).collect();
         let mut start = Instant::now();
-        for frame in 0..scene.frames[0] + scene.frames[1] {
+        for (frame, attributes) in frames.zip(&attributes) {
             if frame == scene.frames[0] {
                 cloth.positions().expect("the GPU is there");
                 start = Instant::now();
             }
-            cloth.step(FRAME, &attributes(scene, frame)).expect("the step succeeds");
+            cloth.step(FRAME, attributes).expect("the step succeeds");
             if contact.is_some() {
                 tally = cloth.contact_tally();
                 detections += if frame < scene.frames[0] { 0 } else { tally[1] };

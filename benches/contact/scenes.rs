@@ -1,15 +1,17 @@
-//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted.
+//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted, and a garment on a body.
 
 use std::f32::consts::PI;
 
-use cloth_deformer::glam::{Quat, Vec3};
+use std::sync::Arc;
+
+use cloth_deformer::glam::{Affine3A, Quat, Vec3};
 use cloth_deformer::{Collider, Mesh};
 
 #[allow(dead_code, unreachable_pub, reason = "the tests share these shapes and make more")]
 #[path = "../../tests/common/shapes.rs"]
 mod shapes;
 
-use shapes::{bent, sheets};
+use shapes::{bent, capsule, sheets, tube};
 
 pub(crate) struct Scene {
     pub name: &'static str,
@@ -21,6 +23,8 @@ pub(crate) struct Scene {
     pub start: Option<Vec<Vec3>>,
     /// Angle (rad) by which the pins at each end are turned per frame, in opposite directions.
     pub twist: f32,
+    /// A body that sways and turns; the pins follow it.
+    pub body: Option<Mesh>,
     /// Number of frames before timing, and of frames that are timed.
     pub frames: [u32; 2],
 }
@@ -28,7 +32,7 @@ pub(crate) struct Scene {
 /// A scene of loose cloth above a floor.
 fn plain(name: &'static str, mesh: Mesh, substeps: u32, frames: [u32; 2]) -> Scene {
     let colliders = vec![Collider::plane(Vec3::ZERO, Vec3::Y)];
-    Scene { name, mesh, substeps, pinned: Vec::new(), colliders, start: None, twist: 0.0, frames }
+    Scene { name, mesh, substeps, pinned: Vec::new(), colliders, start: None, twist: 0.0, body: None, frames }
 }
 
 /// A square sheet.
@@ -39,6 +43,12 @@ fn grid(n: u32) -> Mesh {
 /// A sheet that hangs from one side.
 fn hung(name: &'static str, frames: [u32; 2]) -> Scene {
     Scene { pinned: (0..64).collect(), colliders: Vec::new(), ..plain(name, grid(64), 40, frames) }
+}
+
+/// The motion of the body: .1 m to and fro and a sixth of a turn, in a second.
+fn sway(frame: u32) -> Affine3A {
+    let phase = (PI * frame as f32 / 30.0).sin();
+    Affine3A::from_rotation_translation(Quat::from_rotation_y(0.5 * phase), 0.1 * phase * Vec3::X)
 }
 
 /// A sheet that stands on an edge.
@@ -52,6 +62,15 @@ fn on_edge(n: u32) -> Mesh {
     mesh
 }
 
+/// A garment of 10,000 vertices on a body of 19,880 triangles.
+fn garment() -> Scene {
+    let mut body = capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.15, 71);
+    let upright = Quat::from_rotation_z(0.5 * PI);
+    body.positions.iter_mut().for_each(|x| *x = upright * *x);
+    let mesh = tube(0.165, 0.9, 100, 100);
+    Scene { pinned: (0..100).collect(), colliders: Vec::new(), body: Some(body), ..plain("garment", mesh, 20, [30, 60]) }
+}
+
 pub(crate) fn scenes() -> Vec<Scene> {
     let mut lying = sheets(2, 32, 1.0, 0.006);
     lying.positions.iter_mut().for_each(|x| x.y -= 0.001);
@@ -62,6 +81,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
         Scene { start: Some(grid(40).positions.iter().map(bent).collect()), ..plain("fold, 40", grid(40), 20, [1, 60]) },
         plain("heap, 32", on_edge(32), 20, [20, 70]),
         plain("heap, 64", on_edge(64), 40, [20, 30]),
+        garment(),
     ]
 }
 
@@ -95,10 +115,22 @@ pub(crate) fn large() -> Vec<Scene> {
 impl Scene {
     /// The pins' positions in a frame, if they move.
     pub(crate) fn targets(&self, frame: u32) -> Option<Vec<Vec3>> {
-        let turned = |&pin: &u32| {
+        let sway = sway(frame);
+        let moved = |&pin: &u32| {
             let x = self.mesh.positions[pin as usize];
-            Quat::from_rotation_x(self.twist * frame as f32 * x.x.signum()) * x
+            let turn = Quat::from_rotation_x(self.twist * frame as f32 * x.x.signum());
+            if self.body.is_some() { sway.transform_point3(x) } else { turn * x }
         };
-        (self.twist > 0.0).then(|| self.pinned.iter().map(turned).collect())
+        (self.twist > 0.0 || self.body.is_some()).then(|| self.pinned.iter().map(moved).collect())
+    }
+
+    /// The colliders in a frame; with the body only if it `has_contact`.
+    pub(crate) fn colliders(&self, frame: u32, has_contact: bool) -> Vec<Collider> {
+        let (sway, mut colliders) = (sway(frame), self.colliders.clone());
+        if let Some(body) = self.body.as_ref().filter(|_| has_contact) {
+            let positions = body.positions.iter().map(|&x| sway.transform_point3(x)).collect();
+            colliders.push(Collider::mesh(Arc::new(Mesh { positions, triangles: body.triangles.clone() })));
+        }
+        colliders
     }
 }

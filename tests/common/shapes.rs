@@ -40,6 +40,25 @@ pub fn sheets(count: u32, n: u32, size: f32, gap: f32) -> Mesh {
     mesh
 }
 
+/// An open tube around the y-axis.
+pub fn tube(radius: f32, height: f32, around: u32, rows: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for row in 0..rows {
+        for step in 0..around {
+            let (z, x) = (2.0 * PI * step as f32 / around as f32).sin_cos();
+            mesh.positions.push(Vec3::new(radius * x, height * (0.5 - row as f32 / (rows - 1) as f32), radius * z));
+        }
+    }
+    for row in 1..rows {
+        for step in 0..around {
+            let at = |row: u32, step: u32| row * around + step % around;
+            let [p, q, r, s] = [at(row - 1, step), at(row - 1, step + 1), at(row, step), at(row, step + 1)];
+            mesh.triangles.extend([[p, q, r], [q, s, r]]);
+        }
+    }
+    mesh
+}
+
 /// A ball with poles on the x-axis, divided into `rings` rings.
 pub fn ball(center: Vec3, radius: f32, rings: u32) -> Mesh {
     capsule(center, center, radius, rings)
