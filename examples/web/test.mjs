@@ -32,7 +32,9 @@ const address = `http://127.0.0.1:${server.address().port}/`;
 
 const { initSync, Toy } = await import(new URL("dist/cloth.js", import.meta.url));
 const module = readFileSync(new URL("dist/cloth_bg.wasm", import.meta.url));
-console.log(`module: ${Math.round(gzipSync(module, { level: 9 }).length / 1000)} kB with gzip, ${Math.round(brotliCompressSync(module).length / 1000)} kB with brotli`);
+const size = { gzip: gzipSync(module, { level: 9 }).length, brotli: brotliCompressSync(module).length };
+console.log(`module: ${Math.round(size.gzip / 1000)} kB with gzip, ${Math.round(size.brotli / 1000)} kB with brotli`);
+assert.ok(size.brotli <= 400_000, "the page's code takes more than 400 kB as a server sends it");
 initSync({ module });
 
 const browser = await chromium.launch({
