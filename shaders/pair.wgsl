@@ -3,6 +3,7 @@
 const RELAXATION: f32 = 1.7;
 const KEEP: f32 = 0.05;
 const THIN: f32 = 1e-6;
+const NARROW: f32 = 0.2;
 
 // The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
 // other).
@@ -26,6 +27,30 @@ fn square(a: vec3f) -> f32 {
 // The vector from the second side's closest point to the first's; of displacements, the relative displacement.
 fn between(weights: vec4f, at: Four) -> vec3f {
     return at.a * weights.x + at.b * weights.y + at.c * weights.z + at.d * weights.w;
+}
+
+fn without(v: vec3f, t: vec3f) -> vec3f {
+    return v - t * (dot(v, t) / max(square(t), 1e-30));
+}
+
+// The part of `apart`, the vector between the closest points, that is perpendicular to the corners that these points lie
+// between.
+fn perpendicular(apart: vec3f, weights: vec4f, at: Four, is_edge: bool) -> vec3f {
+    let used = select(vec4f(1.0), vec4f(), weights == vec4f());
+    var first = (at.b - at.a) * (used.x * used.y);
+    var second = (at.d - at.c) * (used.z * used.w);
+    if !is_edge {
+        // Two sides of the triangle if the point is inside, the side on which it is, or none.
+        first = (at.c - at.b) * (used.y * used.z) + (at.d - at.c) * (used.z * used.w * (1.0 - used.y));
+        second = (at.d - at.b) * (used.y * used.w);
+    }
+    let across = without(second, first);
+    let part = without(apart, first);
+    // Parallel sides are one direction.
+    if square(across) > square(second) * THIN {
+        return without(part, across);
+    }
+    return part;
 }
 
 // The parameter, from 0 to 1, of the point on the segment `b` that is nearest to `a`; both start at the origin.

@@ -7,6 +7,7 @@ use super::coincident::{TOUCHING, coincident};
 use super::lanes::{corners_of, filled, scattered, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest};
 use super::surface::Surface;
+use crate::kernels::pair::{NARROW, perpendicular};
 use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
 
 /// A pair acts if it comes closer than its thickness plus this multiple of it. Other near pairs are held by truncation
@@ -141,7 +142,16 @@ impl Loop for Find<'_> {
             if lanes == 0 {
                 continue;
             }
-            let normal = apart * (one / distance);
+            let mut normal = apart * (one / distance);
+            let is_far = (thickness * L::splat(NARROW)).lt(distance);
+            if L::bits(is_far) & lanes != lanes {
+                let exact = perpendicular(apart, weights, x, kind == Kind::EdgeEdge);
+                let length = exact.dot(exact).sqrt();
+                // A vector that all but vanishes is noise.
+                let is_kept = L::or(is_far, length.lt(distance * L::splat(0.5)));
+                let of = |kept: L, exact: L| L::select(is_kept, kept, exact / length);
+                normal = Vector::new(of(normal.x, exact.x), of(normal.y, exact.y), of(normal.z, exact.z));
+            }
             let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(by, places)));
             let mut acts = gap.lt(thickness * L::splat(ACTING));
             let free = match kind {

@@ -15,6 +15,8 @@ pub(crate) const KEEP: f32 = 0.05;
 
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 pub(crate) const THIN: f32 = 1e-6;
+/// Pairs closer than this share of their thickness are so close that the direction between them is that of [`perpendicular`].
+pub(crate) const NARROW: f32 = 0.2;
 /// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 
@@ -96,6 +98,31 @@ pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
     // Where the parameter on the second edge was clamped, recompute that on the first.
     let s = clamp01((b * t - c) / a);
     [one - s, s, t - one, zero - t]
+}
+
+/// The part of `apart` (m), the vector between the closest points, that is perpendicular to the corners that these
+/// points lie between.
+///
+/// In exact arithmetic that is all of it. In single precision the vector between features that nearly touch is tilted,
+/// by the rounding of positions over its length. Over the length of an edge that is more than the distance, so that a
+/// plane across the vector would not separate the two sides.
+#[inline(always)]
+pub(crate) fn perpendicular<L: Lanes>(apart: Vector<L>, weights: [L; 4], x: [Vector<L>; 4], is_edge: bool) -> Vector<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let is_used = weights.map(|weight| L::select(L::eq(weight, zero), zero, one));
+    let side = |a: usize, b: usize| (x[b] - x[a]) * (is_used[a] * is_used[b]);
+    let (first, second) = if is_edge {
+        (side(0, 1), side(2, 3))
+    } else {
+        // Two sides of the triangle if the point is inside, the side on which it is, or none.
+        let [_, a, _, _] = is_used;
+        (side(1, 2) + side(2, 3) * (one - a), side(1, 3))
+    };
+    let without = |v: Vector<L>, t: Vector<L>| v - t * (v.dot(t) / square(t).max(L::splat(1e-30)));
+    let across = without(second, first);
+    // Parallel sides are one direction.
+    let across = across * L::select((square(second) * L::splat(THIN)).lt(square(across)), one, zero);
+    without(without(apart, first), across)
 }
 
 /// One Jacobi step of a pair's multipliers: `rub`, those of friction, and `press`, that of the normal (kg m).

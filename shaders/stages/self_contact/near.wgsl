@@ -82,6 +82,12 @@ fn look_at_pair(k: u32) -> Looked {
     let weights = closest.weights;
     var distance = length(closest.apart);
     var normal = closest.apart / max(distance, 1e-12);
+    if distance < NARROW * pair.thickness {
+        let exact = perpendicular(closest.apart, weights, positions(pair.corners), is_edge);
+        // A vector that all but vanishes is noise.
+        let size = length(exact);
+        normal = select(normal, exact / size, size > 0.5 * distance);
+    }
     var state = 0u;
     let least = select(1e-12, TOUCHING * pair.thickness, begins());
     if closest.left < pair.thickness && distance > least {
