@@ -42,6 +42,11 @@ fn parts_for_good(name: &str, mesh: &Mesh, x: &[Vec3]) {
     println!("{name}: {parted:?}, worst strain {strain}");
     assert!(parted.before > 10 && parted.after == 0, "{name}: {parted:?}");
     assert!(strain < 0.1, "{name}: worst strain {strain}");
+    stays_apart(name, mesh, &mut cloth);
+}
+
+/// Steps on: no intersection may return.
+fn stays_apart(name: &str, mesh: &Mesh, cloth: &mut Deformer) {
     for frame in 1..=20 {
         let report = cloth.step(FRAME, &Attributes::default()).unwrap();
         assert!(!report.warnings.iter().any(|warning| matches!(warning, Warning::Crossings { .. })), "{name}: {report:?}");
@@ -66,18 +71,30 @@ fn two_sheets_part() {
     parts_for_good("a crease", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.x.abs() / 0.15)));
 }
 
-/// A towel that fell without contact intersects itself all over its folds.
+/// Towels that fell without contact intersect themselves all over their folds. Most of it is undone, and what is undone
+/// for good stays so. How much depends on the start: of 24 towels 7 were left with nothing, and of 5400 intersections
+/// together 5 % remained.
 #[test]
-fn a_towel_that_fell_without_contact() {
-    let mut mesh = jittered(Mesh::grid(36, 36, 1.2, 1.2), 4);
-    mesh.positions.iter_mut().for_each(|x| x.y += 0.7);
-    let quality = Quality::Substeps(40);
-    let options = Options { backend: Backend::Cpu, quality, fabric: Fabric::TOWEL, ..Options::default() };
-    let mut fallen = Deformer::new(&mesh, options).unwrap();
-    let colliders = vec![Collider::sphere(0.3 * Vec3::Y, 0.3), Collider::plane(Vec3::ZERO, Vec3::Y)];
-    let scene = Attributes { colliders, ..Attributes::default() };
-    (0..60).for_each(|_| drop(fallen.step(FRAME, &scene).unwrap()));
-    parts_for_good("a towel", &mesh, fallen.positions().unwrap());
+fn towels_that_fell_without_contact() {
+    let (mut before, mut after) = (0, 0);
+    for seed in 1..=9 {
+        let mut mesh = jittered(Mesh::grid(36, 36, 1.2, 1.2), seed);
+        mesh.positions.iter_mut().for_each(|x| x.y += 0.7);
+        let quality = Quality::Substeps(40);
+        let options = Options { backend: Backend::Cpu, quality, fabric: Fabric::TOWEL, ..Options::default() };
+        let mut fallen = Deformer::new(&mesh, options).unwrap();
+        let colliders = vec![Collider::sphere(0.3 * Vec3::Y, 0.3), Collider::plane(Vec3::ZERO, Vec3::Y)];
+        let scene = Attributes { colliders, ..Attributes::default() };
+        (0..60).for_each(|_| drop(fallen.step(FRAME, &scene).unwrap()));
+        let (mut cloth, parted) = part(&mesh, fallen.positions().unwrap(), Vec::new());
+        println!("towel {seed}: {parted:?}");
+        assert!(parted.before > 50, "towel {seed}: {parted:?}");
+        (before, after) = (before + parted.before, after + parted.after);
+        if parted.after == 0 {
+            stays_apart(&format!("towel {seed}"), &mesh, &mut cloth);
+        }
+    }
+    assert!(10 * after < before, "{after} of {before} intersections are left");
 }
 
 /// Two crossing sheets with pinned borders (an X seen from the side) cannot be separated.
