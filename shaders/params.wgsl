@@ -26,6 +26,7 @@ struct Params {
     longest: f32,
     tethers: u32,
     load: f32,
+    checks: u32,
 }
 
 struct Substep {

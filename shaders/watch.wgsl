@@ -2,12 +2,9 @@
 
 const MOST_SQUARE: f32 = 1e30;
 
-// Mass of a vertex with inverse mass `w`; 0 for a pin, whose motion is prescribed.
-fn free_mass(w: f32) -> f32 {
-    if w == 0.0 {
-        return 0.0;
-    }
-    return 1.0 / w;
+fn is_fast(p: vec3f) -> bool {
+    let ratio = p * params.per_length;
+    return dot(ratio, ratio) > 1.0;
 }
 
 fn energy_share(p: vec3f, mass: f32) -> f32 {

@@ -7,8 +7,8 @@ use crate::record::recorded;
 /// What an engine knows of a motion besides positions and displacements.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Past {
-    /// Number of good steps since the state was set, and the edge at which the GPU's next stability check begins.
-    pub steps: [u32; 2],
+    /// Number of good steps since the state was set.
+    pub steps: u32,
     /// Statistics of steps that a GPU has taken and not returned yet.
     pub untold: Vec<Statistics>,
     /// State of the cloth's contact with itself.

@@ -10,42 +10,21 @@
 // long.
 @group(1) @binding(5) var<storage, read> ends: array<vec2u>;
 
-// Each invocation's share of the allowed kinetic energy.
-var<workgroup> shares: array<f32, WORKGROUP>;
-
-// Number of edges that a step checks.
-fn edges_each() -> u32 {
-    return max((params.edges + TURNS - 1u) / TURNS, min(LEAST, params.edges));
-}
-
+// Where the substeps were not made by tiles, which check their own.
 @compute @workgroup_size(WORKGROUP)
-fn check(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
+fn check(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    let looks = found.stopped == 0u;
-    var share = 0.0;
-    if looks && i < params.vertices {
-        share = energy_share(p_made[i].xyz, free_mass(x_made[i].w));
-        look_at_vertex(i, x_made[i].xyz, p_made[i].xyz, share);
+    if found.stopped != 0u {
+        return;
     }
-    if looks && i < edges_each() {
-        let k = (found.next + i) % params.edges;
-        if is_long(x_made[ends[k].x].xyz - x_made[ends[k].y].xyz) {
-            atomicMin(&found.long, k);
-        }
+    if i < params.vertices {
+        look_at_vertex(i, x_made[i].xyz, p_made[i].xyz, x_made[i].w);
     }
-    shares[lane] = share;
-    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
-        workgroupBarrier();
-        if lane < width {
-            shares[lane] += shares[lane + width];
-        }
-    }
-    if lane == 0u && shares[0] > 0.0 {
-        add_energy(shares[0]);
+    let each = max((params.edges + TURNS - 1u) / TURNS, LEAST);
+    let parts = max((params.edges + each - 1u) / each, 1u);
+    let k = (found.steps + 1u) % parts * each + i;
+    if i < each && k < params.edges && is_long(x_made[ends[k].x].xyz - x_made[ends[k].y].xyz) {
+        atomicMin(&found.long, k);
     }
 }
 
@@ -53,7 +32,7 @@ fn check(
 fn commit(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
     if i == 0u {
-        end_of_watch(params.edges, edges_each());
+        end_of_watch();
     }
     if i < params.vertices && !has_failed() {
         x[i] = x_made[i];

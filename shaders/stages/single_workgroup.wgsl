@@ -131,27 +131,8 @@ fn correct_on_levels(lane: u32) {
     workgroupBarrier();
 }
 
-// Every vertex, and the edges of one color, the next step those of the next.
-fn look(lane: u32) {
-    var share = 0.0;
-    for (var v = lane; v < params.vertices; v += LANES) {
-        let of_vertex = energy_share(displacement(v), free_mass(state[v].w));
-        look_at_vertex(v, state[v].xyz, displacement(v), of_vertex);
-        share += of_vertex;
-    }
-    if share > 0.0 {
-        add_energy(share);
-    }
-    let color = found.next % max(COLORS, 1u);
-    for (var k = lane; COLORS > 0u && k < WIDTH; k += LANES) {
-        let stored = fetch(edges_of(0u), color, k);
-        if stored.ends == NO_EDGE {
-            continue;
-        }
-        if is_long(state[stored.ends & 0xffffu].xyz - state[stored.ends >> 16u].xyz) {
-            atomicMin(&found.long, IN_TABLE | (color * WIDTH + k));
-        }
-    }
+fn position_at(k: u32) -> vec3f {
+    return state[k].xyz;
 }
 
 @compute @workgroup_size(LANES)
@@ -195,13 +176,16 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
         meet_at_state();
     }
     if found.stopped == 0u {
-        look(lane);
+        for (var v = lane; v < all; v += LANES) {
+            look_at_vertex(v, state[v].xyz, displacement(v), state[v].w);
+        }
+        look_at_edges(0u, IN_TABLE, lane);
     }
     meet_at_state();
     let failed = has_failed();
     meet_at_state();
     if lane == 0u {
-        end_of_watch(COLORS, 1u);
+        end_of_watch();
     }
     if failed {
         return;

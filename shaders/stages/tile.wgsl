@@ -10,9 +10,14 @@
 @group(1) @binding(5) var<storage, read_write> p_out: array<vec4f>;
 // The correction of each aggregate of the finest coarse level.
 @group(1) @binding(6) var<storage, read> shift: array<vec4f>;
+@group(1) @binding(7) var<storage, read_write> found: Found;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return project_edge(d0, du, edge);
+}
+
+fn position_at(k: u32) -> vec3f {
+    return tile_x[k].xyz;
 }
 
 @compute @workgroup_size(LANES)
@@ -40,6 +45,11 @@ fn substep_of_tile(
         tile_u[k] = vec4f(motion_displacement(motion_v, x_v.w, substep) + corrected, 0.0);
     }
     workgroupBarrier();
+    let looks = params.checks != 0u && substep.end == 1.0 && found.stopped == 0u;
+    if looks {
+        // As they are before the last substep, because this workgroup does not know where other tiles' vertices go in it.
+        look_at_edges(tile, IN_TILES, lane);
+    }
     sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(tile, k);
@@ -47,5 +57,8 @@ fn substep_of_tile(
         let path = after_contact(v, x_v, tile_u[k].xyz, substep);
         x_out[v] = vec4f(path.x + path.u, x_v.w);
         p_out[v] = vec4f(path.u, params.h);
+        if looks {
+            look_at_vertex(v, path.x + path.u, path.u, x_v.w);
+        }
     }
 }

@@ -6,8 +6,9 @@ const ALL_ENERGY: u32 = 0x1000000u;
 const TURNS: u32 = 128u;
 // The least number of edges that a step checks.
 const LEAST: u32 = 16u;
-// Set by `single_workgroup.wgsl` beside the index of an edge, which is an index in the tile's table there.
+// Set beside the index of an edge that is an index in the table of a single workgroup, or of tiles.
 const IN_TABLE: u32 = 0x80000000u;
+const IN_TILES: u32 = 0x40000000u;
 
 struct Found {
     // The first vertex out of bounds; NONE if there is none.
@@ -16,29 +17,29 @@ struct Found {
     long: atomic<u32>,
     // The first vertex faster than the bound on the RMS speed; NONE if there is none.
     fast: atomic<u32>,
-    // Kinetic energy of the step so far, as a share of ALL_ENERGY.
+    // Kinetic energy of the vertices faster than that, as a share of ALL_ENERGY.
     energy: atomic<u32>,
-    // 1 once the kinetic energy has exceeded what is allowed.
+    // 1 once that energy has exceeded what is allowed.
     hot: atomic<u32>,
     // 1 after a step failed. Later steps start from the same state and do not check anything.
     stopped: u32,
     // Number of successful steps.
     steps: u32,
-    // The first edge that the next step checks.
-    next: u32,
 }
 
 fn has_failed() -> bool {
     return atomicLoad(&found.lost) != NONE || atomicLoad(&found.long) != NONE || atomicLoad(&found.hot) != 0u;
 }
 
-fn look_at_vertex(i: u32, x: vec3f, p: vec3f, share: f32) {
+// Vertex `i` with inverse mass `w`, now at `x`, which moved by `p` in the last substep. Few are ever fast, so the sum costs
+// nothing else.
+fn look_at_vertex(i: u32, x: vec3f, p: vec3f, w: f32) {
     if !(is_bounded(x) && is_bounded(p)) {
         atomicMin(&found.lost, i);
     }
-    let ratio = p * params.per_length;
-    if share > 0.0 && dot(ratio, ratio) > 1.0 {
+    if w > 0.0 && is_fast(p) {
         atomicMin(&found.fast, i);
+        add_energy(energy_share(p, 1.0 / w));
     }
 }
 
@@ -51,14 +52,13 @@ fn add_energy(share: f32) {
     }
 }
 
-// Called by one invocation at the end of the check. `parts` is the number of edges, of which each step checks `each`.
-fn end_of_watch(parts: u32, each: u32) {
+// Called by one invocation at the end of the check.
+fn end_of_watch() {
     if has_failed() {
         found.stopped = 1u;
         return;
     }
     found.steps += 1u;
-    found.next = (found.next + each) % max(parts, 1u);
     atomicStore(&found.fast, NONE);
     atomicStore(&found.energy, 0u);
 }

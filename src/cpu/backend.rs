@@ -104,7 +104,7 @@ impl Cpu {
 
     pub(crate) fn past(&self) -> Past {
         let contact = self.contact.as_deref().map(SelfContact::past);
-        Past { steps: [self.steps, 0], untold: Vec::new(), contact }
+        Past { steps: self.steps, untold: Vec::new(), contact }
     }
 
     /// Resumes from a state and a recorded past. Returns false if this cloth cannot have such a past; positions and
@@ -126,7 +126,7 @@ impl Cpu {
         }
         self.x.copy_from_slice(x);
         self.p.copy_from_slice(p);
-        self.steps = past.steps[0];
+        self.steps = past.steps;
         true
     }
 

@@ -78,11 +78,12 @@ impl Found {
             let of = |u| f64::from(energy_share(u, mass, params.per_length, params.per_mass));
             of(u.x) + of(u.y) + of(u.z)
         };
-        let is_free = |index: usize| x[index].w > 0.0;
-        let shares = u.iter().zip(&cloth.mass).enumerate().filter(|&(index, _)| is_free(index)).map(|(_, of)| share(of));
-        if shares.sum::<f64>() >= 1.0 {
-            let is_fast = |&index: &usize| is_free(index) && (xyz(u[index]) * params.per_length).length_squared() > 1.0;
-            return Some(Cause::Energy((0..cloth.mass.len()).find(is_fast).unwrap_or(0)));
+        let is_fast = |index: usize| x[index].w > 0.0 && (xyz(u[index]) * params.per_length).length_squared() > 1.0;
+        let mut fast = u.iter().zip(&cloth.mass).enumerate().filter(|&(index, _)| is_fast(index)).peekable();
+        if let Some(&(first, _)) = fast.peek()
+            && fast.map(|(_, of)| share(of)).sum::<f64>() >= 1.0
+        {
+            return Some(Cause::Energy(first));
         }
         overlong(cloth, params.longest, step, x).map(Cause::Edge)
     }

@@ -8,7 +8,7 @@ use crate::gpu::stage::{Bind, Stage};
 use crate::gpu::state::State;
 use crate::gpu::watch::Found;
 use crate::model::cloth::Cloth;
-use crate::step::watch::TURNS;
+use crate::step::watch::{LEAST, TURNS};
 
 /// Dispatches of a commit.
 pub(crate) const DISPATCHES: usize = 2;
@@ -50,13 +50,16 @@ impl Commit {
 
     /// Resets a failure; keeps the number of steps.
     pub(crate) fn go_on(&self, gpu: &Gpu, found: Found) {
-        gpu.write(&self.found, 0, &[Found { steps: found.steps, next: found.next, ..Found::NOTHING }]);
+        gpu.write(&self.found, 0, &[Found { steps: found.steps, ..Found::NOTHING }]);
     }
 
-    /// Encodes the commit of state number `made`.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, made: usize, cloth: &Cloth) {
+    /// Encodes the commit of state number `made`, and its check unless it is already `checked`.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, made: usize, cloth: &Cloth, checked: bool) {
         let vertices = cloth.rest.len();
-        self.check.dispatch(pass, made - 1, &[], vertices.max(cloth.swept().len().div_ceil(TURNS)));
+        if !checked {
+            let edges = cloth.swept().len().div_ceil(TURNS).max(LEAST);
+            self.check.dispatch(pass, made - 1, &[], vertices.max(edges));
+        }
         self.keep.dispatch(pass, made - 1, &[], vertices);
     }
 }

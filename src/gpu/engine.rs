@@ -133,11 +133,11 @@ impl GpuEngine {
             let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
             let tiled = path != Path::PerColor && method == Method::SmallSteps;
             let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
+            let commit = Commit::new(&gpu, cloth, &forces);
             let sweep = match tiles.flatten() {
-                Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, &forces, &bodies)),
+                Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, &forces, &bodies, &commit.found)),
                 None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
             };
-            let commit = Commit::new(&gpu, cloth, &forces);
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
             Ok(GpuEngine {
                 report: Report::new(&gpu),
@@ -170,7 +170,7 @@ impl GpuEngine {
             self.forces.forget_springs();
             return Ok(());
         }
-        let steps = self.past()?.steps[0];
+        let steps = self.past()?.steps;
         let (gpu, own) = (self.gpu.clone(), self.forces.states[0].clone());
         let best = GpuEngine::best(&gpu, cloth, method);
         let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own)).map_err(Failure::Gpu)?;
@@ -297,7 +297,7 @@ impl GpuEngine {
             let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
             match sweep {
                 Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
-                Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, shift),
+                Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, &commit.found, shift),
             }
             if let Some(single) = single_workgroup {
                 single.rebind(gpu, forces, bodies, &commit.found);
@@ -393,8 +393,13 @@ impl GpuEngine {
         let last = plan.substeps.len() - 1;
         let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
         self.forces.bind_substep(pass, last);
-        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth);
+        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth, self.is_checked(plan));
         self.counter().into_iter().for_each(|counter| counter.encode(pass));
+    }
+
+    /// Whether the last substep checks the step's result.
+    fn is_checked(&self, plan: &Plan<'_>) -> bool {
+        plan.params.checks != 0 && matches!(self.sweep, Sweep::Tiled(_))
     }
 
     /// The statistics' kernels, if the step's are wanted.

@@ -71,10 +71,10 @@ shaders! {
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";
     CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
-    TILE: "integrate" "distance" "tether" "contact"
-        "stages/motion" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
+    TILE: "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/motion" "stages/sweep"
+        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
     SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
-        "stages/watch" "stages/sweep" "stages/tiles" "stages/levels" "stages/tethers" "stages/move"
+        "stages/watch" "stages/sweep" "stages/tiles" "stages/look" "stages/levels" "stages/tethers" "stages/move"
         "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
     COMMIT: "limits" "watch" "stages/watch" "stages/commit";
     RESTRICT: "integrate" "stages/motion" "stages/restrict";

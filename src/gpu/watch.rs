@@ -1,4 +1,4 @@
-//! The result of the stability check on the GPU: eight words that stay there until somebody reads them, and that are
+//! The result of the stability check on the GPU: seven words that stay there until somebody reads them, and that are
 //! read back with a delay where nobody does.
 
 use std::sync::Arc;
@@ -12,8 +12,9 @@ use crate::error::failure::{Cause, Failure};
 
 /// No vertex or edge: `NONE` of `limits.wgsl`.
 pub(crate) const NONE: u32 = u32::MAX;
-/// Marks an edge's place as one in the tile's table; set by `single_workgroup.wgsl`.
+/// Marks an edge's place as one in the table of a single workgroup, or of tiles.
 pub(crate) const IN_TABLE: u32 = 1 << 31;
+pub(crate) const IN_TILES: u32 = 1 << 30;
 /// Number of steps after which the words are requested again: often enough, at a negligible cost per step.
 const EVERY: u32 = 8;
 
@@ -34,22 +35,18 @@ pub(crate) struct Found {
     pub hot: u32,
     pub stopped: u32,
     pub steps: u32,
-    pub next: u32,
 }
 
 impl Found {
     /// The state before the first step.
-    pub(crate) const NOTHING: Found =
-        Found { lost: NONE, long: NONE, fast: NONE, energy: 0, hot: 0, stopped: 0, steps: 0, next: 0 };
+    pub(crate) const NOTHING: Found = Found { lost: NONE, long: NONE, fast: NONE, energy: 0, hot: 0, stopped: 0, steps: 0 };
 
-    /// The failure that the words report, if any; `edge` converts a place in the tile's table to that of the cloth's
-    /// edge.
-    pub(crate) fn verdict(&self, edge: impl Fn(usize) -> usize) -> Result<(), Failure> {
+    /// The failure that the words report, if any; `edge` converts a marked place in a table to the cloth's edge.
+    pub(crate) fn verdict(&self, edge: impl Fn(u32) -> usize) -> Result<(), Failure> {
         let Found { lost, long, fast, hot, steps, .. } = *self;
         let cause = match (lost, hot, long) {
             (NONE, 0, NONE) => return Ok(()),
-            (NONE, 0, place) if place & IN_TABLE != 0 => Cause::Edge(edge((place ^ IN_TABLE) as usize)),
-            (NONE, 0, place) => Cause::Edge(place as usize),
+            (NONE, 0, place) => Cause::Edge(edge(place)),
             (NONE, ..) => Cause::Energy(if fast == NONE { 0 } else { fast as usize }),
             (vertex, ..) => Cause::Lost(vertex as usize),
         };
@@ -113,3 +110,7 @@ impl Report {
         Ok(found)
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/gpu_watch.rs"]
+mod tests;

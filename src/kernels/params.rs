@@ -52,7 +52,9 @@ pub(crate) struct Params {
     pub tethers: u32,
     /// Acceleration (m/s²) under whose load tethers are lengthened by their slack.
     pub load: f32,
-    pub padding: [u32; 2],
+    /// 1 if tiles check the result of the step in its last substep, because nothing follows it.
+    pub checks: u32,
+    pub padding: u32,
 }
 
 /// Parameters that differ between substeps.

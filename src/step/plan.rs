@@ -158,6 +158,7 @@ impl<'a> Plan<'a> {
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             load: acceleration(cloth, attributes) as f32,
+            checks: 1,
             // No limit is set until [`Watch`](crate::step::watch::Watch) sets one.
             longest: f32::MAX,
             ..Params::default()

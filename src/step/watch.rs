@@ -8,8 +8,8 @@
 //! waves in the fabric. Also, in one substep an edge moves its ends by at most its own stretch, a speed of `e l0 / h`.
 //! The smaller of the two at e = 1 is taken. With bending it is `2 l0 / h` instead: bending changes a shape by at most
 //! twice its deviation from flat in a substep, and a neighbor deviates by at most an edge's length. The bound is
-//! [`MARGIN`] times the sum, so 64 times in energy. It applies to the cloth's total kinetic energy: the tip of a whip
-//! may be faster.
+//! [`MARGIN`] times the sum, so 64 times in energy. It applies to the kinetic energy of all vertices that are faster than
+//! that, as a share of what the whole cloth would have at that speed: the tip of a whip may be faster.
 //!
 //! The explainable length is the cloth's own extent, plus what its load and speed stretch it by if it is soft, plus
 //! what one sweep leaves if there are few substeps, plus the distance that colliders have moved, since they may carry

@@ -13,7 +13,7 @@ use crate::gpu::multigrid::Member;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
 use crate::gpu::tiles::NO_EDGE;
-use crate::gpu::watch::{Found, IN_TABLE, NONE};
+use crate::gpu::watch::{Found, IN_TABLE, IN_TILES, NONE};
 use crate::kernels::bending::{BendEntry, BendPass, BendRow};
 use crate::kernels::contact::Body;
 use crate::kernels::distance::Edge;
@@ -42,9 +42,9 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest, tethers, load }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest, tethers, load, checks }),
         layout!(Substep { carry, gain, rate, start, end }),
-        layout!(Found { lost, long, fast, energy, hot, stopped, steps, next }),
+        layout!(Found { lost, long, fast, energy, hot, stopped, steps }),
         layout!(Span { start, end }),
         layout!(Pin { origin, vertex, goal, padding }),
         layout!(BendRow { stiffness, tau, diagonal }),
@@ -110,6 +110,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("SLOW", Literal::F32(statistics::SLOW)),
         ("SLOW_PARTS", Literal::F32(statistics::SLOW_PARTS)),
         ("IN_TABLE", Literal::U32(IN_TABLE)),
+        ("IN_TILES", Literal::U32(IN_TILES)),
         ("MOST_SQUARE", Literal::F32(crate::kernels::watch::MOST_SQUARE)),
         ("ALL_ENERGY", Literal::U32(1 << 24)),
         ("LEAST", Literal::U32(crate::step::watch::LEAST as u32)),

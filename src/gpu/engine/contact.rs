@@ -87,7 +87,7 @@ impl GpuEngine {
             self.read(|at, _| x.extend_from_slice(at))?;
             self.contact.iter_mut().for_each(|contact| contact.look(plan, std::mem::take(&mut x)));
         }
-        let params = Params { bodies: 0, ..plan.params };
+        let params = Params { bodies: 0, checks: 0, ..plan.params };
         let swept = Plan { bodies: &[], bodies_and_anchors: plan.anchors, params, ..*plan };
         let stepped = gpu.checked(|| {
             self.prepare(&swept, false);

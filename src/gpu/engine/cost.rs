@@ -44,7 +44,7 @@ impl GpuEngine {
         let levels = plan.params.levels as usize;
         let [more_rounds, more_edges] = multigrid.map_or([0, 0], |multigrid| multigrid.counts(levels));
         GpuStats {
-            dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES,
+            dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES - usize::from(self.is_checked(plan)),
             bytes: substeps * (substep + multigrid.map_or(0, |multigrid| multigrid.bytes(levels))) + 3 * state,
             rounds: substeps * (rounds + more_rounds),
             edges: substeps * (edges + more_edges),

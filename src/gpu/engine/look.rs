@@ -2,13 +2,13 @@
 
 use glam::Vec4;
 
-use super::GpuEngine;
+use super::{GpuEngine, Sweep};
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
 use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
 use crate::gpu::statistics::Counter;
 use crate::gpu::surface::{Normals, Surface};
-use crate::gpu::watch::Found;
+use crate::gpu::watch::{Found, IN_TABLE, IN_TILES};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Contact;
@@ -44,7 +44,7 @@ impl GpuEngine {
             let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Found>)?;
             let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
             let contact = contact.as_ref().map(|contact| contact.past(gpu)).transpose()?;
-            Ok(Past { steps: [found.steps, found.next], untold, contact })
+            Ok(Past { steps: found.steps, untold, contact })
         })
         .map_err(Failure::Gpu)
     }
@@ -58,8 +58,7 @@ impl GpuEngine {
         past: &Past,
     ) -> Result<bool, Failure> {
         self.is_whole()?;
-        let next = past.steps[1] as usize;
-        if next >= cloth.swept().len().max(1) || past.untold.len() > Counter::LATE {
+        if past.untold.len() > Counter::LATE {
             return Ok(false);
         }
         let gpu = self.gpu.clone();
@@ -73,7 +72,7 @@ impl GpuEngine {
         });
         self.counter = counter.map_err(Failure::Gpu)?;
         self.put(x, p);
-        self.commit.go_on(&gpu, Found { steps: past.steps[0], next: past.steps[1], ..Found::NOTHING });
+        self.commit.go_on(&gpu, Found { steps: past.steps, ..Found::NOTHING });
         self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
         Ok(true)
     }
@@ -99,7 +98,11 @@ impl GpuEngine {
 
     /// Fails if the words report a failure.
     fn verdict(&self, found: Found) -> Result<(), Failure> {
-        found.verdict(|place| self.single_workgroup.as_ref().map_or(0, |single| single.edge(place)))
+        found.verdict(|place| match (place & IN_TABLE != 0, &self.single_workgroup, &self.sweep) {
+            (true, Some(single), _) => single.edge((place ^ IN_TABLE) as usize),
+            (false, _, Sweep::Tiled(tiled)) if place & IN_TILES != 0 => tiled.tiles.edge((place ^ IN_TILES) as usize),
+            _ => place as usize,
+        })
     }
 
     /// Whether a step is now known to have failed. Never waits.

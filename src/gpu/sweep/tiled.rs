@@ -24,13 +24,13 @@ pub(crate) struct Tiled {
 }
 
 impl Tiled {
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, forces: &Forces, bodies: &Sent) -> Tiled {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, forces: &Forces, bodies: &Sent, found: &wgpu::Buffer) -> Tiled {
         let bytes = size_of_val(tiles.table.as_slice());
         let table = gpu.buffer("tiles", (bytes + tethers::size(cloth)) as u64);
         gpu.write(&table, 0, &tiles.table);
         let constants = [&tiles.constants(gpu)[..], &[("TETHERS", tiles.table.len() as f64)]].concat();
         let entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &constants };
-        let stage = Stage::new(gpu, &forces.uniforms, entry, &Tiled::bound(&table, forces, bodies, None));
+        let stage = Stage::new(gpu, &forces.uniforms, entry, &Tiled::bound(&table, forces, bodies, found, None));
         Tiled { tiles, table, length: None, stage }
     }
 
@@ -38,6 +38,7 @@ impl Tiled {
         table: &'a wgpu::Buffer,
         forces: &'a Forces,
         bodies: &'a Sent,
+        found: &'a wgpu::Buffer,
         shift: Option<&'a wgpu::Buffer>,
     ) -> Vec<Vec<Bind<'a>>> {
         // Without levels another buffer is bound, which is not read.
@@ -51,6 +52,7 @@ impl Tiled {
                 Bind::Write(&to.x),
                 Bind::Write(&to.p),
                 Bind::Read(shift),
+                Bind::Write(found),
             ]
         };
         let mut bound_by_all = groups(&forces.states, |from, to| bound(from, to, &from.p));
@@ -58,8 +60,15 @@ impl Tiled {
         bound_by_all
     }
 
-    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, shift: Option<&wgpu::Buffer>) {
-        self.stage.rebind(gpu, &Tiled::bound(&self.table, forces, bodies, shift));
+    pub(crate) fn rebind(
+        &mut self,
+        gpu: &Gpu,
+        forces: &Forces,
+        bodies: &Sent,
+        found: &wgpu::Buffer,
+        shift: Option<&wgpu::Buffer>,
+    ) {
+        self.stage.rebind(gpu, &Tiled::bound(&self.table, forces, bodies, found, shift));
     }
 
     /// Stores the aggregate of each vertex.
