@@ -4,10 +4,8 @@
 // The edges of one color of a tile, in the next step those of the next color. `mark` says which table it is. An edge
 // without stiffness holds nothing together.
 fn look_at_edges(tile: u32, mark: u32, lane: u32) {
-    if COLORS == 0u {
-        return;
-    }
-    let color = found.steps % COLORS;
+    // A cloth without edges has no colors, and no width.
+    let color = found.steps % max(COLORS, 1u);
     for (var k = lane; k < WIDTH; k += LANES) {
         let stored = fetch(edges_of(tile), color, k);
         if stored.ends == NO_EDGE || bitcast<f32>(stored.inverse_weight) == 0.0 {
