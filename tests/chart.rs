@@ -1,16 +1,20 @@
-//! The `chart` example: a tiny chart, and its errors.
+//! The `chart` example: a tiny chart, and its errors; and the chart of the example `tune`.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::{env, fs};
 
-/// Path of the program. `cargo test` builds the examples but does not tell their path: they are in `examples`, beside
-/// `deps`, where test programs are.
-fn chart(arguments: &[&str]) -> Output {
+/// Runs an example. `cargo test` builds the examples but does not tell their path: they are in `examples`, beside `deps`,
+/// where test programs are.
+fn example(name: &str, arguments: &[&str]) -> Output {
     let test = env::current_exe().unwrap();
-    let path: PathBuf = test.parent().unwrap().with_file_name("examples").join(format!("chart{}", env::consts::EXE_SUFFIX));
-    assert!(path.exists(), "{} is not there; run `cargo build --release --example chart` first", path.display());
+    let path: PathBuf = test.parent().unwrap().with_file_name("examples").join(format!("{name}{}", env::consts::EXE_SUFFIX));
+    assert!(path.exists(), "{} is not there; run `cargo build --release --example {name}` first", path.display());
     Command::new(path).args(arguments).output().unwrap()
+}
+
+fn chart(arguments: &[&str]) -> Output {
+    example("chart", arguments)
 }
 
 #[test]
@@ -55,4 +59,31 @@ fn bad_input_is_one_line_and_code_2() {
         assert_eq!(done.status.code(), Some(2), "{arguments:?}: {said}");
         assert_eq!(said.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{said}");
     }
+}
+
+/// Each run of the table is in the picture, with its number of substeps.
+#[test]
+fn a_search_is_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hang64.svg");
+    let done = example("tune", &["hang64", "--frames", "10", "--chart", file.to_str().unwrap()]);
+    assert!(done.status.success(), "{done:?}");
+    let said = String::from_utf8(done.stdout).unwrap();
+    let substeps: Vec<&str> =
+        said.lines().filter(|line| line.contains("| method:")).map(|line| line.split(" | ").nth(1).unwrap()).collect();
+    let svg = fs::read_to_string(&file).unwrap();
+    assert!(substeps.len() >= 5 && svg.trim_end().ends_with("</svg>"), "{said}");
+    let texts: Vec<&str> = svg.lines().map(str::trim).collect();
+    let drawn = substeps.iter().filter(|count| texts.contains(count)).count();
+    // Where runs are close together a number may have no room.
+    assert!(drawn + 2 >= substeps.len(), "{drawn} of {substeps:?}");
+    for text in ["hang64: ", "mm allowed", "two resolved runs differ by", "milliseconds a frame", "error (mm)"] {
+        assert!(svg.contains(text), "the chart lacks `{text}`");
+    }
+
+    let nowhere = folder.path().join("none/hang64.svg");
+    let done = example("tune", &["hang64", "--frames", "2", "--chart", nowhere.to_str().unwrap()]);
+    let said = String::from_utf8(done.stderr).unwrap();
+    assert_eq!(done.status.code(), Some(2), "{said}");
+    assert!(said.contains("--chart") && said.lines().filter(|line| line.starts_with("error: ")).count() == 1, "{said}");
 }

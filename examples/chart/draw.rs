@@ -38,6 +38,8 @@ pub(crate) struct Chart {
     pub(crate) curves: Vec<Curve>,
     /// The Pareto front, by increasing x.
     pub(crate) front: Vec<(f64, f64)>,
+    /// The y below which values are good enough, and a word about it.
+    pub(crate) bound: Option<(f64, String)>,
     /// The y below which values mean nothing, and why.
     pub(crate) floor: Option<(f64, String)>,
     /// Lines below the chart.
@@ -205,7 +207,10 @@ impl Chart {
             let floor = self.floor.as_ref().map(|(floor, _)| *floor).filter(|floor| *floor > 0.3 * lowest);
             let frame = Frame {
                 x: Scale::covering(points().map(|p| p.0).chain(self.x.ticks.iter().copied()), [PLOT[0], PLOT[2]]),
-                y: Scale::covering(points().map(|p| p.1).chain(floor.map(|floor| 0.4 * floor)), [PLOT[3], PLOT[1]]),
+                y: Scale::covering(
+                    points().map(|p| p.1).chain(floor.map(|floor| 0.4 * floor)).chain(self.bound.iter().map(|bound| bound.0)),
+                    [PLOT[3], PLOT[1]],
+                ),
             };
             self.axes(&canvas, &frame)?;
             self.front(&canvas, &frame)?;
@@ -229,6 +234,11 @@ impl Chart {
         for (value, decade) in frame.y.lines() {
             let y = frame.y.at(value);
             stroke(canvas, &[(left, y), (right, y)], if decade { DECADE } else { GRID }, 1, Line::Solid)?;
+        }
+        if let Some((bound, what)) = &self.bound {
+            let y = frame.y.at(*bound);
+            stroke(canvas, &[(left, y), (right, y)], INK, 1, Line::Dashed)?;
+            write(canvas, what, (right - 6.0, y - 4.0), SMALL, INK, (HPos::Right, VPos::Bottom))?;
         }
         stroke(canvas, &[(left, top), (left, bottom), (right, bottom)], INK, 1, Line::Solid)?;
         if let Some((floor, why)) = &self.floor {

@@ -106,6 +106,7 @@ fn chart_errors(scene: &Scene, effort: &Effort, origin: &[String; 2], out: &Path
         y: Axis { label: format!("position error at {seconds:.2} s, RMS / {:.2} m", scene.extent), ticks: Vec::new() },
         curves: curves(&rows, |row| (row.ms, row.error)),
         front: front.iter().map(|row| (row.ms, row.error)).collect(),
+        bound: None,
         floor: Some((truth.change, format!("the reference is converged to {:.1e}", truth.change))),
         caption: [std::slice::from_ref(&converged), origin].concat(),
     };
@@ -139,6 +140,7 @@ fn chart_strain(sizes: &[u32], budget: f64, effort: &Effort, origin: &[String; 2
         y: Axis { label: "mean strain at 2 s".to_owned(), ticks: Vec::new() },
         curves: curves(&rows, |row| (side(row), row.strain[0])),
         front: Vec::new(),
+        bound: None,
         floor: None,
         caption: origin.to_vec(),
     };

@@ -3,11 +3,12 @@
 //! ```text
 //! cargo run --release --example tune -- flag --tolerance 10mm
 //! cargo run --release --example tune -- towel --tolerance 3%
+//! cargo run --release --example tune -- flag --chart flag.svg      # and draws what was tried
 //! ```
 //!
 //! `drape --tune 10mm` does the same for a scene file or a mesh.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -16,8 +17,14 @@ use cloth_deformer::{Backend, Tolerance, tune};
 use crate::command::Failure;
 use crate::scenes::{Scene, scenes};
 
+#[path = "../../src/io/atomic_file.rs"]
+mod atomic_file;
 #[path = "../drape/command.rs"]
 mod command;
+#[allow(dead_code, reason = "the chart of methods uses all of it")]
+#[path = "../chart/draw.rs"]
+mod draw;
+mod picture;
 #[path = "../../benches/quality/scenes.rs"]
 mod scenes;
 #[path = "../drape/tuned.rs"]
@@ -38,6 +45,9 @@ struct Arguments {
     /// Processor that runs the simulation
     #[arg(long, default_value = "cpu", value_parser = command::one_of(&BACKENDS))]
     backend: Backend,
+    /// SVG file for a chart of error against time of every run
+    #[arg(long)]
+    chart: Option<PathBuf>,
 }
 
 const BACKENDS: [(&str, Backend); 4] =
@@ -59,5 +69,11 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let tuned = tune(&scene.mesh, &scene.options, &scene.script, frames, arguments.tolerance);
     let tuned = tuned.map_err(|error| Failure::from(&error))?;
     tuned::show(&tuned, arguments.tolerance);
-    Ok(())
+    arguments.chart.as_deref().map_or(Ok(()), |path| save(path, &picture::chart(&scene.name, &tuned, arguments.tolerance)))
+}
+
+fn save(path: &Path, chart: &draw::Chart) -> Result<(), Failure> {
+    let svg = chart.svg().map_err(Failure::input)?;
+    let written = atomic_file::write(path, svg.as_bytes());
+    written.map_err(|error| Failure::input(format_args!("--chart {}: {error}; name a file that can be written", path.display())))
 }

@@ -87,6 +87,9 @@ pub struct Tuned {
     pub best: Trial,
     /// The options of that run. [`Setting::attributes`] says whether the scene's air can be left out.
     pub options: Options,
+    /// The error that a run was allowed, in the unit of the tolerance: less than it by what the reference is uncertain by, or
+    /// one and a half times that uncertainty if the motion is chaotic and that is more.
+    pub allowed: f32,
     /// The reference run, whose error (mm) says how far it can be trusted. `None` if the tolerance is a strain.
     pub resolved: Option<Trial>,
     /// Whether the motion is chaotic, so that statistics of runs were compared instead of positions.

@@ -239,7 +239,7 @@ impl<'a> Search<'a> {
         let least = || self.trials.iter().min_by(|a, b| a.error.total_cmp(&b.error));
         let best = *best.or_else(least).expect("at least one was tried");
         let options = best.setting.options(self.scene.options);
-        Tuned { best, options, resolved, chaotic, terms, trials: self.trials }
+        Tuned { best, options, allowed: self.tolerance as f32, resolved, chaotic, terms, trials: self.trials }
     }
 }
 
