@@ -43,13 +43,18 @@ impl Start {
         let mut most = 0;
         for frame in 1..=self.frames {
             let attributes = (self.attributes)(frame);
-            cloth.step(FRAME, &attributes).unwrap();
+            let stepped = cloth.step(FRAME, &attributes);
+            stepped.unwrap_or_else(|error| panic!("frame {frame}: {error}"));
             let x = cloth.positions().unwrap();
             let bodies = attributes.colliders.iter().filter_map(|collider| match &collider.shape {
                 Shape::Mesh { mesh } => Some(crossings_with(&self.mesh, x, mesh)),
                 _ => None,
             });
-            most = most.max(crossings(&self.mesh, x).len() + bodies.sum::<usize>());
+            let count = crossings(&self.mesh, x).len() + bodies.sum::<usize>();
+            if count > 0 && most == 0 {
+                println!("    the first in frame {frame}");
+            }
+            most = most.max(count);
         }
         let (apart, measure) = (closest(&self.mesh, cloth.positions().unwrap()), cloth.measure().unwrap());
         println!(
