@@ -37,19 +37,25 @@ impl Motion {
     pub(crate) fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
         let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());
         let mut last_unnamed = are_in_order(unnamed(&self.colliders), unnamed(colliders)).then(|| unnamed(&self.colliders));
-        colliders.iter().map(move |now| {
+        colliders.iter().enumerate().map(move |(index, now)| {
             let last = match now.id {
-                Some(_) => self.colliders.iter().find(|last| last.id == now.id),
+                Some(id) => self.named(index, id),
                 None => last_unnamed.as_mut().and_then(Iterator::next),
             };
             (now, last.filter(|last| !now.teleported && last.is_followed_by(now)).unwrap_or(now))
         })
     }
 
+    /// The last step's collider with this id, sought from the place on where one with this id is now: most are still there.
+    fn named(&self, index: usize, id: u64) -> Option<&Collider> {
+        let (before, after) = self.colliders.split_at(index.min(self.colliders.len()));
+        after.iter().chain(before).find(|last| last.id == Some(id))
+    }
+
     /// Checks that a mesh collider known from the last step still has the same triangles.
     pub(crate) fn check(&self, colliders: &[Collider]) -> Result<(), StepError> {
         let has_others = |(index, now): (usize, &Collider)| {
-            let last = self.colliders.iter().find(|last| now.id.is_some() && last.id == now.id)?;
+            let last = self.named(index, now.id?)?;
             let is_other = !now.teleported && !last.is_followed_by(now) && matches!(now.shape, Shape::Mesh { .. });
             is_other.then(|| {
                 let remedy = "are not those that it had in the last step; give it another id, or say that it was teleported";

@@ -84,4 +84,10 @@ fn order_is_what_all_pairs_say() {
 fn many_colliders_are_matched() {
     let row = |by: f32| (0..100_000_u32).map(move |k| Collider::sphere(Vec3::X * (0.3 * k as f32 + by), 0.1)).collect::<Vec<_>>();
     assert!(are_in_order(row(0.0).iter(), row(0.125).iter()));
+    // With ids, some of them gone from the list.
+    let named = |by: f32| row(by).into_iter().zip(7..).map(|(collider, id)| collider.with_id(id)).collect::<Vec<_>>();
+    let motion = Motion { colliders: named(0.0), ..Motion::default() };
+    let now: Vec<Collider> = named(0.125).into_iter().filter(|now| now.id.is_some_and(|id| id % 1000 != 0)).collect();
+    assert!(motion.followed(&now).all(|(now, last)| now.id == last.id && now.shape != last.shape));
+    assert!(motion.check(&now).is_ok());
 }
