@@ -115,11 +115,16 @@ impl OnDevice {
         (self.may_cross, self.bodies.are_known) = (true, false);
     }
 
-    /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped,
-    /// while there are intersections, and while moving pins or mesh colliders intersect pins.
-    pub(crate) fn must_look(&self, plan: &Plan<'_>) -> bool {
+    /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
+    /// while there are intersections.
+    pub(crate) fn may_cross(&self) -> bool {
+        self.may_cross
+    }
+
+    /// Whether it must because moving pins or mesh colliders intersect pins.
+    pub(crate) fn led_may_cross(&self, plan: &Plan<'_>) -> bool {
         let pins_may = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
-        self.may_cross || pins_may && self.pins_cross(plan)
+        pins_may && self.pins_cross(plan)
     }
 
     fn pins_cross(&self, plan: &Plan<'_>) -> bool {

@@ -73,12 +73,11 @@ use vertices::Meet;
 const LEAST_STRAY: f32 = 0.1;
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 17] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("KEEP", crate::kernels::pair::KEEP),
     ("THIN", crate::kernels::pair::THIN),
     ("NARROW", crate::kernels::pair::NARROW),
-    ("LEAST_STRAY", LEAST_STRAY),
     ("LASTS", paths::LASTS),
     ("KEEPS", paths::KEEPS),
     ("AHEAD_LEAST", paths::AHEAD[0]),

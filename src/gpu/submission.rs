@@ -50,9 +50,15 @@ impl<'a> Submission<'a> {
     }
 
     /// Submits the pass, with copies after the dispatches.
-    pub(crate) fn submit_with(mut self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) {
+    pub(crate) fn submit_with(self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) {
+        let gpu = self.gpu;
+        gpu.queue().submit([self.finish_with(copies)]);
+    }
+
+    /// The commands of the pass, with copies after the dispatches, to be submitted later.
+    pub(crate) fn finish_with(mut self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> wgpu::CommandBuffer {
         drop(self.pass);
         copies(&mut self.encoder);
-        self.gpu.queue().submit([self.encoder.finish()]);
+        self.encoder.finish()
     }
 }

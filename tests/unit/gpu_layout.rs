@@ -59,7 +59,7 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
-        layout!(About { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, beside, of_vertices, room, bodies, is_led, meshes_rest, meets_itself, let_go, let_go_of_edges, groups, mesh_groups, per_mass, box_edges, sharing }),
+        layout!(About { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, beside, of_vertices, room, bodies, is_led, meshes_rest, meets_itself, let_go, let_go_of_edges, groups, mesh_groups, per_mass, box_edges, sharing, spacing }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
         layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before }),
         layout!(Track { start, by }),
@@ -120,11 +120,15 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("CROWDED", Literal::U32(contact::CROWDED)),
         ("EARLY", Literal::U32(contact::EARLY)),
         ("CLOSE", Literal::U32(contact::CLOSE)),
-        ("SPACING", Literal::U32(contact::SPACING)),
         ("SAMPLES", Literal::U32(contact::SAMPLES)),
         ("SOON", Literal::F32(contact::SHARES[0])),
         ("MARGIN", Literal::F32(contact::SHARES[1])),
         ("LEAST_DISTANCE", Literal::F32(contact::LEAST_DISTANCE)),
+        ("LEAST_ROAM", Literal::F32(contact::LEAST_ROAM)),
+        ("MEAN", Literal::F32(contact::MEAN)),
+        ("ASIDE", Literal::F32(contact::ASIDE)),
+        ("PLACES", Literal::U32(contact::TABLE[0])),
+        ("PROBES", Literal::U32(contact::TABLE[1])),
         ("SUMS", Literal::U32(contact::SUMS as u32)),
         ("WEIGHT", Literal::U32(contact::PLACES[0])),
         ("GIVEN", Literal::U32(contact::PLACES[1])),
@@ -186,8 +190,10 @@ fn shared_structs_agree_member_for_member() {
                 "Closest",
                 "Features",
                 "Own",
+                "Reached",
             ];
-            if alone.iter().chain(&of_contact).any(|known| known == name) {
+            // naga's own names begin with underscores.
+            if name.starts_with("__") || alone.iter().chain(&of_contact).any(|known| known == name) {
                 continue;
             }
             let twin = ours.iter().find(|layout| layout.name == name);

@@ -21,7 +21,8 @@ struct Place {
 }
 
 fn place_at(v: u32) -> Place {
-    return Place(vertices[v].middle, vertices[v].u.xyz);
+    let track = tracks[v];
+    return Place(vec4f(track.start.xyz + track.by.xyz * (0.5 * known.status.ahead), track.start.w), track.by.xyz);
 }
 
 fn box_of(a: Place, b: Place) -> Box {

@@ -7,7 +7,7 @@ const UPRIGHT: f32 = 0.64;
 const MOST_EXCESS: f32 = 0.6;
 // The level of each tree whose nodes a descent begins with, unless the leaves are above it.
 const FIRST_LEVEL: u32 = 6u;
-// Number of nodes that can be held. With the last few of these places left, one node is replaced by its children at a
+// Number of nodes that can be held. With the last `LEVELS` of these places left, one node is replaced by its children at a
 // time, which needs at most a place for each level.
 const HELD: u32 = 1024u;
 const LEVELS: u32 = 32u;
@@ -66,7 +66,8 @@ fn first_level(depth: u32) -> u32 {
     return min(FIRST_LEVEL, max(depth, 1u) - 1u);
 }
 
-fn begin_descent(lane: u32) {
+// Returns the number of nodes that are held.
+fn begin_descent(lane: u32) -> u32 {
     let of_cloth = select(0u, 1u << first_level(about.depth), about.meets_itself != 0u);
     let of_meshes = select(0u, 1u << first_level(about.mesh_depth), about.mesh_leaves > 0u);
     if lane < of_cloth {
@@ -76,10 +77,10 @@ fn begin_descent(lane: u32) {
         held[of_cloth + lane] = 2u * leaves() + select(of_meshes, 0u, about.mesh_depth == 0u) + lane;
     }
     if lane == 0u {
-        atomicStore(&held_count, of_cloth + of_meshes);
         atomicStore(&met_count, 0u);
     }
     workgroupBarrier();
+    return of_cloth + of_meshes;
 }
 
 // Whether the leaf meets a node of the cloth.
@@ -101,11 +102,16 @@ fn keep(node: u32, is_leaf: bool, leaf: u32) {
     }
 }
 
-// Replaces as many held nodes as there are invocations for by those of their children that may meet the leaf. Of these,
-// leaves are met.
-fn descend(leaf: u32, lane: u32) {
-    let count = broadcast(atomicLoad(&held_count), lane);
-    let parents = min(min(count, LANES / 2u), max((HELD - count) / LEVELS, 1u));
+// Numbers of nodes that are held and of leaves that were met.
+struct Reached {
+    held: u32,
+    met: u32,
+}
+
+// Replaces as many of the `count` held nodes as there are invocations for by those of their children that may meet the
+// leaf. Of these, leaves are met.
+fn descend(leaf: u32, count: u32, lane: u32) -> Reached {
+    let parents = min(min(count, LANES / 2u), max(HELD - LEVELS, count + 1u) - count);
     var before = 0u;
     // Its number in its tree; 0 is none.
     var number = 0u;
@@ -114,7 +120,6 @@ fn descend(leaf: u32, lane: u32) {
         before = before_tree(parent);
         number = 2u * (parent - before) + lane % 2u;
     }
-    workgroupBarrier();
     if lane == 0u {
         atomicStore(&held_count, count - parents);
     }
@@ -129,4 +134,6 @@ fn descend(leaf: u32, lane: u32) {
         }
     }
     workgroupBarrier();
+    let both = broadcast((atomicLoad(&met_count) << 16u) | atomicLoad(&held_count), lane);
+    return Reached(both & 0xffffu, both >> 16u);
 }

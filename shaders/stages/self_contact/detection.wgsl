@@ -107,6 +107,26 @@ fn choose(k: u32, leaf: u32, index: u32) {
     }
 }
 
+// Whether each of some features, as a bit, has a box that is not apart from this one. A loop of fixed length without branches
+// lets the loads of all boxes be under way at once.
+fn meeting_vertices(here: Box, first: u32, end: u32) -> u32 {
+    var hits = 0u;
+    for (var k = 0u; k < ITEMS; k++) {
+        let is_apart = are_apart(here, box_of_vertex(vertex(min(first + k, end - 1u))));
+        hits |= u32(first + k < end && !is_apart) << k;
+    }
+    return hits;
+}
+
+fn meeting_boxes(here: Box, first: u32, end: u32, before: u32) -> u32 {
+    var hits = 0u;
+    for (var k = 0u; k < ITEMS; k++) {
+        let is_apart = are_apart(here, boxes[before + min(first + k, end - 1u)]);
+        hits |= u32(first + k < end && !is_apart) << k;
+    }
+    return hits;
+}
+
 // Collects the pairs of a comparison whose boxes meet.
 fn collect(comparison: u32, leaf: u32) {
     let other_leaf = met[comparison >> 9u];
@@ -122,24 +142,27 @@ fn collect(comparison: u32, leaf: u32) {
     if is_edge && other_leaf == leaf {
         begin = max(begin, own.edges.first + k + 1u);
     }
-    for (var other = begin; other < end; other++) {
-        var there: Box;
-        if list == about.leaf_vertices {
-            there = box_of_vertex(vertex(other));
-        } else {
-            there = boxes[select(0u, about.box_edges, is_edge) + other];
-        }
-        if !are_apart(here, there) {
-            let place = atomicAdd(&candidate_counts[u32(is_edge)], 1u);
-            candidates[select(place, CANDIDATES - 1u - place, is_edge)] = k * OTHERS + other;
-        }
+    var hits: u32;
+    if list == about.leaf_vertices {
+        hits = meeting_vertices(here, begin, end);
+    } else {
+        hits = meeting_boxes(here, begin, end, select(0u, about.box_edges, is_edge));
+    }
+    if hits == 0u {
+        return;
+    }
+    var place = atomicAdd(&candidate_counts[u32(is_edge)], countOneBits(hits));
+    for (; hits != 0u; hits &= hits - 1u) {
+        let other = begin + firstTrailingBit(hits);
+        candidates[select(place, CANDIDATES - 1u - place, is_edge)] = k * OTHERS + other;
+        place++;
     }
 }
 
 // Compares own features with those of the leaves that were met. Returns false if there are too many pairs.
-fn compare(leaf: u32, lane: u32) -> bool {
+fn compare(leaf: u32, met_leaves: u32, lane: u32) -> bool {
     let features = own.vertices.count + own.triangles.count + own.edges.count;
-    let all = broadcast(atomicLoad(&met_count) * features, lane);
+    let all = met_leaves * features;
     for (var first = 0u; first < all; first += LANES) {
         let k = first + lane;
         if k < all {
@@ -148,6 +171,9 @@ fn compare(leaf: u32, lane: u32) -> bool {
         workgroupBarrier();
         var count = broadcast(atomicLoad(&chosen_count), lane);
         let least = select(LANES, 1u, first + LANES >= all);
+        if count < least {
+            continue;
+        }
         while count >= least {
             let now = min(count, LANES);
             if lane < now {
@@ -172,8 +198,12 @@ fn compare(leaf: u32, lane: u32) -> bool {
 
 // Lists candidates of either kind while there are at least so many. Returns false if there are too many pairs.
 fn list_candidates(least: u32, lane: u32) -> bool {
+    let counts = broadcast((atomicLoad(&candidate_counts[1]) << 16u) | atomicLoad(&candidate_counts[0]), lane);
+    if (counts & 0xffffu) < least && (counts >> 16u) < least {
+        return true;
+    }
     for (var kind = 0u; kind < 2u; kind++) {
-        var count = broadcast(atomicLoad(&candidate_counts[kind]), lane);
+        var count = select(counts & 0xffffu, counts >> 16u, kind == 1u);
         while count >= least {
             let now = min(count, LANES);
             let place = count - 1u - min(lane, now - 1u);
@@ -182,9 +212,9 @@ fn list_candidates(least: u32, lane: u32) -> bool {
                 return false;
             }
             count -= now;
-            if lane == 0u {
-                atomicStore(&candidate_counts[kind], count);
-            }
+        }
+        if lane == 0u {
+            atomicStore(&candidate_counts[kind], count);
         }
     }
     workgroupBarrier();
@@ -284,11 +314,10 @@ fn detect(
         atomicStore(&candidate_counts[1], 0u);
         atomicStore(&chosen_count, 0u);
     }
-    begin_descent(lane);
-    for (var more = 1u; more > 0u; more = broadcast(atomicLoad(&held_count), lane)) {
-        descend(leaf, lane);
-        let is_last = atomicLoad(&held_count) == 0u;
-        if broadcast(u32(is_last || atomicLoad(&met_count) >= MET), lane) != 0u && !compare(leaf, lane) {
+    var reached = Reached(begin_descent(lane), 0u);
+    while reached.held > 0u {
+        reached = descend(leaf, reached.held, lane);
+        if (reached.held == 0u || reached.met >= MET) && !compare(leaf, reached.met, lane) {
             return;
         }
     }

@@ -12,7 +12,8 @@ fn finish(
 ) {
     let i = item(id, groups);
     var mine = vec3f();
-    if i < about.vertices && !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u && vertices[i].x.w > 0.0 {
+    let is_touched = !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u;
+    if i < about.vertices && is_touched && vertices[i].x.w > 0.0 {
         var u = vertices[i].u.xyz;
         var push = vertices[i].push.xyz;
         let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
@@ -27,11 +28,22 @@ fn finish(
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, vertices[i].x.w);
         p_out[i] = vec4f(u, params.h);
     }
+    if i < about.vertices && is_touched {
+        clear_sums(i);
+    }
     sum_lost(mine, lane);
     let at = group.x + group.y * groups.x;
     if lane == 0u && at < about.groups {
         known.parts[at].low = vec4f(lost[0], 0.0);
     }
+}
+
+// Clears the sums of a vertex for the next substep.
+fn clear_sums(i: u32) {
+    for (var k = 0u; k < SHARE; k++) {
+        atomicStore(&sums[SUMS * i + k], 0);
+    }
+    atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(1.0));
 }
 
 fn sum_lost(mine: vec3f, lane: u32) {

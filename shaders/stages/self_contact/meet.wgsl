@@ -4,9 +4,7 @@
 // Whether this substep includes the kernels of detection.
 override LOOKS: bool = true;
 
-// Every so many substeps, detection is due already if a vertex has strayed by this share of how far it may. Thus only
-// these substeps need to include it, unless the motion changes quickly.
-const SPACING: u32 = 5u;
+// If only every few substeps include detection, it is due already if a vertex has strayed by this share of how far it may.
 const SOON: f32 = 0.45;
 
 var<workgroup> samples: array<vec3f, SAMPLES>;
@@ -48,7 +46,7 @@ fn strayed_together(lane: u32) -> vec3f {
         }
     }
     workgroupBarrier();
-    return select(vec3f(), samples[0] / f32(count), is_free());
+    return samples[0] / f32(count);
 }
 
 // Moves a vertex out of the colliders, and tests whether it is close enough to its path.
@@ -69,10 +67,6 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     vertices[i].push = vec4f(push, 0.0);
     x_out[i] = vec4f(path.x + path.u, x_i.w);
     p_out[i] = vec4f(path.u, params.h);
-    for (var k = 0u; k < SHARE; k++) {
-        atomicStore(&sums[SUMS * i + k], 0);
-    }
-    atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(1.0));
     let pushed = length(push);
     if pushed > 0.0 {
         atomicMax(&known.status.most_push, bitcast<u32>(pushed));
@@ -80,7 +74,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     let track = tracks[i];
     let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (since() + 1.0)) - together;
     // Written so that NaN counts as too far.
-    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, is_regular())) {
+    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, LOOKS && about.spacing > 1u)) {
         if LOOKS {
             atomicOr(&known.status.strayed, 1u);
         } else {
@@ -100,9 +94,9 @@ fn lead_vertex(i: u32) {
     vertices[i].push = vec4f(vec3f(), motion.start.w);
     // Its motion is uniform, so that one test covers the substeps up to the next one that looks anyway. One that stands
     // still is tested at the start of the step only, and must not have a path that goes on.
-    if LOOKS && is_regular() {
+    if LOOKS {
         let track = tracks[i];
-        let ahead = f32(SPACING);
+        let ahead = f32(about.spacing);
         let strayed = (x_i - track.start.xyz) + (u_i * ahead - track.by.xyz * (since() + ahead));
         let stops = about.meshes_rest != 0u && any(track.by.xyz != vec3f());
         if stops || !(square(strayed * track.by.w) < 1.0) {
@@ -119,7 +113,10 @@ fn meet(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let i = item(id, groups);
-    let together = strayed_together(lane);
+    var together = vec3f();
+    if is_free() {
+        together = strayed_together(lane);
+    }
     var part = nothing();
     if i < about.vertices && !has_stopped() {
         part = meet_vertex(i, together);
@@ -131,10 +128,6 @@ fn meet(
     if lane == 0u && at < about.groups {
         known.parts[at] = Part(low[0], high[0]);
     }
-}
-
-fn is_regular() -> bool {
-    return index_of_substep() % SPACING == 0u;
 }
 
 // One workgroup computes the mean displacement and decides whether detection is due.
@@ -158,7 +151,7 @@ fn begin_substep() {
     }
     known.status.h = params.h;
     let over = since();
-    let ends = over + select(1.0, f32(SPACING), is_regular()) > known.status.ahead;
+    let ends = over + f32(about.spacing) > known.status.ahead;
     known.status.detects = u32(LOOKS && (over < 0.0 || ends || strayed));
     if known.status.detects != 0u {
         let listed = atomicExchange(&known.status.listed, 0u);

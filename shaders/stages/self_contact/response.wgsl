@@ -9,8 +9,18 @@ const WARM: f32 = 0.9;
 // How much farther contact may move a vertex than it was about to move, as a multiple of its reach.
 const FARTHER: f32 = 0.45;
 
+// Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
+// some time even if there is little to add.
+override COLLECTS: bool = false;
+// Number of vertices for which a workgroup collects, and of places at which one is looked for.
+const PLACES: u32 = 256u;
+const PROBES: u32 = 8u;
+
 // The number of pairs with a normal impulse that a workgroup counts.
 var<workgroup> pressing: atomic<u32>;
+// A hash table: the vertex at each place, or `NONE`, and three sums.
+var<workgroup> owners: array<atomic<u32>, PLACES>;
+var<workgroup> collected: array<atomic<i32>, 768>;
 
 // The number of pairs that act, or 0 if the step has stopped, for all invocations.
 fn acting_pairs(lane: u32) -> u32 {
@@ -27,11 +37,74 @@ fn inverse_masses(corners: vec4u) -> vec4f {
 // Adds a vector [m] to three sums of a vertex.
 fn add(v: u32, first: u32, by: vec3f) {
     let units = vec3i(round(by * (UNIT_LENGTH / about.thickness)));
-    if any(units != vec3i()) {
-        atomicAdd(&sums[SUMS * v + first], units.x);
-        atomicAdd(&sums[SUMS * v + first + 1u], units.y);
-        atomicAdd(&sums[SUMS * v + first + 2u], units.z);
+    if all(units == vec3i()) {
+        return;
     }
+    var at = NONE;
+    if COLLECTS {
+        at = place_for(v);
+    }
+    if at == NONE {
+        add_units(v, first, units);
+    } else {
+        for (var k = 0u; k < 3u; k++) {
+            atomicAdd(&collected[3u * at + k], units[k]);
+        }
+    }
+}
+
+fn add_units(v: u32, first: u32, units: vec3i) {
+    for (var k = 0u; k < 3u; k++) {
+        atomicAdd(&sums[SUMS * v + first + k], units[k]);
+    }
+}
+
+// The place of a vertex in the table of this workgroup, or `NONE` if there is none left nearby.
+fn place_for(v: u32) -> u32 {
+    let first = (v * 0x9e3779b1u) >> 24u;
+    for (var k = 0u; k < PROBES; k++) {
+        let at = (first + k) % PLACES;
+        if atomicLoad(&owners[at]) == NONE {
+            atomicCompareExchangeWeak(&owners[at], NONE, v);
+        }
+        if atomicLoad(&owners[at]) == v {
+            return at;
+        }
+    }
+    return NONE;
+}
+
+// Empties the table.
+fn begin_collecting(lane: u32) {
+    if !COLLECTS {
+        return;
+    }
+    for (var at = lane; at < PLACES; at += WORKGROUP) {
+        atomicStore(&owners[at], NONE);
+        for (var k = 0u; k < 3u; k++) {
+            atomicStore(&collected[3u * at + k], 0);
+        }
+    }
+    workgroupBarrier();
+}
+
+// Adds what was collected to three sums of each vertex, and empties the table.
+fn end_collecting(first: u32, lane: u32) {
+    if !COLLECTS {
+        return;
+    }
+    workgroupBarrier();
+    for (var at = lane; at < PLACES; at += WORKGROUP) {
+        let v = atomicExchange(&owners[at], NONE);
+        if v != NONE {
+            var units: vec3i;
+            for (var k = 0u; k < 3u; k++) {
+                units[k] = atomicExchange(&collected[3u * at + k], 0);
+            }
+            add_units(v, first, units);
+        }
+    }
+    workgroupBarrier();
 }
 
 // Adds an impulse [kg m] of a pair to three sums of each of its vertices.
@@ -60,14 +133,11 @@ fn weight_of(v: u32) -> f32 {
     return f32(atomicLoad(&sums[SUMS * v + WEIGHT])) / UNIT_WEIGHT;
 }
 
-// Computes the relaxation rate of a pair, its impulse for the warm start, and the correction that separates it if it is
-// too close.
+// Computes the relaxation rate of a pair, and its impulse for the warm start.
 fn warm_pair(k: u32) {
     let n = near[k];
     let w = inverse_masses(n.corners);
-    let all = vec4f(weight_of(n.corners.x), weight_of(n.corners.y), weight_of(n.corners.z), weight_of(n.corners.w));
-    let mobility = w * all * abs(n.weights);
-    let bound = (mobility.x + mobility.y) + (mobility.z + mobility.w);
+    let bound = bound_of(n, w);
     if !(bound > 0.0) {
         near[k].lambda = vec4f();
         return;
@@ -77,19 +147,47 @@ fn warm_pair(k: u32) {
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
     near[k].lambda = held;
     give(n.corners, w, GIVEN, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
+}
+
+// The bound on the relaxation of a pair [1/kg].
+fn bound_of(n: Near, w: vec4f) -> f32 {
+    let all = vec4f(weight_of(n.corners.x), weight_of(n.corners.y), weight_of(n.corners.z), weight_of(n.corners.w));
+    let mobility = w * all * abs(n.weights);
+    return (mobility.x + mobility.y) + (mobility.z + mobility.w);
+}
+
+// Adds the correction that separates a pair that is too close.
+fn push_pair(k: u32) {
+    let n = near[k];
     let depth = min(max(n.thickness - n.distance, 0.0), DEPENETRATION * params.h);
-    give(n.corners, w, PUSHED, n.weights, n.normal * (depth / bound));
+    if depth == 0.0 {
+        return;
+    }
+    let w = inverse_masses(n.corners);
+    let bound = bound_of(n, w);
+    if bound > 0.0 {
+        give(n.corners, w, PUSHED, n.weights, n.normal * (depth / bound));
+    }
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn warm(
-    @builtin(global_invocation_id) id: vec3u,
+    @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
     let acting = acting_pairs(lane);
-    for (var k = item(id, groups); k < acting; k += stride(groups)) {
-        warm_pair(k);
+    begin_collecting(lane);
+    for (var first = (group.x + group.y * groups.x) * WORKGROUP; first < acting; first += stride(groups)) {
+        let k = first + lane;
+        if k < acting {
+            warm_pair(k);
+        }
+        end_collecting(GIVEN, lane);
+        if k < acting {
+            push_pair(k);
+        }
+        end_collecting(PUSHED, lane);
     }
 }
 
@@ -109,13 +207,17 @@ fn step_pair(k: u32) {
 
 @compute @workgroup_size(WORKGROUP)
 fn step_pairs(
-    @builtin(global_invocation_id) id: vec3u,
+    @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
     let acting = acting_pairs(lane);
-    for (var k = item(id, groups); k < acting; k += stride(groups)) {
-        step_pair(k);
+    begin_collecting(lane);
+    for (var first = (group.x + group.y * groups.x) * WORKGROUP; first < acting; first += stride(groups)) {
+        if first + lane < acting {
+            step_pair(first + lane);
+        }
+        end_collecting(GIVEN, lane);
     }
 }
 

@@ -46,6 +46,8 @@ struct About {
     // Where the boxes of edges start, after those of the triangles; number of workgroups that share a leaf.
     box_edges: u32,
     sharing: u32,
+    // In every so many substeps detection may be due.
+    spacing: u32,
 }
 
 // A listed pair. Its first feature is number `row`, `other` is the second. `next` leads to another pair of its chain.
@@ -74,12 +76,11 @@ struct Near {
 
 // A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is led. `u`: displacement; w is the distance
 // that it was about to move relative to the mean. `push`: correction that adds no velocity; w is the coefficient of
-// friction of a mesh collider's vertex. `middle`: midpoint of its path; w is how far it may stray.
+// friction of a mesh collider's vertex.
 struct Vertex {
     x: vec4f,
     u: vec4f,
     push: vec4f,
-    middle: vec4f,
 }
 
 // The path that detection assumes: start, with the distance that the vertex may stray in w; displacement per substep,

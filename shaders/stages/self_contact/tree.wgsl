@@ -2,10 +2,15 @@
 
 override LANES: u32 = 256u;
 
-// The least distance that a vertex may stray, as a multiple of the thickness, and the least share that it keeps of the
-// last one.
-const LEAST_STRAY: f32 = 0.1;
+// The least distance that a vertex may stray, as a multiple of how far it may roam, and the least share that it keeps of the
+// last one. A detection costs more here, compared with a longer list, than on the CPU, which goes down to a smaller one.
+const LEAST_ROAM: f32 = 0.5;
 const KEEPS: f32 = 0.8;
+// Weight of the mean displacement since the last detection in that of the next path; the rest is the present one. The first
+// includes the response to contact, and vibrates less.
+const MEAN: f32 = 0.4;
+// Limit on the part that this takes of how far a vertex may stray.
+const ASIDE: f32 = 0.5;
 // Distance [m] that counts as nothing. Numbers remain finite if it is divided by.
 const LEAST_DISTANCE: f32 = 1e-12;
 
@@ -46,16 +51,20 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     let x_i = vertices[i].x.xyz;
     let u_i = vertices[i].u.xyz;
     // Nothing strays that stands still.
-    let most = select(roam_of(i), 0.0, i >= about.mesh_first && about.meshes_rest != 0u);
-    var stray = most;
+    let roam = select(roam_of(i), 0.0, i >= about.mesh_first && about.meshes_rest != 0u);
+    var stray = roam;
+    var by = u_i;
     if known.status.longer >= 0.0 {
         let track = tracks[i];
-        let far = length((x_i - track.start.xyz) + (u_i - track.by.xyz * known.status.over)) * known.status.longer;
-        let least = min(LEAST_STRAY * about.thickness, most);
-        stray = clamp(max(far, KEEPS * track.start.w), least, most);
+        let strayed = (x_i - track.start.xyz) + (u_i - track.by.xyz * known.status.over);
+        let far = max(length(strayed) * known.status.longer, KEEPS * track.start.w);
+        stray = clamp(far, LEAST_ROAM * roam, roam);
+        if i < about.vertices {
+            let aside = (track.by.xyz + strayed / known.status.over - u_i) * MEAN;
+            by += aside * min(1.0, ASIDE * stray / max(length(aside), LEAST_DISTANCE));
+        }
     }
-    tracks[i] = Track(vec4f(x_i, stray), vec4f(u_i, 1.0 / max(stray, LEAST_DISTANCE)));
-    vertices[i].middle = vec4f(x_i + u_i * (0.5 * known.status.ahead), stray);
+    tracks[i] = Track(vec4f(x_i, stray), vec4f(by, 1.0 / max(stray, LEAST_DISTANCE)));
 }
 
 fn bounds_of_leaf(leaf: u32) -> Node {
@@ -64,13 +73,14 @@ fn bounds_of_leaf(leaf: u32) -> Node {
     for (var t = table[about.leaf_triangles + leaf]; t < table[about.leaf_triangles + leaf + 1u]; t++) {
         let box = boxes[t];
         let corners = triangle(t);
-        let at = positions(vec4u(corners, corners.x));
-        let u = displacements(vec4u(corners, corners.x));
-        let before = normal_of(at.a, at.b, at.c);
+        let a = tracks[corners.x];
+        let b = tracks[corners.y];
+        let c = tracks[corners.z];
+        let before = normal_of(a.start.xyz, b.start.xyz, c.start.xyz);
         let after = normal_of(
-            at.a + u.a * known.status.ahead,
-            at.b + u.b * known.status.ahead,
-            at.c + u.c * known.status.ahead,
+            a.start.xyz + a.by.xyz * known.status.ahead,
+            b.start.xyz + b.by.xyz * known.status.ahead,
+            c.start.xyz + c.by.xyz * known.status.ahead,
         );
         let of_triangle = Node(box.low, box.high, box.step_low, box.step_high, min(before, after), max(before, after));
         node = join(node, of_triangle);

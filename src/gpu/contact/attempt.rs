@@ -9,6 +9,18 @@ use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
 use crate::step::plan::Plan;
 
+/// What becomes of an attempt. The state was rolled back unless it is good.
+#[derive(Debug)]
+pub(crate) enum Judgment {
+    Good,
+    /// The step must be attempted again.
+    Again,
+    /// It must be attempted again after a search for intersections.
+    Look,
+    /// There are too many pairs: this many.
+    Crowded(usize),
+}
+
 impl GpuContact {
     /// The places of the listed pairs in half 0 of a list with room for this many, in bytes: those of a vertex and a
     /// triangle at its start, those of two edges at its end.
@@ -45,7 +57,7 @@ impl GpuContact {
     }
 
     /// Rolls back to the saved state.
-    fn go_back(&mut self, gpu: &Gpu) {
+    pub(crate) fn go_back(&mut self, gpu: &Gpu) {
         let GpuContact { buffers, good, room, .. } = &*self;
         let mut encoder = gpu.encoder();
         encoder.copy_buffer_to_buffer(&good.tracks, 0, &buffers.tracks, 0, good.tracks.size());
@@ -86,20 +98,19 @@ impl GpuContact {
         self.keep(gpu);
     }
 
-    /// Waits for the result of an attempt. Returns whether the step must be attempted again, from the state to which it
-    /// was rolled back. An inner error is the number of pairs, if these were too many.
-    pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Result<bool, usize>, GpuFault> {
+    /// Waits for the result of an attempt, and rolls back unless it is good.
+    pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Judgment, GpuFault> {
         let status: Status = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
         let needed = status.needed as usize;
         let has = |reason| status.stopped & reason != 0;
         if has(CROWDED) || needed > most_room(gpu) {
             self.go_back(gpu);
             self.forget();
-            return Ok(Err(needed.max(status.listed as usize)));
+            return Ok(Judgment::Crowded(needed.max(status.listed as usize)));
         }
         if !has(NO_ROOM | EARLY | CLOSE) {
             self.status = status.at_end(self.substeps);
-            return Ok(Ok(false));
+            return Ok(Judgment::Good);
         }
         self.course.change(status.stopped, needed > 0);
         if needed > self.room {
@@ -107,7 +118,7 @@ impl GpuContact {
         } else {
             self.go_back(gpu);
         }
-        Ok(Ok(true))
+        Ok(Judgment::Again)
     }
 
     /// Encodes a copy of the status after the step's commands.

@@ -67,8 +67,13 @@ impl Course {
         self.responding = (CAUTIOUS, response);
     }
 
+    /// Detection may be due in every so many substeps.
+    pub(super) fn spacing(&self) -> u32 {
+        if self.looks_often { 1 } else { SPACING }
+    }
+
     /// Whether a substep includes the kernels of detection.
     pub(super) fn looks(&self, substep: usize) -> bool {
-        self.looks_often || substep.is_multiple_of(SPACING as usize)
+        substep.is_multiple_of(self.spacing() as usize)
     }
 }

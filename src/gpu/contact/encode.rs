@@ -22,6 +22,8 @@ const FINDERS: usize = 256;
 /// Workgroups share a leaf if it has more pairs than this for each of them, and at most so many do.
 const PAIRS_OF_WORKGROUP: usize = 256;
 const MOST_SHARING: usize = 8;
+/// Number of pairs that act from which workgroups collect their sums.
+const MANY: u32 = 1 << 16;
 /// Limit on the invocations that only check that no pair is near, whose workgroups each compute the mean displacement.
 const GLANCED: usize = 16_384;
 
@@ -91,10 +93,11 @@ impl GpuContact {
         let vertices = self.vertices;
         stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
         let items = self.items(self.status.near + self.status.acting);
-        stages.warm.dispatch(pass, group, &[], items);
+        let many = usize::from(self.status.acting >= MANY);
+        stages.warm[many].dispatch(pass, group, &[], items);
         stages.take_first.dispatch(pass, group, &[], vertices);
         for iteration in 1..=ITERATIONS {
-            stages.step.dispatch(pass, group, &[], items);
+            stages.step[many].dispatch(pass, group, &[], items);
             let take = if iteration < ITERATIONS { &stages.take } else { &stages.take_last };
             take.dispatch(pass, group, &[], vertices);
         }

@@ -28,11 +28,15 @@ use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
 
+pub(crate) use attempt::Judgment;
 use course::{Course, Response};
 use stages::Stages;
-use status::{About, BOX, Listed, NEAR, NODE, PART, SUMS, Status, TRACK, VERTEX};
+use status::{About, BOX, Listed, NEAR, NODE, PART, Status, TRACK, VERTEX};
 
-/// Initially, the list has room for one pair per vertex, and for at least so many.
+/// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
+/// most so many, unless there are more vertices, and for at least so many.
+const ROOM_OF_VERTEX: usize = 16;
+const MOST_ROOM: usize = 1 << 18;
 const LEAST_ROOM: usize = 4096;
 
 /// GPU buffers; `pairs` has two halves, one of which contains the current list.
@@ -101,7 +105,7 @@ impl GpuContact {
         let (kept, mut table) = OnDevice::new(cloth, contact, meshes)?;
         let words = std::mem::take(&mut table.words);
         let (vertices, all) = (cloth.rest.len(), table.vertices as usize);
-        let room = vertices.max(LEAST_ROOM);
+        let room = (ROOM_OF_VERTEX * vertices).min(MOST_ROOM).max(vertices).max(LEAST_ROOM);
         let groups = vertices.div_ceil(WORKGROUP) + table.mesh_vertices().div_ceil(WORKGROUP);
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {
@@ -113,7 +117,7 @@ impl GpuContact {
             chains: buffer("chains of pairs", 4 * (table.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR * room),
-            sums: buffer("sums of contact", 4 * SUMS * vertices),
+            sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
             common: buffer("status of contact", size_of::<Status>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
@@ -151,8 +155,13 @@ impl GpuContact {
     }
 
     /// Whether the next step needs the positions on the CPU first, to search for intersections.
-    pub(crate) fn must_look(&self, plan: &Plan<'_>) -> bool {
-        self.kept.must_look(plan)
+    pub(crate) fn must_look(&self) -> bool {
+        self.kept.may_cross()
+    }
+
+    /// Whether it needs them because pins or mesh colliders are led through each other.
+    pub(crate) fn led_may_cross(&self, plan: &Plan<'_>) -> bool {
+        self.kept.led_may_cross(plan)
     }
 
     /// Whether these are its mesh colliders.
@@ -222,6 +231,7 @@ impl GpuContact {
             per_mass,
             box_edges: table.box_edges,
             sharing,
+            spacing: course.spacing(),
         };
         buffers.about.send(gpu, &[about]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().collect();

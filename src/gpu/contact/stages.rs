@@ -41,8 +41,9 @@ pub(super) struct Stages {
     pub detect: Stage,
     pub glance: Stage,
     pub find: Stage,
-    pub warm: Stage,
-    pub step: Stage,
+    /// For few pairs, and for many.
+    pub warm: [Stage; 2],
+    pub step: [Stage; 2],
     pub take_first: Stage,
     pub take: Stage,
     pub take_last: Stage,
@@ -58,6 +59,10 @@ impl Stages {
             Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
         };
         let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
+        let of_few_or_many = |name| {
+            let uses = [VERTICES, NEAR, SUMS, COMMON];
+            [0.0, 1.0].map(|collects| told(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
+        };
         let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, COMMON];
         let of_vertices = [VERTICES, SUMS, COMMON, BODIES];
         let by_meet = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
@@ -71,14 +76,14 @@ impl Stages {
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
-            prepare: stage(shaders::DETECTION, "prepare", &[TABLE, VERTICES, CHAINS, PAIRS, COMMON, BOXES]),
-            bound: stage(shaders::TREE, "bound", &[TABLE, VERTICES, NODES, COMMON, BOXES]),
+            prepare: stage(shaders::DETECTION, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES]),
+            bound: stage(shaders::TREE, "bound", &[TABLE, TRACKS, NODES, COMMON, BOXES]),
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
-            detect: stage(shaders::DETECTION, "detect", &[TABLE, VERTICES, NODES, CHAINS, PAIRS, COMMON, LET_GO, BOXES]),
+            detect: stage(shaders::DETECTION, "detect", &[TABLE, TRACKS, NODES, CHAINS, PAIRS, COMMON, LET_GO, BOXES]),
             glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, COMMON]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, COMMON]),
-            warm: stage(shaders::RESPONSE, "warm", &[VERTICES, NEAR, SUMS, COMMON]),
-            step: stage(shaders::RESPONSE, "step_pairs", &[VERTICES, NEAR, SUMS, COMMON]),
+            warm: of_few_or_many("warm"),
+            step: of_few_or_many("step_pairs"),
             take_first: stage(shaders::RESPONSE, "take_first", &of_vertices),
             take: stage(shaders::RESPONSE, "take", &of_vertices),
             take_last: stage(shaders::RESPONSE, "take_last", &[VERTICES, SUMS, COMMON, BODIES, TABLE]),

@@ -96,6 +96,7 @@ pub(crate) struct About {
     pub per_mass: f32,
     pub box_edges: u32,
     pub sharing: u32,
+    pub spacing: u32,
 }
 
 /// A listed pair: `Listed` of `shared.wgsl`.
@@ -119,7 +120,7 @@ pub(crate) struct Track {
 }
 
 /// Sizes in bytes of structs that only the shaders access.
-pub(super) const VERTEX: usize = 64;
+pub(super) const VERTEX: usize = 48;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const BOX: usize = 64;
@@ -127,6 +128,8 @@ pub(super) const NEAR: usize = 80;
 pub(super) const PART: usize = 32;
 /// Number of sums per vertex: `SUMS` of `shared.wgsl`.
 pub(crate) const SUMS: usize = 8;
+/// The sums of a vertex that nothing touches: the last is the share that truncation leaves, as bits.
+pub(super) const NO_SUMS: [u32; SUMS] = [0, 0, 0, 0, 0, 0, 0, 1.0_f32.to_bits()];
 /// Constants that only the shaders use; tests compare them.
 #[cfg(test)]
 pub(crate) const PLACES: [u32; 4] = [0, 1, 4, 7];
@@ -136,6 +139,15 @@ pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
 pub(crate) const SAMPLES: u32 = 32;
 #[cfg(test)]
 pub(crate) const LEAST_DISTANCE: f32 = 1e-12;
+#[cfg(test)]
+pub(crate) const LEAST_ROAM: f32 = 0.5;
+#[cfg(test)]
+pub(crate) const MEAN: f32 = 0.4;
+#[cfg(test)]
+pub(crate) const ASIDE: f32 = 0.5;
+/// `PLACES` and `PROBES` of `response.wgsl`.
+#[cfg(test)]
+pub(crate) const TABLE: [u32; 2] = [256, 8];
 #[cfg(test)]
 pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection is due early in every so many substeps.

@@ -7,7 +7,7 @@ use crate::contact::Past;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
-use crate::gpu::contact::GpuContact;
+use crate::gpu::contact::{GpuContact, Judgment};
 use crate::gpu::submission::Submission;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
@@ -82,38 +82,68 @@ impl GpuEngine {
     fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         self.contact.iter_mut().for_each(|contact| contact.lead(plan));
-        if self.contact.as_ref().is_some_and(|contact| contact.must_look(plan)) {
-            let mut x = Vec::new();
-            self.read(|at, _| x.extend_from_slice(at))?;
-            self.contact.iter_mut().for_each(|contact| contact.look(plan, std::mem::take(&mut x)));
+        let mut looked = self.contact.as_ref().is_some_and(|contact| contact.must_look());
+        if looked {
+            self.look_for_crossings(plan)?;
         }
         let params = Params { bodies: 0, checks: 0, ..plan.params };
         let swept = Plan { bodies: &[], bodies_and_anchors: plan.anchors, params, ..*plan };
-        let stepped = gpu.checked(|| {
+        let begun = gpu.checked(|| {
             self.prepare(&swept, false);
             Gpu::refused()?;
             self.contact.iter_mut().for_each(|contact| contact.begin(&gpu, plan));
-            while let Some(contact) = &mut self.contact {
-                contact.prepare(&gpu, plan, &self.forces);
-                Gpu::refused()?;
-                let mut submission = Submission::in_portions(&gpu);
-                self.encode_substeps(&mut submission, &swept, Some(plan));
-                let Some(contact) = &mut self.contact else { break };
-                submission.submit_with(|encoder| contact.copy(encoder));
-                match contact.judge(&gpu)? {
-                    Ok(true) => {}
-                    Ok(false) => break,
-                    Err(pairs) => return Ok(Some(Failure::Crowded(pairs))),
-                }
-            }
-            let mut submission = Submission::new(&gpu);
-            self.encode_commit(&mut submission, &swept);
-            let due = self.report.is_due();
-            submission.submit_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
-            self.report.ask(due);
-            Ok(None)
+            Ok(())
         });
-        stepped.map_err(|fault| self.break_off(fault))?.map_or(Ok(()), Err)
+        begun.map_err(|fault| self.break_off(fault))?;
+        loop {
+            let attempted = gpu.checked(|| self.attempt(&gpu, plan, &swept, looked));
+            match attempted.map_err(|fault| self.break_off(fault))? {
+                Judgment::Good => break,
+                Judgment::Again => {}
+                Judgment::Look => {
+                    self.look_for_crossings(plan)?;
+                    looked = true;
+                }
+                Judgment::Crowded(pairs) => return Err(Failure::Crowded(pairs)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Searches for intersections at the start of the step.
+    fn look_for_crossings(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        let mut x = Vec::new();
+        self.read(|at, _| x.extend_from_slice(at))?;
+        self.contact.iter_mut().for_each(|contact| contact.look(plan, std::mem::take(&mut x)));
+        Ok(())
+    }
+
+    /// Attempts the substeps of a step, waits for them, and commits the step if they are good. Unless intersections were
+    /// `looked` for, the CPU meanwhile finds out whether it must.
+    fn attempt(&mut self, gpu: &Gpu, plan: &Plan<'_>, swept: &Plan<'_>, looked: bool) -> Result<Judgment, GpuFault> {
+        let GpuEngine { contact, forces, .. } = self;
+        contact.iter_mut().for_each(|contact| contact.prepare(gpu, plan, forces));
+        Gpu::refused()?;
+        let mut submission = Submission::in_portions(gpu);
+        self.encode_substeps(&mut submission, swept, Some(plan));
+        let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
+        submission.submit_with(|encoder| contact.copy(encoder));
+        if !looked && contact.led_may_cross(plan) {
+            contact.go_back(gpu);
+            return Ok(Judgment::Look);
+        }
+        // The device waits for the commit, so it is encoded before the judgment.
+        let mut commit = Submission::new(gpu);
+        self.encode_commit(&mut commit, swept);
+        let due = self.report.is_due();
+        let commit = commit.finish_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
+        let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
+        let judgment = contact.judge(gpu)?;
+        if matches!(judgment, Judgment::Good) {
+            gpu.queue().submit([commit]);
+            self.report.ask(due);
+        }
+        Ok(judgment)
     }
 
     /// Sets the room of the list of pairs, so that tests can have little.
