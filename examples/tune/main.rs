@@ -69,7 +69,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let tuned = tune(&scene.mesh, &scene.options, &scene.script, frames, arguments.tolerance);
     let tuned = tuned.map_err(|error| Failure::from(&error))?;
     tuned::show(&tuned, arguments.tolerance);
-    arguments.chart.as_deref().map_or(Ok(()), |path| save(path, &picture::chart(&scene.name, &tuned, arguments.tolerance)))
+    arguments.chart.as_deref().map_or(Ok(()), |path| save(path, &picture::chart(scene.name, &tuned, arguments.tolerance)))
 }
 
 fn save(path: &Path, chart: &draw::Chart) -> Result<(), Failure> {
