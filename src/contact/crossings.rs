@@ -1,67 +1,106 @@
 //! Intersections of edges with triangles, found in double precision and independently of the lists.
+//!
+//! # Exact touches
+//! Vertices in triangles, edges through edges and surfaces in one plane are what people model. So that each edge
+//! definitely passes through a triangle or not, the search moves each vertex by a tiny vector of its own (as the
+//! simulation of simplicity by Edelsbrunner and Mücke 1990 does in symbols; double precision has bits to spare for
+//! positions in single precision). What this makes intersect merely touches if moves of about [`Features::touching`] undo
+//! it: see [`super::touches`].
 
-use glam::{DVec3, Vec3, Vec4};
+use glam::{DVec3, Vec4};
 
-use super::pairs::{Kind, Listed};
-use super::surface::Surface;
-use crate::options::Crossing;
+use super::sweep_and_prune::{around, for_overlaps};
+use super::touches::Touches;
 
-/// Finds the pairs of an edge and a triangle that intersect at the positions `x` (m) and share no vertex, as indices in
-/// sorted order. Only pairs are tested for which `may_meet` accepts a vertex of each.
-pub(crate) fn crossings(
+/// Distances below this multiple of the thickness count as zero.
+const TOUCHING: f64 = 1e-4;
+/// The vectors by which vertices are moved, relative to the largest coordinate: against the normal, and at random.
+const OFFSET: f64 = 1.0 / (1_u64 << 36) as f64;
+const NOISE: f64 = OFFSET / 64.0;
+/// The rounding of positions in single precision, relative to the largest coordinate: eight units in the last place.
+const ROUNDING: f64 = 1.0 / (1_u64 << 21) as f64;
+
+/// Edges and triangles that may intersect.
+#[derive(Clone, Copy)]
+pub(crate) struct Features<'a> {
+    pub edges: &'a [[u32; 2]],
+    pub triangles: &'a [[u32; 3]],
+    /// The positions (m) of the vertices. Those of mesh colliders follow the cloth's, from index `of_cloth` on.
+    pub x: &'a [Vec4],
+    pub of_cloth: usize,
+    /// The thickness (m) of the cloth.
+    pub thickness: f32,
+}
+
+impl Features<'_> {
+    /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
+    /// pairs are tested for which `may_meet` accepts a vertex of each.
+    pub(crate) fn crossings(self, may_meet: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
+        let (x, normals) = self.in_general_position();
+        let found = pierced(self.edges, self.triangles, &x, &mut { usize::MAX }, &may_meet);
+        Touches::new(self, x, normals, &may_meet).left_out_of(found)
+    }
+
+    /// The distance (m) below which features touch: a small share of the thickness, or what rounding may be.
+    pub(super) fn touching(&self) -> f64 {
+        (TOUCHING * f64::from(self.thickness)).max(ROUNDING * self.extent())
+    }
+
+    fn extent(&self) -> f64 {
+        let largest = |all: f32, &vertex: &u32| all.max(self.x[vertex as usize].truncate().abs().max_element());
+        f64::from(self.triangles.iter().flatten().fold(0.0, largest))
+    }
+
+    /// Positions (m) at which no four vertices are in one plane, and the normals of the vertices.
+    ///
+    /// Everything moves against its normal, mesh colliders the most and the first vertices more than the last. So two
+    /// layers in one plane are in front of each other if they face each other, cloth is in front of a mesh collider, and
+    /// of two layers that face the same way the one with the higher indices is in front.
+    pub(super) fn in_general_position(&self) -> (Vec<DVec3>, Vec<DVec3>) {
+        let mut x: Vec<DVec3> = self.x.iter().map(|x| x.truncate().as_dvec3()).collect();
+        let mut normals = vec![DVec3::ZERO; x.len()];
+        for corners in self.triangles {
+            let [a, b, c] = corners.map(|vertex| x[vertex as usize]);
+            corners.iter().for_each(|&vertex| normals[vertex as usize] += (b - a).cross(c - a));
+        }
+        let (extent, count) = (self.extent(), self.of_cloth.max(1) as f64);
+        for (vertex, (x, normal)) in x.iter_mut().zip(&mut normals).enumerate() {
+            *normal = normal.normalize_or_zero();
+            let share = if vertex < self.of_cloth { 2.0 - vertex as f64 / count } else { 3.0 };
+            let random = DVec3::from_array([0, 1, 2].map(|axis| random(3 * vertex as u32 + axis)));
+            *x += extent * (NOISE * random - OFFSET * share * *normal);
+        }
+        (x, normals)
+    }
+}
+
+/// A number from -1 to 1 that is determined by another in no simple way (the last steps of Appleby's `MurmurHash3`).
+fn random(mut number: u32) -> f64 {
+    number = (number ^ number >> 16).wrapping_add(0x9e37_79b9).wrapping_mul(0x85eb_ca6b);
+    number = (number ^ number >> 13).wrapping_mul(0xc2b2_ae35);
+    f64::from((number ^ number >> 16) as i32) / f64::from(1_u32 << 31)
+}
+
+/// The pairs of an edge and a triangle that intersect at the positions `x` (m), sorted. Stops once `room` for pairs of
+/// overlapping boxes is used up.
+pub(super) fn pierced(
     edges: &[[u32; 2]],
     triangles: &[[u32; 3]],
-    x: &[Vec4],
+    x: &[DVec3],
+    room: &mut usize,
     may_meet: impl Fn(u32, u32) -> bool,
 ) -> Vec<[u32; 2]> {
-    let at = |vertex: u32| x[vertex as usize].truncate();
-    let (low, high) = triangles.iter().flatten().map(|&v| at(v)).fold((at(0), at(0)), |(low, high), x| (low.min(x), high.max(x)));
-    let extent = high - low;
-    let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
-    // Sweep and prune along the longest axis: a triangle is active for an edge if it begins before the edge ends and
-    // ends after it begins.
-    let spans = |from: f32, to: f32, index: usize| (from, to, index as u32);
-    let mut of_edges: Vec<(f32, f32, u32)> = edges
-        .iter()
-        .enumerate()
-        .map(|(index, ends)| {
-            let [a, b] = ends.map(at);
-            spans(a.min(b)[axis], a.max(b)[axis], index)
-        })
-        .collect();
-    let mut of_triangles: Vec<(f32, f32, u32)> = triangles
-        .iter()
-        .enumerate()
-        .map(|(index, corners)| {
-            let [a, b, c] = corners.map(at);
-            spans(a.min(b).min(c)[axis], a.max(b).max(c)[axis], index)
-        })
-        .collect();
-    of_edges.sort_by(|a, b| a.0.total_cmp(&b.0));
-    of_triangles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut active, mut found) = (Vec::<(f32, u32)>::new(), Vec::new());
-    let mut next = 0;
-    for (from, to, edge) in of_edges {
-        while next < of_triangles.len() && of_triangles[next].0 <= to {
-            active.push((of_triangles[next].1, of_triangles[next].2));
-            next += 1;
+    let at = |vertex: u32| x[vertex as usize];
+    let of_edges: Vec<_> = edges.iter().map(|ends| around(&ends.map(at), 0.0)).collect();
+    let of_triangles: Vec<_> = triangles.iter().map(|corners| around(&corners.map(at), 0.0)).collect();
+    let mut found = Vec::new();
+    for_overlaps(&of_edges, &of_triangles, room, |edge, triangle| {
+        let (ends, corners) = (edges[edge], triangles[triangle]);
+        let meets = may_meet(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
+        if meets && goes_through(ends.map(at), corners.map(at)) {
+            found.push([edge as u32, triangle as u32]);
         }
-        active.retain(|(end, _)| *end >= from);
-        let ends = edges[edge as usize];
-        let [p, q] = ends.map(at);
-        let (low, high) = (p.min(q), p.max(q));
-        for &(_, triangle) in &active {
-            let corners = triangles[triangle as usize];
-            let [a, b, c] = corners.map(at);
-            let is_near = a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all();
-            if is_near && may_meet(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end)) {
-                let double = |v: u32| at(v).as_dvec3();
-                if goes_through(ends.map(double), corners.map(double)) {
-                    found.push([edge, triangle]);
-                }
-            }
-        }
-    }
+    });
     found.sort_unstable();
     found
 }
@@ -73,96 +112,4 @@ fn goes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     let (above, below) = (volume(a, b, c, p), volume(a, b, c, q));
     let hands = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)];
     (above > 0.0) != (below > 0.0) && (hands.iter().all(|&hand| hand > 0.0) || hands.iter().all(|&hand| hand < 0.0))
-}
-
-/// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
-#[derive(Debug, Default)]
-pub(super) struct LetGo {
-    /// Each an edge and a triangle, sorted.
-    pub crossings: Vec<[u32; 2]>,
-    /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
-    pairs: [Vec<[u32; 2]>; 2],
-}
-
-impl LetGo {
-    /// Searches for intersections with bodies and, if `meets_itself`, of the cloth with itself. An edge with an end at
-    /// most `touching` (m) from the triangle's plane does not count: see [`super::coincident`].
-    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, touching: f32) {
-        let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
-        let mut found = crossings(&surface.edges, &surface.triangles, x, may_meet);
-        let at = |vertex: u32| x[vertex as usize].truncate().as_dvec3();
-        found.retain(|&[edge, triangle]| {
-            let [a, b, c] = surface.triangles[triangle as usize].map(at);
-            let normal = (b - a).cross(c - a).normalize_or_zero();
-            let depth = |end: u32| (at(end) - a).dot(normal).abs();
-            surface.edges[edge as usize].iter().all(|&end| depth(end) > f64::from(touching))
-        });
-        self.take(found, surface);
-    }
-
-    /// Whether anything intersects whose vertices are all led (by pins or as parts of bodies). Contact cannot hold
-    /// these apart.
-    pub(super) fn led_cross(surface: &Surface, x: &[Vec4], meets_itself: bool) -> bool {
-        let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
-        let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0 && is_led(vertices);
-        // Only the region of led cloth needs a test.
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for &vertex in surface.edges.iter().filter(|ends| of_cloth(*ends)).flatten() {
-            let at = x[vertex as usize].truncate();
-            (low, high) = (low.min(at), high.max(at));
-        }
-        // For each vertex a bit for each side of the region that it is beyond. What has all of its vertices beyond the
-        // same side is not there.
-        let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
-        let beyond: Vec<u32> = x.iter().map(beyond).collect();
-        let is_beyond = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize]) != 0;
-        let is_there = |vertices: &[u32]| !is_beyond(vertices) && is_led(vertices);
-        let edges: Vec<[u32; 2]> = surface.edges.iter().filter(|ends| is_there(*ends)).copied().collect();
-        let triangles: Vec<[u32; 3]> = surface.triangles.iter().filter(|corners| is_there(*corners)).copied().collect();
-        let may_meet = |a: u32, b: u32| surface.may_meet(a, b, meets_itself);
-        !triangles.is_empty() && !crossings(&edges, &triangles, x, may_meet).is_empty()
-    }
-
-    /// Replaces the intersections.
-    pub(super) fn take(&mut self, crossings: Vec<[u32; 2]>, surface: &Surface) {
-        self.crossings = crossings;
-        let [with_vertices, with_edges] = &mut self.pairs;
-        with_vertices.clear();
-        with_edges.clear();
-        for &[edge, triangle] in &self.crossings {
-            with_vertices.extend(surface.edges[edge as usize].map(|end| [end, triangle]));
-            with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
-        }
-        self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
-    }
-
-    /// Intersections of the cloth with itself, given by vertices.
-    pub(super) fn of_cloth(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
-        let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
-        let crossing = |(edge, triangle)| Crossing { edge, triangle };
-        self.by_vertices(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
-    }
-
-    /// For each intersection of the cloth with a body: the index of the body.
-    pub(super) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
-        let owner = |vertex: u32| surface.owner[vertex as usize];
-        let owners = self.by_vertices(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
-        owners.filter(|&owner| owner > 0).map(|owner| owner - 1)
-    }
-
-    fn by_vertices(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
-        let Surface { edges, triangles, .. } = surface;
-        self.crossings.iter().map(|&[edge, triangle]| (edges[edge as usize], triangles[triangle as usize]))
-    }
-
-    #[cfg(feature = "gpu")]
-    pub(super) fn pairs(&self) -> &[Vec<[u32; 2]>; 2] {
-        &self.pairs
-    }
-
-    /// Whether a pair is ignored.
-    pub(super) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
-        let pairs = &self.pairs[kind as usize];
-        !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
-    }
 }

@@ -7,8 +7,7 @@ use glam::Vec4;
 
 use super::Past;
 use super::bodies::{Bodies, motions};
-use super::coincident::TOUCHING;
-use super::crossings::LetGo;
+use super::let_go::LetGo;
 use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
@@ -30,8 +29,7 @@ pub(crate) struct OnDevice {
     vertices: usize,
     let_go: LetGo,
     may_cross: bool,
-    /// Distance (m) from a triangle's plane up to which an end of an edge does not cross it.
-    touching: f32,
+    thickness: f32,
 }
 
 /// The lists in the GPU's layout: the rows of the vertices, followed by those of the edges.
@@ -73,9 +71,8 @@ impl OnDevice {
         }
         let table = Table::new(&surface, &tree, of_meshes.as_ref(), range);
         let bodies = Bodies::new(range[0], meshes);
-        let (let_go, touching) = (LetGo::default(), TOUCHING * thickness);
-        let meets_itself = contact.is_some();
-        Some((OnDevice { surface, meets_itself, bodies, vertices: range[1], let_go, may_cross: true, touching }, table))
+        let (let_go, meets_itself) = (LetGo::default(), contact.is_some());
+        Some((OnDevice { surface, meets_itself, bodies, vertices: range[1], let_go, may_cross: true, thickness }, table))
     }
 
     /// Whether these are its mesh colliders.
@@ -130,14 +127,22 @@ impl OnDevice {
     fn pins_cross(&self, plan: &Plan<'_>) -> bool {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
-        LetGo::led_cross(&self.surface, &self.with_meshes(plan, x), self.meets_itself)
+        LetGo::led_cross(&self.surface, &self.with_meshes(plan, x), self.meets_itself, self.thickness)
     }
 
-    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m).
-    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
-        let x = self.with_meshes(plan, x);
-        self.let_go.find(&self.surface, &x, self.meets_itself, self.touching);
+    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
+    /// contact, moves apart what touches exactly. Returns the positions if that changed any.
+    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
+        let mut x = self.with_meshes(plan, x);
+        let moved = match self.may_cross && is_new {
+            true => LetGo::part_touches(&self.surface, &x, self.meets_itself, self.thickness),
+            false => Vec::new(),
+        };
+        moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
+        self.let_go.find(&self.surface, &x, self.meets_itself, self.thickness);
         self.may_cross = !self.let_go.crossings.is_empty();
+        x.truncate(plan.cloth.rest.len());
+        (!moved.is_empty()).then_some(x)
     }
 
     /// The positions of all vertices at the start of a step, given those of the cloth.

@@ -13,16 +13,18 @@
 //! order, so the result does not depend on the number of threads.
 
 mod acting;
+mod apart;
 mod bodies;
 mod boxes;
 mod candidates;
-mod coincident;
 mod contacts;
+mod contours;
 pub(crate) mod crossings;
 mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
 mod lanes;
+mod let_go;
 mod measure;
 mod near;
 mod pairs;
@@ -32,8 +34,10 @@ mod ranges;
 mod response;
 mod rows;
 mod surface;
+mod sweep_and_prune;
 #[cfg(feature = "gpu")]
 pub(crate) mod table;
+mod touches;
 mod tree;
 mod truncation;
 pub(crate) mod untangle;
@@ -54,10 +58,9 @@ use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
-use coincident::TOUCHING;
 use contacts::Contacts;
-use crossings::LetGo;
 use detection::{Detection, Scene};
+use let_go::LetGo;
 use near::Start;
 use past::Kept;
 pub(crate) use past::Past;
@@ -73,7 +76,7 @@ use vertices::Meet;
 const LEAST_STRAY: f32 = 0.1;
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 15] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("KEEP", crate::kernels::pair::KEEP),
     ("THIN", crate::kernels::pair::THIN),
@@ -89,7 +92,6 @@ pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
     ("WARM", response::WARM),
     ("FARTHER", truncation::FARTHER),
     ("NEAR", bodies::NEAR),
-    ("TOUCHING", TOUCHING),
 ];
 /// Vertices that a task looks at.
 const GRAIN: usize = 1024;
@@ -236,6 +238,10 @@ impl SelfContact {
             return;
         }
         self.bodies.lead(plan, substep, x, u);
+        if self.may_cross && self.paths.since.is_none() {
+            let moved = LetGo::part_touches(&self.surface, x, self.meets_itself, self.options.thickness);
+            moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
+        }
         let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
         let frame = self.bodies.frame(plan, u, self.options.thickness);
         let (is_free, path) = (frame.is_none(), Path { x, u, stray: &[], is_shared });
@@ -249,8 +255,7 @@ impl SelfContact {
         if self.lists.iter().any(|rows| !rows.pairs.is_empty()) {
             let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
-            let begins = self.h == 0.0;
-            let start = Start { x, u, push: &self.push, most_push, mean, begins, surface, friction, is_shared, width };
+            let start = Start { x, u, push: &self.push, most_push, mean, surface, friction, is_shared, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
@@ -325,10 +330,10 @@ impl SelfContact {
         let scene = Scene { surface, meets_itself, bodies_rest, path, look, width };
         bodies.are_known = bodies.are_still;
         if self.led_may_cross && !self.may_cross {
-            self.may_cross = LetGo::led_cross(surface, path.x, self.meets_itself);
+            self.may_cross = LetGo::led_cross(surface, path.x, self.meets_itself, options.thickness);
         }
         if self.may_cross {
-            self.let_go.find(surface, path.x, self.meets_itself, TOUCHING * options.thickness);
+            self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
             self.may_cross = !self.let_go.crossings.is_empty();
         }
         let let_go = &self.let_go;

@@ -3,7 +3,6 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::coincident::{TOUCHING, coincident};
 use super::lanes::{corners_of, filled, scattered, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest};
 use super::surface::Surface;
@@ -73,8 +72,6 @@ pub(super) struct Start<'a> {
     /// The length of the longest of them (m).
     pub most_push: f32,
     pub mean: Vec3A,
-    /// Whether there are no multipliers from an earlier substep.
-    pub begins: bool,
     pub surface: &'a Surface,
     /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],
@@ -114,7 +111,6 @@ impl Loop for Find<'_> {
             }
             let places = filled::<L>(corners, &mut room);
             let thickness = L::from_slice(&thickness[..L::LANES]);
-            let least = if start.begins { thickness * L::splat(TOUCHING) } else { L::splat(1e-12) };
             let (x, travel) = whole_corners_of::<L>(at, places);
             let weights = closest(kind, x);
             let apart = between(weights, x);
@@ -125,20 +121,8 @@ impl Loop for Find<'_> {
             let distance = apart.dot(apart).sqrt();
             let left = distance - a - b - most_push;
             let all = (1_u32 << listed.len()) - 1;
-            let (near, is_apart) = (left.lt(thickness), least.lt(distance));
-            let mut touching = L::bits(near) & all & !L::bits(is_apart);
-            // The vector between edges that touch has no direction. They are held apart once their ends are.
-            while start.begins && kind == Kind::VertexTriangle && touching != 0 {
-                let lane = touching.trailing_zeros() as usize;
-                touching &= touching - 1;
-                let Listed { corners: of_cloth, thickness, .. } = listed[lane];
-                let Some((normal, [free, last])) = coincident(start.surface, start.x, of_cloth) else { continue };
-                let (corners, listed) = (corners[lane], (first + group * L::LANES + lane) as u32);
-                acting[count] = found.len() as u32;
-                count += 1;
-                found.push(Near { corners, normal, distance: 0.0, thickness, free, last, listed });
-            }
-            let mut lanes = L::bits(L::and(near, is_apart)) & all;
+            // A vector of no length has no direction.
+            let mut lanes = L::bits(L::and(left.lt(thickness), L::splat(1e-12).lt(distance))) & all;
             if lanes == 0 {
                 continue;
             }

@@ -34,8 +34,6 @@ pub(super) struct Surface {
     /// the bodies.
     pub piece: Vec<u32>,
     pub owner: Vec<u32>,
-    /// A triangle at each vertex; `u32::MAX` where there is none.
-    pub triangle_at: Vec<u32>,
     bodies: u32,
     /// For each vertex a lower bound (m) of half its distance at rest from features that are not adjacent, at most the
     /// thickness.
@@ -103,7 +101,6 @@ impl Surface {
             rest: cloth.rest.clone(),
             piece: pieces(&cloth.triangles, vertices),
             owner: vec![0; vertices],
-            triangle_at: vec![u32::MAX; vertices],
             bodies: 0,
             reach: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
             roam: heights.iter().map(roam).collect(),
@@ -143,6 +140,11 @@ impl Surface {
         }
     }
 
+    /// The index of the first vertex of bodies, or the number of vertices.
+    pub(super) fn of_cloth(&self) -> usize {
+        self.owner.iter().position(|&owner| owner > 0).unwrap_or(self.owner.len())
+    }
+
     pub(super) fn has_bodies(&self) -> bool {
         self.bodies > 0
     }
@@ -152,7 +154,6 @@ impl Surface {
         self.rest.resize(vertices, Vec4::ZERO);
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);
-        self.triangle_at.resize(vertices, u32::MAX);
         self.reach.resize(vertices, thickness);
         self.roam.resize(vertices, 0.5 * thickness);
     }
@@ -183,9 +184,6 @@ impl Surface {
             let mut of = sides(t).map(|side| rank[index.of(side)]);
             std::array::from_fn::<u32, 3, _>(|_| of.next().expect("a triangle has three sides"))
         }));
-        for (place, corners) in (firsts[0]..).zip(&triangles) {
-            corners.iter().for_each(|&vertex| self.triangle_at[vertex as usize] = place);
-        }
         self.triangles.extend(triangles);
         self.edges.extend(edges.iter().map(|&edge| sorted[edge as usize]));
         self.order.extend(vertices);

@@ -94,7 +94,7 @@ shaders! {
     DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/boxes"
         "stages/self_contact/descent" "stages/self_contact/listing" "stages/self_contact/detection";
     NEAR: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/mean" "stages/self_contact/pairs" "stages/self_contact/coincident" "stages/self_contact/near";
+        "stages/self_contact/mean" "stages/self_contact/pairs" "stages/self_contact/near";
     RESPONSE: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
         "stages/self_contact/pairs" "stages/self_contact/response";
     FINISH: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/finish";

@@ -161,7 +161,8 @@ pub enum Tethers {
 /// No edge ever passes through a triangle, provided that none does at the start and that pins move relative to each
 /// other by at most a third of the thickness per substep ([`Warning::ContactOutruns`]). A start with crossings is
 /// reported ([`Warning::Crossings`]), and contact ignores what crosses until it has separated;
-/// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand.
+/// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand. What merely touches at the start does not
+/// cross: features closer than a ten-thousandth of the thickness, or than rounding, are moved apart by some micrometers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same

@@ -80,7 +80,7 @@ fn look_at_pair(k: u32) -> Looked {
     let u = displacements(pair.corners);
     let closest = closest_of(pair, is_edge, u, known.status.mean, known.status.pushed);
     let weights = closest.weights;
-    var distance = length(closest.apart);
+    let distance = length(closest.apart);
     var normal = closest.apart / max(distance, 1e-12);
     if distance < NARROW * pair.thickness {
         let exact = perpendicular(closest.apart, weights, positions(pair.corners), is_edge);
@@ -89,19 +89,13 @@ fn look_at_pair(k: u32) -> Looked {
         normal = select(normal, exact / size, size > 0.5 * distance);
     }
     var state = 0u;
-    let least = select(1e-12, TOUCHING * pair.thickness, begins());
-    if closest.left < pair.thickness && distance > least {
+    // A vector of no length has no direction.
+    if closest.left < pair.thickness && distance > 1e-12 {
         let gap = distance - pair.thickness + dot(normal, between(weights, u));
         // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
         let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
         let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
         state = select(1u, 2u, acts);
-    }
-    if closest.left < pair.thickness && !(distance > least) && begins() && !is_edge {
-        // The vector between edges that touch has no direction. They are held apart once their ends are.
-        distance = 0.0;
-        normal = facing(pair.corners);
-        state = select(0u, 2u, any(normal != vec3f()));
     }
     if state < 2u && any(pair.lambda != vec4f()) {
         pairs[place(k)].lambda = vec4f();

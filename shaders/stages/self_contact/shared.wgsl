@@ -233,25 +233,20 @@ fn edge(e: u32) -> vec2u {
 }
 
 fn piece_of(v: u32) -> u32 {
-    return table[about.of_vertices + 7u * v];
+    return table[about.of_vertices + 6u * v];
 }
 
 fn reach_of(v: u32) -> f32 {
-    return number(about.of_vertices + 7u * v + 1u);
+    return number(about.of_vertices + 6u * v + 1u);
 }
 
 fn roam_of(v: u32) -> f32 {
-    return number(about.of_vertices + 7u * v + 2u);
+    return number(about.of_vertices + 6u * v + 2u);
 }
 
 fn rest_of(v: u32) -> vec3f {
-    let at = about.of_vertices + 7u * v + 3u;
+    let at = about.of_vertices + 6u * v + 3u;
     return vec3f(number(at), number(at + 1u), number(at + 2u));
-}
-
-// A triangle at the vertex, or `NONE`.
-fn triangle_at(v: u32) -> u32 {
-    return table[about.of_vertices + 7u * v + 6u];
 }
 
 // The unit normal of a triangle, or 0 if it has no area.

@@ -1,10 +1,9 @@
-//! The contours along which surfaces cross, and how to shorten them.
-
-use std::collections::VecDeque;
+//! How to shorten the contours along which surfaces cross.
 
 use glam::Vec3A;
 
 use super::Tangle;
+use crate::contact::contours::contours;
 
 /// Smallest cosine between an edge and the normal of the triangle that it crosses; a flatter crossing would require an
 /// arbitrarily large distance.
@@ -18,7 +17,7 @@ const FLATTEST: f32 = 0.1;
 pub(super) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
     let own: Vec<Vec3A> = found.iter().map(|&crossing| gradient(tangle, crossing)).collect();
     let mut all = own.clone();
-    for contour in contours(tangle, found) {
+    for contour in contours(found, |edge| tangle.at_edges.of(edge)) {
         let mean = contour.iter().map(|&(crossing, sign)| own[crossing] * sign).sum::<Vec3A>() / contour.len() as f32;
         contour.iter().for_each(|&(crossing, sign)| all[crossing] += mean * sign);
     }
@@ -48,45 +47,4 @@ fn gradient(tangle: &Tangle, [edge, triangle]: [u32; 2]) -> Vec3A {
         r - n * (e.dot(r) / across)
     };
     tangle.at_edges.of(edge).iter().map(through).sum()
-}
-
-/// The crossings of each contour, each with the side of the contour on which its edge is, 1 or -1. Two crossings are
-/// consecutive on a contour if the same two triangles meet at both.
-fn contours(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec<(usize, f32)>> {
-    // Pairs of triangles, the lower index first; the crossing; and whether the edge's triangle is the lower one.
-    let mut meetings: Vec<([u32; 2], usize, f32)> = Vec::new();
-    for (crossing, &[edge, triangle]) in found.iter().enumerate() {
-        for &beside in tangle.at_edges.of(edge) {
-            let pair = [beside.min(triangle), beside.max(triangle)];
-            meetings.push((pair, crossing, if beside < triangle { 1.0 } else { -1.0 }));
-        }
-    }
-    meetings.sort_unstable_by_key(|&(pair, crossing, _)| (pair, crossing));
-    let mut next: Vec<Vec<(usize, f32)>> = vec![Vec::new(); found.len()];
-    for meeting in meetings.chunk_by(|a, b| a.0 == b.0) {
-        for pair in meeting.windows(2) {
-            let (a, b, same) = (pair[0].1, pair[1].1, pair[0].2 * pair[1].2);
-            next[a].push((b, same));
-            next[b].push((a, same));
-        }
-    }
-    let mut seen = vec![false; found.len()];
-    let mut all = Vec::new();
-    for first in 0..found.len() {
-        if seen[first] {
-            continue;
-        }
-        seen[first] = true;
-        let (mut contour, mut queue) = (Vec::new(), VecDeque::from([(first, 1.0)]));
-        while let Some((crossing, sign)) = queue.pop_front() {
-            contour.push((crossing, sign));
-            for &(other, same) in &next[crossing] {
-                if !std::mem::replace(&mut seen[other], true) {
-                    queue.push_back((other, sign * same));
-                }
-            }
-        }
-        all.push(contour);
-    }
-    all
 }

@@ -32,10 +32,10 @@ pub(super) fn is_closed(body: &Mesh) -> bool {
     !sides.is_empty() && sides == back && sides.windows(2).all(|two| two[0] != two[1])
 }
 
-/// Moves vertices that are inside a body to the nearest point of its surface, and beyond it by `thickness` (m). Returns
+/// Moves vertices that are inside a body to the nearest point of its surface, and beyond it by the thickness. Returns
 /// their number.
-pub(super) fn leave(tangle: &mut Tangle, bodies: &[&Mesh], thickness: f32) -> usize {
-    let mut count = 0;
+pub(super) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
+    let (mut count, thickness) = (0, tangle.thickness);
     for body in bodies {
         let [low, high] = body.bounds();
         for x in tangle.x[..tangle.of_cloth].iter_mut().filter(|x| x.w > 0.0) {

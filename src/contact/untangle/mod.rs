@@ -17,7 +17,7 @@ mod inside;
 
 use glam::{Vec3A, Vec4};
 
-use super::crossings::crossings;
+use super::crossings::Features;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
@@ -43,10 +43,12 @@ struct Tangle {
     edges: Vec<[u32; 2]>,
     /// The triangles at each edge.
     at_edges: Csr<u32>,
+    /// The thickness (m) of the cloth.
+    thickness: f32,
 }
 
 impl Tangle {
-    fn new(cloth: &Cloth, x: &[Vec4], bodies: &[Mesh]) -> Tangle {
+    fn new(cloth: &Cloth, x: &[Vec4], bodies: &[Mesh], thickness: f32) -> Tangle {
         let mut all: Vec<Vec4> = x.iter().map(|x| x.with_w(f32::from(x.w > 0.0))).collect();
         let mut triangles = cloth.triangles.clone();
         for body in bodies {
@@ -59,13 +61,15 @@ impl Tangle {
         let index = EdgeIndex::new(&edges, all.len());
         let of_edges = (0..).zip(&triangles).flat_map(|(triangle, &corners)| sides(corners).map(move |side| (side, triangle)));
         let at_edges = Csr::new(edges.len(), of_edges.map(|(side, triangle)| (index.of(side) as u32, triangle)));
-        Tangle { x: all, of_cloth: x.len(), triangles, edges, at_edges }
+        Tangle { x: all, of_cloth: x.len(), triangles, edges, at_edges, thickness }
     }
 
     /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth.
     fn crossings(&self) -> Vec<[u32; 2]> {
         let is_cloth = |vertex: u32| (vertex as usize) < self.of_cloth;
-        crossings(&self.edges, &self.triangles, &self.x, |a, b| is_cloth(a) || is_cloth(b))
+        let Tangle { edges, triangles, x, of_cloth, thickness, .. } = self;
+        let features = Features { edges, triangles, x, of_cloth: *of_cloth, thickness: *thickness };
+        features.crossings(|a, b| is_cloth(a) || is_cloth(b))
     }
 
     fn at(&self, vertex: u32) -> Vec3A {
@@ -102,12 +106,12 @@ impl Tangle {
 }
 
 /// Moves the edges of a cloth at `x` (m) without crossings toward their rest lengths, as long as none arises.
-fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh], thickness: f32) -> Vec<Vec4> {
+fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) -> Vec<Vec4> {
     tangle.x.clone_from(&x);
     let mut settled = x;
     for _ in 0..SETTLES {
         (0..PASSES).for_each(|_| tangle.relax(cloth));
-        if inside::leave(&mut tangle, solids, thickness) > 0 || !tangle.crossings().is_empty() {
+        if inside::leave(&mut tangle, solids) > 0 || !tangle.crossings().is_empty() {
             break;
         }
         settled.clone_from(&tangle.x);
@@ -119,7 +123,7 @@ fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh], th
 /// passes through a triangle of the cloth or of a body, or no further progress is made. Returns the numbers of
 /// crossings before and after.
 pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> [usize; 2] {
-    let mut tangle = Tangle::new(cloth, x, bodies);
+    let mut tangle = Tangle::new(cloth, x, bodies, thickness);
     let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
     let lengths: f32 = cloth.links.iter().map(|link| link.rest).sum();
     let step = STEP * lengths / cloth.links.len().max(1) as f32;
@@ -128,7 +132,7 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
     let (mut best, mut since, mut is_moved) = ((before, tangle.x.clone()), 0, false);
     for _ in 0..ROUNDS {
         if found.is_empty() {
-            let left = inside::leave(&mut tangle, &solids, thickness);
+            let left = inside::leave(&mut tangle, &solids);
             is_moved |= left > 0;
             found = tangle.crossings();
             if found.is_empty() {
@@ -149,7 +153,7 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
     }
     let (after, mut to) = best;
     if after == 0 && is_moved {
-        to = settled(tangle, to, cloth, &solids, thickness);
+        to = settled(tangle, to, cloth, &solids);
     }
     x.iter_mut().zip(to).for_each(|(x, to)| *x = to.with_w(x.w));
     [before, after]

@@ -169,14 +169,16 @@ impl GpuContact {
         self.kept.is_of(meshes)
     }
 
-    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m).
-    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
+    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
+    /// from which to start instead, if anything touched exactly.
+    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
         let crossed = !self.kept.let_go().iter().all(Vec::is_empty);
-        self.kept.look(plan, x);
+        let moved = self.kept.look(plan, x, self.status.since == status::NEVER);
         if crossed || !self.kept.let_go().iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
+        moved
     }
 
     /// Intersections found by the last search, with itself and with mesh colliders.

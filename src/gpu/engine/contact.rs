@@ -114,7 +114,10 @@ impl GpuEngine {
     fn look_for_crossings(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let mut x = Vec::new();
         self.read(|at, _| x.extend_from_slice(at))?;
-        self.contact.iter_mut().for_each(|contact| contact.look(plan, std::mem::take(&mut x)));
+        if let Some(x) = self.contact.as_mut().and_then(|contact| contact.look(plan, x)) {
+            // If the step fails, the next one starts from there, too.
+            self.gpu.write(&self.forces.states[0].x, 0, &x);
+        }
         Ok(())
     }
 

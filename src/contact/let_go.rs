@@ -1,0 +1,101 @@
+//! The intersections, and the pairs that contact ignores because of them.
+
+use glam::{Vec3, Vec4};
+
+use super::apart::apart;
+use super::crossings::Features;
+use super::pairs::{Kind, Listed};
+use super::surface::Surface;
+use crate::options::Crossing;
+
+/// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
+#[derive(Debug, Default)]
+pub(super) struct LetGo {
+    /// Each an edge and a triangle, sorted.
+    pub crossings: Vec<[u32; 2]>,
+    /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
+    pairs: [Vec<[u32; 2]>; 2],
+}
+
+impl LetGo {
+    /// Searches for intersections with bodies and, if `meets_itself`, of the cloth with itself.
+    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) {
+        let found = features(surface, x, thickness).crossings(|a, b| surface.may_meet(a, b, meets_itself));
+        self.take(found, surface);
+    }
+
+    /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
+    pub(super) fn part_touches(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> Vec<(u32, Vec4)> {
+        apart(features(surface, x, thickness), |a, b| surface.may_meet(a, b, meets_itself))
+    }
+
+    /// Whether anything intersects whose vertices are all led (by pins or as parts of bodies). Contact cannot hold
+    /// these apart.
+    pub(super) fn led_cross(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> bool {
+        let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
+        let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0 && is_led(vertices);
+        // Only the region of led cloth needs a test.
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for &vertex in surface.edges.iter().filter(|ends| of_cloth(*ends)).flatten() {
+            let at = x[vertex as usize].truncate();
+            (low, high) = (low.min(at), high.max(at));
+        }
+        // For each vertex a bit for each side of the region that it is beyond. What has all of its vertices beyond the
+        // same side is not there.
+        let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
+        let beyond: Vec<u32> = x.iter().map(beyond).collect();
+        let is_beyond = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize]) != 0;
+        let is_there = |vertices: &[u32]| !is_beyond(vertices) && is_led(vertices);
+        let edges: Vec<[u32; 2]> = surface.edges.iter().filter(|ends| is_there(*ends)).copied().collect();
+        let triangles: Vec<[u32; 3]> = surface.triangles.iter().filter(|corners| is_there(*corners)).copied().collect();
+        let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
+        !triangles.is_empty() && !features.crossings(|a, b| surface.may_meet(a, b, meets_itself)).is_empty()
+    }
+
+    /// Replaces the intersections.
+    pub(super) fn take(&mut self, crossings: Vec<[u32; 2]>, surface: &Surface) {
+        self.crossings = crossings;
+        let [with_vertices, with_edges] = &mut self.pairs;
+        with_vertices.clear();
+        with_edges.clear();
+        for &[edge, triangle] in &self.crossings {
+            with_vertices.extend(surface.edges[edge as usize].map(|end| [end, triangle]));
+            with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
+        }
+        self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
+    }
+
+    /// Intersections of the cloth with itself, given by vertices.
+    pub(super) fn of_cloth(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
+        let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
+        let crossing = |(edge, triangle)| Crossing { edge, triangle };
+        self.by_vertices(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
+    }
+
+    /// For each intersection of the cloth with a body: the index of the body.
+    pub(super) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
+        let owner = |vertex: u32| surface.owner[vertex as usize];
+        let owners = self.by_vertices(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
+        owners.filter(|&owner| owner > 0).map(|owner| owner - 1)
+    }
+
+    fn by_vertices(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
+        let Surface { edges, triangles, .. } = surface;
+        self.crossings.iter().map(|&[edge, triangle]| (edges[edge as usize], triangles[triangle as usize]))
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(super) fn pairs(&self) -> &[Vec<[u32; 2]>; 2] {
+        &self.pairs
+    }
+
+    /// Whether a pair is ignored.
+    pub(super) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
+        let pairs = &self.pairs[kind as usize];
+        !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
+    }
+}
+
+fn features<'a>(surface: &'a Surface, x: &'a [Vec4], thickness: f32) -> Features<'a> {
+    Features { edges: &surface.edges, triangles: &surface.triangles, x, of_cloth: surface.of_cloth(), thickness }
+}
