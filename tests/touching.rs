@@ -177,3 +177,22 @@ fn what_crosses_is_reported_and_what_touches_is_held(backend: Backend) {
         }
     }
 }
+
+/// Where grids cross exactly they are untangled as anywhere else; single triangles that large are beyond it. What merely
+/// touches is left where it is.
+#[test]
+fn exact_crossings_are_untangled_and_touches_are_not() {
+    for (name, crosses, pieces) in starts() {
+        let (mesh, _) = joined(&pieces);
+        let mut cloth = deformer(Backend::Cpu, &mesh);
+        let parted = cloth.untangle(&Attributes::default()).unwrap();
+        println!("{name}: {parted:?}");
+        assert_eq!(parted.before > 0, crosses, "{name}: {parted:?}");
+        assert_eq!(parted.after, cloth.crossings().unwrap().len(), "{name}");
+        assert!(parted.after <= parted.before, "{name}: {parted:?}");
+        if ["vertices on vertices", "vertices on edges", "vertices in triangles"].contains(&name) {
+            assert_eq!(parted.after, 0, "{name}: {parted:?}");
+        }
+        assert!(crosses || parted.farthest == 0.0, "{name}: {parted:?}");
+    }
+}
