@@ -10,7 +10,6 @@
 use glam::{DVec3, Vec4};
 
 use super::sweep_and_prune::{around, for_overlaps};
-use super::touches::Touches;
 
 /// Distances below this multiple of the thickness count as zero.
 const TOUCHING: f64 = 1e-4;
@@ -33,14 +32,6 @@ pub(crate) struct Features<'a> {
 }
 
 impl Features<'_> {
-    /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
-    /// pairs are tested for which `may_meet` accepts a vertex of each.
-    pub(crate) fn crossings(self, may_meet: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
-        let (x, normals) = self.in_general_position();
-        let found = pierced(self.edges, self.triangles, &x, &mut { usize::MAX }, &may_meet);
-        Touches::new(self, x, normals, &may_meet).left_out_of(found)
-    }
-
     /// The distance (m) below which features touch: a small share of the thickness, or what rounding may be.
     pub(super) fn touching(&self) -> f64 {
         (TOUCHING * f64::from(self.thickness)).max(ROUNDING * self.extent())

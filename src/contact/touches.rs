@@ -21,6 +21,16 @@ const ROUNDS: usize = 64;
 /// crammed into one place, of which all intersections count.
 const ROOM: [usize; 2] = [10_000_000, 256];
 
+impl Features<'_> {
+    /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
+    /// pairs are tested for which `may_meet` accepts a vertex of each.
+    pub(crate) fn crossings(self, may_meet: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
+        let (x, normals) = self.in_general_position();
+        let found = pierced(self.edges, self.triangles, &x, &mut { usize::MAX }, &may_meet);
+        Touches::new(self, x, normals, &may_meet).left_out_of(found)
+    }
+}
+
 /// The search for touches.
 pub(super) struct Touches<'a, M> {
     features: Features<'a>,
