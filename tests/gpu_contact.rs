@@ -208,7 +208,29 @@ fn the_same_bits_every_time() {
     assert!(bits(&mut first) == bits_of_first, "after a reset");
 }
 
-/// The same with a ball of triangles that turns, then stands still, below cloth that falls on it.
+/// A list without room is counted once, and then has room for twice as many pairs, whenever in a step it overflowed.
+#[test]
+fn room_grows_to_what_is_needed() {
+    let scene = heap(12);
+    let mut cloth = scene.on(Backend::Gpu);
+    cloth.contact_room(3).unwrap();
+    let (mut most, mut rooms) = (0, vec![cloth.has_contact_room()]);
+    for frame in 0..24 {
+        cloth.step(FRAME, &scene.attributes).unwrap();
+        let [_, _, listed, _] = cloth.contact_tally();
+        most = most.max(listed as usize);
+        let room = cloth.has_contact_room();
+        if rooms.last() != Some(&room) {
+            // More may have been listed within the step than at its end.
+            assert!(room <= 2 * (2 * most).next_multiple_of(64), "frame {frame}: room for {room} pairs, {most} listed");
+            rooms.push(room);
+        }
+    }
+    println!("room for {rooms:?} pairs, at most {most} listed");
+    assert!(rooms.len() > 3, "it grew several times: {rooms:?}");
+}
+
+/// The same bits with a ball of triangles that turns, then stands still, below cloth that falls on it.
 #[test]
 fn the_same_bits_every_time_on_a_mesh() {
     let mut mesh = jittered(Mesh::grid(12, 12, 0.5, 0.5), 7);

@@ -65,6 +65,14 @@ impl Deformer {
         gpu.contact_room(pairs).map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
     }
 
+    /// How many pairs the list of contact on the GPU has room for.
+    #[cfg(feature = "gpu")]
+    #[must_use]
+    pub fn has_contact_room(&self) -> usize {
+        let Engine::Gpu(gpu) = &self.engine else { return 0 };
+        gpu.has_contact_room()
+    }
+
     /// The number of substeps between two exchanges of the hybrid with the GPU.
     #[cfg(feature = "gpu")]
     pub fn exchange_every(&mut self, substeps: u32) {

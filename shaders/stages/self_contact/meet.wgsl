@@ -134,7 +134,10 @@ fn meet(
 @compute @workgroup_size(WORKGROUP)
 fn decide(@builtin(local_invocation_index) lane: u32) {
     let mean = mean_of_parts(lane);
-    if lane == 0u && !has_stopped() {
+    if lane == 0u && has_stopped() {
+        // A list without room was counted in full in the substep that stopped the step.
+        known.status.detects = 0u;
+    } else if lane == 0u {
         known.status.mean = mean;
         begin_substep();
     }

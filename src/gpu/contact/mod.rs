@@ -186,6 +186,11 @@ impl GpuContact {
         self.kept.crossings()
     }
 
+    /// Number of pairs that the list has room for.
+    pub(crate) fn room(&self) -> usize {
+        self.room
+    }
+
     /// Counts of the last step.
     pub(crate) fn tally(&self) -> Tally {
         let Status { pressing, detections, listed, near, acting, .. } = self.status;

@@ -158,4 +158,10 @@ impl GpuEngine {
             Ok(())
         })
     }
+
+    /// Number of pairs that the list has room for.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
+    pub(crate) fn has_contact_room(&self) -> usize {
+        self.contact.as_ref().map_or(0, |contact| contact.room())
+    }
 }
