@@ -15,6 +15,11 @@ use crate::simd::MAX_LANES;
 
 /// Bounds on [`Surface::roam`], in units of the thickness.
 const ROAM: [f32; 2] = [0.3, 1.6];
+/// Limit on it as a share of the least height of the triangles, so that they do not tilt too far
+/// ([`may_tilt`](super::tree::may_tilt)) even if they are somewhat compressed; but slivers may roam by `LEAST_ROAM`
+/// thicknesses.
+const STEADY: f32 = 0.3;
+const LEAST_ROAM: f32 = 0.1;
 /// Fewest triangles in a leaf, unless the cloth has fewer; at most, it has twice as many.
 pub(super) const LEAF: usize = 6;
 
@@ -92,7 +97,10 @@ impl Surface {
         }
         let vertices = cloth.rest.len();
         let heights = heights(cloth, &cloth.triangles);
-        let roam = |height: &f32| (0.45 * (height - thickness)).clamp(ROAM[0] * thickness, ROAM[1] * thickness);
+        let roam = |height: &f32| {
+            let flat = (0.45 * (height - thickness)).clamp(ROAM[0] * thickness, ROAM[1] * thickness);
+            flat.min(STEADY * height).max(LEAST_ROAM * thickness)
+        };
         let mut surface = Surface {
             triangles: Vec::new(),
             edges: Vec::new(),

@@ -48,13 +48,15 @@ impl Bounds {
         }
     }
 
-    /// Of one triangle, which is within the box `place`.
-    fn of(x: [Vec3A; 3], u: [Vec3A; 3], place: [Vec3A; 2], substeps: f32) -> Bounds {
+    /// Of one triangle, which is within the box `place`, and whose vertices may stray so far (m) from their paths.
+    fn of(x: [Vec3A; 3], u: [Vec3A; 3], place: [Vec3A; 2], substeps: f32, stray: f32) -> Bounds {
         let bound = |v: [Vec3A; 3]| [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
         let normal = |x: [Vec3A; 3]| (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
-        let along = |by: f32| std::array::from_fn(|k| x[k] + u[k] * by);
-        let (before, after) = (normal(x), normal(along(substeps)));
-        Bounds { place, step: bound(u), normal: [before.min(after), before.max(after)] }
+        let end = std::array::from_fn(|k| x[k] + u[k] * substeps);
+        let (before, after) = (normal(x), normal(end));
+        let may_tilt = may_tilt(x, stray) || may_tilt(end, stray);
+        let normal = if may_tilt { [Vec3A::NEG_ONE, Vec3A::ONE] } else { [before.min(after), before.max(after)] };
+        Bounds { place, step: bound(u), normal }
     }
 
     /// The distance (m) along each axis within which two nodes may contain a pair to list. `margin` (m) is the
@@ -77,6 +79,15 @@ impl Bounds {
         let least = least.x + least.y + least.z;
         least > 0.0 && least * least > UPRIGHT * UPRIGHT * axis.length_squared()
     }
+}
+
+/// Whether a triangle at `x` (m) may tilt by more than a cone ([`UPRIGHT`]) leaves up to a right angle, if each vertex
+/// strays so far (m): the sine of that angle is the cosine of the cone's, and that of the tilt is twice the straying
+/// over the least height.
+pub(super) fn may_tilt([a, b, c]: [Vec3A; 3], stray: f32) -> bool {
+    let twice_area = (b - a).cross(c - a).length_squared();
+    let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    UPRIGHT * UPRIGHT * twice_area <= 4.0 * stray * stray * longest
 }
 
 /// The number of substeps that detection covers, and the thickness (m).
@@ -188,7 +199,8 @@ impl Tree {
                 for triangle in self.leaves.triangles_of(leaf) {
                     let corners = surface.triangles[triangle].map(|vertex| vertex as usize);
                     let (x, u) = (corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])));
-                    let bounds = Bounds::of(x, u, boxes.get(triangle), substeps);
+                    let stray = corners.map(|v| path.stray[v]).into_iter().fold(0.0, f32::max);
+                    let bounds = Bounds::of(x, u, boxes.get(triangle), substeps, stray);
                     *node = node.join(&bounds);
                 }
             }
@@ -289,3 +301,7 @@ impl Tree {
             && (a == b || self.beside[level as usize].of(a - (1 << level)).binary_search(&(b - (1 << level))).is_ok())
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/contact_tree.rs"]
+mod tests;

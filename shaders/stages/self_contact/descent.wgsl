@@ -2,8 +2,8 @@
 // may meet its own, and to those of mesh colliders. After a leaf comes half of all leaves, and then it comes after the
 // others: thus each pair is found once, and each leaf has as many to find. Mesh colliders do not meet each other.
 
-// The cosine and the excess angle [rad] below which connected cloth does not meet itself: `src/contact/tree.rs`.
-const UPRIGHT: f32 = 0.64;
+// The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `UPRIGHT`:
+// `src/contact/tree.rs`.
 const MOST_EXCESS: f32 = 0.6;
 // The level of each tree whose nodes a descent begins with, unless the leaves are above it.
 const FIRST_LEVEL: u32 = 6u;
