@@ -50,28 +50,50 @@ fn attributes(scene: &Scene, frame: u32, has_contact: bool) -> Attributes {
     Attributes { colliders, pin_targets: scene.targets(frame + 1), ..Attributes::default() }
 }
 
-/// Milliseconds per frame with contact and without, the counts of contact in the last frame, and detections per frame.
-fn timed(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
+/// What a scene took.
+#[derive(Default)]
+struct Cost {
+    /// Milliseconds per frame with contact and without, and of the longest frame with contact.
+    times: [f64; 2],
+    longest: f64,
+    /// The counts of contact in the last frame, and detections per frame.
+    tally: [u32; 4],
+    detections: f64,
+}
+
+impl Cost {
+    /// Notes a timed frame with contact that took so many milliseconds.
+    fn note(&mut self, scene: &Scene, milliseconds: f64, tally: [u32; 4]) {
+        self.longest = self.longest.max(milliseconds);
+        self.tally = tally;
+        self.detections += f64::from(tally[1]) / f64::from(scene.frames[1]);
+    }
+}
+
+fn timed(scene: &Scene) -> Cost {
     let mut cloths = [Some(Contact::default()), None].map(|contact| cloth(scene, Backend::Cpu, contact));
-    let (mut times, mut detections, start) = ([0.0; 2], 0, Instant::now());
+    let (mut cost, start) = (Cost::default(), Instant::now());
     for frame in 0..scene.frames[0] + scene.frames[1] {
-        for ((cloth, time), has_contact) in cloths.iter_mut().zip(&mut times).zip([true, false]) {
-            let attributes = attributes(scene, frame, has_contact);
+        for (index, cloth) in cloths.iter_mut().enumerate() {
+            let attributes = attributes(scene, frame, index == 0);
             let begin = seconds(start);
             cloth.step(FRAME, &attributes).expect("the step succeeds");
             if frame >= scene.frames[0] {
-                *time += 1e3 * (seconds(start) - begin) / f64::from(scene.frames[1]);
+                let took = 1e3 * (seconds(start) - begin);
+                cost.times[index] += took / f64::from(scene.frames[1]);
+                if index == 0 {
+                    cost.note(scene, took, cloth.contact_tally());
+                }
             }
         }
-        detections += if frame < scene.frames[0] { 0 } else { cloths[0].contact_tally()[1] };
     }
-    (times, cloths[0].contact_tally(), f64::from(detections) / f64::from(scene.frames[1]))
+    cost
 }
 
 /// The same on the GPU, with contact first and then without, so that steps can be prepared while the GPU works.
-fn timed_on_gpu(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
-    let (mut tally, mut detections) = ([0; 4], 0);
-    let times = [Some(Contact::default()), None].map(|contact| {
+fn timed_on_gpu(scene: &Scene) -> Cost {
+    let mut cost = Cost::default();
+    cost.times = [Some(Contact::default()), None].map(|contact| {
         let mut cloth = cloth(scene, Backend::Gpu, contact);
         let frames = 0..scene.frames[0] + scene.frames[1];
         let attributes: Vec<Attributes> = frames.clone().map(|frame| attributes(scene, frame, contact.is_some())).collect();
@@ -81,10 +103,11 @@ fn timed_on_gpu(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
                 cloth.positions().expect("the GPU is there");
                 start = Instant::now();
             }
+            let begin = Instant::now();
             cloth.step(FRAME, attributes).expect("the step succeeds");
-            if contact.is_some() {
-                tally = cloth.contact_tally();
-                detections += if frame < scene.frames[0] { 0 } else { tally[1] };
+            // A step with contact waits for the GPU.
+            if contact.is_some() && frame >= scene.frames[0] {
+                cost.note(scene, 1e3 * begin.elapsed().as_secs_f64(), cloth.contact_tally());
             }
         }
         cloth.positions().expect("the GPU is there");
@@ -95,7 +118,7 @@ fn timed_on_gpu(scene: &Scene) -> ([f64; 2], [u32; 4], f64) {
         }
         time
     });
-    (times, tally, f64::from(detections) / f64::from(scene.frames[1]))
+    cost
 }
 
 fn main() {
@@ -104,13 +127,16 @@ fn main() {
     let threads = words().find_map(|word| word.parse().ok()).unwrap_or(1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let processor = if on_gpu { "GPU".to_owned() } else { format!("{threads} thread(s)") };
-    println!("| {processor}, ms a frame | without | with | ratio | pairs that press, near, listed | detections a frame |");
-    println!("|---|---|---|---|---|---|");
+    println!(
+        "| {processor}, ms a frame | without | with | ratio | longest | pairs that press, near, listed | detections a frame |"
+    );
+    println!("|---|---|---|---|---|---|---|");
     let named = words().find(|word| word.starts_with(char::is_alphabetic) && word != "gpu").unwrap_or_default();
     for scene in if on_gpu { large() } else { scenes() }.iter().filter(|scene| scene.name.contains(&named)) {
         let timed = || if on_gpu { timed_on_gpu(scene) } else { timed(scene) };
-        let ([with, without], [press, _, listed, near], detections) = pool.install(timed);
+        let Cost { times: [with, without], longest, tally: [press, _, listed, near], detections } = pool.install(timed);
         let ratio = with / without;
-        println!("| {} | {without:.2} | {with:.2} | {ratio:.2} | {press}, {near}, {listed} | {detections:.1} |", scene.name);
+        let pairs = format!("{press}, {near}, {listed}");
+        println!("| {} | {without:.2} | {with:.2} | {ratio:.2} | {longest:.2} | {pairs} | {detections:.1} |", scene.name);
     }
 }
