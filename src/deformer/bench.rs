@@ -65,6 +65,14 @@ impl Deformer {
         gpu.contact_room(pairs).map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
     }
 
+    /// Collects the sums of contact on the GPU in workgroups from so many acting pairs on.
+    #[cfg(feature = "gpu")]
+    pub fn collect_contact_from(&mut self, pairs: u32) {
+        if let Engine::Gpu(gpu) = &mut self.engine {
+            gpu.collect_contact_from(pairs);
+        }
+    }
+
     /// How many pairs the list of contact on the GPU has room for.
     #[cfg(feature = "gpu")]
     #[must_use]

@@ -18,29 +18,28 @@ pub(crate) const DISPATCHES: usize = 2;
 pub(crate) struct Commit {
     /// A [`Found`].
     pub found: wgpu::Buffer,
-    check: Stage,
+    /// Made by the first step that needs it, since the last substep of tiles checks the result itself.
+    check: Option<Stage>,
     keep: Stage,
 }
 
 impl Commit {
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, forces: &Forces) -> Commit {
+    pub(crate) fn new(gpu: &Gpu, forces: &Forces) -> Commit {
         let found = gpu.buffer("found", size_of::<Found>() as u64);
-        // An edge without stiffness holds nothing together and is not checked: it is replaced by one from a vertex to
-        // itself.
-        let ends = cloth.swept().iter().map(|link| if link.stiffness > 0.0 { link.ends } else { [link.ends[0]; 2] });
-        let ends = gpu.filled("ends", &ends.collect::<Vec<[u32; 2]>>());
-        let (own, made) = (&forces.states[0], &forces.states[1..]);
-        let stage = |name, kept: [Bind<'_>; 2]| {
-            let bound = made.iter().map(|State { x, p }| {
-                let looked_at = if name == "check" { Bind::Read(&ends) } else { Bind::Unused };
-                vec![Bind::Read(x), Bind::Read(p), kept[0], kept[1], Bind::Write(&found), looked_at]
-            });
-            let bound: Vec<_> = bound.collect();
-            Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::COMMIT, name, constants: &[] }, &bound)
-        };
-        let check = stage("check", [Bind::Unused; 2]);
-        let keep = stage("commit", [Bind::Write(&own.x), Bind::Write(&own.p)]);
-        Commit { found, check, keep }
+        let State { x, p } = &forces.states[0];
+        let keep = stage(gpu, forces, "commit", [Bind::Write(x), Bind::Write(p), Bind::Write(&found), Bind::Unused]);
+        Commit { found, check: None, keep }
+    }
+
+    /// Prepares for a step whose last substep does not check its result.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, cloth: &Cloth, forces: &Forces) {
+        self.check.get_or_insert_with(|| {
+            // An edge without stiffness holds nothing together and is not checked: it is replaced by one from a vertex to
+            // itself.
+            let ends = cloth.swept().iter().map(|link| if link.stiffness > 0.0 { link.ends } else { [link.ends[0]; 2] });
+            let ends = gpu.filled("ends", &ends.collect::<Vec<[u32; 2]>>());
+            stage(gpu, forces, "check", [Bind::Unused, Bind::Unused, Bind::Write(&self.found), Bind::Read(&ends)])
+        });
     }
 
     /// Resets the result of the check and the number of steps.
@@ -56,10 +55,18 @@ impl Commit {
     /// Encodes the commit of state number `made`, and its check unless it is already `checked`.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, made: usize, cloth: &Cloth, checked: bool) {
         let vertices = cloth.rest.len();
-        if !checked {
+        if let (false, Some(check)) = (checked, &self.check) {
             let edges = cloth.swept().len().div_ceil(TURNS).max(LEAST);
-            self.check.dispatch(pass, made - 1, &[], vertices.max(edges));
+            check.dispatch(pass, made - 1, &[], vertices.max(edges));
         }
         self.keep.dispatch(pass, made - 1, &[], vertices);
     }
+}
+
+/// A kernel of a commit, bound to each state but the cloth's own.
+fn stage(gpu: &Gpu, forces: &Forces, name: &'static str, others: [Bind<'_>; 4]) -> Stage {
+    let [a, b, c, d] = others;
+    let bound = forces.states[1..].iter().map(|State { x, p }| vec![Bind::Read(x), Bind::Read(p), a, b, c, d]);
+    let bound: Vec<_> = bound.collect();
+    Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::COMMIT, name, constants: &[] }, &bound)
 }

@@ -133,7 +133,7 @@ impl GpuEngine {
             let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
             let tiled = path != Path::PerColor && method == Method::SmallSteps;
             let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
-            let commit = Commit::new(&gpu, cloth, &forces);
+            let commit = Commit::new(&gpu, &forces);
             let sweep = match tiles.flatten() {
                 Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, &forces, &bodies, &commit.found)),
                 None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
@@ -307,6 +307,9 @@ impl GpuEngine {
             (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, Sweep::Tiled(tiled), _) => tiled.prepare(gpu, plan),
+        }
+        if path != Path::SingleWorkgroup && !self.is_checked(plan) {
+            self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
         }
         self.prepare_counter(plan);
         self.stats = self.count(plan, path);

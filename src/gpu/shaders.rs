@@ -46,8 +46,9 @@ const fn compressed(text: &str, code: &mut [u8]) -> usize {
     to
 }
 
+/// Those of contact of triangles are apart, because they share most of their files.
 macro_rules! shaders {
-    ($($name:ident: $($file:literal)+;)+) => {
+    (self_contact { $($part:ident: $($part_file:literal)+;)+ } $($name:ident: $($file:literal)+;)+) => {
         $(pub(crate) const $name: Shader = Shader {
             name: stringify!($name),
             source: &[
@@ -57,13 +58,36 @@ macro_rules! shaders {
             ],
         };)+
 
+        $(pub(crate) const $part: Shader = Shader {
+            name: stringify!($part),
+            source: &[
+                wgsl!("params.wgsl"),
+                wgsl!("stages/dispatch.wgsl"),
+                wgsl!("limits.wgsl"),
+                wgsl!("distance.wgsl"),
+                wgsl!("contact.wgsl"),
+                wgsl!("pair.wgsl"),
+                wgsl!("stages/self_contact/shared.wgsl"),
+                $(wgsl!("stages/self_contact/", $part_file, ".wgsl")),+
+            ],
+        };)+
+
         /// All shaders.
         #[cfg(test)]
-        pub(crate) const ALL: &[Shader] = &[$($name),+];
+        pub(crate) const ALL: &[Shader] = &[$($name,)+ $($part),+];
     };
 }
 
 shaders! {
+    self_contact {
+        MEET: "mean" "meet";
+        BODIES: "mean" "bodies";
+        TREE: "boxes" "tree";
+        DETECTION: "boxes" "descent" "listing" "detection";
+        NEAR: "mean" "pairs" "near";
+        RESPONSE: "pairs" "response";
+        FINISH: "finish";
+    }
     PREDICT: "integrate" "stages/predict";
     BEND: "integrate" "bending" "stages/predict" "stages/bend";
     BEND_TILE: "integrate" "bending" "stages/predict" "stages/bend_in_workgroup" "stages/bend_tile";
@@ -85,17 +109,4 @@ shaders! {
     NORMALS: "normal" "stages/normals";
     FOLLOW: "normal" "stages/follow";
     EXCHANGE: "stages/exchange";
-    MEET: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/mean" "stages/self_contact/meet";
-    BODIES: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/mean" "stages/self_contact/bodies";
-    TREE: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/boxes" "stages/self_contact/tree";
-    DETECTION: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/boxes"
-        "stages/self_contact/descent" "stages/self_contact/listing" "stages/self_contact/detection";
-    NEAR: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/mean" "stages/self_contact/pairs" "stages/self_contact/near";
-    RESPONSE: "limits" "distance" "contact" "pair" "stages/self_contact/shared"
-        "stages/self_contact/pairs" "stages/self_contact/response";
-    FINISH: "limits" "distance" "contact" "pair" "stages/self_contact/shared" "stages/self_contact/finish";
 }

@@ -23,7 +23,7 @@ const FINDERS: usize = 256;
 const PAIRS_OF_WORKGROUP: usize = 256;
 const MOST_SHARING: usize = 8;
 /// Number of pairs that act from which workgroups collect their sums.
-const MANY: u32 = 1 << 16;
+pub(super) const MANY: u32 = 1 << 16;
 /// Limit on the invocations that only check that no pair is near, whose workgroups each compute the mean displacement.
 const GLANCED: usize = 16_384;
 
@@ -93,7 +93,7 @@ impl GpuContact {
         let vertices = self.vertices;
         stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
         let items = self.items(self.status.near + self.status.acting);
-        let many = usize::from(self.status.acting >= MANY);
+        let many = usize::from(self.status.acting >= self.many);
         stages.warm[many].dispatch(pass, group, &[], items);
         stages.take_first.dispatch(pass, group, &[], vertices);
         for iteration in 1..=ITERATIONS {

@@ -30,6 +30,7 @@ use crate::step::plan::Plan;
 
 pub(crate) use attempt::Judgment;
 use course::{Course, Response};
+use encode::MANY;
 use stages::Stages;
 use status::{About, BOX, Listed, NEAR, NODE, PART, Status, TRACK, VERTEX};
 
@@ -97,6 +98,8 @@ pub(crate) struct GpuContact {
     course: Course,
     /// Number of substeps of the current step.
     substeps: usize,
+    /// Number of pairs that act from which workgroups collect their sums.
+    many: u32,
 }
 
 impl GpuContact {
@@ -140,6 +143,7 @@ impl GpuContact {
             status,
             course: Course::default(),
             substeps: 0,
+            many: MANY,
         })
     }
 
@@ -184,6 +188,11 @@ impl GpuContact {
     /// Intersections found by the last search, with itself and with mesh colliders.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
         self.kept.crossings()
+    }
+
+    /// Collects the sums of pairs in workgroups from so many acting pairs on.
+    pub(crate) fn collect_from(&mut self, pairs: u32) {
+        self.many = pairs;
     }
 
     /// Number of pairs that the list has room for.

@@ -159,6 +159,12 @@ impl GpuEngine {
         })
     }
 
+    /// Sets the number of acting pairs from which their sums are collected in workgroups, so that tests need few.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
+    pub(crate) fn collect_contact_from(&mut self, pairs: u32) {
+        self.contact.iter_mut().for_each(|contact| contact.collect_from(pairs));
+    }
+
     /// Number of pairs that the list has room for.
     #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
     pub(crate) fn has_contact_room(&self) -> usize {
