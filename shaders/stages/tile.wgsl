@@ -12,12 +12,44 @@
 @group(1) @binding(6) var<storage, read> shift: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> found: Found;
 
+// The word of the table where the pins begin: for each vertex its index among the pins, then the pins that follow
+// targets.
+override PINS: u32 = 0u;
+
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return project_edge(d0, du, edge);
 }
 
 fn position_at(k: u32) -> vec3f {
     return tile_x[k].xyz;
+}
+
+fn vector_in_table(at: u32) -> vec3f {
+    return vec3f(bitcast<f32>(table[at]), bitcast<f32>(table[at + 1u]), bitcast<f32>(table[at + 2u]));
+}
+
+fn pin_of(v: u32) -> Pin {
+    let at = PINS + params.vertices + 8u * table[PINS + v];
+    return Pin(vector_in_table(at), v, vector_in_table(at + 4u), 0u);
+}
+
+// The displacement of a vertex without forces and constraints.
+fn free_displacement(v: u32, x_v: vec4f, p_v: vec3f) -> vec3f {
+    if x_v.w != 0.0 {
+        return predict_displacement(p_v, substep);
+    }
+    if params.pins != 0u {
+        return pin_displacement(pin_of(v), x_v.xyz, substep);
+    }
+    return vec3f();
+}
+
+// What the coarse levels add to the displacement of a vertex of the tile.
+fn correction_at(tile: u32, k: u32) -> vec3f {
+    if params.levels == 0u {
+        return vec3f();
+    }
+    return shift[label_at(tile, k)].xyz;
 }
 
 @compute @workgroup_size(LANES)
@@ -36,15 +68,20 @@ fn substep_of_tile(
     for (var k = lane; k < ROOM; k += LANES) {
         let v = vertex_at(tile, k);
         let x_v = x[v];
-        let motion_v = motion[v].xyz;
-        var corrected = vec3f();
-        if params.levels != 0u {
-            corrected = shift[label_at(tile, k)].xyz;
+        var u_v = motion[v].xyz;
+        let corrected = correction_at(tile, k);
+        if params.predicted == 0u {
+            u_v = free_displacement(v, x_v, u_v);
         }
         tile_x[k] = x_v;
-        tile_u[k] = vec4f(motion_displacement(motion_v, x_v.w, substep) + corrected, 0.0);
+        tile_u[k] = vec4f(u_v + corrected, 0.0);
     }
     workgroupBarrier();
+    sweep_and_move(tile, own, edges, first, lane);
+}
+
+// Sweeps the edges of a tile, given the prefetched first ones, and moves its own vertices.
+fn sweep_and_move(tile: u32, own: u32, edges: ColoredEdges, first: FourColors, lane: u32) {
     let looks = params.checks != 0u && substep.end == 1.0 && found.stopped == 0u;
     if looks {
         // As they are before the last substep, because this workgroup does not know where other tiles' vertices go in it.

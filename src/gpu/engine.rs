@@ -22,10 +22,11 @@ use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
-use crate::gpu::sweep::{PerColor, SingleWorkgroup, Tiled};
+use crate::gpu::sweep::{Bent, Bound, PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::gpu::watch::{Found, Report};
 use crate::kernels::contact::Body;
+use crate::kernels::params::Params;
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
 use crate::step::plan::Plan;
@@ -39,6 +40,8 @@ const CROWD: usize = 4;
 /// Number of workgroups, with a tile each, that keep a large GPU busy, and the range of a tile's own vertices.
 const TILES: usize = 256;
 const OWN: [usize; 2] = [48, 256];
+/// Number of vertices up to which recomputing the rings of bending in every tile is faster than more dispatches.
+const LARGE: usize = 1 << 16;
 /// Bytes of workgroup memory per vertex of a tile.
 pub(crate) const IN_TILE: usize = 32;
 
@@ -49,6 +52,8 @@ pub(crate) struct GpuEngine {
     pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: Sweep,
+    /// The tiles with bending, for substeps that have that in a single pass.
+    pub(crate) bent: Bent,
     /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
     /// Vertices or aggregates that fit into a tile.
@@ -135,7 +140,10 @@ impl GpuEngine {
             let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
             let commit = Commit::new(&gpu, &forces);
             let sweep = match tiles.flatten() {
-                Some(tiles) => Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, &forces, &bodies, &commit.found)),
+                Some(tiles) => {
+                    let bound = Bound { forces: &forces, bodies: &bodies, found: &commit.found, shift: None };
+                    Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, bound))
+                }
                 None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
             };
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
@@ -146,6 +154,7 @@ impl GpuEngine {
                 forces,
                 bodies,
                 sweep,
+                bent: Bent::Untried,
                 multigrid: None,
                 room: size.room,
                 small: path == Path::SingleWorkgroup,
@@ -280,12 +289,17 @@ impl GpuEngine {
             self.make_single_workgroup(plan);
         }
         let path = self.path(plan, crowd);
-        let GpuEngine { gpu, forces, bodies, sweep, multigrid, room, single_workgroup, commit, .. } = self;
-        let mut moved = forces.prepare(gpu, plan, path == Path::SingleWorkgroup);
+        if path == Path::Tiled && self.may_bend_in_tiles(plan) {
+            self.make_bent(plan);
+        }
+        let forced = self.forced(plan);
+        let GpuEngine { gpu, forces, bodies, sweep, bent, multigrid, room, single_workgroup, commit, .. } = self;
+        let mut moved = forces.prepare(gpu, &forced, path == Path::SingleWorkgroup);
         if levels > 0 && path != Path::SingleWorkgroup {
             let multigrid = multigrid.get_or_insert_with(|| {
                 if let Sweep::Tiled(tiled) = sweep {
-                    tiled.set_labels(gpu, &plan.levels[0].label);
+                    let both = std::iter::once(tiled).chain(bent.made_mut());
+                    both.for_each(|tiled| tiled.set_labels(gpu, &plan.levels[0].label));
                 }
                 moved = true;
                 let room = matches!(sweep, Sweep::Tiled(_)).then_some(*room);
@@ -297,7 +311,10 @@ impl GpuEngine {
             let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
             match sweep {
                 Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
-                Sweep::Tiled(tiled) => tiled.rebind(gpu, forces, bodies, &commit.found, shift),
+                Sweep::Tiled(tiled) => {
+                    let bound = Bound { forces, bodies, found: &commit.found, shift };
+                    std::iter::once(tiled).chain(bent.made_mut()).for_each(|tiled| tiled.rebind(gpu, bound));
+                }
             }
             if let Some(single) = single_workgroup {
                 single.rebind(gpu, forces, bodies, &commit.found);
@@ -306,7 +323,10 @@ impl GpuEngine {
         match (path, sweep, single_workgroup) {
             (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
-            (_, Sweep::Tiled(tiled), _) => tiled.prepare(gpu, plan),
+            (_, Sweep::Tiled(tiled), _) => {
+                let tiled = if plan.bending && !forced.bending { bent.made_mut().unwrap_or(tiled) } else { tiled };
+                tiled.prepare(gpu, plan);
+            }
         }
         if path != Path::SingleWorkgroup && !self.is_checked(plan) {
             self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
@@ -314,6 +334,40 @@ impl GpuEngine {
         self.prepare_counter(plan);
         self.stats = self.count(plan, path);
         path
+    }
+
+    /// Whether tiles may bend the cloth in this step.
+    fn may_bend_in_tiles(&self, plan: &Plan<'_>) -> bool {
+        let once = plan.coefficients.bending.passes.len() <= 1;
+        plan.bending && once && !plan.wind && plan.cloth.rest.len() <= LARGE
+    }
+
+    /// Prepares the tiles for steps with bending in a single pass.
+    fn make_bent(&mut self, plan: &Plan<'_>) {
+        let GpuEngine { gpu, forces, bodies, sweep, bent, multigrid, room, commit, .. } = self;
+        if let (Bent::Untried, Sweep::Tiled(tiled)) = (&bent, sweep) {
+            let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
+            let labels = shift.map(|_| plan.levels[0].label.as_slice());
+            let size = TileSize { own: 0, room: *room, bytes: gpu.most_table_bytes() };
+            let bound = Bound { forces, bodies, found: &commit.found, shift };
+            *bent = tiled.bent(gpu, plan.cloth, labels, size, bound).map_or(Bent::NoRoom, Bent::Made);
+        }
+    }
+
+    /// The tiles that do a step.
+    fn tiled<'a>(&'a self, tiled: &'a Tiled, plan: &Plan<'_>) -> &'a Tiled {
+        self.bent.made().filter(|_| self.may_bend_in_tiles(plan)).unwrap_or(tiled)
+    }
+
+    /// The part of a step that is computed before its sweep: not what tiles compute themselves.
+    fn forced<'a>(&self, plan: &Plan<'a>) -> Plan<'a> {
+        let in_tiles = matches!(self.sweep, Sweep::Tiled(_));
+        let bending = plan.bending && !(in_tiles && self.may_bend_in_tiles(plan) && self.bent.made().is_some());
+        let forced = Plan { bending, ..*plan };
+        // The levels' averages include the pins' motion.
+        let led = plan.params.levels > 0 && !plan.pins.is_empty();
+        let predicted = u32::from(!in_tiles || forced.has_forces() || led);
+        Plan { params: Params { predicted, ..plan.params }, ..forced }
     }
 
     /// Prepares the statistics of the step, if they are wanted.
@@ -367,19 +421,21 @@ impl GpuEngine {
 
     /// Encodes the substeps, each with contact of the cloth with itself behind it if that `meets` what a plan has.
     fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, meets: Option<&Plan<'_>>) {
+        let forced = self.forced(plan);
+        let predicted = forced.params.predicted != 0;
         for substep in 0..plan.substeps.len() {
             let group = ping_pong(substep);
             let contact = self.contact.as_ref().filter(|_| meets.is_some());
             let more = contact.map_or(0, |contact| contact.dispatches(substep));
             let pass = submission.room_for(self.dispatches(plan) + more);
             self.forces.bind_substep(pass, substep);
-            if plan.params.predicted != 0 || matches!(self.sweep, Sweep::PerColor(_)) {
-                self.forces.encode(pass, plan, PING_PONG[group][0]);
+            if predicted {
+                self.forces.encode(pass, &forced, PING_PONG[group][0]);
             }
             let multigrid = self.multigrid(plan);
-            multigrid.into_iter().for_each(|multigrid| multigrid.encode(pass, plan, group));
+            multigrid.into_iter().for_each(|multigrid| multigrid.encode(pass, &forced, group));
             match &self.sweep {
-                Sweep::Tiled(tiled) => tiled.encode(pass, plan, group),
+                Sweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
                 Sweep::PerColor(per_color) => {
                     multigrid.into_iter().for_each(|multigrid| multigrid.encode_correct(pass, plan));
                     per_color.encode(pass, plan, group);

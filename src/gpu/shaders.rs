@@ -95,8 +95,10 @@ shaders! {
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";
     CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
-    TILE: "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/motion" "stages/sweep"
+    TILE: "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
         "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
+    BENT_TILE: "integrate" "bending" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
+        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile" "stages/bent_tile";
     SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
         "stages/watch" "stages/sweep" "stages/tiles" "stages/look" "stages/levels" "stages/tethers" "stages/move"
         "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";

@@ -116,6 +116,26 @@ impl Tiles {
         Tiles { table, count, colors, largest, widest, swept, edges, sources }
     }
 
+    /// The vertices of each tile.
+    pub(crate) fn lists(&self) -> impl Iterator<Item = Vec<u32>> {
+        let lists = self.table[self.count..].chunks(self.largest.max(1)).take(self.count);
+        lists.map(|list| {
+            // Padded with the first one.
+            let length = list.iter().skip(1).position(|&vertex| vertex == list[0]).map_or(list.len(), |k| k + 1);
+            list[..length].to_vec()
+        })
+    }
+
+    /// The same tiles with more vertices after those of each, and room for `room` in each. Labels are not kept.
+    pub(crate) fn with_lists(&self, lists: &[Vec<u32>], room: usize) -> Tiles {
+        let mut table = self.table[..self.count].to_vec();
+        lists.iter().for_each(|list| table.extend((0..room).map(|k| list.get(k).unwrap_or(&list[0]))));
+        table.resize(self.count * (1 + 2 * room), NO_EDGE);
+        let edges = table.len();
+        table.extend(&self.table[self.edges..]);
+        Tiles { table, largest: room, edges, sources: self.sources.clone(), ..*self }
+    }
+
     /// Bytes that a sweep reads: the table, and two vectors for each vertex of each tile.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.table.as_slice()) + 32 * self.count * self.largest

@@ -25,8 +25,8 @@ pub(crate) struct Params {
     pub pins: u32,
     /// 1 if bending is damped.
     pub damped: u32,
-    /// 1 if the prediction needs more than the last displacement and a uniform acceleration: per-vertex forces, or pins
-    /// that follow targets.
+    /// On a GPU: 1 if a stage of its own predicts the displacements. Otherwise the levels and the sweep predict them from
+    /// the last ones.
     pub predicted: u32,
     pub substeps: u32,
     /// Sweeps over the edges in a substep.

@@ -148,7 +148,6 @@ impl<'a> Plan<'a> {
             bodies: bodies as u32,
             pins: buffers.pins.len() as u32,
             damped: u32::from(options.fabric.damping > 0.0),
-            predicted: u32::from(has_forces(bending, wind, options.method) || !buffers.pins.is_empty()),
             substeps: count,
             sweeps,
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),

@@ -173,8 +173,20 @@ fn shared_structs_agree_member_for_member() {
         for (_, shape) in module.types.iter() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // These structs exist only in shaders.
-            let alone =
-                ["Path", "Touch", "Gap", "Moment", "Passed", "Ring", "Spin", "StoredEdge", "ColoredEdges", "FourColors", "Item"];
+            let alone = [
+                "Path",
+                "Touch",
+                "Gap",
+                "Moment",
+                "Passed",
+                "Ring",
+                "Spin",
+                "StoredEdge",
+                "ColoredEdges",
+                "FourColors",
+                "FourEntries",
+                "Item",
+            ];
             let of_contact = [
                 "Four",
                 "Multipliers",

@@ -11,6 +11,7 @@ use crate::gpu::bending::Bending;
 use crate::gpu::engine::{GpuEngine, IN_TILE, Path, Sweep};
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::slices::SLICE;
+use crate::gpu::sweep::Bent;
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::bending::BendEntry;
 use crate::model::cloth::Cloth;
@@ -185,13 +186,17 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let (x, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 0);
             let moved = apart(&x, &cloth.rest);
             let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
-            let ends = [true, false].map(|in_tiles| {
+            // With the sweep, which does a single pass only; in tiles of its own; with a dispatch per stage.
+            let ends = [(true, true), (false, true), (false, false)].map(|(with_sweep, in_tiles)| {
                 let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
+                engine.bent = if with_sweep { Bent::Untried } else { Bent::NoRoom };
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let (end, _) = play(&mut engine, &cloth, &options, false, 0);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
-                assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), Some(in_tiles));
+                let fused = with_sweep && count <= 1;
+                assert_eq!(engine.bent.made().is_some(), fused, "{name}, {count} passes");
+                assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), (!fused).then_some(in_tiles));
                 end
             });
             let alone = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::SingleWorkgroup, size).unwrap();
@@ -199,12 +204,13 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let (end, _) = play(&mut alone, &cloth, &options, false, 0);
             let Engine::Gpu(alone) = &alone else { unreachable!("made above") };
             assert_eq!(alone.stats().dispatches, 1);
-            let distances = [(&x, &ends[0]), (&ends[0], &ends[1]), (&ends[0], &end)];
-            let [dx, between, single] = distances.map(|(a, b)| apart(a, b) / moved);
+            let distances = [(&x, &ends[0]), (&ends[0], &ends[1]), (&ends[0], &ends[2]), (&ends[0], &end)];
+            let [dx, between, parts, single] = distances.map(|(a, b)| apart(a, b) / moved);
             let what = format!("{name}, B = {bending}, tau = {damping}, {count} passes");
-            println!("{what}: {dx:e} apart, {between:e} in tiles and not, {single:e} in tiles and in one workgroup");
+            println!("{what}: {dx:e} apart, {between:e} and {parts:e} without the sweep, {single:e} in one workgroup");
             // Rounding, which damping amplifies where the direction of a ring's curvature is nearly undefined.
-            assert!(dx <= 1e-4 && between <= 1e-5 && single <= 1e-5, "{what}: {dx:e}, {between:e} and {single:e} apart");
+            let close = [between, parts, single].into_iter().all(|apart| apart <= 1e-5);
+            assert!(dx <= 1e-4 && close, "{what}: {dx:e}, {between:e}, {parts:e} and {single:e} apart");
         }
     }
 }

@@ -6,7 +6,7 @@ use super::{GpuEngine, Path, Sweep};
 use crate::gpu::commit;
 use crate::gpu::forces::Forces;
 use crate::gpu::stats::GpuStats;
-use crate::gpu::sweep::{PerColor, Tiled};
+use crate::gpu::sweep::PerColor;
 use crate::step::plan::Plan;
 
 impl GpuEngine {
@@ -14,7 +14,10 @@ impl GpuEngine {
     pub(super) fn dispatches(&self, plan: &Plan<'_>) -> usize {
         let levels = self.multigrid(plan).map_or(0, |multigrid| multigrid.dispatches(plan.params.levels as usize));
         match &self.sweep {
-            Sweep::Tiled(_) => self.forces.dispatches(plan) * plan.params.predicted as usize + levels + 1,
+            Sweep::Tiled(_) => {
+                let forced = self.forced(plan);
+                self.forces.dispatches(&forced) * forced.params.predicted as usize + levels + 1
+            }
             Sweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
         }
     }
@@ -32,11 +35,14 @@ impl GpuEngine {
             let [rounds, edges] = single.counts(plan).map(|count| substeps * count);
             return GpuStats { dispatches: 1, bytes: single.bytes() + 2 * state, rounds, edges };
         }
-        let forces = Forces::bytes(plan);
+        let forced = self.forced(plan);
+        let forces = Forces::bytes(&forced);
         let (substep, rounds, edges) = match &self.sweep {
             // Vertices in halos are read more than once; each vertex is written once.
-            Sweep::Tiled(Tiled { tiles, .. }) => {
-                (forces * plan.params.predicted as usize + tiles.bytes() + state, tiles.colors, tiles.swept)
+            Sweep::Tiled(tiled) => {
+                let tiled = self.tiled(tiled, plan);
+                let tiles = &tiled.tiles;
+                (forces * forced.params.predicted as usize + tiled.bytes() + state, tiles.colors, tiles.swept)
             }
             Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
         };

@@ -3,9 +3,10 @@
 
 pub(crate) mod forces_in_workgroup;
 mod per_color;
+mod rings;
 mod single_workgroup;
 mod tiled;
 
 pub(crate) use per_color::PerColor;
 pub(crate) use single_workgroup::SingleWorkgroup;
-pub(crate) use tiled::Tiled;
+pub(crate) use tiled::{Bent, Bound, Tiled};

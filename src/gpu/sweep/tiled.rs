@@ -1,12 +1,15 @@
-//! One dispatch per substep: each workgroup processes a tile of the cloth and its halo.
+//! One dispatch per substep: each workgroup processes a tile of the cloth and its halo, with bending in a single pass if
+//! the substep has that.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Sent, Stage};
+use crate::gpu::stage::{Bind, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, State, groups};
+use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
-use crate::gpu::tiles::Tiles;
+use crate::gpu::tiles::{TileSize, Tiles};
+use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
@@ -15,32 +18,113 @@ use crate::step::substep_count::Length;
 #[derive(Debug)]
 pub(crate) struct Tiled {
     pub tiles: Tiles,
-    /// The tiles, followed by the tethers if there are any.
+    /// The tiles, followed by what the places below say.
     table: wgpu::Buffer,
+    at: Places,
     /// The substep that the table's edges are computed for.
     length: Option<Length>,
+    /// Whether it bends the cloth.
+    bends: bool,
     /// The groups of [`PING_PONG`] that predict, followed by those that read what the forces predicted.
     stage: Stage,
 }
 
-impl Tiled {
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, forces: &Forces, bodies: &Sent, found: &wgpu::Buffer) -> Tiled {
-        let bytes = size_of_val(tiles.table.as_slice());
-        let table = gpu.buffer("tiles", (bytes + tethers::size(cloth)) as u64);
-        gpu.write(&table, 0, &tiles.table);
-        let constants = [&tiles.constants(gpu)[..], &[("TETHERS", tiles.table.len() as f64)]].concat();
-        let entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &constants };
-        let stage = Stage::new(gpu, &forces.uniforms, entry, &Tiled::bound(&table, forces, bodies, found, None));
-        Tiled { tiles, table, length: None, stage }
+/// The tiles with bending: created when a step first has it in a single pass.
+#[derive(Debug)]
+pub(crate) enum Bent {
+    Untried,
+    NoRoom,
+    Made(Tiled),
+}
+
+impl Bent {
+    pub(crate) fn made(&self) -> Option<&Tiled> {
+        if let Bent::Made(tiled) = self { Some(tiled) } else { None }
     }
 
-    fn bound<'a>(
-        table: &'a wgpu::Buffer,
-        forces: &'a Forces,
-        bodies: &'a Sent,
-        found: &'a wgpu::Buffer,
-        shift: Option<&'a wgpu::Buffer>,
-    ) -> Vec<Vec<Bind<'a>>> {
+    pub(crate) fn made_mut(&mut self) -> Option<&mut Tiled> {
+        if let Bent::Made(tiled) = self { Some(tiled) } else { None }
+    }
+}
+
+/// The buffers that tiles work on besides their table.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bound<'a> {
+    pub forces: &'a Forces,
+    pub bodies: &'a Sent,
+    pub found: &'a wgpu::Buffer,
+    pub shift: Option<&'a wgpu::Buffer>,
+}
+
+/// The bytes of the table at which the tethers begin, the pins, the rows of bending and the rings; then its end.
+#[derive(Debug, Clone, Copy)]
+struct Places {
+    tethers: usize,
+    pins: usize,
+    rows: usize,
+    rings: usize,
+    end: usize,
+}
+
+impl Places {
+    fn new(cloth: &Cloth, tiles: &Tiles, rings: Option<&Rings>) -> Places {
+        let vertices = cloth.rest.len();
+        let tethers = size_of_val(tiles.table.as_slice());
+        let pins = tethers + tethers::size(cloth);
+        let led = cloth.pinned.len();
+        let rows = pins + if led > 0 { size_of::<u32>() * vertices + size_of::<Pin>() * led } else { 0 };
+        let rings_at = rows + rings.map_or(0, |_| size_of::<[f32; 3]>() * vertices);
+        Places { tethers, pins, rows, rings: rings_at, end: rings_at + rings.map_or(0, |of| size_of_val(of.table.as_slice())) }
+    }
+}
+
+impl Tiled {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, bound: Bound<'_>) -> Tiled {
+        Tiled::with(gpu, cloth, tiles, None, bound)
+    }
+
+    /// The same tiles with bending, for substeps that have that in a single pass. `labels` are the aggregates of the
+    /// vertices, if levels are used. `None` if there is no room for the rings around the tiles.
+    pub(crate) fn bent(
+        &self,
+        gpu: &Gpu,
+        cloth: &Cloth,
+        labels: Option<&[u32]>,
+        most: TileSize,
+        bound: Bound<'_>,
+    ) -> Option<Tiled> {
+        let (mut tiles, rings) = with_rings(gpu, &self.tiles, &cloth.bending().entries, most)?;
+        labels.into_iter().for_each(|labels| tiles.set_labels(|vertex| labels[vertex as usize], 0));
+        Some(Tiled::with(gpu, cloth, tiles, Some(&rings), bound))
+    }
+
+    fn with(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, rings: Option<&Rings>, bound: Bound<'_>) -> Tiled {
+        let at = Places::new(cloth, &tiles, rings);
+        let table = gpu.buffer("tiles", at.end as u64);
+        gpu.write(&table, 0, &tiles.table);
+        if !cloth.pinned.is_empty() {
+            gpu.write(&table, at.pins, &index_of_pins(cloth));
+        }
+        let word = |byte: usize| (byte / size_of::<u32>()) as f64;
+        let mut constants = tiles.constants(gpu).to_vec();
+        constants.extend([("TETHERS", word(at.tethers)), ("PINS", word(at.pins))]);
+        let mut entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &[] };
+        if let Some(Rings { table: entries, swept, bent, ring }) = rings {
+            gpu.write(&table, at.rings, entries);
+            entry = Entry { shader: shaders::BENT_TILE, name: "substep_of_bent_tile", ..entry };
+            // An invocation for each vertex.
+            constants.retain(|(name, _)| *name != "LANES");
+            constants.extend([("ROWS", word(at.rows)), ("RINGS", word(at.rings))]);
+            let numbers = [("LANES", lanes(gpu, tiles.largest)), ("FORCED", *swept), ("BENT", *bent), ("RING", *ring)];
+            constants.extend(numbers.map(|(name, value)| (name, value as f64)));
+            constants.push(("MOMENTS", (6 * bent) as f64));
+        }
+        let entry = Entry { constants: &constants, ..entry };
+        let stage = Stage::new(gpu, &bound.forces.uniforms, entry, &Tiled::groups(&table, bound));
+        Tiled { tiles, table, at, length: None, bends: rings.is_some(), stage }
+    }
+
+    fn groups<'a>(table: &'a wgpu::Buffer, Bound { forces, bodies, found, shift }: Bound<'a>) -> Vec<Vec<Bind<'a>>> {
         // Without levels another buffer is bound, which is not read.
         let shift = shift.unwrap_or(&forces.u);
         let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
@@ -60,15 +144,8 @@ impl Tiled {
         bound_by_all
     }
 
-    pub(crate) fn rebind(
-        &mut self,
-        gpu: &Gpu,
-        forces: &Forces,
-        bodies: &Sent,
-        found: &wgpu::Buffer,
-        shift: Option<&wgpu::Buffer>,
-    ) {
-        self.stage.rebind(gpu, &Tiled::bound(&self.table, forces, bodies, found, shift));
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: Bound<'_>) {
+        self.stage.rebind(gpu, &Tiled::groups(&self.table, bound));
     }
 
     /// Stores the aggregate of each vertex.
@@ -78,16 +155,37 @@ impl Tiled {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
+        if !plan.pins.is_empty() {
+            gpu.write(&self.table, self.at.pins + size_of::<u32>() * plan.cloth.rest.len(), plan.pins);
+        }
         if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
             self.tiles.send_edges(gpu, &self.table, &plan.coefficients.edges);
-            tethers::send(gpu, plan, &self.table, size_of_val(self.tiles.table.as_slice()));
+            tethers::send(gpu, plan, &self.table, self.at.tethers);
+            if self.bends {
+                gpu.write(&self.table, self.at.rows, &plan.coefficients.bending.rows);
+            }
             self.length = Some(plan.coefficients.length);
         }
     }
 
-    /// Encodes a substep, number `group` of [`PING_PONG`].
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
-        let predicted = plan.params.predicted as usize * PING_PONG.len();
+    /// Bytes that a substep reads: its tiles, and what bending reads besides.
+    pub(crate) fn bytes(&self) -> usize {
+        self.tiles.bytes() + self.at.end - self.at.rows
+    }
+
+    /// Encodes a substep, number `group` of [`PING_PONG`]. With bending, tiles always predict; otherwise unless the
+    /// displacements are `predicted` already.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, group: usize, predicted: bool) {
+        let predicted = usize::from(predicted && !self.bends) * PING_PONG.len();
         self.stage.dispatch_workgroups(pass, group + predicted, &[], self.tiles.count);
     }
+}
+
+/// For each vertex its index among the pins, which are sorted by vertex.
+fn index_of_pins(cloth: &Cloth) -> Vec<u32> {
+    let mut pinned = cloth.pinned.clone();
+    pinned.sort_unstable();
+    let mut index = vec![0; cloth.rest.len()];
+    pinned.iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
+    index
 }
