@@ -243,7 +243,8 @@ impl Deformer {
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.led_speed)));
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
-        let levels = if trades { 0 } else { self.rates.levels(&self.cloth, &self.options, division.length, attributes) };
+        let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
+        let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         Ok(Taken { dt, load, controller, rate, division, levels })
     }
 

@@ -2,11 +2,12 @@
 // workgroup holds the rings around them on which they depend through the passes. It recomputes those without storing
 // them; each stage covers one ring less than the one before.
 
-// Invocations of a workgroup, vertices that a tile has room for, numbers in workgroup memory, and whether there are several passes. How
-// many says the last of them.
+// Invocations of a workgroup, vertices with moments that a tile has room for, numbers of these, numbers of all vertices
+// that it holds, and whether there are several passes. How many says the last of them.
 override LANES: u32 = 64u;
 override ROOM: u32 = 64u;
 override NUMBERS: u32 = 384u;
+override HELD: u32 = 384u;
 override FILTERED: bool = false;
 
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
@@ -17,6 +18,9 @@ override FILTERED: bool = false;
 @group(1) @binding(6) var<uniform> bend_passes: array<BendPass, 16>;
 
 var<workgroup> numbers: array<f32, NUMBERS>;
+// The position and the last displacement of each vertex: a neighbor's would otherwise take two reads of memory, one
+// after the other.
+var<workgroup> held: array<f32, HELD>;
 
 // Where the tile's list of vertices and its slices start.
 var<private> list: u32;
@@ -53,11 +57,23 @@ fn row_of(k: u32) -> BendRow {
 }
 
 fn bent_x(k: u32) -> vec3f {
-    return x[table[list + k]].xyz;
+    return vec3f(held[6u * k], held[6u * k + 1u], held[6u * k + 2u]);
 }
 
 fn bent_p(k: u32) -> vec3f {
-    return p[table[list + k]].xyz;
+    return vec3f(held[6u * k + 3u], held[6u * k + 4u], held[6u * k + 5u]);
+}
+
+fn hold(k: u32) {
+    let v = table[list + k];
+    let x_k = x[v];
+    let p_k = p[v];
+    held[6u * k] = x_k.x;
+    held[6u * k + 1u] = x_k.y;
+    held[6u * k + 2u] = x_k.z;
+    held[6u * k + 3u] = p_k.x;
+    held[6u * k + 4u] = p_k.y;
+    held[6u * k + 5u] = p_k.z;
 }
 
 @compute @workgroup_size(LANES)
@@ -67,6 +83,10 @@ fn bend_tile(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let ends = table[3u * tile] + 1u;
     list = table[3u * tile + 1u];
     slices = table[3u * tile + 2u];
+    for (var k = lane; k < slices - list; k += LANES) {
+        hold(k);
+    }
+    workgroupBarrier();
     var ring = table[ends - 1u];
     for (var k = lane; k < table[ends + ring]; k += LANES) {
         first_moment(k, substep.rate);

@@ -1,4 +1,4 @@
-// A substep of one tile with bending in a single pass. Around the vertices that are swept, the tile holds those whose
+// A substep of one tile with bending in a single pass, and without coarse levels. Around the vertices that are swept, the tile holds those whose
 // moments act on them, and one more ring on which these moments depend. Each vertex has an invocation of its own, which
 // fetches its entries before anything else, because memory takes longer to answer than all of bending to compute.
 
@@ -106,7 +106,6 @@ fn substep_of_bent_tile(
     let own = own_vertices(tile);
     let k = min(lane, ROOM - 1u);
     let v = vertex_at(tile, k);
-    let corrected = correction_at(tile, k);
     let x_v = x[v];
     let p_v = motion[v].xyz;
     let row = row_of(v);
@@ -129,7 +128,7 @@ fn substep_of_bent_tile(
     }
     workgroupBarrier();
     if lane < FORCED {
-        var u_v = free_displacement(v, x_v, p_v) + corrected;
+        var u_v = free_displacement(v, x_v, p_v);
         if x_v.w != 0.0 {
             var force = moment.moment * -row.diagonal;
             force += force_of_four(k, moment.couple, four);

@@ -44,14 +44,6 @@ fn free_displacement(v: u32, x_v: vec4f, p_v: vec3f) -> vec3f {
     return vec3f();
 }
 
-// What the coarse levels add to the displacement of a vertex of the tile.
-fn correction_at(tile: u32, k: u32) -> vec3f {
-    if params.levels == 0u {
-        return vec3f();
-    }
-    return shift[label_at(tile, k)].xyz;
-}
-
 @compute @workgroup_size(LANES)
 fn substep_of_tile(
     @builtin(workgroup_id) group: vec3u,
@@ -69,7 +61,10 @@ fn substep_of_tile(
         let v = vertex_at(tile, k);
         let x_v = x[v];
         var u_v = motion[v].xyz;
-        let corrected = correction_at(tile, k);
+        var corrected = vec3f();
+        if params.levels != 0u {
+            corrected = shift[label_at(tile, k)].xyz;
+        }
         if params.predicted == 0u {
             u_v = free_displacement(v, x_v, u_v);
         }

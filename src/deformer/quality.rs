@@ -17,6 +17,12 @@ use crate::step::substep_count::{FRAMES, is_gale};
 /// takes 11 times (`gpu_h200.md`). The times are equal near 8,600 vertices.
 const LEVELS_PAY: usize = 8192;
 
+/// The largest coarsest level, in aggregates, that keeps a bound on strain with as many substeps as all coarser levels
+/// would. Sheets and garments of 14,161 to 65,536 vertices took .91 to 1.14 times as many with the finest level alone,
+/// whose aggregates have 16 vertices, as with the three to six levels that resolve the strain
+/// (`benches/results/quality.md`). A level takes 8.5 us of a substep on an H200, whatever its size.
+const COARSE_ENOUGH: usize = 4096;
+
 impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept.
     ///
@@ -64,6 +70,13 @@ impl Deformer {
             Levels::Count(_) => false,
         };
         may && self.backend() == Backend::Gpu && self.promise().is_some() && !is_gale(&self.cloth, attributes)
+    }
+
+    /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
+    pub(super) fn most_levels(&self) -> usize {
+        let keeps = self.options.levels == Levels::Auto && self.backend() == Backend::Gpu && self.promise().is_some();
+        let aggregates = (0..).map(|level| self.cloth.rest.len() >> (4 + 2 * level));
+        if keeps { 1 + aggregates.take_while(|&count| count > COARSE_ENOUGH).count() } else { usize::MAX }
     }
 
     /// Discards what was learned from the motion, and wakes the cloth.

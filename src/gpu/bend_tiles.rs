@@ -22,8 +22,9 @@ pub(crate) struct BendTiles {
     /// refer to vertices by their positions in that list.
     pub table: Vec<u32>,
     pub count: usize,
-    /// The number of vertices in the largest tile.
+    /// Most vertices of a tile: those with moments, and all.
     pub largest: usize,
+    pub longest: usize,
 }
 
 impl BendTiles {
@@ -38,7 +39,7 @@ impl BendTiles {
         let mut pieces = Vec::new();
         halve((0..rest.len() as u32).collect(), rest, most.own, &mut pieces);
         let mut place = vec![NO_PLACE; rest.len()];
-        let mut tiles = BendTiles { table: vec![0; 3 * pieces.len()], count: pieces.len(), largest: 0 };
+        let mut tiles = BendTiles { table: vec![0; 3 * pieces.len()], count: pieces.len(), largest: 0, longest: 0 };
         let mut held_by_all = 0;
         for (tile, own) in pieces.into_iter().enumerate() {
             let (vertices, ends) = with_rings(own, entries, rings, most.room, &mut place)?;
@@ -48,6 +49,7 @@ impl BendTiles {
                 return None;
             }
             tiles.largest = tiles.largest.max(held);
+            tiles.longest = tiles.longest.max(vertices.len());
             let table = &mut tiles.table;
             table[3 * tile] = table.len() as u32;
             table.push(rings as u32);
@@ -87,10 +89,7 @@ fn with_rings(
     let mut vertices = own;
     vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
     let (mut ends, mut looked_at) = (Vec::new(), 0);
-    while ends.len() <= rings {
-        if vertices.len() > room {
-            return None;
-        }
+    while ends.len() <= rings && vertices.len() <= room {
         ends.push(vertices.len());
         for k in std::mem::replace(&mut looked_at, vertices.len())..vertices.len() {
             for entry in entries.of(vertices[k]) {
@@ -101,5 +100,5 @@ fn with_rings(
             }
         }
     }
-    Some((vertices, ends))
+    (vertices.len() <= room).then_some((vertices, ends))
 }

@@ -17,8 +17,9 @@ const LARGE: usize = 1 << 16;
 /// Number of tiles that keep a large GPU busy, and the range of a tile's own vertices.
 const TILES: usize = 256;
 const OWN: [usize; 2] = [32, 128];
-/// Bytes of workgroup memory per vertex, with one pass and with several.
+/// Bytes of workgroup memory per vertex with moments, with one pass and with several, and per vertex.
 const IN_TILE: [usize; 2] = [24, 72];
+const HELD: usize = 24;
 /// The room of tiles is a multiple of this number of vertices.
 const ROOMS: usize = 32;
 /// A single, unfiltered pass.
@@ -135,7 +136,7 @@ impl Lists {
     fn kernels(&self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, count: usize, tiled: bool) -> Kernels {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
-        let room = gpu.workgroup_memory() / in_vertex;
+        let room = gpu.workgroup_memory() / (in_vertex + HELD);
         let most = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]).min(room), room, bytes: gpu.most_table_bytes() };
         let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most));
         match tiles.flatten() {
@@ -150,11 +151,18 @@ impl Lists {
 
     /// The room of a tile is rounded up, so that tiles of similar size share a kernel and changes of the substep rarely
     /// compile one. It is not all of the memory, because a multiprocessor could then hold only one tile at a time.
-    fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, room: usize, filtered: bool) -> Kernels {
-        let room = tiles.largest.next_multiple_of(ROOMS).min(room);
+    fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, most: usize, filtered: bool) -> Kernels {
+        let room = tiles.largest.next_multiple_of(ROOMS).min(most);
         let table = gpu.filled("bend tiles", &tiles.table);
+        let longest = tiles.longest.next_multiple_of(ROOMS).min(most);
         let numbers = IN_TILE[usize::from(filtered)] / size_of::<f32>() * room;
-        let constants = [("LANES", lanes(gpu, room)), ("ROOM", room), ("NUMBERS", numbers), ("FILTERED", usize::from(filtered))];
+        let constants = [
+            ("LANES", lanes(gpu, room)),
+            ("ROOM", room),
+            ("NUMBERS", numbers),
+            ("HELD", HELD / size_of::<f32>() * longest),
+            ("FILTERED", usize::from(filtered)),
+        ];
         let constants = constants.map(|(name, value)| (name, value as f64));
         let groups: Vec<_> = bound
             .states

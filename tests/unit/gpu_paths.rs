@@ -11,7 +11,7 @@ use crate::gpu::bending::Bending;
 use crate::gpu::engine::{GpuEngine, IN_TILE, Path, Sweep};
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::slices::SLICE;
-use crate::gpu::sweep::Bent;
+use crate::gpu::sweep::{Bent, with_rings};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::bending::BendEntry;
 use crate::model::cloth::Cloth;
@@ -283,6 +283,44 @@ fn bend_tiles_hold_their_rings() {
             }
         }
         assert!(tiles.count > 3 && kept.iter().all(|&count| count == 1));
+    }
+}
+
+/// The tiles with bending hold, for each vertex that they sweep, all rows that act on it, and for each of these rows all
+/// vertices that it depends on.
+#[test]
+fn bent_tiles_hold_their_rings() {
+    let gpu = Gpu::shared(true).unwrap();
+    for mesh in [Mesh::grid(40, 37, 1.0, 1.0), mesh(33, 29)] {
+        let cloth = Cloth::new(&mesh, &Options { pinned: vec![0], ..Options::default() }).unwrap();
+        let entries = &cloth.bending().entries;
+        let size = TileSize { own: 50, room: 400, bytes: usize::MAX };
+        let plain = Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size).unwrap();
+        let (tiles, rings) = with_rings(&gpu, &plain, entries).unwrap();
+        assert_eq!((tiles.count, tiles.widest), (plain.count, plain.widest));
+        assert_eq!(tiles.table[tiles.table.len() - 5..], plain.table[plain.table.len() - 5..], "the edges stay");
+        let words = |tile: usize, index: usize, k: usize| {
+            [0, 1, 2].map(|word| rings.table[((tile * rings.ring + index) * 3 + word) * rings.bent + k])
+        };
+        for (tile, (list, swept)) in tiles.lists().zip(plain.lists()).enumerate() {
+            assert_eq!(list[..swept.len()], swept, "tile {tile}");
+            assert!(swept.len() <= rings.swept && list.len() <= tiles.largest);
+            let listed = |k: usize| {
+                (0..rings.ring)
+                    .map(move |index| words(tile, index, k))
+                    .filter(|[_, forward, backward]| (forward | backward) << 1 != 0)
+            };
+            let there = |k: usize| {
+                let of = entries.of(list[k]).iter().filter(|entry| entry.forward != 0.0 || entry.backward != 0.0);
+                let of = of.map(|entry| (entry.other, entry.forward.to_bits(), entry.backward.to_bits()));
+                let found = listed(k).map(|[place, forward, backward]| (list[place as usize], forward, backward));
+                assert!(of.eq(found), "tile {tile}, place {k}");
+            };
+            (0..swept.len()).for_each(there);
+            // Whatever acts on a swept vertex has all its entries, too.
+            let acting = (0..swept.len()).flat_map(|k| listed(k).map(|[place, ..]| place as usize));
+            acting.inspect(|&k| assert!(k < rings.bent)).for_each(there);
+        }
     }
 }
 

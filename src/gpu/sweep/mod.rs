@@ -8,5 +8,7 @@ mod single_workgroup;
 mod tiled;
 
 pub(crate) use per_color::PerColor;
+#[cfg(test)]
+pub(crate) use rings::with_rings;
 pub(crate) use single_workgroup::SingleWorkgroup;
 pub(crate) use tiled::{Bent, Bound, Tiled};

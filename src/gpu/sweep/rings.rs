@@ -1,15 +1,18 @@
 //! What bending in a single pass needs around the tiles of a sweep: more vertices, and the entries of each.
 
 use crate::device::Gpu;
+use crate::gpu::engine::IN_TILE;
 use crate::gpu::stage::lanes;
-use crate::gpu::tiles::{TileSize, Tiles};
+use crate::gpu::tiles::Tiles;
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
 
-/// Bytes of workgroup memory per vertex with a moment: the moment and its couple.
-const IN_TILE: usize = 24;
+/// Bytes of workgroup memory for a moment and its couple.
+const OF_MOMENT: usize = 24;
 /// Most entries of a vertex. Every vertex has room for as many as any has.
 const WIDEST: usize = 16;
+/// The place of a vertex that is not in the tile.
+const NO_PLACE: u32 = u32::MAX;
 
 /// The entries of the vertices in each tile, in the form that `stages/bent_tile.wgsl` reads.
 #[derive(Debug)]
@@ -24,56 +27,68 @@ pub(crate) struct Rings {
     pub ring: usize,
 }
 
-/// Adds to each tile the vertices whose moments act on those that it sweeps, and the ring around these. `None` if some
-/// tile would have no room, or more vertices than a workgroup has invocations.
-pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>, most: TileSize) -> Option<(Tiles, Rings)> {
-    let ring = (0..entries.spans.len()).map(|v| entries.of(v as u32).len()).max()?;
-    let mut place = vec![None; entries.spans.len()];
-    let (mut lists, mut bent) = (Vec::new(), Vec::new());
-    for mut vertices in tiles.lists() {
-        vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = Some(k));
+/// The vertices of a tile: first those that are swept, then those whose moments also act on these, then those on which
+/// the moments depend. `ends` are the ends of the first two parts.
+struct Surrounded {
+    vertices: Vec<u32>,
+    ends: [usize; 2],
+}
+
+impl Surrounded {
+    /// `place` has no places before and after.
+    fn new(mut vertices: Vec<u32>, entries: &Csr<BendEntry>, place: &mut [u32]) -> Surrounded {
+        vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
         let mut start = 0;
-        for _ in 0..2 {
+        let ends = [(); 2].map(|()| {
             let end = vertices.len();
-            bent.push(end);
             for k in start..end {
                 for entry in entries.of(vertices[k]) {
-                    place[entry.other as usize].get_or_insert_with(|| {
+                    if place[entry.other as usize] == NO_PLACE {
+                        place[entry.other as usize] = vertices.len() as u32;
                         vertices.push(entry.other);
-                        vertices.len() as u32 - 1
-                    });
+                    }
                 }
             }
             start = end;
-        }
-        vertices.iter().for_each(|&vertex| place[vertex as usize] = None);
-        lists.push(vertices);
+            end
+        });
+        vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
+        Surrounded { vertices, ends }
     }
-    // Of each tile, the number of vertices that are swept and of those with moments.
-    let most_of = |which: usize| bent.chunks(2).map(|ends| ends[which]).max().unwrap_or(0);
-    let (swept, bent_most) = (most_of(0), most_of(1));
-    let room = lists.iter().map(Vec::len).max()?;
-    let words = 3 * ring * bent_most * lists.len();
-    let fits = room <= most.room.min(lanes(gpu, room))
-        && IN_TILE * bent_most + crate::gpu::engine::IN_TILE * room <= gpu.workgroup_memory()
-        && ring <= WIDEST
-        && size_of::<u32>() * words + tiles.bytes() <= most.bytes;
-    if !fits {
-        return None;
-    }
-    let mut table = Vec::with_capacity(words);
-    for (vertices, ends) in lists.iter().zip(bent.chunks(2)) {
-        vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = Some(k));
+
+    /// Appends the entries of the tile's vertices, with room for `bent` vertices with `ring` entries each. What is left
+    /// is filled with entries that refer to the vertex itself and have no effect.
+    fn push_entries(&self, entries: &Csr<BendEntry>, [bent, ring]: [usize; 2], place: &mut [u32], table: &mut Vec<u32>) {
+        let Surrounded { vertices, ends } = self;
+        vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
         for index in 0..ring {
-            let entry = |k: usize| {
-                let entry = (k < ends[1]).then(|| entries.of(vertices[k]).get(index)).flatten();
-                entry.map_or([k as u32, 0, 0], |entry| {
-                    [place[entry.other as usize].unwrap_or(0), entry.forward.to_bits(), entry.backward.to_bits()]
-                })
+            let words = |k: usize| match vertices[..ends[1]].get(k).and_then(|&vertex| entries.of(vertex).get(index)) {
+                Some(entry) => [place[entry.other as usize], entry.forward.to_bits(), entry.backward.to_bits()],
+                None => [k as u32, 0, 0],
             };
-            (0..3).for_each(|word| table.extend((0..bent_most).map(|k| entry(k)[word])));
+            (0..3).for_each(|word| table.extend((0..bent).map(|k| words(k)[word])));
         }
-        vertices.iter().for_each(|&vertex| place[vertex as usize] = None);
+        vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
     }
-    Some((tiles.with_lists(&lists, room), Rings { table, swept, bent: bent_most, ring }))
+}
+
+/// Adds to each tile the vertices whose moments act on those that it sweeps, and the ring around these. `None` if some
+/// tile would have no room, or more vertices than a workgroup has invocations.
+pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>) -> Option<(Tiles, Rings)> {
+    let mut place = vec![NO_PLACE; entries.spans.len()];
+    let parts: Vec<Surrounded> = tiles.lists().map(|list| Surrounded::new(list, entries, &mut place)).collect();
+    let ring = entries.spans.iter().map(|span| (span.end - span.start) as usize).max()?;
+    let [swept, bent] = [0, 1].map(|part| parts.iter().map(|tile| tile.ends[part]).max().unwrap_or(0));
+    let room = parts.iter().map(|tile| tile.vertices.len()).max()?;
+    let words = 3 * ring * bent * parts.len();
+    let fits = room <= lanes(gpu, room)
+        && IN_TILE * room + OF_MOMENT * bent <= gpu.workgroup_memory()
+        && ring <= WIDEST
+        && size_of::<u32>() * words + tiles.bytes() <= gpu.most_table_bytes();
+    fits.then(|| {
+        let mut table = Vec::with_capacity(words);
+        parts.iter().for_each(|tile| tile.push_entries(entries, [bent, ring], &mut place, &mut table));
+        let lists: Vec<Vec<u32>> = parts.into_iter().map(|tile| tile.vertices).collect();
+        (tiles.with_lists(&lists, room), Rings { table, swept, bent, ring })
+    })
 }

@@ -8,7 +8,7 @@ use crate::gpu::stage::{Bind, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, State, groups};
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
-use crate::gpu::tiles::{TileSize, Tiles};
+use crate::gpu::tiles::Tiles;
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
 use crate::step::plan::Plan;
@@ -34,7 +34,7 @@ pub(crate) struct Tiled {
 pub(crate) enum Bent {
     Untried,
     NoRoom,
-    Made(Tiled),
+    Made(Box<Tiled>),
 }
 
 impl Bent {
@@ -83,18 +83,10 @@ impl Tiled {
         Tiled::with(gpu, cloth, tiles, None, bound)
     }
 
-    /// The same tiles with bending, for substeps that have that in a single pass. `labels` are the aggregates of the
-    /// vertices, if levels are used. `None` if there is no room for the rings around the tiles.
-    pub(crate) fn bent(
-        &self,
-        gpu: &Gpu,
-        cloth: &Cloth,
-        labels: Option<&[u32]>,
-        most: TileSize,
-        bound: Bound<'_>,
-    ) -> Option<Tiled> {
-        let (mut tiles, rings) = with_rings(gpu, &self.tiles, &cloth.bending().entries, most)?;
-        labels.into_iter().for_each(|labels| tiles.set_labels(|vertex| labels[vertex as usize], 0));
+    /// The same tiles with bending, for substeps that have that in a single pass and no levels. `None` if there is no
+    /// room for the rings around the tiles.
+    pub(crate) fn bent(&self, gpu: &Gpu, cloth: &Cloth, bound: Bound<'_>) -> Option<Tiled> {
+        let (tiles, rings) = with_rings(gpu, &self.tiles, &cloth.bending().entries)?;
         Some(Tiled::with(gpu, cloth, tiles, Some(&rings), bound))
     }
 
