@@ -7,12 +7,17 @@ mod common;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Mesh, Options, Quality, Sleep, StepReport, Warning,
+    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Levels, Mesh, Options, Quality, Sleep, StepReport, Warning,
 };
 use common::energy::{energy, masses};
 use common::{FRAME, rms, top};
 
-on_every_backend!(reports_are_of_the_motion, any_step_can_be_asked_for_again, a_settled_cloth_sleeps_and_wakes);
+on_every_backend!(
+    reports_are_of_the_motion,
+    any_step_can_be_asked_for_again,
+    a_bound_takes_the_levels_that_pay,
+    a_settled_cloth_sleeps_and_wakes,
+);
 
 /// The attributes of a scene as a function of the frame.
 type Script = Box<dyn Fn(u32) -> Attributes + Sync>;
@@ -94,6 +99,29 @@ fn reports_are_of_the_motion(backend: Backend) {
         assert!(close(stretch.mean, then.mean_strain, 0.3), "frame {frame}: {stretch:?}, measured {then:?}");
     }
     assert!(measured.iter().any(|then| then.max_strain > 0.01), "something was stretched");
+}
+
+/// A bound is kept with the finest level alone on a GPU, and with none below 8192 vertices. Only levels that were chosen
+/// automatically are left out, and a step is repeated with the levels that it reports.
+fn a_bound_takes_the_levels_that_pay(backend: Backend) {
+    let made = |side: u32, quality: Quality, levels: Levels| {
+        let pinned = (0..side).collect();
+        let fabric = Fabric { bending: 0.0, ..Fabric::COTTON };
+        let options = Options { backend, quality, levels, pinned, fabric, ..Options::default() };
+        Deformer::new(&Mesh::grid(side, side, 1.0, 1.0), options).unwrap()
+    };
+    let taken = |side: u32, levels: Levels| {
+        let mut kept = made(side, Quality::Strain(0.03), levels);
+        let report = kept.step(FRAME, &Attributes::default()).unwrap();
+        let mut again = made(side, Quality::Substeps(report.in_a_sixtieth), Levels::Count(report.levels));
+        assert_eq!(again.step(FRAME, &Attributes::default()).unwrap().levels, report.levels);
+        assert_eq!(again.positions().unwrap(), kept.positions().unwrap(), "{side}: repeated");
+        report.levels
+    };
+    let on_gpu = backend == Backend::Gpu;
+    assert_eq!(taken(64, Levels::Auto), if on_gpu { 0 } else { 3 });
+    assert_eq!(taken(96, Levels::Auto), if on_gpu { 1 } else { 4 });
+    assert_eq!(taken(96, Levels::Count(3)), 3);
 }
 
 /// Two identical runs, and a third one with the numbers of substeps that were chosen.

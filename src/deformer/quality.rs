@@ -11,10 +11,10 @@ use crate::step::substep_count::{FRAMES, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
-/// On an H200 a substep takes 6 us without levels and 35 us with them, at any size below 16,384 vertices, because the
-/// levels' colors are swept one after another. Without levels, cloths of 4,000 vertices take 1.3 to 2.5 times as many
-/// substeps for the same bound, one of 14,161 takes 3.6 times (`benches/results/quality.md`), and a hung sheet of 65,536
-/// takes 11 times (`gpu_h200.md`). The times are equal near 8,600 vertices.
+/// On an H200 a substep takes 6 us without levels and 23 us with the finest, at any size below 16,384 vertices, because a
+/// level's colors are swept one after another; with bending 8 to 9 us, and 27. Without levels, cloths of 4,000 vertices take
+/// 1.3 to 2.5 times as many substeps for the same bound, one of 14,161 takes 3.9 times (`benches/results/quality.md`), and a
+/// hung sheet of 65,536 takes 11 times (`gpu_h200.md`).
 const LEVELS_PAY: usize = 8192;
 
 /// The largest coarsest level, in aggregates, that keeps a bound on strain with as many substeps as all coarser levels

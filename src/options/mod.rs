@@ -112,7 +112,8 @@ pub enum Levels {
     /// a mesh of fewer than 1000 vertices has at least an eighth of the substeps that would, or if the wind's pressure
     /// is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into small wrinkles.
     /// With [`Quality::Strain`] or [`Quality::Hold`] on [`Backend::Gpu`], also none below 8192 vertices, where levels take
-    /// longer than the additional substeps that keep the same bound without them.
+    /// longer than the additional substeps that keep the same bound without them, and from there on none coarser than the
+    /// first with at most 4096 aggregates: they take time and save no substeps.
     #[default]
     Auto,
     /// No levels are built or run.

@@ -20,7 +20,9 @@ pub enum Quality {
     ///
     /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step
     /// never waits for one that was submitted shortly before. Pass [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to
-    /// [`Quality::Substeps`] to repeat a step bit for bit. Only for [`Method::SmallSteps`](crate::Method::SmallSteps).
+    /// [`Quality::Substeps`] to repeat a step bit for bit; on the GPU also [`StepReport::levels`](crate::StepReport::levels) to
+    /// [`Levels::Count`](crate::Levels::Count), because a bound takes fewer levels there. Only for
+    /// [`Method::SmallSteps`](crate::Method::SmallSteps).
     Hold {
         /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
         stretch: f32,

@@ -319,7 +319,10 @@ fn bent_tiles_hold_their_rings() {
             (0..swept.len()).for_each(there);
             // Whatever acts on a swept vertex has all its entries, too.
             let acting = (0..swept.len()).flat_map(|k| listed(k).map(|[place, ..]| place as usize));
-            acting.inspect(|&k| assert!(k < rings.bent)).for_each(there);
+            for k in acting {
+                assert!(k < rings.bent, "tile {tile}, place {k}");
+                there(k);
+            }
         }
     }
 }
