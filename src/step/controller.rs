@@ -33,8 +33,8 @@ impl Caution {
     /// prediction was wrong.
     pub(crate) const USUAL: Caution = Caution { first_factor: 0.3, aim: 0.7 };
     /// For steps without levels that are measured three steps later. In the nine scenes of `cargo bench --bench
-    /// quality`, 44 to 48 of 1440 frames then exceed the bound with the usual caution, 13 with an aim of 0.6, and COUNT with
-    /// this one.
+    /// quality`, 44 to 48 of 1440 frames then exceed the bound with the usual caution, 13 with an aim of 0.6, and 8 with this
+    /// one.
     pub(crate) const LATE: Caution = Caution { first_factor: 1.2, aim: 0.55 };
 }
 

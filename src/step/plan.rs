@@ -197,10 +197,10 @@ impl<'a> Plan<'a> {
         self.contact.is_some() || !self.meshes.is_empty()
     }
 
-    /// Whether forces act that differ from vertex to vertex.
+    /// Whether forces act that differ from vertex to vertex. A new kind of force must be added here.
     #[cfg(feature = "gpu")]
     pub(crate) fn has_forces(&self) -> bool {
-        has_forces(self.bending, self.wind, self.method)
+        self.bending || self.wind || self.method == Method::Springs
     }
 
     /// Whether coarse edges also push (`distance::hold_coarse`).
@@ -212,11 +212,6 @@ impl<'a> Plan<'a> {
     pub(crate) fn damped(&self) -> bool {
         self.params.damped != 0
     }
-}
-
-/// Whether forces act that differ from vertex to vertex. A new kind of force must be added here.
-fn has_forces(bending: bool, wind: bool, method: Method) -> bool {
-    bending || wind || method == Method::Springs
 }
 
 /// A collider as the kernels take it, moving from `last` to `now` during the step. Round surfaces are enlarged by 1.2
