@@ -9,6 +9,7 @@ use cloth_deformer::glam::{DQuat, DVec3, EulerRot, Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Contact, Deformer, Fabric, Mesh, Options, Quality, StepReport, Warning};
 use common::FRAME;
 use common::crossings::crossings;
+use common::shapes::ball;
 
 on_every_backend!(what_crosses_is_reported_and_what_touches_is_held);
 
@@ -195,4 +196,18 @@ fn exact_crossings_are_untangled_and_touches_are_not() {
         }
         assert!(crosses || parted.farthest == 0.0, "{name}: {parted:?}");
     }
+}
+
+/// The poles of a ball whose vertices are not welded are many vertices in one place. If they are pinned, vertices near them
+/// touch what cannot move.
+#[test]
+fn pins_that_touch_each_other_move_nothing_else() {
+    let mesh = ball(Vec3::ZERO, 0.15, 9);
+    let contact = Some(Contact { thickness: 0.0022, friction: 0.4 });
+    let quality = Quality::Substeps(10);
+    let options = Options { backend: Backend::Cpu, quality, fabric: CLOTH, contact, pinned: (0..18).collect(), ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.step(FRAME, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
+    let moved = cloth.positions().unwrap().iter().zip(&mesh.positions).map(|(x, start)| x.distance(*start)).fold(0.0, f32::max);
+    assert!(moved < 1e-3, "{moved} m");
 }
