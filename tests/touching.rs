@@ -205,7 +205,8 @@ fn pins_that_touch_each_other_move_nothing_else() {
     let mesh = ball(Vec3::ZERO, 0.15, 9);
     let contact = Some(Contact { thickness: 0.0022, friction: 0.4 });
     let quality = Quality::Substeps(10);
-    let options = Options { backend: Backend::Cpu, quality, fabric: CLOTH, contact, pinned: (0..18).collect(), ..Options::default() };
+    let options =
+        Options { backend: Backend::Cpu, quality, fabric: CLOTH, contact, pinned: (0..18).collect(), ..Options::default() };
     let mut cloth = Deformer::new(&mesh, options).unwrap();
     cloth.step(FRAME, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
     let moved = cloth.positions().unwrap().iter().zip(&mesh.positions).map(|(x, start)| x.distance(*start)).fold(0.0, f32::max);

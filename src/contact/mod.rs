@@ -27,6 +27,7 @@ mod lanes;
 mod let_go;
 mod measure;
 mod near;
+mod normals;
 mod pairs;
 mod past;
 mod paths;
@@ -86,7 +87,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 15] = [
     ("AHEAD_LEAST", paths::AHEAD[0]),
     ("AHEAD_MOST", paths::AHEAD[1]),
     ("FARTHER_AHEAD", paths::FARTHER),
-    ("UPRIGHT", tree::UPRIGHT),
+    ("UPRIGHT", normals::UPRIGHT),
     ("MOST_EXCESS", tree::MOST_EXCESS),
     ("ACTING", near::ACTING),
     ("WARM", response::WARM),

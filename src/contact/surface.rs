@@ -16,7 +16,7 @@ use crate::simd::MAX_LANES;
 /// Bounds on [`Surface::roam`], in units of the thickness.
 const ROAM: [f32; 2] = [0.3, 1.6];
 /// Limit on it as a share of the least height of the triangles, so that they do not tilt too far
-/// ([`may_tilt`](super::tree::may_tilt)) even if they are somewhat compressed; but slivers may roam by `LEAST_ROAM`
+/// ([`normals_on_path`](super::normals::normals_on_path)) even if they are somewhat compressed; but slivers may roam by `LEAST_ROAM`
 /// thicknesses.
 const STEADY: f32 = 0.3;
 const LEAST_ROAM: f32 = 0.1;

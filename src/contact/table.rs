@@ -30,6 +30,7 @@ pub(crate) struct Table {
     /// Number of triangles, whose boxes precede those of the edges.
     pub box_edges: u32,
     pub excess: u32,
+    pub around: u32,
     pub beside: u32,
     pub of_vertices: u32,
 }
@@ -38,7 +39,7 @@ impl Table {
     /// `of_meshes` are the leaves of the tree over mesh colliders, if there are any.
     pub(super) fn new(surface: &Surface, tree: &Tree, of_meshes: Option<&Leaves>, [mesh_first, vertices]: [usize; 2]) -> Table {
         let of_cloth = &tree.leaves;
-        let (excess, beside) = tree.culls();
+        let (excess, around, beside) = tree.culls();
         let mut table = Table { depth: of_cloth.depth, ..Table::default() };
         (table.mesh_first, table.vertices) = (mesh_first as u32, vertices as u32);
         if let Some(of_meshes) = of_meshes {
@@ -58,6 +59,11 @@ impl Table {
         table.leaf_edges = table.add(&both(|leaves| &leaves.edges));
         table.leaf_vertices = table.add(&both(|leaves| &leaves.vertices));
         table.excess = table.add(&excess.iter().map(|excess| excess.to_bits()).collect::<Vec<u32>>());
+        // The position of each leaf's list of triangles, then these lists.
+        let first = (table.words.len() + around.spans.len() + 1) as u32;
+        let starts: Vec<u32> = std::iter::once(first).chain(around.spans.iter().map(|span| first + span.end)).collect();
+        table.around = table.add(&starts);
+        table.add(&around.items);
         // For each node, the position of the list of nodes that share a vertex with it, then these lists.
         let nodes = 2_usize << of_cloth.depth;
         let (mut starts, mut items) = (Vec::new(), Vec::new());

@@ -9,14 +9,13 @@ use glam::Vec3A;
 use rayon::prelude::*;
 
 use super::boxes::Boxes;
+use super::normals::{are_upright, normals_on_path};
 use super::surface::{Leaves, Surface};
 use super::{Path, for_chunks};
 use crate::kernels::integrate::xyz;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 
-/// Cosine of the angle of a cone. If the normals of connected cloth are within such a cone, it is not folded over.
-pub(super) const UPRIGHT: f32 = 0.64;
 /// Limit on the excess angle ([`Surface::excess`], rad) below which cloth that is not folded over cannot meet itself.
 pub(super) const MOST_EXCESS: f32 = 0.6;
 /// Leaves per task when refitting.
@@ -24,8 +23,8 @@ const GRAIN: usize = 64;
 /// Levels that are traversed before the rest is divided into tasks.
 const SHARED_LEVELS: u32 = 5;
 
-/// Bounds of a node's triangles: their places (m) at the midpoints of the paths, their displacements per substep (m),
-/// and their unit normals at the start and at the end of the paths.
+/// Bounds of a node's triangles: their places (m) at the midpoints of the paths, and their displacements per substep (m). Also
+/// bounds of the unit normals of all triangles at their vertices, on the whole path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
     pub place: [Vec3A; 2],
@@ -48,17 +47,6 @@ impl Bounds {
         }
     }
 
-    /// Of one triangle, which is within the box `place`, and whose vertices may stray so far (m) from their paths.
-    fn of(x: [Vec3A; 3], u: [Vec3A; 3], place: [Vec3A; 2], substeps: f32, stray: f32) -> Bounds {
-        let bound = |v: [Vec3A; 3]| [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])];
-        let normal = |x: [Vec3A; 3]| (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
-        let end = std::array::from_fn(|k| x[k] + u[k] * substeps);
-        let (before, after) = (normal(x), normal(end));
-        let may_tilt = may_tilt(x, stray) || may_tilt(end, stray);
-        let normal = if may_tilt { [Vec3A::NEG_ONE, Vec3A::ONE] } else { [before.min(after), before.max(after)] };
-        Bounds { place, step: bound(u), normal }
-    }
-
     /// The distance (m) along each axis within which two nodes may contain a pair to list. `margin` (m) is the
     /// thickness.
     pub(super) fn reach(&self, other: &Bounds, margin: f32, substeps: f32) -> Vec3A {
@@ -70,24 +58,6 @@ impl Bounds {
         let gap = (self.place[0] - other.place[1]).max(other.place[0] - self.place[1]);
         gap.cmpgt(self.reach(other, margin, substeps)).any()
     }
-
-    fn is_upright(&self) -> bool {
-        let [low, high] = self.normal;
-        let axis = low + high;
-        let (a, b) = (low * axis, high * axis);
-        let least = a.min(b);
-        let least = least.x + least.y + least.z;
-        least > 0.0 && least * least > UPRIGHT * UPRIGHT * axis.length_squared()
-    }
-}
-
-/// Whether a triangle at `x` (m) may tilt by more than a cone ([`UPRIGHT`]) leaves up to a right angle, if each vertex
-/// strays so far (m): the sine of that angle is the cosine of the cone's, and that of the tilt is twice the straying
-/// over the least height.
-pub(super) fn may_tilt([a, b, c]: [Vec3A; 3], stray: f32) -> bool {
-    let twice_area = (b - a).cross(c - a).length_squared();
-    let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    UPRIGHT * UPRIGHT * twice_area <= 4.0 * stray * stray * longest
 }
 
 /// The number of substeps that detection covers, and the thickness (m).
@@ -105,6 +75,10 @@ pub(super) struct Tree {
     nodes: Vec<Bounds>,
     /// Sum of the excess angles (rad) of a node's vertices; infinite if its triangles are not connected by edges.
     excess: Vec<f32>,
+    /// For each leaf, the triangles that share a vertex with it, its own among them; none for bodies.
+    around: Csr<u32>,
+    /// Bounds of the unit normals of each triangle.
+    normals: Vec<[Vec3A; 2]>,
     /// For each level, the other nodes of that level that share a vertex with each node.
     beside: Vec<Csr<u32>>,
     frontier: Vec<[u32; 2]>,
@@ -115,8 +89,9 @@ impl Tree {
     /// Over the bodies, which are not tested against each other.
     pub(super) fn of_bodies(leaves: Leaves) -> Tree {
         let (depth, nodes) = (leaves.depth, vec![Bounds::NOTHING; 2 << leaves.depth]);
-        let (excess, beside, frontier, found) = Default::default();
-        Tree { leaves, depth, nodes, excess, beside, frontier, found }
+        let around = Csr::new(1 << depth, std::iter::empty());
+        let (excess, normals, beside, frontier, found) = Default::default();
+        Tree { leaves, depth, nodes, excess, around, normals, beside, frontier, found }
     }
 
     /// Over the cloth. The surface must contain nothing else yet.
@@ -126,6 +101,7 @@ impl Tree {
         let leaf_of = tree.leaves.of_triangles();
         let corners = surface.triangles.iter().enumerate();
         let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
+        tree.around = triangles_around(surface, &around, tree.leaves.depth);
         tree.sum_excess(surface, &around);
         tree.find_parts(surface, &leaf_of);
         let mut pairs: Vec<[u32; 2]> = Vec::new();
@@ -177,11 +153,11 @@ impl Tree {
         }
     }
 
-    /// The data besides bounds with which nodes are ruled out: excess angles, and for each level the nodes that share a
-    /// vertex.
+    /// The data besides bounds with which nodes are ruled out: excess angles, the triangles around each leaf, and for each
+    /// level the nodes that share a vertex.
     #[cfg(feature = "gpu")]
-    pub(super) fn culls(&self) -> (&[f32], &[Csr<u32>]) {
-        (&self.excess, &self.beside)
+    pub(super) fn culls(&self) -> (&[f32], &Csr<u32>, &[Csr<u32>]) {
+        (&self.excess, &self.around, &self.beside)
     }
 
     /// The bounds of a leaf.
@@ -191,17 +167,30 @@ impl Tree {
 
     /// Refits all bounds to the paths; `boxes` contains the box of each triangle at the midpoint of its path.
     pub(super) fn refit(&mut self, surface: &Surface, boxes: &Boxes, path: Path<'_>, substeps: f32) {
+        let Tree { leaves: of_leaves, around, normals, .. } = self;
+        if !around.items.is_empty() {
+            normals.resize(of_leaves.all()[0].end, Bounds::NOTHING.normal);
+        }
+        for_chunks(path.is_shared, normals, GRAIN, |first, normals| {
+            for (normal, corners) in normals.iter_mut().zip(&surface.triangles[first..]) {
+                let corners = corners.map(|vertex| vertex as usize);
+                let (x, u) = (corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])));
+                let stray = corners.map(|v| path.stray[v]).into_iter().fold(0.0, f32::max);
+                *normal = normals_on_path(x, std::array::from_fn(|k| x[k] + u[k] * substeps), stray);
+            }
+        });
         let leaves = 1_usize << self.depth;
         let (above, below) = self.nodes.split_at_mut(leaves);
         for_chunks(path.is_shared, below, GRAIN, |first, nodes| {
             for (leaf, node) in (first..).zip(nodes) {
                 *node = Bounds::NOTHING;
-                for triangle in self.leaves.triangles_of(leaf) {
-                    let corners = surface.triangles[triangle].map(|vertex| vertex as usize);
-                    let (x, u) = (corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])));
-                    let stray = corners.map(|v| path.stray[v]).into_iter().fold(0.0, f32::max);
-                    let bounds = Bounds::of(x, u, boxes.get(triangle), substeps, stray);
-                    *node = node.join(&bounds);
+                for triangle in of_leaves.triangles_of(leaf) {
+                    let [a, b, c] = surface.triangles[triangle].map(|vertex| xyz(path.u[vertex as usize]));
+                    let step = [a.min(b).min(c), a.max(b).max(c)];
+                    *node = node.join(&Bounds { place: boxes.get(triangle), step, ..Bounds::NOTHING });
+                }
+                for &triangle in around.of(leaf as u32) {
+                    *node = node.join(&Bounds { normal: normals[triangle as usize], ..Bounds::NOTHING });
                 }
             }
         });
@@ -289,7 +278,8 @@ impl Tree {
     }
 
     /// Whether two nodes, or a node and itself, certainly do not meet. Besides distance, it uses that connected cloth
-    /// whose normals are all within a cone, and which is nearly flat, does not meet itself.
+    /// whose normals are all within a cone, and which is nearly flat, does not meet itself. The normals include those of all
+    /// triangles around the nodes' vertices: without one of them a node has a notch, whose sides meet if it turns over.
     fn is_clear(&self, [a, b]: [u32; 2], level: u32, look: Look) -> bool {
         let (one, other) = (&self.nodes[a as usize], &self.nodes[b as usize]);
         if a != b && one.is_apart(other, look.margin, look.substeps) {
@@ -297,9 +287,20 @@ impl Tree {
         }
         let excess = self.excess[a as usize] + if a == b { 0.0 } else { self.excess[b as usize] };
         excess < MOST_EXCESS
-            && one.join(other).is_upright()
+            && are_upright(one.join(other).normal)
             && (a == b || self.beside[level as usize].of(a - (1 << level)).binary_search(&(b - (1 << level))).is_ok())
     }
+}
+
+/// For each leaf, the triangles that share a vertex with it; `leaves` are those around each vertex.
+fn triangles_around(surface: &Surface, leaves: &Csr<u32>, depth: u32) -> Csr<u32> {
+    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    for (triangle, corners) in (0..).zip(&surface.triangles) {
+        pairs.extend(corners.iter().flat_map(|&vertex| leaves.of(vertex)).map(|&leaf| (leaf, triangle)));
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    Csr::new(1 << depth, pairs.into_iter())
 }
 
 #[cfg(test)]

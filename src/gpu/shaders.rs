@@ -82,8 +82,8 @@ shaders! {
     self_contact {
         MEET: "mean" "meet";
         BODIES: "mean" "bodies";
-        TREE: "boxes" "tree";
-        DETECTION: "boxes" "descent" "listing" "detection";
+        TREE: "boxes" "normals" "tree";
+        DETECTION: "boxes" "normals" "descent" "listing" "detection";
         NEAR: "mean" "pairs" "near";
         RESPONSE: "pairs" "response";
         FINISH: "finish";

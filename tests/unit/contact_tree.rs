@@ -1,69 +1,53 @@
-//! How far triangles tilt whose vertices stray, compared with the worst case in double precision.
+//! Culling of leaves: cloth that is turned over is compared with itself.
 
-use glam::{DVec3, Vec3A};
+use glam::{Vec3A, Vec4};
 
-use super::{Bounds, UPRIGHT, may_tilt};
+use super::super::boxes::Boxes;
+use super::super::surface::Surface;
+use super::{Look, Path, Tree};
+use crate::kernels::integrate::xyz;
+use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
+use crate::options::Options;
 
-fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
-    (b - a).cross(c - a).normalize()
-}
-
-/// The sine of the angle by which the normal turns if each vertex strays so far in the worst direction: the ends of the
-/// longest side to one side of the triangle, and the corner opposite to the other.
-fn most_tilt(x: [DVec3; 3], stray: f64) -> f64 {
-    let before = normal(x);
-    let tilts = (0..3).map(|corner| {
-        let [apex, base, end] = [0, 1, 2].map(|k| x[(corner + k) % 3]);
-        let along = (end - base).normalize();
-        let up = (apex - base) - along * (apex - base).dot(along);
-        // Perpendicular to where the height will be.
-        let sine = (2.0 * stray / up.length()).min(1.0);
-        let way = before * (1.0 - sine * sine).sqrt() - up.normalize() * sine;
-        let after = normal([apex + way * stray, base - way * stray, end - way * stray]);
-        before.cross(after).length()
+/// The leaves that are compared with themselves if the vertices stand still at `x`.
+fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
+    let still = vec![Vec4::ZERO; x.len()];
+    let path = Path { x, u: &still, stray: &vec![0.0; x.len()], is_shared: false };
+    let (mut boxes, mut found) = (Boxes::default(), Vec::new());
+    boxes.bound(tree.leaves.all()[0].clone(), false, |triangle| {
+        let [a, b, c] = surface.triangles[triangle].map(|vertex| xyz(x[vertex as usize]));
+        [a.min(b).min(c), a.max(b).max(c)]
     });
-    tilts.fold(0.0, f64::max)
+    tree.refit(surface, &boxes, path, 6.0);
+    tree.walk(Look { substeps: 6.0, margin: 0.005 }, false, &mut found);
+    found.into_iter().filter(|[a, b]| a == b).map(|[leaf, _]| leaf).collect()
 }
 
-/// A triangle of some shape, down to slivers, a few centimeters long.
-fn triangle(random: &mut fastrand::Rng) -> [DVec3; 3] {
-    let mut direction = || DVec3::new(random.f64() - 0.5, random.f64() - 0.5, random.f64() - 0.5).normalize();
-    let (at, along, aside) = (direction(), direction(), direction());
-    [at, at + along * 0.04, at + along * 0.04 * random.f64() + aside * 0.03 * (0.02 + random.f64())]
-}
-
+/// One vertex of a flat sheet is moved across the opposite sides of some of its triangles, which turns these over. Each leaf
+/// at one of their vertices is compared with itself, even if the triangle belongs to another: the leaf's own triangles on
+/// either side of it may cross.
 #[test]
-fn triangles_may_tilt_exactly_if_the_cone_leaves_less() {
-    let (mut random, upright) = (fastrand::Rng::with_seed(1), f64::from(UPRIGHT));
-    for case in 0..1000 {
-        let x = triangle(&mut random);
-        let longest = (0..3).map(|k| x[k].distance(x[(k + 1) % 3])).fold(0.0, f64::max);
-        let height = (x[1] - x[0]).cross(x[2] - x[0]).length() / longest;
-        let single = x.map(|at| (at - x[0]).as_vec3a());
-        for (share, tilts) in [(0.98, false), (1.02, true)] {
-            let stray = share * 0.5 * upright * height;
-            assert_eq!(may_tilt(single, stray as f32), tilts, "case {case}: {share} of {height} m");
-            assert_eq!(most_tilt(x, stray) > upright, tilts, "case {case}: {share} of {height} m");
-            // No motion of vertices that stray no farther tilts it more.
-            let mut moved = || DVec3::new(random.f64() - 0.5, random.f64() - 0.5, random.f64() - 0.5).normalize() * stray;
-            let tilt = normal(x).cross(normal(x.map(|x| x + moved()))).length();
-            assert!(tilt <= most_tilt(x, stray) + 1e-9, "case {case}: {tilt}");
+fn what_is_beside_a_triangle_that_is_turned_over_is_not_culled() {
+    let cloth = Cloth::new(&Mesh::grid(12, 12, 1.1, 1.1), &Options::default()).unwrap();
+    let (surface, leaves) = Surface::new(&cloth, 0.005).unwrap();
+    let mut tree = Tree::of_cloth(&surface, leaves);
+    let leaf_of = tree.leaves.of_triangles();
+    assert_eq!(compared(&surface, &mut tree, &surface.rest), []);
+    let normal = |x: &[Vec4], corners: [u32; 3]| {
+        let [a, b, c] = corners.map(|vertex| xyz(x[vertex as usize]));
+        (b - a).cross(c - a)
+    };
+    for vertex in 0..cloth.rest.len() as u32 {
+        let mut x = surface.rest.clone();
+        x[vertex as usize] += Vec3A::new(0.16, 0.0, 0.07).extend(0.0);
+        let found = compared(&surface, &mut tree, &x);
+        let is_over = |&&corners: &&[u32; 3]| normal(&x, corners).dot(normal(&surface.rest, corners)) < 0.0;
+        for corners in surface.triangles.iter().filter(is_over) {
+            let beside = surface.triangles.iter().zip(&leaf_of).filter(|(other, _)| other.iter().any(|v| corners.contains(v)));
+            for (_, leaf) in beside {
+                assert!(found.contains(leaf), "vertex {vertex}, triangle {corners:?}, leaf {leaf}");
+            }
         }
     }
-}
-
-/// A triangle that may tilt is in no cone, whether it is low at the start of its path or at the end.
-#[test]
-fn what_may_tilt_is_not_upright() {
-    let flat = |height: f32| [Vec3A::ZERO, Vec3A::X * 0.03, Vec3A::new(0.01, 0.0, height)];
-    let place = [Vec3A::ZERO; 2];
-    let is_upright = |before: f32, after: f32, stray: f32| {
-        let (x, end) = (flat(before), flat(after));
-        let u = std::array::from_fn(|k| (end[k] - x[k]) / 6.0);
-        Bounds::of(x, u, place, 6.0, stray).is_upright()
-    };
-    assert!(is_upright(0.02, 0.02, 0.006), "low enough straying");
-    assert!(!is_upright(0.02, 0.02, 0.007), "it may tilt");
-    assert!(!is_upright(0.02, 0.01, 0.006), "it may tilt at the end of its path");
-    assert!(!is_upright(0.01, 0.02, 0.006), "it may tilt at the start of its path");
 }

@@ -3,9 +3,6 @@
 // The nodes of a tree are numbered like a binary heap, its root being 1. The leaves and the nodes of the tree over mesh
 // colliders follow those of the tree over the cloth.
 
-// Cosine of the angle of a cone. If the normals of connected cloth are within such a cone, it is not folded over.
-const UPRIGHT: f32 = 0.64;
-
 // The box within which some vertices may stray, and the range of their displacements.
 struct Box {
     low: vec3f,

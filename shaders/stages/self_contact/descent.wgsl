@@ -32,12 +32,7 @@ fn is_clear(a: u32, b: u32) -> bool {
     }
     let low = min(nodes[a].normal_low, nodes[b].normal_low);
     let high = max(nodes[a].normal_high, nodes[b].normal_high);
-    let axis = low + high;
-    let least = dot(min(low * axis, high * axis), vec3f(1.0));
-    if !(least > 0.0 && least * least > UPRIGHT * UPRIGHT * square(axis)) {
-        return false;
-    }
-    return a == b || is_beside(a, b);
+    return are_upright(Normals(low, high)) && (a == b || is_beside(a, b));
 }
 
 fn is_beside(a: u32, b: u32) -> bool {

@@ -26,6 +26,7 @@ struct About {
     leaf_edges: u32,
     leaf_vertices: u32,
     excess: u32,
+    around: u32,
     beside: u32,
     of_vertices: u32,
     // Number of pairs that the list has room for; number of colliders.
@@ -91,7 +92,8 @@ struct Track {
     by: vec4f,
 }
 
-// Bounds of a tree node: places at the midpoints of the paths, displacements per substep, and normals.
+// Bounds of a tree node: places at the midpoints of the paths, and displacements per substep; also the normals of all
+// triangles at its vertices.
 struct Node {
     place_low: vec3f,
     place_high: vec3f,
@@ -247,13 +249,6 @@ fn roam_of(v: u32) -> f32 {
 fn rest_of(v: u32) -> vec3f {
     let at = about.of_vertices + 6u * v + 3u;
     return vec3f(number(at), number(at + 1u), number(at + 2u));
-}
-
-// The unit normal of a triangle, or 0 if it has no area.
-fn normal_of(a: vec3f, b: vec3f, c: vec3f) -> vec3f {
-    let n = cross(b - a, c - a);
-    let size = length(n);
-    return select(vec3f(), n / size, size > 0.0);
 }
 
 fn positions(corners: vec4u) -> Four {

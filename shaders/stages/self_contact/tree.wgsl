@@ -67,34 +67,22 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     tracks[i] = Track(vec4f(x_i, stray), vec4f(by, 1.0 / max(stray, LEAST_DISTANCE)));
 }
 
-// Whether the normal of a triangle may leave the cone, if each vertex strays so far: `src/contact/tree.rs`.
-fn may_tilt(a: vec3f, b: vec3f, c: vec3f, stray: f32) -> bool {
-    let twice_area = square(cross(b - a, c - a));
-    let longest = max(max(square(b - a), square(c - a)), square(c - b));
-    return UPRIGHT * UPRIGHT * twice_area <= 4.0 * stray * stray * longest;
-}
-
 fn bounds_of_leaf(leaf: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
     for (var t = table[about.leaf_triangles + leaf]; t < table[about.leaf_triangles + leaf + 1u]; t++) {
         let box = boxes[t];
-        let corners = triangle(t);
-        let a = tracks[corners.x];
-        let b = tracks[corners.y];
-        let c = tracks[corners.z];
-        let end_a = a.start.xyz + a.by.xyz * known.status.ahead;
-        let end_b = b.start.xyz + b.by.xyz * known.status.ahead;
-        let end_c = c.start.xyz + c.by.xyz * known.status.ahead;
-        var before = normal_of(a.start.xyz, b.start.xyz, c.start.xyz);
-        var after = normal_of(end_a, end_b, end_c);
-        let stray = max(max(a.start.w, b.start.w), c.start.w);
-        if may_tilt(a.start.xyz, b.start.xyz, c.start.xyz, stray) || may_tilt(end_a, end_b, end_c, stray) {
-            before = vec3f(-1.0);
-            after = vec3f(1.0);
-        }
-        let of_triangle = Node(box.low, box.high, box.step_low, box.step_high, min(before, after), max(before, after));
-        node = join(node, of_triangle);
+        node = join(node, Node(box.low, box.high, box.step_low, box.step_high, far, -far));
+    }
+    // Mesh colliders do not meet themselves.
+    if leaf >= leaves() {
+        return node;
+    }
+    for (var k = table[about.around + leaf]; k < table[about.around + leaf + 1u]; k++) {
+        let corners = triangle(table[k]);
+        let normals = normals_on_path(tracks[corners.x], tracks[corners.y], tracks[corners.z]);
+        node.normal_low = min(node.normal_low, normals.low);
+        node.normal_high = max(node.normal_high, normals.high);
     }
     return node;
 }

@@ -232,6 +232,7 @@ impl GpuContact {
             leaf_edges: table.leaf_edges,
             leaf_vertices: table.leaf_vertices,
             excess: table.excess,
+            around: table.around,
             beside: table.beside,
             of_vertices: table.of_vertices,
             // Without a response, any pair must stop the step.

@@ -82,6 +82,7 @@ pub(crate) struct About {
     pub leaf_edges: u32,
     pub leaf_vertices: u32,
     pub excess: u32,
+    pub around: u32,
     pub beside: u32,
     pub of_vertices: u32,
     pub room: u32,

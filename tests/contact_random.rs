@@ -1,0 +1,239 @@
+//! Random scenes of contact: pieces of random shape and fabric fall onto each other and onto bodies, in wind, held by pins
+//! that move. Crossings are counted in every frame.
+//!
+//! `CLOTH_CASES=1000 cargo test --release --test contact_random -- --nocapture` plays so many; `CLOTH_FIRST=17` begins
+//! with seed 17, and `CLOTH_BACKEND=gpu` runs them on the GPU.
+
+mod common;
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Shape, Tethers};
+use common::FRAME;
+use common::crossings::{crossings, crossings_with};
+use common::shapes::{ball, capsule, jittered, tube};
+use rayon::prelude::*;
+
+struct Random(fastrand::Rng);
+
+impl Random {
+    fn of(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.0.f32()
+    }
+
+    /// Between two positive numbers, each order of magnitude as often as any other.
+    fn scale(&mut self, low: f32, high: f32) -> f32 {
+        self.of(low.ln(), high.ln()).exp()
+    }
+
+    fn is(&mut self, chance: f32) -> bool {
+        self.0.f32() < chance
+    }
+
+    fn vector(&mut self, size: f32) -> Vec3 {
+        Vec3::from_array(std::array::from_fn(|_| self.of(-size, size)))
+    }
+
+    fn turn(&mut self) -> Quat {
+        Quat::from_axis_angle(self.vector(1.0).normalize_or(Vec3::Y), self.of(0.0, 2.0 * PI))
+    }
+}
+
+/// A sheet with irregular triangles, a tube or a closed bag, sometimes with holes, centered at the origin.
+fn piece(random: &mut Random, about: &mut String) -> Mesh {
+    let size = random.of(0.2, 0.7);
+    let (rows, columns) = (random.0.u32(5..18), random.0.u32(5..18));
+    let kind = random.0.u32(0..4);
+    *about += ["tube ", "ball ", "sheet ", "sheet "][kind as usize];
+    let mut mesh = match kind {
+        0 => tube(0.3 * size, size, rows.max(6), columns),
+        1 => bag(0.4 * size, rows.min(9)),
+        _ => {
+            let depth = size * random.of(0.3, 1.0);
+            let mut mesh = Mesh::grid(columns, rows, size, depth);
+            let most = random.of(0.0, 0.35) * (size / columns as f32).min(depth / rows as f32);
+            mesh.positions.iter_mut().for_each(|x| *x += random.vector(most) * Vec3::new(1.0, 0.02, 1.0));
+            mesh
+        }
+    };
+    if random.is(0.3) {
+        *about += "with holes ";
+        let count = mesh.triangles.len();
+        for _ in 0..=count / 30 {
+            mesh.triangles.swap_remove(random.0.usize(0..mesh.triangles.len()));
+        }
+    }
+    mesh
+}
+
+/// A ball whose poles are one vertex each.
+fn bag(radius: f32, rings: u32) -> Mesh {
+    let mut mesh = ball(Vec3::ZERO, radius, rings);
+    let (around, last) = (2 * rings, mesh.positions.len() as u32 - 1);
+    let weld = |v: u32| {
+        if v < around {
+            0
+        } else if v > last - around {
+            last
+        } else {
+            v
+        }
+    };
+    mesh.triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(weld));
+    mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    mesh
+}
+
+/// A smooth motion to and fro (m) at no more than a given speed (m/s).
+fn sway(random: &mut Random, speed: f32) -> impl Fn(u32) -> Vec3 + Send + Sync + 'static {
+    let (along, seconds) = (random.vector(1.0).normalize_or(Vec3::X), random.of(0.4, 2.0));
+    let rate = 2.0 * PI / seconds;
+    move |frame| along * (speed / rate) * (rate * FRAME * frame as f32).sin()
+}
+
+type Motion = Box<dyn Fn(u32) -> Attributes + Send + Sync>;
+
+struct Scene {
+    mesh: Mesh,
+    options: Options,
+    motion: Motion,
+    about: String,
+}
+
+fn scene(seed: u64) -> Scene {
+    let mut random = Random(fastrand::Rng::with_seed(seed));
+    let mut mesh = Mesh::default();
+    let (mut height, mut pieces) = (0.35_f32, String::new());
+    for _ in 0..random.0.u32(1..4) {
+        // Without noise, features that lie in one plane would seem to cross by rounding.
+        let mut one = jittered(piece(&mut random, &mut pieces), seed);
+        let (turn, aside) = (random.turn(), random.vector(0.15) * Vec3::new(1.0, 0.0, 1.0));
+        one.positions.iter_mut().for_each(|x| *x = turn * *x);
+        let low = one.positions.iter().map(|x| x.y).fold(f32::INFINITY, f32::min);
+        one.positions.iter_mut().for_each(|x| *x += aside + (height + 0.02 - low) * Vec3::Y);
+        height = one.positions.iter().map(|x| x.y).fold(height, f32::max);
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(one.positions);
+        mesh.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+    }
+    let has_pins = random.is(0.4);
+    let pinned: Vec<u32> = if has_pins {
+        let (at, radius) = (mesh.positions[random.0.usize(0..mesh.positions.len())], random.of(0.01, 0.15));
+        (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize].distance(at) < radius).collect()
+    } else {
+        Vec::new()
+    };
+    let held: Vec<Vec3> = pinned.iter().map(|&v| mesh.positions[v as usize]).collect();
+    let speed = if random.is(0.5) { 0.0 } else { random.of(0.1, 3.0) };
+    let (led, moved) = (sway(&mut random, speed), sway(&mut random, speed));
+    // Pins that are led through the triangles of a body cannot but cross them.
+    let body = (!has_pins && random.is(0.5)).then(|| match random.0.u32(0..3) {
+        0 => ball(Vec3::ZERO, random.of(0.08, 0.15), random.0.u32(4..16)),
+        1 => capsule(Vec3::X * -0.15, Vec3::X * 0.15, random.of(0.04, 0.12), random.0.u32(4..12)),
+        _ => Mesh::grid(random.0.u32(2..9), random.0.u32(2..9), 0.4, 0.3),
+    });
+    let (turn, friction) = (random.turn(), random.of(0.0, 1.0));
+    let analytic = match random.0.u32(0..5) {
+        0 => Some(Collider::sphere(Vec3::Y * 0.12, 0.15)),
+        1 => Some(Collider::capsule(Vec3::new(-0.2, 0.1, 0.0), Vec3::new(0.2, 0.15, 0.1), 0.08)),
+        2 => Some(Collider::rounded_box(Vec3::Y * 0.1, Vec3::new(0.1, 0.1, 0.15), Quat::from_rotation_y(0.4), 0.01)),
+        _ => None,
+    };
+    let has_floor = random.is(0.8);
+    let wind = if random.is(0.3) { random.vector(10.0) } else { Vec3::ZERO };
+    let quality = match random.0.u32(0..4) {
+        0 => Quality::Strain(0.03),
+        1 => Quality::default(),
+        _ => Quality::Substeps(random.0.u32(8..40)),
+    };
+    let contact = Some(Contact { thickness: random.scale(0.001, 0.01), friction: random.of(0.0, 1.2) });
+    let fabric = Fabric {
+        density: random.scale(0.05, 1.0),
+        stretch: random.scale(200.0, 30_000.0),
+        bending: random.scale(1e-7, 1e-2),
+        damping: random.of(0.0, 0.2),
+    };
+    let levels = if random.is(0.5) { Levels::Auto } else { Levels::Off };
+    let tethers = if random.is(0.5) { Tethers::Auto } else { Tethers::Off };
+    let about = format!(
+        "{pieces}: {} vertices, {} pins, {speed:.1} m/s, body {}, {quality:?}, {contact:?}, {fabric:?}, wind {:.0}",
+        mesh.positions.len(),
+        pinned.len(),
+        body.as_ref().map_or(0, |body| body.triangles.len()),
+        wind.length()
+    );
+    let options = Options { backend: backend(), quality, fabric, contact, levels, tethers, pinned, ..Options::default() };
+    let motion = move |frame: u32| {
+        let mut colliders: Vec<Collider> = Vec::new();
+        if has_floor {
+            colliders.push(Collider::plane(Vec3::ZERO, Vec3::Y).with_friction(friction));
+        }
+        if let Some(body) = &body {
+            let at = Vec3::Y * 0.18 + moved(frame) * Vec3::new(1.0, 0.2, 1.0);
+            let positions = body.positions.iter().map(|&x| turn * x + at).collect();
+            let body = Mesh { positions, triangles: body.triangles.clone() };
+            colliders.push(Collider::mesh(Arc::new(body)).with_friction(friction));
+        } else {
+            colliders.extend(analytic.clone());
+        }
+        let pin_targets = has_pins.then(|| held.iter().map(|&x| x + led(frame)).collect());
+        Attributes { colliders, wind, pin_targets, ..Attributes::default() }
+    };
+    Scene { mesh, options, motion: Box::new(motion), about }
+}
+
+fn backend() -> Backend {
+    match std::env::var("CLOTH_BACKEND").as_deref() {
+        Ok("gpu") => Backend::Gpu,
+        _ => Backend::Cpu,
+    }
+}
+
+/// The number of crossings with itself and with bodies.
+fn crossed(scene: &Scene, attributes: &Attributes, x: &[Vec3]) -> [usize; 2] {
+    let with = attributes.colliders.iter().map(|collider| match &collider.shape {
+        Shape::Mesh { mesh } => crossings_with(&scene.mesh, x, mesh),
+        _ => 0,
+    });
+    [crossings(&scene.mesh, x).len(), with.sum()]
+}
+
+/// Plays a scene to the end, or to the first frame with a crossing.
+fn play(scene: &Scene, frames: u32) -> Result<(), String> {
+    let mut cloth = Deformer::new(&scene.mesh, scene.options.clone()).map_err(|error| error.to_string())?;
+    for frame in 1..=frames {
+        let attributes = (scene.motion)(frame);
+        let report = cloth.step(FRAME, &attributes).map_err(|error| format!("frame {frame}: {error}"))?;
+        let warnings = format!("{:?}", report.warnings);
+        let x = cloth.positions().map_err(|error| error.to_string())?;
+        let [own, with] = crossed(scene, &attributes, x);
+        if own + with > 0 {
+            return Err(format!("frame {frame}: {own} crossings, {with} with the body; {warnings}"));
+        }
+    }
+    Ok(())
+}
+
+fn number(name: &str, default: u64) -> u64 {
+    std::env::var(name).map_or(default, |value| value.parse().expect("a number"))
+}
+
+#[test]
+fn nothing_crosses() {
+    let (first, cases) = (number("CLOTH_FIRST", 1), number("CLOTH_CASES", 12));
+    let failed: Vec<String> = (first..first + cases)
+        .into_par_iter()
+        .filter_map(|seed| {
+            let scene = scene(seed);
+            if crossed(&scene, &(scene.motion)(1), &scene.mesh.positions) != [0, 0] {
+                return None;
+            }
+            let failed = play(&scene, 60).err().map(|failure| format!("seed {seed}: {failure}\n    {}", scene.about));
+            failed.iter().for_each(|failure| println!("{failure}"));
+            failed
+        })
+        .collect();
+    assert!(failed.is_empty(), "{} of {cases}:\n{}", failed.len(), failed.join("\n"));
+}
