@@ -1,6 +1,6 @@
-// A substep of one tile with bending in a single pass, and without coarse levels. Around the vertices that are swept, the tile holds those whose
-// moments act on them, and one more ring on which these moments depend. Each vertex has an invocation of its own, which
-// fetches its entries before anything else, because memory takes longer to answer than all of bending to compute.
+// A substep of one tile with bending in a single pass, and without coarse levels. Around the vertices that are swept, the tile
+// holds those whose moments act on them, and one more ring on which these moments depend. Each vertex has an invocation of its
+// own, which fetches its entries before anything else, because memory takes longer to answer than all of bending to compute.
 
 // Most vertices of a tile that are swept, and that have moments.
 override FORCED: u32 = 64u;
