@@ -23,7 +23,7 @@ use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{Bent, Bound, PerColor, SingleWorkgroup, Tiled};
-use crate::gpu::tiles::{TileSize, Tiles};
+use crate::gpu::tiles::{IN_TILE, TileSize, Tiles};
 use crate::gpu::watch::{Found, Report};
 use crate::kernels::contact::Body;
 use crate::kernels::params::Params;
@@ -44,8 +44,6 @@ const OWN: [usize; 2] = [48, 256];
 /// 9.0 us instead of 15.7 at 4004 vertices, but 16 to 21 us instead of 16.8 at 14,161, because moments in the halo of the
 /// sweep are computed in up to five tiles.
 const BENT_IN_TILES: usize = 8192;
-/// Bytes of workgroup memory per vertex of a tile.
-pub(crate) const IN_TILE: usize = 32;
 
 /// A cloth on the GPU.
 #[derive(Debug)]

@@ -18,6 +18,8 @@ use crate::model::link::Link;
 
 /// The value of `stages/sweep.wgsl` for no edge and for no label.
 pub(crate) const NO_EDGE: u32 = u32::MAX;
+/// Bytes of workgroup memory per vertex of a tile.
+pub(crate) const IN_TILE: usize = 32;
 
 /// Tiles in the form that `stages/tiles.wgsl` reads.
 #[derive(Debug, Clone)]

@@ -1,9 +1,8 @@
 //! What bending in a single pass needs around the tiles of a sweep: more vertices, and the entries of each.
 
 use crate::device::Gpu;
-use crate::gpu::engine::IN_TILE;
 use crate::gpu::stage::lanes;
-use crate::gpu::tiles::Tiles;
+use crate::gpu::tiles::{IN_TILE, Tiles};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
 
