@@ -11,10 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Shape, Tethers};
-use common::FRAME;
-use common::crossings::{crossings, crossings_with};
+use cloth_deformer::{Attributes, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Tethers};
+use common::crossings::with_itself_and;
 use common::shapes::{ball, capsule, jittered, tube};
+use common::{FRAME, backend_by_name};
 use rayon::prelude::*;
 
 struct Random(fastrand::Rng);
@@ -168,7 +168,7 @@ fn scene(seed: u64) -> Scene {
         body.as_ref().map_or(0, |body| body.triangles.len()),
         wind.length()
     );
-    let options = Options { backend: backend(), quality, fabric, contact, levels, tethers, pinned, ..Options::default() };
+    let options = Options { backend: backend_by_name(), quality, fabric, contact, levels, tethers, pinned, ..Options::default() };
     let motion = move |frame: u32| {
         let mut colliders: Vec<Collider> = Vec::new();
         if has_floor {
@@ -189,22 +189,6 @@ fn scene(seed: u64) -> Scene {
     Scene { mesh, options, motion: Box::new(motion), about }
 }
 
-fn backend() -> Backend {
-    match std::env::var("CLOTH_BACKEND").as_deref() {
-        Ok("gpu") => Backend::Gpu,
-        _ => Backend::Cpu,
-    }
-}
-
-/// The number of crossings with itself and with bodies.
-fn crossed(scene: &Scene, attributes: &Attributes, x: &[Vec3]) -> [usize; 2] {
-    let with = attributes.colliders.iter().map(|collider| match &collider.shape {
-        Shape::Mesh { mesh } => crossings_with(&scene.mesh, x, mesh),
-        _ => 0,
-    });
-    [crossings(&scene.mesh, x).len(), with.sum()]
-}
-
 /// Plays a scene to the end, or to the first frame with a crossing.
 fn play(scene: &Scene, frames: u32) -> Result<(), String> {
     let mut cloth = Deformer::new(&scene.mesh, scene.options.clone()).map_err(|error| error.to_string())?;
@@ -213,7 +197,7 @@ fn play(scene: &Scene, frames: u32) -> Result<(), String> {
         let report = cloth.step(FRAME, &attributes).map_err(|error| format!("frame {frame}: {error}"))?;
         let warnings = format!("{:?}", report.warnings);
         let x = cloth.positions().map_err(|error| error.to_string())?;
-        let [own, with] = crossed(scene, &attributes, x);
+        let [own, with] = with_itself_and(&attributes.colliders, &scene.mesh, x);
         if own + with > 0 {
             return Err(format!("frame {frame}: {own} crossings, {with} with the body; {warnings}"));
         }
@@ -233,7 +217,7 @@ fn nothing_crosses() {
         .into_par_iter()
         .filter_map(|seed| {
             let scene = scene(seed);
-            if crossed(&scene, &(scene.motion)(1), &scene.mesh.positions) != [0, 0] {
+            if with_itself_and(&(scene.motion)(1).colliders, &scene.mesh, &scene.mesh.positions) != [0, 0] {
                 return None;
             }
             played.fetch_add(1, Ordering::Relaxed);

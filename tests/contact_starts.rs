@@ -8,10 +8,10 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Shape};
-use common::FRAME;
-use common::crossings::{closest, crossings, crossings_with};
+use cloth_deformer::{Attributes, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality};
+use common::crossings::{closest, with_itself_and};
 use common::shapes::{ball, bent, capsule, jittered, sheets};
+use common::{FRAME, backend_by_name};
 
 /// A scene with one of its starts.
 struct Start {
@@ -28,7 +28,8 @@ impl Start {
         let contact = Some(Contact { thickness: 0.005, friction: 0.3 });
         let fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
         let quality = Quality::Substeps(substeps);
-        let options = Options { backend: backend(), quality, fabric, contact, levels: Levels::Auto, ..Options::default() };
+        let options =
+            Options { backend: backend_by_name(), quality, fabric, contact, levels: Levels::Auto, ..Options::default() };
         let attributes = Box::new(move |_| Attributes { colliders: colliders.clone(), ..Attributes::default() });
         Start { mesh, options, frames, attributes, bent: false }
     }
@@ -46,11 +47,7 @@ impl Start {
             let stepped = cloth.step(FRAME, &attributes);
             stepped.unwrap_or_else(|error| panic!("frame {frame}: {error}"));
             let x = cloth.positions().unwrap();
-            let bodies = attributes.colliders.iter().filter_map(|collider| match &collider.shape {
-                Shape::Mesh { mesh } => Some(crossings_with(&self.mesh, x, mesh)),
-                _ => None,
-            });
-            let count = crossings(&self.mesh, x).len() + bodies.sum::<usize>();
+            let count = with_itself_and(&attributes.colliders, &self.mesh, x).iter().sum();
             if count > 0 && most == 0 {
                 println!("    the first in frame {frame}");
             }
@@ -64,15 +61,6 @@ impl Start {
             measure.max_strain
         );
         most
-    }
-}
-
-/// The CPU, or the GPU with `CLOTH_BACKEND=gpu`.
-fn backend() -> Backend {
-    match std::env::var("CLOTH_BACKEND").as_deref() {
-        Err(_) | Ok("cpu") => Backend::Cpu,
-        Ok("gpu") => Backend::Gpu,
-        Ok(other) => panic!("CLOTH_BACKEND={other}; give cpu or gpu"),
     }
 }
 

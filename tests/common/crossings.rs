@@ -3,8 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use cloth_deformer::Mesh;
 use cloth_deformer::glam::{DVec3, Vec3};
+use cloth_deformer::{Collider, Mesh, Shape};
 
 /// Pairs of an edge and a triangle that intersect and share no vertex. `x` are the vertices' positions (m).
 pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
@@ -44,6 +44,15 @@ pub fn crossings_with(mesh: &Mesh, x: &[Vec3], body: &Mesh) -> usize {
     both.triangles.extend(body.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
     let all: Vec<Vec3> = x.iter().chain(&body.positions).copied().collect();
     crossings(&both, &all).iter().filter(|(edge, triangle)| (edge[0] < first) != (triangle[0] < first)).count()
+}
+
+/// The numbers of crossings of a mesh, with vertices at `x` (m), with itself and with the colliders that are meshes.
+pub fn with_itself_and(colliders: &[Collider], mesh: &Mesh, x: &[Vec3]) -> [usize; 2] {
+    let with = colliders.iter().map(|collider| match &collider.shape {
+        Shape::Mesh { mesh: body } => crossings_with(mesh, x, body),
+        _ => 0,
+    });
+    [crossings(mesh, x).len(), with.sum()]
 }
 
 fn for_cells(low: [i32; 3], high: [i32; 3], mut then: impl FnMut([i32; 3])) {

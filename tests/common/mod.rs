@@ -14,7 +14,7 @@ pub mod shapes;
 pub use hang::{grid_masses, hang, top};
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Deformer};
+use cloth_deformer::{Attributes, Backend, Deformer};
 
 /// The duration of a frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
@@ -50,4 +50,13 @@ macro_rules! on_every_backend {
             $(#[test] fn $test() { super::$test(cloth_deformer::Backend::Gpu); })+
         }
     };
+}
+
+/// The CPU, or the GPU with `CLOTH_BACKEND=gpu`.
+pub fn backend_by_name() -> Backend {
+    match std::env::var("CLOTH_BACKEND").as_deref() {
+        Err(_) | Ok("cpu") => Backend::Cpu,
+        Ok("gpu") => Backend::Gpu,
+        Ok(other) => panic!("CLOTH_BACKEND={other}; give cpu or gpu"),
+    }
 }
