@@ -1,49 +1,41 @@
-//! A cloth on the GPU: chooses the path of a step, uploads what it needs and encodes its substeps. Statistics of its
-//! work are in `cost.rs`, access to the state between steps in `look.rs`, and steps with contact of the cloth with
-//! itself in `contact.rs`.
+//! A cloth on the GPU: prepares and submits steps. Which way a step is done is chosen in `path.rs`, its commands are in
+//! `encode.rs`, statistics of its work in `cost.rs`, access to the state between steps in `look.rs`, and steps with contact
+//! of the cloth with itself in `contact.rs`.
 
 mod contact;
 mod cost;
+mod encode;
 mod look;
+mod path;
 
 use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
-use crate::gpu::commit::{self, Commit};
+use crate::gpu::commit::Commit;
 use crate::gpu::contact::GpuContact;
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
 use crate::gpu::stage::Sent;
-use crate::gpu::state::{PING_PONG, State, ping_pong};
+use crate::gpu::state::State;
 use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{Bent, Bound, PerColor, SingleWorkgroup, Tiled};
-use crate::gpu::tiles::{IN_TILE, TileSize, Tiles};
+use crate::gpu::tiles::{TileSize, Tiles};
 use crate::gpu::watch::{Found, Report};
 use crate::kernels::contact::Body;
-use crate::kernels::params::Params;
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
 use crate::step::plan::Plan;
 
-/// Limit on the sweeps in one dispatch, because drivers reset a device that is busy with one dispatch for seconds.
-const LONGEST_DISPATCH: u32 = 2048;
-/// Number of vertices up to which one workgroup is faster than many, and number of cloths from which each is given one
-/// workgroup whatever its size.
-const SMALL: usize = 1024;
+pub(crate) use path::Path;
+
+/// Number of cloths stepped together from which each is given one workgroup whatever its size.
 const CROWD: usize = 4;
-/// Number of workgroups, with a tile each, that keep a large GPU busy, and the range of a tile's own vertices.
-const TILES: usize = 256;
-const OWN: [usize; 2] = [48, 256];
-/// Number of vertices up to which tiles bend the cloth before they sweep it. On an H200 a substep with bending then takes
-/// 9.0 us instead of 15.7 at 4004 vertices, but 16 to 21 us instead of 16.8 at 14,161, because moments in the halo of the
-/// sweep are computed in up to five tiles.
-const BENT_IN_TILES: usize = 8192;
 
 /// A cloth on the GPU.
 #[derive(Debug)]
@@ -88,32 +80,12 @@ pub(crate) enum Sweep {
     Tiled(Tiled),
 }
 
-/// How a step is executed. Tests can force one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Path {
-    PerColor,
-    Tiled,
-    SingleWorkgroup,
-}
-
 impl GpuEngine {
     pub(crate) fn new(gpu: Gpu, cloth: &Cloth, method: Method) -> Result<GpuEngine, GpuFault> {
         let way = GpuEngine::best(&gpu, cloth, method);
         let mut engine = GpuEngine::make(gpu, cloth, method, way, None)?;
         engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
         Ok(engine)
-    }
-
-    fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Path, TileSize) {
-        let vertices = cloth.rest.len();
-        let path = match method {
-            _ if vertices <= SMALL => Path::SingleWorkgroup,
-            Method::SmallSteps => Path::Tiled,
-            _ => Path::PerColor,
-        };
-        let room = gpu.workgroup_memory() / IN_TILE;
-        let size = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
-        (path, size)
     }
 
     /// Uses the fastest path that the cloth fits, at most `path`, on any driver.
@@ -203,19 +175,6 @@ impl GpuEngine {
         &self.forces.states[0].x
     }
 
-    /// Prepares for steps in one workgroup, if the cloth fits, with everything that this step and earlier ones use.
-    fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
-        let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
-        let [bends, blows] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
-        let wanted = [bends || plan.bending, blows || plan.wind];
-        let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
-        let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, blows]);
-        if !there && plan.method != Method::Springs {
-            let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, forces, bodies, &commit.found);
-            *single_workgroup = made.or(single_workgroup.take());
-        }
-    }
-
     /// Submits a step. Returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.is_whole()?;
@@ -292,7 +251,7 @@ impl GpuEngine {
         if path == Path::Tiled && GpuEngine::may_bend_in_tiles(plan) {
             self.make_bent(plan);
         }
-        let forced = self.forced(plan);
+        let (forced, bends) = (self.forced(plan), self.bends_in_tiles(plan));
         let GpuEngine { gpu, forces, bodies, sweep, bent, multigrid, room, single_workgroup, commit, .. } = self;
         let mut moved = forces.prepare(gpu, &forced, path == Path::SingleWorkgroup);
         if levels > 0 && path != Path::SingleWorkgroup {
@@ -323,8 +282,7 @@ impl GpuEngine {
             (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, Sweep::Tiled(tiled), _) => {
-                let tiled = if plan.bending && !forced.bending { bent.made_mut().unwrap_or(tiled) } else { tiled };
-                tiled.prepare(gpu, plan);
+                bent.made_mut().filter(|_| bends).unwrap_or(tiled).prepare(gpu, plan);
             }
         }
         if path != Path::SingleWorkgroup && !self.is_checked(plan) {
@@ -335,38 +293,6 @@ impl GpuEngine {
         path
     }
 
-    /// Whether tiles may bend the cloth in this step. Levels average displacements with bending, and wind is computed
-    /// together with it, so both need a prediction by a stage of its own.
-    fn may_bend_in_tiles(plan: &Plan<'_>) -> bool {
-        let once = plan.coefficients.bending.passes.len() <= 1 && plan.params.levels == 0;
-        plan.bending && once && !plan.wind && plan.cloth.rest.len() <= BENT_IN_TILES
-    }
-
-    /// Prepares the tiles for steps with bending in a single pass.
-    fn make_bent(&mut self, plan: &Plan<'_>) {
-        let GpuEngine { gpu, forces, bodies, sweep, bent, commit, .. } = self;
-        if let (Bent::Untried, Sweep::Tiled(tiled)) = (&bent, sweep) {
-            let bound = Bound { forces, bodies, found: &commit.found, shift: None };
-            *bent = tiled.bent(gpu, plan.cloth, bound).map_or(Bent::NoRoom, |made| Bent::Made(Box::new(made)));
-        }
-    }
-
-    /// The tiles that do a step.
-    fn tiled<'a>(&'a self, tiled: &'a Tiled, plan: &Plan<'_>) -> &'a Tiled {
-        self.bent.made().filter(|_| GpuEngine::may_bend_in_tiles(plan)).unwrap_or(tiled)
-    }
-
-    /// The part of a step that is computed before its sweep: not what tiles compute themselves.
-    fn forced<'a>(&self, plan: &Plan<'a>) -> Plan<'a> {
-        let in_tiles = matches!(self.sweep, Sweep::Tiled(_));
-        let bending = plan.bending && !(in_tiles && GpuEngine::may_bend_in_tiles(plan) && self.bent.made().is_some());
-        let forced = Plan { bending, ..*plan };
-        // The levels' averages include the pins' motion.
-        let led = plan.params.levels > 0 && !plan.pins.is_empty();
-        let predicted = u32::from(!in_tiles || forced.has_forces() || led);
-        Plan { params: Params { predicted, ..plan.params }, ..forced }
-    }
-
     /// Prepares the statistics of the step, if they are wanted.
     fn prepare_counter(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, counter, counts, .. } = self;
@@ -375,91 +301,5 @@ impl GpuEngine {
             Some(gauges) => counter.get_or_insert_with(|| Counter::new(gpu, forces, gauges)).clear(gpu),
             None => counter.iter_mut().for_each(Counter::forget),
         }
-    }
-
-    /// Whether a single workgroup is the fastest path for the step of a cloth alone.
-    fn is_small(&self, plan: &Plan<'_>) -> bool {
-        if plan.bending || plan.wind { self.small_with_forces } else { self.small }
-    }
-
-    fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
-        // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
-        // as a sweep.
-        let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
-        let sweeps = plan.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
-        let lasts = plan.params.substeps.saturating_mul(sweeps);
-        let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
-        match (&self.sweep, &self.single_workgroup) {
-            (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
-                Path::SingleWorkgroup
-            }
-            (Sweep::Tiled(_), _) => Path::Tiled,
-            (Sweep::PerColor(_), _) => Path::PerColor,
-        }
-    }
-
-    /// The levels, if the step uses any.
-    fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
-        self.multigrid.as_ref().filter(|_| plan.params.levels > 0)
-    }
-
-    /// Encodes the commands of a step.
-    fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) {
-        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
-            let pass = submission.room_for(1 + Counter::DISPATCHES);
-            self.forces.bind_substep(pass, 0);
-            single.encode(pass);
-            self.counter().into_iter().for_each(|counter| counter.encode(pass));
-            return;
-        }
-        self.encode_substeps(submission, plan, None);
-        self.encode_commit(submission, plan);
-    }
-
-    /// Encodes the substeps, each with contact of the cloth with itself behind it if that `meets` what a plan has.
-    fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, meets: Option<&Plan<'_>>) {
-        let forced = self.forced(plan);
-        let predicted = forced.params.predicted != 0;
-        for substep in 0..plan.substeps.len() {
-            let group = ping_pong(substep);
-            let contact = self.contact.as_ref().filter(|_| meets.is_some());
-            let more = contact.map_or(0, |contact| contact.dispatches(substep));
-            let pass = submission.room_for(self.dispatches(plan) + more);
-            self.forces.bind_substep(pass, substep);
-            if predicted {
-                self.forces.encode(pass, &forced, PING_PONG[group][0]);
-            }
-            let multigrid = self.multigrid(plan);
-            multigrid.into_iter().for_each(|multigrid| multigrid.encode(pass, &forced, group));
-            match &self.sweep {
-                Sweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
-                Sweep::PerColor(per_color) => {
-                    multigrid.into_iter().for_each(|multigrid| multigrid.encode_correct(pass, plan));
-                    per_color.encode(pass, plan, group);
-                }
-            }
-            if let (Some(contact), Some(meets)) = (&self.contact, meets) {
-                contact.encode(pass, meets, substep, group);
-            }
-        }
-    }
-
-    /// Encodes the end of a step.
-    fn encode_commit(&self, submission: &mut Submission<'_>, plan: &Plan<'_>) {
-        let last = plan.substeps.len() - 1;
-        let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
-        self.forces.bind_substep(pass, last);
-        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth, self.is_checked(plan));
-        self.counter().into_iter().for_each(|counter| counter.encode(pass));
-    }
-
-    /// Whether the last substep checks the step's result.
-    fn is_checked(&self, plan: &Plan<'_>) -> bool {
-        plan.params.checks != 0 && matches!(self.sweep, Sweep::Tiled(_))
-    }
-
-    /// The statistics' kernels, if the step's are wanted.
-    fn counter(&self) -> Option<&Counter> {
-        self.counter.as_ref().filter(|_| self.counts)
     }
 }

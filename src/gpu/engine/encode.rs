@@ -1,0 +1,76 @@
+//! The commands of a step: its substeps, and its end.
+
+use super::{GpuEngine, Path, Sweep};
+use crate::gpu::commit;
+use crate::gpu::multigrid::Multigrid;
+use crate::gpu::state::{PING_PONG, ping_pong};
+use crate::gpu::statistics::Counter;
+use crate::gpu::submission::Submission;
+use crate::step::plan::Plan;
+
+impl GpuEngine {
+    /// Encodes the commands of a step.
+    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) {
+        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
+            let pass = submission.room_for(1 + Counter::DISPATCHES);
+            self.forces.bind_substep(pass, 0);
+            single.encode(pass);
+            self.counter().into_iter().for_each(|counter| counter.encode(pass));
+            return;
+        }
+        self.encode_substeps(submission, plan, None);
+        self.encode_commit(submission, plan);
+    }
+
+    /// Encodes the substeps, each with contact of the cloth with itself behind it if that `meets` what a plan has.
+    pub(super) fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, meets: Option<&Plan<'_>>) {
+        let forced = self.forced(plan);
+        let predicted = forced.params.predicted != 0;
+        for substep in 0..plan.substeps.len() {
+            let group = ping_pong(substep);
+            let contact = self.contact.as_ref().filter(|_| meets.is_some());
+            let more = contact.map_or(0, |contact| contact.dispatches(substep));
+            let pass = submission.room_for(self.dispatches(plan) + more);
+            self.forces.bind_substep(pass, substep);
+            if predicted {
+                self.forces.encode(pass, &forced, PING_PONG[group][0]);
+            }
+            let multigrid = self.multigrid(plan);
+            multigrid.into_iter().for_each(|multigrid| multigrid.encode(pass, &forced, group));
+            match &self.sweep {
+                Sweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
+                Sweep::PerColor(per_color) => {
+                    multigrid.into_iter().for_each(|multigrid| multigrid.encode_correct(pass, plan));
+                    per_color.encode(pass, plan, group);
+                }
+            }
+            if let (Some(contact), Some(meets)) = (&self.contact, meets) {
+                contact.encode(pass, meets, substep, group);
+            }
+        }
+    }
+
+    /// Encodes the end of a step.
+    pub(super) fn encode_commit(&self, submission: &mut Submission<'_>, plan: &Plan<'_>) {
+        let last = plan.substeps.len() - 1;
+        let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
+        self.forces.bind_substep(pass, last);
+        self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth, self.is_checked(plan));
+        self.counter().into_iter().for_each(|counter| counter.encode(pass));
+    }
+
+    /// The levels, if the step uses any.
+    pub(super) fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
+        self.multigrid.as_ref().filter(|_| plan.params.levels > 0)
+    }
+
+    /// Whether the last substep checks the step's result.
+    pub(super) fn is_checked(&self, plan: &Plan<'_>) -> bool {
+        plan.params.checks != 0 && matches!(self.sweep, Sweep::Tiled(_))
+    }
+
+    /// The statistics' kernels, if the step's are wanted.
+    pub(super) fn counter(&self) -> Option<&Counter> {
+        self.counter.as_ref().filter(|_| self.counts)
+    }
+}

@@ -1,0 +1,113 @@
+//! Which way a step is done: color by color, in tiles, or in one workgroup; and what each way needs besides.
+
+use super::{GpuEngine, Sweep};
+use crate::device::Gpu;
+use crate::gpu::sweep::{Bent, Bound, SingleWorkgroup, Tiled};
+use crate::gpu::tiles::{IN_TILE, TileSize};
+use crate::kernels::params::Params;
+use crate::model::cloth::Cloth;
+use crate::options::Method;
+use crate::step::plan::Plan;
+
+/// Limit on the sweeps in one dispatch, because drivers reset a device that is busy with one dispatch for seconds.
+const LONGEST_DISPATCH: u32 = 2048;
+/// Number of vertices up to which one workgroup is faster than many.
+const SMALL: usize = 1024;
+/// Number of workgroups, with a tile each, that keep a large GPU busy, and the range of a tile's own vertices.
+const TILES: usize = 256;
+const OWN: [usize; 2] = [48, 256];
+/// Number of vertices up to which tiles bend the cloth before they sweep it. On an H200 a substep with bending then takes
+/// 9.0 us instead of 15.7 at 4004 vertices, but 16 to 21 us instead of 16.8 at 14,161, because moments in the halo of the
+/// sweep are computed in up to five tiles.
+const BENT_IN_TILES: usize = 8192;
+
+/// How a step is executed. Tests can force one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Path {
+    PerColor,
+    Tiled,
+    SingleWorkgroup,
+}
+
+impl GpuEngine {
+    pub(super) fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Path, TileSize) {
+        let vertices = cloth.rest.len();
+        let path = match method {
+            _ if vertices <= SMALL => Path::SingleWorkgroup,
+            Method::SmallSteps => Path::Tiled,
+            _ => Path::PerColor,
+        };
+        let room = gpu.workgroup_memory() / IN_TILE;
+        let size = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
+        (path, size)
+    }
+
+    /// Prepares for steps in one workgroup, if the cloth fits, with everything that this step and earlier ones use.
+    pub(super) fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
+        let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
+        let [bends, blows] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
+        let wanted = [bends || plan.bending, blows || plan.wind];
+        let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
+        let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, blows]);
+        if !there && plan.method != Method::Springs {
+            let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, forces, bodies, &commit.found);
+            *single_workgroup = made.or(single_workgroup.take());
+        }
+    }
+
+    /// Whether tiles may bend the cloth in this step. Levels average displacements with bending, and wind is computed
+    /// together with it, so both need a prediction by a stage of its own.
+    pub(super) fn may_bend_in_tiles(plan: &Plan<'_>) -> bool {
+        let once = plan.coefficients.bending.passes.len() <= 1 && plan.params.levels == 0;
+        plan.bending && once && !plan.wind && plan.cloth.rest.len() <= BENT_IN_TILES
+    }
+
+    /// Prepares the tiles for steps with bending in a single pass.
+    pub(super) fn make_bent(&mut self, plan: &Plan<'_>) {
+        let GpuEngine { gpu, forces, bodies, sweep, bent, commit, .. } = self;
+        if let (Bent::Untried, Sweep::Tiled(tiled)) = (&bent, sweep) {
+            let bound = Bound { forces, bodies, found: &commit.found, shift: None };
+            *bent = tiled.bent(gpu, plan.cloth, bound).map_or(Bent::NoRoom, |made| Bent::Made(Box::new(made)));
+        }
+    }
+
+    /// Whether tiles bend the cloth in this step.
+    pub(super) fn bends_in_tiles(&self, plan: &Plan<'_>) -> bool {
+        GpuEngine::may_bend_in_tiles(plan) && self.bent.made().is_some()
+    }
+
+    /// The tiles that do a step.
+    pub(super) fn tiled<'a>(&'a self, tiled: &'a Tiled, plan: &Plan<'_>) -> &'a Tiled {
+        self.bent.made().filter(|_| self.bends_in_tiles(plan)).unwrap_or(tiled)
+    }
+
+    /// The part of a step that is computed before its sweep: not what tiles compute themselves.
+    pub(super) fn forced<'a>(&self, plan: &Plan<'a>) -> Plan<'a> {
+        let forced = Plan { bending: plan.bending && !self.bends_in_tiles(plan), ..*plan };
+        // The levels' averages include the pins' motion.
+        let led = plan.params.levels > 0 && !plan.pins.is_empty();
+        let predicted = u32::from(!matches!(self.sweep, Sweep::Tiled(_)) || forced.has_forces() || led);
+        Plan { params: Params { predicted, ..plan.params }, ..forced }
+    }
+
+    /// Whether a single workgroup is the fastest path for the step of a cloth alone.
+    pub(super) fn is_small(&self, plan: &Plan<'_>) -> bool {
+        if plan.bending || plan.wind { self.small_with_forces } else { self.small }
+    }
+
+    pub(super) fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
+        // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
+        // as a sweep.
+        let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
+        let sweeps = plan.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
+        let lasts = plan.params.substeps.saturating_mul(sweeps);
+        let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
+        match (&self.sweep, &self.single_workgroup) {
+            (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
+                Path::SingleWorkgroup
+            }
+            (Sweep::Tiled(_), _) => Path::Tiled,
+            (Sweep::PerColor(_), _) => Path::PerColor,
+        }
+    }
+}
