@@ -4,9 +4,9 @@ use super::surface::{LEAF, Leaves, Surface};
 use super::tree::Tree;
 use crate::kernels::integrate::xyz;
 
-// `detection.wgsl` numbers the features that a leaf compares in 7 bits, and tells its at most three turns over another
-// leaf's features of a kind, 12 at a time, in 2 bits. A leaf has at most twice its fewest triangles.
-const _: () = assert!(2 * LEAF * 3 <= 3 * 12 && 2 * LEAF * (3 + 1 + 3) < 128);
+// `candidates.wgsl` has 256 invocations for the features of pairs of leaves, and 64 bits for those of a kind that one is compared
+// with. A leaf has at most twice its fewest triangles.
+const _: () = assert!(2 * LEAF * 3 <= 64 && 2 * LEAF * (3 + 1 + 3) <= 256);
 
 /// The surface and its trees as words, and the positions of the lists in them, as in `About` of
 /// `shaders/stages/self_contact/shared.wgsl`.
@@ -29,6 +29,8 @@ pub(crate) struct Table {
     pub leaf_vertices: u32,
     /// Number of triangles, whose boxes precede those of the edges.
     pub box_edges: u32,
+    /// The most features of a leaf.
+    pub features: u32,
     pub excess: u32,
     pub around: u32,
     pub beside: u32,
@@ -58,6 +60,12 @@ impl Table {
         table.leaf_triangles = table.add(&both(|leaves| &leaves.triangles));
         table.leaf_edges = table.add(&both(|leaves| &leaves.edges));
         table.leaf_vertices = table.add(&both(|leaves| &leaves.vertices));
+        let lists = [of_cloth].into_iter().chain(of_meshes).flat_map(|leaves| {
+            let spans = |starts: &Vec<u32>, leaf: usize| starts[leaf + 1] - starts[leaf];
+            let of = move |leaf| spans(&leaves.triangles, leaf) + spans(&leaves.edges, leaf) + spans(&leaves.vertices, leaf);
+            (0..1 << leaves.depth).map(of)
+        });
+        table.features = lists.max().unwrap_or_default();
         table.excess = table.add(&excess.iter().map(|excess| excess.to_bits()).collect::<Vec<u32>>());
         // The position of each leaf's list of triangles, then these lists.
         let first = (table.words.len() + around.spans.len() + 1) as u32;
@@ -102,8 +110,8 @@ impl Table {
         (2 << self.depth) + 2 * self.mesh_leaves as usize
     }
 
-    /// Number of boxes: those of all triangles and edges.
+    /// Number of boxes: those of all triangles, edges, and vertices of triangles.
     pub(crate) fn boxes(&self) -> usize {
-        (self.box_edges + self.rows - self.vertices) as usize
+        (self.box_edges + self.rows - self.vertices + self.leaf_triangles - self.order) as usize
     }
 }

@@ -83,7 +83,9 @@ shaders! {
         MEET: "mean" "meet";
         BODIES: "mean" "bodies";
         TREE: "boxes" "normals" "tree";
-        DETECTION: "boxes" "normals" "descent" "listing" "detection";
+        DESCENT: "boxes" "normals" "detection" "descent";
+        CANDIDATES: "boxes" "detection" "candidates";
+        LISTING: "boxes" "detection" "listing";
         NEAR: "mean" "pairs" "near";
         RESPONSE: "pairs" "response";
         FINISH: "finish";

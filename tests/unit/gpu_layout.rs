@@ -59,9 +59,9 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
-        layout!(About { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, is_led, meshes_rest, meets_itself, let_go, let_go_of_edges, groups, mesh_groups, per_mass, box_edges, sharing, spacing }),
+        layout!(About { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, is_led, meshes_rest, meets_itself, let_go, let_go_of_edges, groups, mesh_groups, per_mass, box_edges, features, spacing }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
-        layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before }),
+        layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed }),
         layout!(Track { start, by }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
@@ -137,15 +137,14 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("UNIT_WEIGHT", Literal::F32(contact::UNITS[0])),
         ("UNIT_LENGTH", Literal::F32(contact::UNITS[1])),
         ("MOST_OF_ALL", Literal::U32(contact::DETECTION[0])),
-        ("ITEMS", Literal::U32(contact::DETECTION[1])),
-        ("OTHERS", Literal::U32(contact::DETECTION[2])),
-        ("CHOSEN", Literal::U32(contact::DETECTION[3])),
-        ("CANDIDATES", Literal::U32(contact::DETECTION[4])),
-        ("FIRST_LEVEL", Literal::U32(contact::DETECTION[5])),
-        ("HELD", Literal::U32(contact::DETECTION[6])),
-        ("LEVELS", Literal::U32(contact::DETECTION[7])),
-        ("MET", Literal::U32(contact::DETECTION[8])),
-        ("MOST_MET", Literal::U32(contact::DETECTION[9])),
+        ("LEAF_PAIRS", Literal::U32(contact::DETECTION[1])),
+        ("CANDIDATES", Literal::U32(contact::DETECTION[2])),
+        ("AT_ONCE", Literal::U32(contact::DETECTION[3])),
+        ("FIRST_LEVEL", Literal::U32(contact::DETECTION[4])),
+        ("HELD", Literal::U32(contact::DETECTION[5])),
+        ("LEVELS", Literal::U32(contact::DETECTION[6])),
+        ("MET", Literal::U32(contact::DETECTION[7])),
+        ("MOST_MET", Literal::U32(contact::DETECTION[8])),
     ];
     all.extend(of_contact);
     all
@@ -202,7 +201,7 @@ fn shared_structs_agree_member_for_member() {
                 "Normals",
                 "Closest",
                 "Features",
-                "Own",
+                "Comparison",
                 "Reached",
             ];
             // naga's own names begin with underscores.

@@ -11,7 +11,7 @@ struct Box {
     step_high: vec3f,
 }
 
-// Those of the triangles, followed by those of the edges.
+// Those of the triangles, followed by those of the edges and by those of the vertices in `order`.
 @group(1) @binding(15) var<storage, read_write> boxes: array<Box>;
 
 // The midpoint of a vertex's path, with the distance that it may stray in w, and its displacement.
@@ -41,6 +41,23 @@ fn box_with(a: Box, b: Place) -> Box {
         min(a.step_low, b.u),
         max(a.step_high, b.u),
     );
+}
+
+fn box_of_first_vertex() -> u32 {
+    return about.box_edges + about.rows - about.all_vertices;
+}
+
+fn box_of_feature(k: u32) -> Box {
+    if k < about.box_edges {
+        let corners = triangle(k);
+        return box_with(box_of(place_at(corners.x), place_at(corners.y)), place_at(corners.z));
+    }
+    if k < box_of_first_vertex() {
+        let ends = edge(k - about.box_edges);
+        return box_of(place_at(ends.x), place_at(ends.y));
+    }
+    let place = place_at(table[about.order + k - box_of_first_vertex()]);
+    return box_of(place, place);
 }
 
 // Number of leaves of the cloth.

@@ -1,6 +1,8 @@
-// Descends the trees of bounds for a leaf of the cloth: to itself and to those leaves of the cloth after it whose triangles
-// may meet its own, and to those of mesh colliders. After a leaf comes half of all leaves, and then it comes after the
-// others: thus each pair is found once, and each leaf has as many to find. Mesh colliders do not meet each other.
+// Descends the trees of bounds, a workgroup for each leaf of the cloth: to itself and to those leaves of the cloth after it
+// whose triangles may meet its own, and to those of mesh colliders. After a leaf comes half of all leaves, and then it comes
+// after the others: thus each pair is found once, and each leaf has as many to find. Mesh colliders do not meet each other.
+
+override LANES: u32 = 128u;
 
 // The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `UPRIGHT`:
 // `src/contact/tree.rs`.
@@ -11,7 +13,7 @@ const FIRST_LEVEL: u32 = 6u;
 // time, which needs at most a place for each level.
 const HELD: u32 = 1024u;
 const LEVELS: u32 = 32u;
-// Number of leaves that are met, or more, before they are compared; and limit on it: `LANES` more.
+// Number of leaves that are met, or more, before they are noted; and limit on it: `LANES` more.
 const MET: u32 = 64u;
 const MOST_MET: u32 = 192u;
 
@@ -20,6 +22,7 @@ var<workgroup> held: array<u32, HELD>;
 var<workgroup> held_count: atomic<u32>;
 var<workgroup> met: array<u32, MOST_MET>;
 var<workgroup> met_count: atomic<u32>;
+var<workgroup> first_met: u32;
 
 // Whether two nodes of a level, or a node and itself, certainly do not meet: `Tree::is_clear`.
 fn is_clear(a: u32, b: u32) -> bool {
@@ -105,7 +108,7 @@ struct Reached {
 
 // Replaces as many of the `count` held nodes as there are invocations for by those of their children that may meet the
 // leaf. Of these, leaves are met.
-fn descend(leaf: u32, count: u32, lane: u32) -> Reached {
+fn replace(leaf: u32, count: u32, lane: u32) -> Reached {
     let parents = min(min(count, LANES / 2u), max(HELD - LEVELS, count + 1u) - count);
     var before = 0u;
     // Its number in its tree; 0 is none.
@@ -131,4 +134,41 @@ fn descend(leaf: u32, count: u32, lane: u32) -> Reached {
     workgroupBarrier();
     let both = broadcast((atomicLoad(&met_count) << 16u) | atomicLoad(&held_count), lane);
     return Reached(both & 0xffffu, both >> 16u);
+}
+
+// Notes the leaves that were met. Returns false if there are too many.
+fn note_met(leaf: u32, count: u32, lane: u32) -> bool {
+    if lane == 0u {
+        first_met = atomicAdd(&known.status.leaf_pairs, count);
+        demand_space(first_met + count, LEAF_PAIRS);
+        atomicStore(&met_count, 0u);
+    }
+    let first = workgroupUniformLoad(&first_met);
+    for (var k = lane; k < count; k += LANES) {
+        if first + k < LEAF_PAIRS * space() {
+            drafts[first + k] = vec2u(leaf, met[k]);
+        }
+    }
+    workgroupBarrier();
+    return first < MOST_OF_ALL;
+}
+
+@compute @workgroup_size(LANES)
+fn descend(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let leaf = group.x + group.y * groups.x;
+    if broadcast(u32(goes_on() && leaf < leaves()), lane) == 0u {
+        return;
+    }
+    var reached = Reached(begin_descent(lane), 0u);
+    while reached.held > 0u {
+        reached = replace(leaf, reached.held, lane);
+        let is_full = reached.held == 0u || reached.met >= MET;
+        if is_full && reached.met > 0u && !note_met(leaf, reached.met, lane) {
+            return;
+        }
+    }
 }

@@ -1,4 +1,12 @@
-// Whether a pair of features is listed, and the previous multipliers of those that are.
+// Boxes all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed before.
+
+override LANES: u32 = 128u;
+
+// Numbers of pairs of either kind that a workgroup lists, and where they begin.
+var<workgroup> listed_here: array<atomic<u32>, 2>;
+var<workgroup> first_listed: array<u32, 2>;
+var<workgroup> with_triangles: u32;
+
 
 fn is_let_go(is_edge: bool, row: u32, other: u32) -> bool {
     let one = select(row, row - about.all_vertices, is_edge);
@@ -73,7 +81,7 @@ fn held_before(row: u32, other: u32) -> vec4f {
     return vec4f();
 }
 
-// Computes the boxes of the triangles and edges. Puts the previous list's pairs that have multipliers into chains: an
+// Computes the boxes of the triangles, edges and vertices. Puts the previous list's pairs that have multipliers into chains: an
 // element of `chains` is 1 more than the number of a pair, whose `next` is 1 more than that of another, or 0 at the end.
 @compute @workgroup_size(WORKGROUP)
 fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -82,21 +90,94 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     }
     let first = item(id, groups);
     let stride = groups.x * groups.y * WORKGROUP;
-    let features = about.box_edges + about.rows - about.all_vertices;
-    for (var k = first; k < features; k += stride) {
-        if k < about.box_edges {
-            let corners = triangle(k);
-            boxes[k] = box_with(box_of(place_at(corners.x), place_at(corners.y)), place_at(corners.z));
-        } else {
-            let ends = edge(k - about.box_edges);
-            boxes[k] = box_of(place_at(ends.x), place_at(ends.y));
-        }
+    for (var k = first; k < arrayLength(&boxes); k += stride) {
+        boxes[k] = box_of_feature(k);
     }
     let all = known.status.vertices_before + known.status.edges_before;
     for (var k = first; k < all; k += stride) {
         let at = place_before(k);
         if any(pairs[at].lambda != vec4f()) {
             pairs[at].next = atomicExchange(&chains[chain_of(pairs[at].row, pairs[at].other)], k + 1u);
+        }
+    }
+}
+
+fn are_adjacent(is_edge: bool, c: vec4u) -> bool {
+    return c.x == c.z || c.x == c.w || select(c.x == c.y, c.y == c.z || c.y == c.w, is_edge);
+}
+
+// A candidate as a pair. Its thickness is 0 if it is not listed.
+fn pair_of(is_edge: bool, row: u32, other: u32) -> Listed {
+    var corners: vec4u;
+    if is_edge {
+        corners = vec4u(edge(row - about.all_vertices), edge(other));
+    } else {
+        corners = vec4u(row, triangle(other));
+    }
+    var pair = Listed();
+    if are_adjacent(is_edge, corners) {
+        return pair;
+    }
+    let thickness = thickness_of(is_edge, corners);
+    if thickness > 0.0 && !is_let_go(is_edge, row, other) {
+        pair = Listed(corners, held_before(row, other), other, thickness, row, 0u);
+    }
+    return pair;
+}
+
+@compute @workgroup_size(LANES)
+fn measure(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    if lane == 0u {
+        with_triangles = atomicLoad(&known.status.candidates);
+        let all = with_triangles + atomicLoad(&known.status.edge_candidates);
+        total = select(0u, all, goes_on() && all <= CANDIDATES * space());
+        if goes_on() && group.x + group.y == 0u {
+            demand_space(all, CANDIDATES);
+        }
+    }
+    let end = workgroupUniformLoad(&total);
+    for (var first = (group.x + group.y * groups.x) * LANES; first < end; first += groups.x * groups.y * LANES) {
+        if lane < 2u {
+            atomicStore(&listed_here[lane], 0u);
+        }
+        workgroupBarrier();
+        let k = first + lane;
+        let is_edge = k >= with_triangles;
+        var pair = Listed();
+        var rank = 0u;
+        if k < end {
+            let candidate = drafts[place_of_candidate(select(k, k - with_triangles, is_edge), is_edge)];
+            pair = pair_of(is_edge, candidate.x, candidate.y);
+            if pair.thickness > 0.0 {
+                rank = atomicAdd(&listed_here[u32(is_edge)], 1u);
+            }
+        }
+        workgroupBarrier();
+        reserve(lane);
+        workgroupBarrier();
+        let index = first_listed[u32(is_edge)] + rank;
+        if pair.thickness > 0.0 && index < about.room {
+            pairs[known.status.half * about.room + select(index, about.room - 1u - index, is_edge)] = pair;
+        }
+    }
+}
+
+// Reserves places in the list for the pairs of a workgroup. Three invocations do so, because each must wait for an answer.
+fn reserve(lane: u32) {
+    if lane == 0u {
+        first_listed[0] = atomicAdd(&known.status.with_vertices, atomicLoad(&listed_here[0]));
+    } else if lane == 1u {
+        first_listed[1] = atomicAdd(&known.status.with_edges, atomicLoad(&listed_here[1]));
+    } else if lane == 2u {
+        let more = atomicLoad(&listed_here[0]) + atomicLoad(&listed_here[1]);
+        let listed = atomicAdd(&known.status.listed, more) + more;
+        if listed > about.room {
+            atomicMax(&known.status.needed, listed);
+            atomicOr(&known.status.stopped, select(NO_ROOM, CROWDED, listed > MOST_OF_ALL));
         }
     }
 }

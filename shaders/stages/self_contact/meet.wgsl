@@ -161,6 +161,9 @@ fn begin_substep() {
         known.status.vertices_before = atomicExchange(&known.status.with_vertices, 0u);
         known.status.edges_before = atomicExchange(&known.status.with_edges, 0u);
         known.status.half = 1u - known.status.half;
+        atomicStore(&known.status.leaf_pairs, 0u);
+        atomicStore(&known.status.candidates, 0u);
+        atomicStore(&known.status.edge_candidates, 0u);
         let few = 4u * listed < about.all_vertices;
         let long = listed > 4u * (about.all_vertices + was_near);
         known.status.longer = -1.0;

@@ -44,9 +44,9 @@ struct About {
     groups: u32,
     mesh_groups: u32,
     per_mass: f32,
-    // Where the boxes of edges start, after those of the triangles; number of workgroups that share a leaf.
+    // Where the boxes of edges start, after those of the triangles; the most features of a leaf.
     box_edges: u32,
-    sharing: u32,
+    features: u32,
     // In every so many substeps detection may be due.
     spacing: u32,
 }
@@ -146,6 +146,13 @@ struct Status {
     // Numbers of pairs of either kind in the previous list.
     vertices_before: u32,
     edges_before: u32,
+    // Of the last detection: numbers of pairs of leaves that meet, and of candidates: of a vertex and a triangle, and of two
+    // edges.
+    leaf_pairs: atomic<u32>,
+    candidates: atomic<u32>,
+    edge_candidates: atomic<u32>,
+    // Of this step: the space needed for these if there is not enough.
+    space_needed: atomic<u32>,
 }
 
 // The status, followed by the workgroups' parts of a reduction over the cloth, and by those over mesh colliders.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, Status, TRACK};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, SPACE, Status, TRACK};
 use super::{Good, GpuContact};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
@@ -66,19 +66,22 @@ impl GpuContact {
         self.status.half = 0;
     }
 
-    /// Rolls back, and makes room for twice the needed pairs if the device allows it: folding cloth soon needs more again.
-    pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize) {
-        self.make_room(gpu, (2 * needed).next_multiple_of(WORKGROUP).min(most_room(gpu)));
+    /// Rolls back, and makes room for twice the needed pairs and space if the device allows it: folding cloth soon needs more
+    /// again. What is sufficient is kept.
+    pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize, space: usize) {
+        let grown = |now, needed: usize, most| if needed > now { (2 * needed).next_multiple_of(WORKGROUP).min(most) } else { now };
+        let room = grown(self.room, needed, most_room(gpu));
+        self.make_room(gpu, room, grown(self.space, space, most_space(gpu)));
         self.go_back(gpu);
         self.good = Good::new(gpu, &self.table, self.room);
         self.keep(gpu);
     }
 
-    /// Replaces the list by an empty one with room for this many pairs.
-    pub(crate) fn make_room(&mut self, gpu: &Gpu, room: usize) {
+    /// Replaces the list by an empty one with room for this many pairs, and with this space for what detection compares.
+    pub(crate) fn make_room(&mut self, gpu: &Gpu, room: usize, space: usize) {
         self.buffers.pairs = gpu.buffer("pairs", (2 * room * size_of::<Listed>()) as u64);
-        self.buffers.near = gpu.buffer("near pairs", (NEAR * room) as u64);
-        (self.room, self.stages) = (room, None);
+        self.buffers.near = gpu.buffer("near pairs", (NEAR * room).max(SPACE * space) as u64);
+        (self.room, self.space, self.stages) = (room, space, None);
     }
 
     /// Notes how mesh colliders move in the step.
@@ -101,20 +104,20 @@ impl GpuContact {
     /// Waits for the result of an attempt, and rolls back unless it is good.
     pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Judgment, GpuFault> {
         let status: Status = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
-        let needed = status.needed as usize;
+        let (needed, space) = (status.needed as usize, status.space_needed as usize);
         let has = |reason| status.stopped & reason != 0;
-        if has(CROWDED) || needed > most_room(gpu) {
+        if has(CROWDED) || needed > most_room(gpu) || space > most_space(gpu) {
             self.go_back(gpu);
             self.forget();
-            return Ok(Judgment::Crowded(needed.max(status.listed as usize)));
+            return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
         }
         if !has(NO_ROOM | EARLY | CLOSE) {
             self.status = status.at_end(self.substeps);
             return Ok(Judgment::Good);
         }
         self.course.change(status.stopped, needed > 0);
-        if needed > self.room {
-            self.grow(gpu, needed);
+        if needed > self.room || space > self.space {
+            self.grow(gpu, needed, space);
         } else {
             self.go_back(gpu);
         }
@@ -130,4 +133,9 @@ impl GpuContact {
 /// The largest number of pairs that the device allows room for, in both halves of the list.
 fn most_room(gpu: &Gpu) -> usize {
     gpu.most_table_bytes() / (2 * size_of::<Listed>())
+}
+
+/// The largest space that it allows for what detection compares.
+fn most_space(gpu: &Gpu) -> usize {
+    gpu.most_table_bytes() / SPACE
 }

@@ -10,18 +10,18 @@ use crate::step::plan::Plan;
 /// Iterations of the response per substep.
 const ITERATIONS: usize = crate::contact::ITERATIONS;
 /// Dispatches of a detection, with the decision whether it is due, and of the response.
-const OF_DETECTION: usize = 6;
+const OF_DETECTION: usize = 8;
 /// Dispatches at the start of a step with mesh colliders.
 const OF_START: usize = 2;
 const OF_RESPONSE: usize = 8 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const LEAST_ITEMS: usize = 4096;
 const MOST_ITEMS: usize = 1 << 18;
-/// Invocations per workgroup of the kernel that looks for near pairs: `LANES` of `near.wgsl`.
+/// Invocations per workgroup of the kernels that compare boxes, measure candidates, and look for near pairs: `LANES` of
+/// `candidates.wgsl`, `listing.wgsl` and `near.wgsl`.
+const COMPARERS: usize = 256;
+const MEASURERS: usize = 128;
 const FINDERS: usize = 256;
-/// Workgroups share a leaf if it has more pairs than this for each of them, and at most so many do.
-const PAIRS_OF_WORKGROUP: usize = 256;
-const MOST_SHARING: usize = 8;
 /// Number of pairs that act from which workgroups collect their sums.
 pub(super) const MANY: u32 = 1 << 16;
 /// Limit on the invocations that only check that no pair is near, whose workgroups each compute the mean displacement.
@@ -73,20 +73,19 @@ impl GpuContact {
         (2 * before as usize).clamp(LEAST_ITEMS, self.room.clamp(LEAST_ITEMS, MOST_ITEMS))
     }
 
-    /// Number of workgroups of detection that share the features of a leaf.
-    pub(super) fn sharing(&self) -> usize {
-        ((self.status.listed as usize >> self.table.depth) / PAIRS_OF_WORKGROUP).clamp(1, MOST_SHARING)
-    }
-
     fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
-        let Table { vertices, depth, mesh_leaves, .. } = self.table;
+        let Table { vertices, depth, mesh_leaves, features, .. } = self.table;
         stages.begin_paths.dispatch(pass, group, &[], vertices as usize);
         stages.prepare.dispatch(pass, group, &[], self.table.boxes().max(self.items(self.status.listed)));
         // Workgroups do not share the leaves of both trees.
         let leaves = (1_usize << depth).next_multiple_of(WORKGROUP) + mesh_leaves as usize;
         stages.bound.dispatch(pass, group, &[], leaves);
         stages.refit.dispatch_workgroups(pass, group, &[], 1 + mesh_leaves.min(1) as usize);
-        stages.detect.dispatch_workgroups(pass, group, &[], self.sharing() << self.table.depth);
+        stages.descend.dispatch_workgroups(pass, group, &[], 1 << depth);
+        let compared = (self.status.leaf_pairs as usize * features as usize).min(MOST_ITEMS) as u32;
+        stages.compare.dispatch_workgroups(pass, group, &[], self.items(compared).div_ceil(COMPARERS));
+        let measured = self.items(self.status.candidates + self.status.edge_candidates);
+        stages.measure.dispatch_workgroups(pass, group, &[], measured.div_ceil(MEASURERS));
     }
 
     fn encode_response(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {

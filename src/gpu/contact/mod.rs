@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use course::{Course, Response};
 use encode::MANY;
 use stages::Stages;
-use status::{About, BOX, Listed, NEAR, NODE, PART, Status, TRACK, VERTEX};
+use status::{About, BOX, Listed, NEAR, NODE, PART, SPACE, Status, TRACK, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -40,7 +40,8 @@ const ROOM_OF_VERTEX: usize = 16;
 const MOST_ROOM: usize = 1 << 18;
 const LEAST_ROOM: usize = 4096;
 
-/// GPU buffers; `pairs` has two halves, one of which contains the current list.
+/// GPU buffers; `pairs` has two halves, one of which contains the current list. `near` is used by detection, too, which begins
+/// before pairs are near.
 #[derive(Debug)]
 pub(super) struct Buffers {
     about: Sent,
@@ -86,8 +87,9 @@ pub(crate) struct GpuContact {
     vertices: usize,
     /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
     per_mass: Option<f32>,
-    /// Number of pairs that the list has room for.
+    /// Number of pairs that the list has room for, and the space for what detection compares.
     room: usize,
+    space: usize,
     buffers: Buffers,
     good: Good,
     /// `None` if the kernels must be bound to new buffers.
@@ -119,7 +121,7 @@ impl GpuContact {
             nodes: buffer("nodes of contact", NODE * table.nodes()),
             chains: buffer("chains of pairs", 4 * (table.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
-            near: buffer("near pairs", NEAR * room),
+            near: buffer("near pairs", NEAR.max(SPACE) * room),
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
             common: buffer("status of contact", size_of::<Status>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
@@ -136,6 +138,7 @@ impl GpuContact {
             vertices,
             per_mass: None,
             room,
+            space: room,
             buffers,
             good,
             stages: None,
@@ -208,7 +211,6 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let sharing = self.sharing() as u32;
         let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, .. } = self;
         let [of_vertices, of_edges] = kept.let_go();
         let per_mass = *per_mass.get_or_insert_with(|| {
@@ -247,7 +249,7 @@ impl GpuContact {
             mesh_groups: table.mesh_vertices().div_ceil(WORKGROUP) as u32,
             per_mass,
             box_edges: table.box_edges,
-            sharing,
+            features: table.features,
             spacing: course.spacing(),
         };
         buffers.about.send(gpu, &[about]);

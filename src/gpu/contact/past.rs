@@ -54,7 +54,7 @@ impl GpuContact {
         let Some(lists) = self.kept.resume(past) else { return false };
         let DeviceLists { starts, pairs, from, by, ahead, since, h } = lists;
         if pairs.len() > self.room {
-            self.grow(gpu, pairs.len());
+            self.grow(gpu, pairs.len(), 0);
         }
         let rows = starts.windows(2).zip(0..).flat_map(|(row, number)| (row[0]..row[1]).map(move |_| number));
         let pair =

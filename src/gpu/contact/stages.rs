@@ -23,6 +23,7 @@ const LET_GO: usize = 12;
 const X_OUT: usize = 13;
 const P_OUT: usize = 14;
 const BOXES: usize = 15;
+const DRAFTS: usize = 16;
 
 /// The kernels of a substep.
 #[derive(Debug)]
@@ -38,7 +39,9 @@ pub(super) struct Stages {
     pub prepare: Stage,
     pub bound: Stage,
     pub refit: Stage,
-    pub detect: Stage,
+    pub descend: Stage,
+    pub compare: Stage,
+    pub measure: Stage,
     pub glance: Stage,
     pub find: Stage,
     /// For few pairs, and for many.
@@ -76,10 +79,12 @@ impl Stages {
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
-            prepare: stage(shaders::DETECTION, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES]),
+            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES]),
             bound: stage(shaders::TREE, "bound", &[TABLE, TRACKS, NODES, COMMON, BOXES]),
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
-            detect: stage(shaders::DETECTION, "detect", &[TABLE, TRACKS, NODES, CHAINS, PAIRS, COMMON, LET_GO, BOXES]),
+            descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, COMMON, DRAFTS]),
+            compare: stage(shaders::CANDIDATES, "compare", &[TABLE, COMMON, BOXES, DRAFTS]),
+            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, LET_GO, DRAFTS]),
             glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, COMMON]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, COMMON]),
             warm: of_few_or_many("warm"),
@@ -114,6 +119,8 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a Stat
         Bind::Write(&to.x),
         Bind::Write(&to.p),
         Bind::Write(boxes),
+        // Near pairs are not needed while others are listed.
+        Bind::Write(near),
     ];
     all.into_iter()
         .enumerate()

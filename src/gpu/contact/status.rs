@@ -41,6 +41,10 @@ pub(crate) struct Status {
     pub counted: u32,
     pub vertices_before: u32,
     pub edges_before: u32,
+    pub leaf_pairs: u32,
+    pub candidates: u32,
+    pub edge_candidates: u32,
+    pub space_needed: u32,
     pub padding: [u32; 2],
 }
 
@@ -57,8 +61,9 @@ impl Status {
 
     /// The status at the start of a step that continues from this one.
     pub(super) fn at_start(self) -> Status {
-        let Status { half, listed, with_vertices, with_edges, since, ahead, h, .. } = self;
-        Status { half, listed, with_vertices, with_edges, since, ahead, h, ..Status::zeroed() }
+        let Status { half, listed, with_vertices, with_edges, since, ahead, h, leaf_pairs, candidates, edge_candidates, .. } = self;
+        let zero = Status::zeroed();
+        Status { half, listed, with_vertices, with_edges, since, ahead, h, leaf_pairs, candidates, edge_candidates, ..zero }
     }
 }
 
@@ -96,7 +101,7 @@ pub(crate) struct About {
     pub mesh_groups: u32,
     pub per_mass: f32,
     pub box_edges: u32,
-    pub sharing: u32,
+    pub features: u32,
     pub spacing: u32,
 }
 
@@ -126,6 +131,8 @@ pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const BOX: usize = 64;
 pub(super) const NEAR: usize = 80;
+/// A unit of space for what detection compares: [`DETECTION`] tells of what.
+pub(super) const SPACE: usize = 80;
 pub(super) const PART: usize = 32;
 /// Number of sums per vertex: `SUMS` of `shared.wgsl`.
 pub(crate) const SUMS: usize = 8;
@@ -153,7 +160,6 @@ pub(crate) const TABLE: [u32; 2] = [256, 8];
 pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection is due early in every so many substeps.
 pub(crate) const SPACING: u32 = 5;
-/// `MOST_OF_ALL`, `ITEMS`, `OTHERS`, `CHOSEN`, `CANDIDATES`, `FIRST_LEVEL`, `HELD`, `LEVELS`, `MET`,
-/// `MOST_MET`.
+/// `MOST_OF_ALL`, `LEAF_PAIRS`, `CANDIDATES`, `AT_ONCE`, `FIRST_LEVEL`, `HELD`, `LEVELS`, `MET`, `MOST_MET`.
 #[cfg(test)]
-pub(crate) const DETECTION: [u32; 10] = [1 << 28, 12, 1 << 26, 512, 1792, 6, 1024, 32, 64, 192];
+pub(crate) const DETECTION: [u32; 9] = [1 << 28, 2, 8, 4, 6, 1024, 32, 64, 192];

@@ -149,12 +149,12 @@ impl GpuEngine {
         Ok(judgment)
     }
 
-    /// Sets the room of the list of pairs, so that tests can have little.
+    /// Sets the room of the list of pairs and of what detection compares, so that tests can have little.
     #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
     pub(crate) fn contact_room(&mut self, pairs: usize) -> Result<(), GpuFault> {
         let GpuEngine { gpu, contact, .. } = self;
         gpu.checked(|| {
-            contact.iter_mut().for_each(|contact| contact.make_room(gpu, pairs));
+            contact.iter_mut().for_each(|contact| contact.make_room(gpu, pairs, pairs));
             Ok(())
         })
     }
