@@ -85,7 +85,7 @@ shaders! {
         TREE: "boxes" "normals" "tree";
         DESCENT: "boxes" "normals" "detection" "descent";
         CANDIDATES: "boxes" "detection" "candidates";
-        LISTING: "boxes" "detection" "listing";
+        LISTING: "boxes" "normals" "detection" "listing";
         NEAR: "mean" "pairs" "near";
         RESPONSE: "pairs" "response";
         FINISH: "finish";

@@ -136,6 +136,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("SHARE", Literal::U32(contact::PLACES[3])),
         ("UNIT_WEIGHT", Literal::F32(contact::UNITS[0])),
         ("UNIT_LENGTH", Literal::F32(contact::UNITS[1])),
+        ("PARTS", Literal::U32(contact::PARTS as u32)),
         ("MOST_OF_ALL", Literal::U32(contact::DETECTION[0])),
         ("LEAF_PAIRS", Literal::U32(contact::DETECTION[1])),
         ("CANDIDATES", Literal::U32(contact::DETECTION[2])),

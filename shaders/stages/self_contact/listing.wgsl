@@ -1,4 +1,4 @@
-// Boxes all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed before.
+// Bounds all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed before.
 
 override LANES: u32 = 128u;
 
@@ -81,7 +81,7 @@ fn held_before(row: u32, other: u32) -> vec4f {
     return vec4f();
 }
 
-// Computes the boxes of the triangles, edges and vertices. Puts the previous list's pairs that have multipliers into chains: an
+// Computes the boxes of the triangles, edges and vertices, and the bounds of the normals of the cloth's triangles. Puts the previous list's pairs that have multipliers into chains: an
 // element of `chains` is 1 more than the number of a pair, whose `next` is 1 more than that of another, or 0 at the end.
 @compute @workgroup_size(WORKGROUP)
 fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -92,6 +92,11 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     let stride = groups.x * groups.y * WORKGROUP;
     for (var k = first; k < arrayLength(&boxes); k += stride) {
         boxes[k] = box_of_feature(k);
+    }
+    // Mesh colliders do not meet themselves.
+    for (var k = first; k < arrayLength(&normals); k += stride) {
+        let corners = triangle(k);
+        normals[k] = normals_on_path(tracks[corners.x], tracks[corners.y], tracks[corners.z]);
     }
     let all = known.status.vertices_before + known.status.edges_before;
     for (var k = first; k < all; k += stride) {

@@ -14,6 +14,9 @@ const ASIDE: f32 = 0.5;
 // Distance [m] that counts as nothing. Numbers remain finite if it is divided by.
 const LEAST_DISTANCE: f32 = 1e-12;
 
+// Number of invocations that bound a leaf.
+const PARTS: u32 = 4u;
+
 var<workgroup> below: array<Node, WORKGROUP>;
 
 fn join(a: Node, b: Node) -> Node {
@@ -67,10 +70,11 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     tracks[i] = Track(vec4f(x_i, stray), vec4f(by, 1.0 / max(stray, LEAST_DISTANCE)));
 }
 
-fn bounds_of_leaf(leaf: u32) -> Node {
+// An invocation's part of the bounds of a leaf.
+fn bounds_of_part(leaf: u32, part: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
-    for (var t = table[about.leaf_triangles + leaf]; t < table[about.leaf_triangles + leaf + 1u]; t++) {
+    for (var t = table[about.leaf_triangles + leaf] + part; t < table[about.leaf_triangles + leaf + 1u]; t += PARTS) {
         let box = boxes[t];
         node = join(node, Node(box.low, box.high, box.step_low, box.step_high, far, -far));
     }
@@ -78,17 +82,16 @@ fn bounds_of_leaf(leaf: u32) -> Node {
     if leaf >= leaves() {
         return node;
     }
-    for (var k = table[about.around + leaf]; k < table[about.around + leaf + 1u]; k++) {
-        let corners = triangle(table[k]);
-        let normals = normals_on_path(tracks[corners.x], tracks[corners.y], tracks[corners.z]);
-        node.normal_low = min(node.normal_low, normals.low);
-        node.normal_high = max(node.normal_high, normals.high);
+    for (var k = table[about.around + leaf] + part; k < table[about.around + leaf + 1u]; k += PARTS) {
+        let around = normals[table[k]];
+        node.normal_low = min(node.normal_low, around.low);
+        node.normal_high = max(node.normal_high, around.high);
     }
     return node;
 }
 
-// Bounds the leaves, and the levels above as far as all nodes below are in the same workgroup. The workgroups for mesh
-// colliders follow those for the cloth.
+// Bounds the leaves, each by several invocations, and the levels above as far as all nodes below are in the same workgroup.
+// The workgroups for mesh colliders follow those for the cloth.
 @compute @workgroup_size(WORKGROUP)
 fn bound(
     @builtin(workgroup_id) group: vec3u,
@@ -98,24 +101,30 @@ fn bound(
     if !looks_here(lane) {
         return;
     }
-    let of_cloth = (leaves() + WORKGROUP - 1u) / WORKGROUP;
+    let each = WORKGROUP / PARTS;
+    let of_cloth = (leaves() + each - 1u) / each;
     let all = group.x + group.y * groups.x;
     let is_mesh = all >= of_cloth;
     let tree = tree_of(is_mesh);
-    let leaf = (all - select(0u, of_cloth, is_mesh)) * WORKGROUP + lane;
+    let first = (all - select(0u, of_cloth, is_mesh)) * each;
+    let leaf = first + lane / PARTS;
     if leaf < tree.leaves {
-        below[lane] = bounds_of_leaf(leaf + select(0u, leaves(), is_mesh));
-        nodes[tree.before + tree.leaves + leaf] = below[lane];
+        below[lane] = bounds_of_part(leaf + select(0u, leaves(), is_mesh), lane % PARTS);
     }
-    let levels = min(select(about.depth, about.mesh_depth, is_mesh), firstTrailingBit(WORKGROUP));
-    for (var level = 1u; level <= levels; level++) {
-        let first = (leaf - lane) >> level;
-        let is_mine = lane < (WORKGROUP >> level) && first + lane < (tree.leaves >> level);
+    let depth = select(about.depth, about.mesh_depth, is_mesh);
+    let to_leaf = firstTrailingBit(PARTS);
+    for (var width = 1u; width <= min(to_leaf + depth, firstTrailingBit(WORKGROUP)); width++) {
+        // The level of the tree, counted from the leaves.
+        let level = max(width, to_leaf) - to_leaf;
+        let number = (first >> level) + lane;
+        let is_mine = lane < (WORKGROUP >> width);
         workgroupBarrier();
         var node: Node;
         if is_mine {
             node = join(below[2u * lane], below[2u * lane + 1u]);
-            nodes[tree.before + (tree.leaves >> level) + first + lane] = node;
+            if width >= to_leaf && number < (tree.leaves >> level) {
+                nodes[tree.before + (tree.leaves >> level) + number] = node;
+            }
         }
         workgroupBarrier();
         if is_mine {
@@ -133,7 +142,7 @@ fn refit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let is_mesh = group.x > 0u;
     let tree = tree_of(is_mesh);
     let depth = select(about.depth, about.mesh_depth, is_mesh);
-    for (var level = depth - min(depth, firstTrailingBit(WORKGROUP)); level > 0u; level--) {
+    for (var level = depth - min(depth, firstTrailingBit(WORKGROUP / PARTS)); level > 0u; level--) {
         let first = 1u << (level - 1u);
         for (var k = first + lane; k < 2u * first; k += LANES) {
             let node = tree.before + k;

@@ -3,6 +3,7 @@
 use super::GpuContact;
 use super::course::Response;
 use super::stages::Stages;
+use super::status::PARTS;
 use crate::contact::table::Table;
 use crate::gpu::stage::WORKGROUP;
 use crate::step::plan::Plan;
@@ -78,8 +79,8 @@ impl GpuContact {
         stages.begin_paths.dispatch(pass, group, &[], vertices as usize);
         stages.prepare.dispatch(pass, group, &[], self.table.boxes().max(self.items(self.status.listed)));
         // Workgroups do not share the leaves of both trees.
-        let leaves = (1_usize << depth).next_multiple_of(WORKGROUP) + mesh_leaves as usize;
-        stages.bound.dispatch(pass, group, &[], leaves);
+        let leaves = (1_usize << depth).next_multiple_of(WORKGROUP / PARTS) + mesh_leaves as usize;
+        stages.bound.dispatch(pass, group, &[], PARTS * leaves);
         stages.refit.dispatch_workgroups(pass, group, &[], 1 + mesh_leaves.min(1) as usize);
         stages.descend.dispatch_workgroups(pass, group, &[], 1 << depth);
         let compared = (self.status.leaf_pairs as usize * features as usize).min(MOST_ITEMS) as u32;

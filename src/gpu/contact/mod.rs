@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use course::{Course, Response};
 use encode::MANY;
 use stages::Stages;
-use status::{About, BOX, Listed, NEAR, NODE, PART, SPACE, Status, TRACK, VERTEX};
+use status::{About, BOX, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -57,6 +57,7 @@ pub(super) struct Buffers {
     bodies: Sent,
     let_go: Sent,
     boxes: wgpu::Buffer,
+    normals: wgpu::Buffer,
 }
 
 /// The state to which a step is rolled back.
@@ -127,6 +128,7 @@ impl GpuContact {
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * table.boxes()),
+            normals: buffer("normals in contact", NORMALS * cloth.triangles.len()),
         };
         let good = Good::new(gpu, &table, room);
         let staging = gpu.staging("status", size_of::<Status>() as u64);

@@ -24,6 +24,7 @@ const X_OUT: usize = 13;
 const P_OUT: usize = 14;
 const BOXES: usize = 15;
 const DRAFTS: usize = 16;
+const NORMALS: usize = 17;
 
 /// The kernels of a substep.
 #[derive(Debug)]
@@ -79,8 +80,8 @@ impl Stages {
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
-            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES]),
-            bound: stage(shaders::TREE, "bound", &[TABLE, TRACKS, NODES, COMMON, BOXES]),
+            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES, NORMALS]),
+            bound: stage(shaders::TREE, "bound", &[TABLE, NODES, COMMON, BOXES, NORMALS]),
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
             descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, COMMON, DRAFTS]),
             compare: stage(shaders::CANDIDATES, "compare", &[TABLE, COMMON, BOXES, DRAFTS]),
@@ -101,7 +102,7 @@ impl Stages {
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
-    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes } = buffers;
+    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes, normals } = buffers;
     let all = [
         Bind::Uniform(&about.buffer),
         Bind::Read(table),
@@ -121,6 +122,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a Stat
         Bind::Write(boxes),
         // Near pairs are not needed while others are listed.
         Bind::Write(near),
+        Bind::Write(normals),
     ];
     all.into_iter()
         .enumerate()

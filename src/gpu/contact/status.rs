@@ -130,6 +130,9 @@ pub(super) const VERTEX: usize = 48;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const BOX: usize = 64;
+pub(super) const NORMALS: usize = 32;
+/// Number of invocations that bound a leaf: `PARTS` of `tree.wgsl`.
+pub(crate) const PARTS: usize = 4;
 pub(super) const NEAR: usize = 80;
 /// A unit of space for what detection compares: [`DETECTION`] tells of what.
 pub(super) const SPACE: usize = 80;
