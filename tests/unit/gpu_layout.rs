@@ -140,12 +140,14 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("MOST_OF_ALL", Literal::U32(contact::DETECTION[0])),
         ("LEAF_PAIRS", Literal::U32(contact::DETECTION[1])),
         ("CANDIDATES", Literal::U32(contact::DETECTION[2])),
-        ("AT_ONCE", Literal::U32(contact::DETECTION[3])),
-        ("FIRST_LEVEL", Literal::U32(contact::DETECTION[4])),
-        ("HELD", Literal::U32(contact::DETECTION[5])),
-        ("LEVELS", Literal::U32(contact::DETECTION[6])),
-        ("MET", Literal::U32(contact::DETECTION[7])),
-        ("MOST_MET", Literal::U32(contact::DETECTION[8])),
+        ("VERTEX", Literal::U32(0)),
+        ("TRIANGLE", Literal::U32(1)),
+        ("EDGE", Literal::U32(2)),
+        ("FIRST_LEVEL", Literal::U32(contact::DETECTION[3])),
+        ("HELD", Literal::U32(contact::DETECTION[4])),
+        ("LEVELS", Literal::U32(contact::DETECTION[5])),
+        ("MET", Literal::U32(contact::DETECTION[6])),
+        ("MOST_MET", Literal::U32(contact::DETECTION[7])),
     ];
     all.extend(of_contact);
     all
@@ -199,9 +201,11 @@ fn shared_structs_agree_member_for_member() {
                 "Known",
                 "Place",
                 "Box",
+                "StoredBox",
                 "Normals",
                 "Closest",
                 "Features",
+                "Leaf",
                 "Comparison",
                 "Reached",
             ];

@@ -11,8 +11,23 @@ struct Box {
     step_high: vec3f,
 }
 
+// A box without gaps, which is read in three loads.
+struct StoredBox {
+    a: vec4f,
+    b: vec4f,
+    c: vec4f,
+}
+
 // Those of the triangles, followed by those of the edges and by those of the vertices in `order`.
-@group(1) @binding(15) var<storage, read_write> boxes: array<Box>;
+@group(1) @binding(15) var<storage, read_write> boxes: array<StoredBox>;
+
+fn packed(box: Box) -> StoredBox {
+    return StoredBox(vec4f(box.low, box.high.x), vec4f(box.high.yz, box.step_low.xy), vec4f(box.step_low.z, box.step_high));
+}
+
+fn unpacked(box: StoredBox) -> Box {
+    return Box(box.a.xyz, vec3f(box.a.w, box.b.xy), vec3f(box.b.zw, box.c.x), box.c.yzw);
+}
 
 // The midpoint of a vertex's path, with the distance that it may stray in w, and its displacement.
 struct Place {

@@ -1,73 +1,84 @@
-// Compares the boxes of the features of leaves that meet. An invocation has a feature of one leaf, and compares it with
-// those of the other leaf.
+// Compares the boxes of the features of leaves that meet. Each invocation has a feature of one leaf, and compares it with those
+// of the other leaf, which are kept in workgroup memory.
 
 override LANES: u32 = 256u;
 
-// Number of boxes that are compared at once: without branches between them, their loads need not wait for each other.
-const AT_ONCE: u32 = 4u;
-
+// Boxes of the other leaf's features: one for each invocation.
+var<workgroup> others: array<StoredBox, 256>;
 // Numbers of candidates of either kind that a workgroup finds, and where they begin.
 var<workgroup> found: array<atomic<u32>, 2>;
 var<workgroup> first_found: array<u32, 2>;
 
-// A feature of one leaf, and those of another that it is compared with, whose numbers are the places of their boxes less
-// `before`. `hits` has a bit for each of these, at most 36, whose box meets.
+// The features of a leaf. They are numbered: vertices, triangles, edges.
+struct Leaf {
+    vertices: Features,
+    triangles: Features,
+    edges: Features,
+}
+
+fn leaf_of(leaf: u32) -> Leaf {
+    return Leaf(
+        features_of(about.leaf_vertices, leaf),
+        features_of(about.leaf_triangles, leaf),
+        features_of(about.leaf_edges, leaf),
+    );
+}
+
+// The place of the box of feature number `k` of a leaf, or `NONE`.
+fn place_of_box(leaf: Leaf, k: u32) -> u32 {
+    let triangle = k - leaf.vertices.count;
+    let edge = triangle - leaf.triangles.count;
+    if k < leaf.vertices.count {
+        return box_of_first_vertex() + leaf.vertices.first + k;
+    }
+    if triangle < leaf.triangles.count {
+        return leaf.triangles.first + triangle;
+    }
+    return select(NONE, about.box_edges + leaf.edges.first + edge, edge < leaf.edges.count);
+}
+
+// The features of another leaf that a feature is compared with, and the number of the first of them in that leaf. `own` is
+// the feature's place in the list of its kind, and `hits` has a bit for each of the others, at most 36, whose box meets its
+// own.
 struct Comparison {
-    list: u32,
+    kind: u32,
     own: u32,
     others: Features,
-    before: u32,
+    number: u32,
     hits: vec2u,
 }
 
-// The comparison of feature number `k` of a leaf: its vertices come first, then triangles, then edges. A triangle is not
-// compared with the vertices of its own leaf, because these are compared with it, and an edge only with those after it.
-fn comparison(leaf: u32, other: u32, k: u32) -> Comparison {
-    let vertices = features_of(about.leaf_vertices, leaf);
-    let triangles = features_of(about.leaf_triangles, leaf);
-    let edges = features_of(about.leaf_edges, leaf);
-    var all = Comparison();
-    if k < vertices.count {
-        all = Comparison(about.leaf_triangles, vertices.first + k, features_of(about.leaf_triangles, other), 0u, vec2u());
-    } else if k < vertices.count + triangles.count && leaf != other {
-        let own = triangles.first + k - vertices.count;
-        all = Comparison(about.leaf_vertices, own, features_of(about.leaf_vertices, other), box_of_first_vertex(), vec2u());
-    } else if k >= vertices.count + triangles.count && k < vertices.count + triangles.count + edges.count {
-        let own = edges.first + k - vertices.count - triangles.count;
-        all = Comparison(about.leaf_edges, own, features_of(about.leaf_edges, other), about.box_edges, vec2u());
-        if leaf == other {
-            all.others = Features(own + 1u, edges.first + edges.count - own - 1u);
-        }
+const VERTEX: u32 = 0u;
+const TRIANGLE: u32 = 1u;
+const EDGE: u32 = 2u;
+
+// The comparison of feature number `k` of a leaf. A triangle is not compared with the vertices of its own leaf, because these
+// are compared with it, and an edge only with those after it.
+fn comparison(leaf: Leaf, other: Leaf, is_same: bool, k: u32) -> Comparison {
+    let triangle = k - leaf.vertices.count;
+    let edge = triangle - leaf.triangles.count;
+    if k < leaf.vertices.count {
+        return Comparison(VERTEX, leaf.vertices.first + k, other.triangles, other.vertices.count, vec2u());
     }
-    return all;
+    if triangle < leaf.triangles.count {
+        let vertices = Features(other.vertices.first, select(other.vertices.count, 0u, is_same));
+        return Comparison(TRIANGLE, leaf.triangles.first + triangle, vertices, 0u, vec2u());
+    }
+    let skipped = select(0u, edge + 1u, is_same);
+    let edges = Features(other.edges.first + skipped, max(other.edges.count, skipped) - skipped);
+    let number = other.vertices.count + other.triangles.count + skipped;
+    return Comparison(EDGE, leaf.edges.first + edge, edges, number, vec2u());
 }
 
-// The box of a comparison's own feature.
-fn own_box(all: Comparison) -> Box {
-    if all.list == about.leaf_triangles {
-        return boxes[box_of_first_vertex() + all.own];
-    }
-    return boxes[all.own + select(0u, about.box_edges, all.list == about.leaf_edges)];
-}
-
-fn compared(all: Comparison) -> vec2u {
+// Compares a box with consecutive ones in workgroup memory.
+fn meeting(here: Box, first: u32, count: u32) -> vec2u {
     var hits = vec2u();
-    if all.others.count == 0u {
-        return hits;
-    }
-    let here = own_box(all);
-    let first = all.before + all.others.first;
-    let last = all.others.count - 1u;
-    for (var k = 0u; k <= last; k += AT_ONCE) {
-        var few = 0u;
-        for (var j = 0u; j < AT_ONCE; j++) {
-            let is_apart = are_apart(here, boxes[first + min(k + j, last)]);
-            few |= u32(k + j <= last && !is_apart) << j;
-        }
+    for (var k = 0u; k < count; k++) {
+        let hit = u32(!are_apart(here, unpacked(others[first + k])));
         if k < 32u {
-            hits.x |= few << k;
+            hits.x |= hit << k;
         } else {
-            hits.y |= few << (k - 32u);
+            hits.y |= hit << (k - 32u);
         }
     }
     return hits;
@@ -76,10 +87,10 @@ fn compared(all: Comparison) -> vec2u {
 // The candidate of a comparison's own feature and another: first the vertex and then the triangle, or the edge with the
 // lower index and then the other.
 fn candidate(all: Comparison, other: u32) -> vec2u {
-    if all.list == about.leaf_edges {
+    if all.kind == EDGE {
         return vec2u(about.all_vertices + min(all.own, other), max(all.own, other));
     }
-    if all.list == about.leaf_triangles {
+    if all.kind == VERTEX {
         return vec2u(table[about.order + all.own], other);
     }
     return vec2u(table[about.order + other], all.own);
@@ -102,16 +113,26 @@ fn compare(
         if lane < 2u {
             atomicStore(&found[lane], 0u);
         }
-        workgroupBarrier();
         var all = Comparison();
-        var rank = 0u;
+        var place = NONE;
         if mine < pairs_here && first + mine < end {
-            let leaf_pair = drafts[first + mine];
-            all = comparison(leaf_pair.x, leaf_pair.y, lane % about.features);
-            all.hits = compared(all);
+            let both = drafts[first + mine];
+            let other = leaf_of(both.y);
+            let leaf = leaf_of(both.x);
+            place = place_of_box(leaf, lane % about.features);
+            all = comparison(leaf, other, both.x == both.y, lane % about.features);
+            let place_of_other = place_of_box(other, lane % about.features);
+            if place_of_other != NONE {
+                others[lane] = boxes[place_of_other];
+            }
         }
-        let is_edge = all.list == about.leaf_edges;
+        workgroupBarrier();
+        if place != NONE {
+            all.hits = meeting(unpacked(boxes[place]), mine * about.features + all.number, all.others.count);
+        }
+        let is_edge = all.kind == EDGE;
         let count = countOneBits(all.hits.x) + countOneBits(all.hits.y);
+        var rank = 0u;
         if count > 0u {
             rank = atomicAdd(&found[u32(is_edge)], count);
         }
@@ -120,7 +141,7 @@ fn compare(
             reserve(lane);
         }
         workgroupBarrier();
-        note(all, is_edge, first_found[u32(is_edge)] + rank);
+        note(all, first_found[u32(is_edge)] + rank);
         // The numbers must not overflow.
         if broadcast(max(first_found[0], first_found[1]), lane) > MOST_OF_ALL {
             return;
@@ -139,7 +160,7 @@ fn reserve(kind: u32) {
 }
 
 // Writes the candidates of a comparison, from this one of their kind on.
-fn note(all: Comparison, is_edge: bool, first: u32) {
+fn note(all: Comparison, first: u32) {
     var index = first;
     for (var hits = all.hits; any(hits != vec2u());) {
         var k = firstTrailingBit(hits.x);
@@ -150,7 +171,7 @@ fn note(all: Comparison, is_edge: bool, first: u32) {
             hits.x &= hits.x - 1u;
         }
         if index < CANDIDATES * space() {
-            drafts[place_of_candidate(index, is_edge)] = candidate(all, all.others.first + k);
+            drafts[place_of_candidate(index, all.kind == EDGE)] = candidate(all, all.others.first + k);
         }
         index++;
     }

@@ -91,7 +91,7 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     let first = item(id, groups);
     let stride = groups.x * groups.y * WORKGROUP;
     for (var k = first; k < arrayLength(&boxes); k += stride) {
-        boxes[k] = box_of_feature(k);
+        boxes[k] = packed(box_of_feature(k));
     }
     // Mesh colliders do not meet themselves.
     for (var k = first; k < arrayLength(&normals); k += stride) {

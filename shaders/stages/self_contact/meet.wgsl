@@ -3,6 +3,8 @@
 
 // Whether this substep includes the kernels of detection.
 override LOOKS: bool = true;
+// Whether it has any other kernels of contact. Otherwise, only colliders and the distance to the path matter.
+override MEETS: bool = true;
 
 // If only every few substeps include detection, it is due already if a vertex has strayed by this share of how far it may.
 const SOON: f32 = 0.45;
@@ -62,14 +64,16 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     if !(is_bounded(x_i.xyz) && is_bounded(path.u) && is_bounded(push)) {
         atomicOr(&known.status.stopped, NOT_FINITE);
     }
-    vertices[i].x = x_i;
-    vertices[i].u = vec4f(path.u, 0.0);
-    vertices[i].push = vec4f(push, 0.0);
     x_out[i] = vec4f(path.x + path.u, x_i.w);
     p_out[i] = vec4f(path.u, params.h);
-    let pushed = length(push);
-    if pushed > 0.0 {
-        atomicMax(&known.status.most_push, bitcast<u32>(pushed));
+    if MEETS {
+        vertices[i].x = x_i;
+        vertices[i].u = vec4f(path.u, 0.0);
+        vertices[i].push = vec4f(push, 0.0);
+        let pushed = length(push);
+        if pushed > 0.0 {
+            atomicMax(&known.status.most_push, bitcast<u32>(pushed));
+        }
     }
     let track = tracks[i];
     let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (since() + 1.0)) - together;
@@ -120,8 +124,11 @@ fn meet(
     var part = nothing();
     if i < about.vertices && !has_stopped() {
         part = meet_vertex(i, together);
-    } else if i >= about.mesh_first && i < about.all_vertices && !has_stopped() {
+    } else if MEETS && i >= about.mesh_first && i < about.all_vertices && !has_stopped() {
         lead_vertex(i);
+    }
+    if !MEETS {
+        return;
     }
     gather(part, lane);
     let at = group.x + group.y * groups.x;

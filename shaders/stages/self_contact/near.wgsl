@@ -126,8 +126,10 @@ fn find(
             }
         }
         workgroupBarrier();
+        // Two invocations, because each must wait for an answer.
         if lane == 0u {
             firsts[0] = atomicAdd(&known.status.near, atomicLoad(&found[0]));
+        } else if lane == 32u {
             firsts[1] = atomicAdd(&known.status.acting, atomicLoad(&found[1]));
         }
         workgroupBarrier();

@@ -75,7 +75,7 @@ fn bounds_of_part(leaf: u32, part: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
     for (var t = table[about.leaf_triangles + leaf] + part; t < table[about.leaf_triangles + leaf + 1u]; t += PARTS) {
-        let box = boxes[t];
+        let box = unpacked(boxes[t]);
         node = join(node, Node(box.low, box.high, box.step_low, box.step_high, far, -far));
     }
     // Mesh colliders do not meet themselves.

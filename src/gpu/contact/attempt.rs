@@ -69,7 +69,8 @@ impl GpuContact {
     /// Rolls back, and makes room for twice the needed pairs and space if the device allows it: folding cloth soon needs more
     /// again. What is sufficient is kept.
     pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize, space: usize) {
-        let grown = |now, needed: usize, most| if needed > now { (2 * needed).next_multiple_of(WORKGROUP).min(most) } else { now };
+        let grown =
+            |now, needed: usize, most| if needed > now { (2 * needed).next_multiple_of(WORKGROUP).min(most) } else { now };
         let room = grown(self.room, needed, most_room(gpu));
         self.make_room(gpu, room, grown(self.space, space, most_space(gpu)));
         self.go_back(gpu);

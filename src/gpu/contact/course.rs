@@ -1,11 +1,15 @@
 //! Chooses the kernels with which a step is attempted: only those that its start makes likely to be needed. If they do
 //! not suffice, the step stops, is rolled back and is repeated with more kernels, with the same result bit for bit.
 
-use super::status::{CLOSE, EARLY, SPACING, Status};
+use super::status::{CLOSE, EARLY, FAR_SPACING, SPACING, Status};
 
 /// Number of steps that run the response, and number that may detect in any substep, after a step that needed to.
 const CAUTIOUS: u32 = 6;
 const WATCHFUL: u32 = 2;
+/// Number of steps without more than one detection after which it may be due less often, and number after one in which that was
+/// too late.
+const CALM: i32 = 6;
+const NOT_CALM: i32 = -30;
 
 /// What a step does about listed pairs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -23,8 +27,10 @@ pub(super) enum Response {
 #[derive(Debug, Default)]
 pub(super) struct Course {
     pub response: Response,
-    /// Whether detection may be due in any substep, not just in every [`SPACING`]th.
-    looks_often: bool,
+    /// Detection may be due in every so many substeps.
+    spacing: u32,
+    /// Number of steps since the last one with more than one detection.
+    calm: i32,
     /// Number of steps left in which at least this response must run, and in which detection may be due in any substep.
     responding: (u32, Response),
     looking: u32,
@@ -45,7 +51,12 @@ impl Course {
         }
         // If detection is nearly always due, there is no use in expecting that it is not.
         let is_frequent = 2 * (status.detections * SPACING) as usize > substeps;
-        self.looks_often = self.looking > 0 || is_frequent;
+        self.calm = if status.detections > 1 { self.calm.min(0) } else { self.calm.saturating_add(1) };
+        self.spacing = match self.calm {
+            _ if self.looking > 0 || is_frequent => 1,
+            CALM.. => FAR_SPACING.min(substeps as u32).max(SPACING),
+            _ => SPACING,
+        };
         self.looking = self.looking.saturating_sub(1);
     }
 
@@ -58,7 +69,10 @@ impl Course {
             self.need(Response::Glance);
         }
         if stopped & EARLY != 0 {
-            (self.looks_often, self.looking) = (true, WATCHFUL);
+            if self.spacing > SPACING {
+                self.calm = NOT_CALM;
+            }
+            (self.spacing, self.looking) = (1, WATCHFUL);
         }
     }
 
@@ -69,7 +83,7 @@ impl Course {
 
     /// Detection may be due in every so many substeps.
     pub(super) fn spacing(&self) -> u32 {
-        if self.looks_often { 1 } else { SPACING }
+        self.spacing.max(1)
     }
 
     /// Whether a substep includes the kernels of detection.

@@ -47,16 +47,20 @@ impl GpuContact {
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
         let (looks, response) = (self.course.looks(index), self.course.response);
-        let meet = if looks { &stages.meet } else { &stages.meet_alone };
+        let meet = match response {
+            _ if looks => &stages.meet,
+            Response::None => &stages.meet_alone,
+            _ => &stages.meet_between,
+        };
         if let (0, Some([bound_cloth, bound_meshes])) = (index, &stages.start) {
             bound_cloth.dispatch(pass, group, &[], self.vertices);
             bound_meshes.dispatch(pass, group, &[], self.table.mesh_vertices());
         }
         // Mesh colliders that stand still are put in place once.
-        let meshes_move = index == 0 || !self.kept.meshes_rest();
+        let meshes_move = index == 0 || (!self.kept.meshes_rest() && (looks || response > Response::None));
         meet.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
         if looks || response == Response::Full {
-            let decide = if looks { &stages.decide } else { &stages.decide_alone };
+            let decide = if looks { &stages.decide } else { &stages.decide_between };
             decide.dispatch_workgroups(pass, group, &[], 1);
         }
         if looks {

@@ -33,9 +33,10 @@ pub(super) struct Stages {
     pub start: Option<[Stage; 2]>,
     pub meet: Stage,
     pub decide: Stage,
-    /// Used in substeps without kernels of detection.
+    /// Used in substeps without kernels of detection; `meet_alone` in those without any others.
+    pub meet_between: Stage,
+    pub decide_between: Stage,
     pub meet_alone: Stage,
-    pub decide_alone: Stage,
     pub begin_paths: Stage,
     pub prepare: Stage,
     pub bound: Stage,
@@ -76,9 +77,10 @@ impl Stages {
                 [stage(shaders::BODIES, "bound_cloth", &[X, COMMON]), bound_meshes]
             }),
             meet: stage(shaders::MEET, "meet", &by_meet),
-            meet_alone: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0)]),
+            meet_between: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0)]),
+            meet_alone: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0), ("MEETS", 0.0)]),
             decide: stage(shaders::MEET, "decide", &[COMMON]),
-            decide_alone: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
+            decide_between: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
             prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, COMMON, BOXES, NORMALS]),
@@ -102,7 +104,8 @@ impl Stages {
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
-    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes, normals } = buffers;
+    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes, normals } =
+        buffers;
     let all = [
         Bind::Uniform(&about.buffer),
         Bind::Read(table),

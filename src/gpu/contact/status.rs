@@ -61,7 +61,8 @@ impl Status {
 
     /// The status at the start of a step that continues from this one.
     pub(super) fn at_start(self) -> Status {
-        let Status { half, listed, with_vertices, with_edges, since, ahead, h, leaf_pairs, candidates, edge_candidates, .. } = self;
+        let Status { half, listed, with_vertices, with_edges, since, ahead, h, leaf_pairs, candidates, edge_candidates, .. } =
+            self;
         let zero = Status::zeroed();
         Status { half, listed, with_vertices, with_edges, since, ahead, h, leaf_pairs, candidates, edge_candidates, ..zero }
     }
@@ -129,7 +130,7 @@ pub(crate) struct Track {
 pub(super) const VERTEX: usize = 48;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
-pub(super) const BOX: usize = 64;
+pub(super) const BOX: usize = 48;
 pub(super) const NORMALS: usize = 32;
 /// Number of invocations that bound a leaf: `PARTS` of `tree.wgsl`.
 pub(crate) const PARTS: usize = 4;
@@ -161,8 +162,9 @@ pub(crate) const ASIDE: f32 = 0.5;
 pub(crate) const TABLE: [u32; 2] = [256, 8];
 #[cfg(test)]
 pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
-/// Detection is due early in every so many substeps.
+/// Detection may be due in every so many substeps, and in every so many of calm cloth.
 pub(crate) const SPACING: u32 = 5;
-/// `MOST_OF_ALL`, `LEAF_PAIRS`, `CANDIDATES`, `AT_ONCE`, `FIRST_LEVEL`, `HELD`, `LEVELS`, `MET`, `MOST_MET`.
+pub(crate) const FAR_SPACING: u32 = 20;
+/// `MOST_OF_ALL`, `LEAF_PAIRS`, `CANDIDATES`, `FIRST_LEVEL`, `HELD`, `LEVELS`, `MET`, `MOST_MET`.
 #[cfg(test)]
-pub(crate) const DETECTION: [u32; 9] = [1 << 28, 2, 8, 4, 6, 1024, 32, 64, 192];
+pub(crate) const DETECTION: [u32; 8] = [1 << 28, 2, 8, 6, 1024, 32, 64, 192];
