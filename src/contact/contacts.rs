@@ -1,39 +1,87 @@
 //! The contacts of one substep: its near pairs, their vertices, and the active pairs.
-//!
-//! The lists are divided into portions of a fixed length, and what is found in a portion stays there. So later passes
-//! work on portions in parallel, too, and pairs are in the same order on any number of threads.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::acting::Acting;
+use super::acting::{Acting, for_portions};
 use super::least;
-use super::near::{Find, Portion, Start, Vertex};
-use super::pairs::{Kind, Listed};
+use super::near::{Find, Look};
+use super::pairs::Kind;
+use super::portions::{Clock, PORTION, Portion};
+use super::ranges::Ranges;
 use super::rows::Rows;
+use super::surface::Surface;
 use crate::kernels::integrate::xyz;
-use crate::simd;
+use crate::simd::{self, Width};
 
-/// Listed pairs of a portion.
-const PORTION: usize = 512;
 /// Vertices per task.
 pub(super) const GRAIN: usize = 128;
+
+/// A vertex of listed pairs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Vertex {
+    pub index: u32,
+    /// Position (m); w is the inverse mass (1/kg).
+    pub x: Vec4,
+    /// Correction of the position (m) that adds no velocity.
+    pub push: Vec3A,
+    /// Sum of its weights in the pairs that act.
+    pub weight: f32,
+    /// How far (m) it was about to move relative to the mean displacement, and half of the smallest thickness around
+    /// it.
+    pub travel: f32,
+    pub reach: f32,
+    /// The share of its displacement that truncation leaves.
+    pub share: f32,
+}
+
+impl Vertex {
+    /// Whether pairs act on it, and can move it.
+    #[inline]
+    pub(super) fn acts(&self) -> bool {
+        self.x.w != 0.0 && self.weight != 0.0
+    }
+}
+
+/// The input of contact in a substep.
+#[derive(Clone, Copy)]
+pub(super) struct Start<'a> {
+    pub x: &'a [Vec4],
+    pub u: &'a [Vec4],
+    /// Corrections of positions (m) by colliders; empty if there are none.
+    pub push: &'a [Vec4],
+    /// The length of the longest of them (m).
+    pub most_push: f32,
+    pub mean: Vec3A,
+    pub surface: &'a Surface,
+    /// The thickness (m) of pairs that are not closer at rest.
+    pub thickness: f32,
+    /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
+    pub friction: &'a [f32],
+    pub is_shared: bool,
+    pub width: Width,
+}
 
 /// The contacts of a substep. The buffers are reused.
 #[derive(Debug, Default)]
 pub(super) struct Contacts {
-    /// Whether the vertices of the lists are numbered.
+    /// Whether the vertices of the lists are numbered. As long as they are, the multipliers are here, not in the lists.
     is_numbered: bool,
     /// The vertices of listed pairs, and the place of each vertex of the cloth among them.
     order: Vec<u32>,
     place: Vec<AtomicU32>,
-    /// The corners of listed pairs of each kind, as places.
+    /// The corners of listed pairs of each kind, as places, and when the pairs are due.
     corners: [Vec<[u32; 4]>; 2],
-    /// The portions of each kind of pairs. Those beyond `used` are left from longer lists.
-    pub portions: [Vec<Portion>; 2],
-    pub used: [usize; 2],
+    due: [Vec<f32>; 2],
+    clock: Clock,
+    /// The mean displacement (m) in the last substep, and the coefficients of friction.
+    mean: Vec3A,
+    friction: Vec<f32>,
+    /// The portions of the lists, one list after the other. Those beyond `used` are left from longer lists.
+    pub portions: Vec<Portion>,
+    pub used: usize,
     pub vertices: Vec<Vertex>,
     /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole. The w of a
     /// position is the length of that displacement at the start, that of the last is 1 if the vertex is led.
@@ -46,16 +94,32 @@ pub(super) struct Contacts {
 
 impl Contacts {
     /// Finds the near pairs of the lists, in order, and the active ones among them.
-    pub(super) fn gather(&mut self, lists: &[Rows; 2], start: Start<'_>) {
-        if !self.is_numbered {
+    pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>) {
+        if self.friction != start.friction {
+            self.keep(lists, start.is_shared);
+            self.forget();
+            start.friction.clone_into(&mut self.friction);
+        }
+        let is_known = self.is_numbered;
+        if !is_known {
             self.number(lists, start.x.len(), start.is_shared);
         }
-        self.copy(start);
-        for kind in Kind::ALL {
-            self.find(kind, &lists[kind as usize].pairs, start);
+        let (moved, travel) = self.copy(start);
+        self.clock.advance(if is_known { moved } else { 0.0 }, travel, start);
+        let ranges = Ranges::of(self.order.len(), start.is_shared);
+        let is_known = is_known & (ranges == std::mem::replace(&mut self.acting.ranges, ranges));
+        self.find(lists, is_known, start);
+        let Contacts { portions, used, acting, vertices, x, u, .. } = self;
+        let portions = &mut portions[..*used];
+        let have_changed = !is_known || portions.iter().any(|portion| !portion.joining.is_empty());
+        if have_changed {
+            acting.number(portions);
         }
-        let Contacts { portions, used, acting, vertices, .. } = self;
-        acting.gather([&portions[0][..used[0]], &portions[1][..used[1]]], vertices, start);
+        for_portions(portions, (&mut acting.weights, &mut []), start.is_shared, &|portion, weights, _: &mut [()]| {
+            let Portion { kind, groups, .. } = portion;
+            simd::run(start.width, Look { kind: *kind, groups, weights, x, u, most_push: start.most_push });
+        });
+        acting.weigh(portions, have_changed, vertices, start.is_shared);
     }
 
     /// Discards what depends on the lists, because they have changed.
@@ -63,24 +127,24 @@ impl Contacts {
         self.is_numbered = false;
     }
 
-    /// The portions of a kind of pairs.
-    pub(super) fn portions(&self, kind: Kind) -> &[Portion] {
-        &self.portions[kind as usize][..self.used[kind as usize]]
+    fn portions(&self) -> &[Portion] {
+        &self.portions[..self.used]
     }
 
     /// Number of near pairs.
     pub(super) fn near(&self) -> usize {
-        Kind::ALL.into_iter().flat_map(|kind| self.portions(kind)).map(|portion| portion.pairs.len()).sum()
+        self.portions().iter().flat_map(Portion::blocks).map(|block| block.near.count_ones() as usize).sum()
     }
 
     /// Number of pairs that press.
     pub(super) fn pressing(&self) -> u32 {
-        Kind::ALL.into_iter().flat_map(|kind| self.portions(kind)).map(|portion| portion.pressing).sum()
+        self.portions().iter().flat_map(|portion| &portion.groups).map(|group| group.pressing() as u32).sum()
     }
 
     /// Numbers the vertices of the lists, in order.
     fn number(&mut self, lists: &[Rows; 2], vertices: usize, is_shared: bool) {
-        let Contacts { order, place, corners, .. } = self;
+        let Contacts { order, place, corners, due, clock, .. } = self;
+        *clock = Clock::default();
         place.resize_with(vertices, AtomicU32::default);
         place.iter_mut().for_each(|place| *place.get_mut() = 0);
         for rows in lists {
@@ -99,7 +163,9 @@ impl Contacts {
             *place = order.len() as u32;
             order.push(index);
         }
-        for (corners, rows) in corners.iter_mut().zip(lists) {
+        for ((corners, due), rows) in corners.iter_mut().zip(due).zip(lists) {
+            due.clear();
+            due.resize(rows.pairs.len(), f32::NEG_INFINITY);
             corners.resize(rows.pairs.len(), [0; 4]);
             let tasks = corners.par_chunks_mut(PORTION).zip(rows.pairs.par_chunks(PORTION));
             tasks.with_min_len(least(is_shared)).for_each(|(corners, pairs)| {
@@ -108,62 +174,85 @@ impl Contacts {
                 }
             });
         }
+        let of_kinds = lists.each_ref().map(|rows| rows.pairs.len().div_ceil(PORTION));
+        self.used = of_kinds[0] + of_kinds[1];
+        self.portions.resize_with(self.portions.len().max(self.used), Portion::default);
+        for (index, portion) in self.portions[..self.used].iter_mut().enumerate() {
+            portion.kind = Kind::ALL[usize::from(index >= of_kinds[0])];
+            portion.first = PORTION * (index - of_kinds[0] * portion.kind as usize);
+            portion.groups.clear();
+        }
         self.is_numbered = true;
     }
 
-    /// Copies the state of the vertices.
-    fn copy(&mut self, start: Start<'_>) {
-        let Contacts { vertices, x, u, by, order, .. } = self;
+    /// Copies the state of the vertices. Returns by how much (m) they moved at most since the last substep, and will move
+    /// at most, relative to the mean displacements.
+    fn copy(&mut self, start: Start<'_>) -> (f32, f32) {
+        let Contacts { vertices, x, u, by, order, mean, .. } = self;
         vertices.resize(order.len(), Vertex::default());
         [&mut *x, u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
+        let common = std::mem::replace(mean, start.mean);
         let tasks = vertices.par_chunks_mut(GRAIN).zip(x.par_chunks_mut(GRAIN)).zip(u.par_chunks_mut(GRAIN));
         let tasks = tasks.zip(order.par_chunks(GRAIN)).with_min_len(least(start.is_shared));
-        tasks.for_each(|(((vertices, x), u), order)| {
+        let most = tasks.map(|(((vertices, x), u), order)| {
+            let mut most = Vec4::ZERO;
             for (((vertex, x), u), &index) in vertices.iter_mut().zip(x).zip(u).zip(order) {
                 let of = index as usize;
+                let moved = (xyz(start.x[of]) - xyz(*x) - common).length_squared();
                 *u = start.u[of].with_w(0.0);
                 *x = start.x[of].with_w((xyz(*u) - start.mean).length());
                 let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                 let travel = (xyz(*u) + push - start.mean).length();
                 *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of], share: 1.0 };
+                most = most.max(Vec4::new(moved, x.w, 0.0, 0.0));
             }
+            most
         });
+        let most = most.reduce(|| Vec4::ZERO, Vec4::max);
+        (most.x.sqrt(), most.y)
     }
 
-    /// Finds the near pairs of a kind.
-    fn find(&mut self, kind: Kind, listed: &[Listed], start: Start<'_>) {
-        let Contacts { corners, portions, used, x, u, .. } = self;
-        let (corners, portions, used) = (&corners[kind as usize], &mut portions[kind as usize], &mut used[kind as usize]);
-        *used = listed.len().div_ceil(PORTION);
-        portions.resize_with(portions.len().max(*used), Portion::default);
-        let (x, u, portions) = (&**x, &**u, &mut portions[..*used]);
-        let tasks = portions.par_iter_mut().zip(listed.par_chunks(PORTION)).zip(corners.par_chunks(PORTION)).enumerate();
-        tasks.with_min_len(least(start.is_shared)).for_each(|(index, ((portion, pairs), corners))| {
-            let Portion { pairs: found, acting, .. } = portion;
-            found.clear();
-            let first = index * PORTION;
-            simd::run(start.width, Find { kind, first, pairs, corners, x, u, start: &start, found, acting });
-        });
-        let mut before = 0;
-        for portion in portions {
-            portion.before = before;
-            before += portion.acting.len() as u32;
+    /// Looks at pairs that have not acted since they were listed. If the groups are not known, they are made anew.
+    fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
+        let Contacts { corners, due, clock, portions, vertices, x, u, acting, .. } = self;
+        let (vertices, x, u, clock, ranges) = (&**vertices, &**x, &**u, *clock, acting.ranges);
+        let owner = |vertex: u32| start.surface.owner[vertices[vertex as usize].index as usize];
+        let friction = |[a, _, _, d]: [u32; 4]| start.friction[owner(a).max(owner(d)) as usize];
+        let mut portions = &mut portions[..];
+        for kind in Kind::ALL {
+            let (Rows { pairs, lambda, .. }, corners) = (&mut lists[kind as usize], &corners[kind as usize]);
+            let of_kind = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
+            let tasks = of_kind.par_iter_mut().zip(pairs.par_chunks(PORTION)).zip(corners.par_chunks(PORTION));
+            let tasks = tasks.zip(lambda.par_chunks_mut(PORTION)).zip(due[kind as usize].par_chunks_mut(PORTION));
+            tasks.with_min_len(least(start.is_shared)).for_each(|((((portion, pairs), corners), lambda), due)| {
+                let most_push = start.most_push;
+                simd::run(start.width, Find { pairs, corners, x, u, due, clock, most_push, portion });
+                if !portion.joining.is_empty() || !is_known {
+                    portion.join((pairs, corners), lambda, due, friction, ranges);
+                }
+                if !is_known {
+                    // Pairs that do not act have no multipliers.
+                    lambda.fill(Vec4::ZERO);
+                }
+            });
         }
     }
 
-    /// Stores the multipliers in the lists. Pairs that do not act have none.
+    /// Stores the multipliers in the lists.
     pub(super) fn keep(&mut self, lists: &mut [Rows; 2], is_shared: bool) {
+        if !self.is_numbered {
+            return;
+        }
+        let mut portions = &self.portions[..];
         for kind in Kind::ALL {
-            let (portions, acting) = (&mut self.portions[kind as usize][..self.used[kind as usize]], &self.acting);
-            let tasks = portions.par_iter_mut().zip(lists[kind as usize].lambda.par_chunks_mut(PORTION)).enumerate();
-            tasks.with_min_len(least(is_shared)).for_each(|(index, (portion, lambda))| {
-                lambda.fill(Vec4::ZERO);
-                portion.pressing = 0;
-                let before = portion.before as usize;
-                for pair in before..before + portion.acting.len() {
-                    let (listed, multiplier) = acting.multiplier(kind, pair);
-                    portion.pressing += u32::from(multiplier.w > 0.0);
-                    lambda[listed - index * PORTION] = multiplier;
+            let lambda = &mut lists[kind as usize].lambda;
+            let of_kind = portions.split_off(..lambda.len().div_ceil(PORTION)).unwrap_or_default();
+            let tasks = of_kind.par_iter().zip(lambda.par_chunks_mut(PORTION)).with_min_len(least(is_shared));
+            tasks.for_each(|(portion, lambda)| {
+                for group in &portion.groups {
+                    for lane in 0..group.count as usize {
+                        lambda[group.listed[lane] as usize - portion.first] = group.pair(lane).1;
+                    }
                 }
             });
         }

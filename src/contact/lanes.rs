@@ -5,56 +5,19 @@ use glam::Vec4;
 
 use crate::simd::{MAX_LANES, Registers, Vector};
 
-/// The registers of one corner: the `k`th has lanes `k`, `k + 4` and so on.
-#[inline(always)]
-fn gathered<L: Registers>(from: &[Vec4], places: &[[u32; 4]], corner: usize) -> [L; 4] {
-    let places = &places[..L::LANES];
-    [
-        register(from, places, corner, 0),
-        register(from, places, corner, 1),
-        register(from, places, corner, 2),
-        register(from, places, corner, 3),
-    ]
-}
-
-#[inline(always)]
-fn register<L: Registers>(from: &[Vec4], places: &[[u32; 4]], corner: usize, k: usize) -> L {
-    let mut vectors = [from[places[k][corner] as usize]; 4];
-    for index in 1..L::VECTORS {
-        vectors[index] = from[places[k + 4 * index][corner] as usize];
-    }
-    L::from_vectors(vectors)
-}
-
 /// All corners of as many pairs as lanes, of which `places` has at least as many.
 #[inline(always)]
 pub(super) fn corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]]) -> [Vector<L>; 4] {
-    [
-        L::transpose(gathered(from, places, 0)),
-        L::transpose(gathered(from, places, 1)),
-        L::transpose(gathered(from, places, 2)),
-        L::transpose(gathered(from, places, 3)),
-    ]
+    let [a, b, c, d] = L::gather(from, &places[..L::LANES]);
+    [L::transpose(a), L::transpose(b), L::transpose(c), L::transpose(d)]
 }
 
 /// The same with the w of each corner.
 #[inline(always)]
 pub(super) fn whole_corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]]) -> ([Vector<L>; 4], [L; 4]) {
-    let (a, b) = (gathered::<L>(from, places, 0), gathered::<L>(from, places, 1));
-    let (c, d) = (gathered::<L>(from, places, 2), gathered::<L>(from, places, 3));
+    let [a, b, c, d] = L::gather(from, &places[..L::LANES]);
     let vectors = [L::transpose(a), L::transpose(b), L::transpose(c), L::transpose(d)];
     (vectors, [L::fourth(a), L::fourth(b), L::fourth(c), L::fourth(d)])
-}
-
-/// The pairs of a group, which has at most as many as lanes, repeated to as many if it has fewer.
-#[inline(always)]
-pub(super) fn filled<'a, L: Registers>(group: &'a [[u32; 4]], room: &'a mut [[u32; 4]; MAX_LANES]) -> &'a [[u32; 4]] {
-    if group.len() >= L::LANES {
-        return group;
-    }
-    room.fill(group[0]);
-    room[..group.len()].copy_from_slice(group);
-    room
 }
 
 /// Stores the vector of each lane.
@@ -75,4 +38,34 @@ pub(super) fn loaded<L: Registers>(from: &[Vec4]) -> Vector<L> {
     let each = L::VECTORS;
     let (a, b) = (L::load(&from[..each]), L::load(&from[each..2 * each]));
     L::transpose([a, b, L::load(&from[2 * each..3 * each]), L::load(&from[3 * each..4 * each])])
+}
+
+/// A number for each lane.
+#[inline(always)]
+pub(super) fn number<L: Registers>(of: &[f32; MAX_LANES], first: usize) -> L {
+    L::from_slice(&of[first..first + L::LANES])
+}
+
+/// A vector for each lane.
+#[inline(always)]
+pub(super) fn vector<L: Registers>(of: &[[f32; MAX_LANES]; 3], first: usize) -> Vector<L> {
+    Vector::new(number(&of[0], first), number(&of[1], first), number(&of[2], first))
+}
+
+/// Stores the number of each lane.
+#[inline(always)]
+pub(super) fn store<L: Registers>(to: &mut [f32], from: L) {
+    let vectors = from.to_vectors();
+    for index in 0..L::VECTORS {
+        vectors[index].write_to_slice(&mut to[4 * index..]);
+    }
+}
+
+/// Stores the vector of each lane by its components.
+#[inline(always)]
+pub(super) fn store_vector<L: Registers>(to: &mut [[f32; MAX_LANES]; 3], first: usize, from: Vector<L>) {
+    let lanes = first..first + L::LANES;
+    store(&mut to[0][lanes.clone()], from.x);
+    store(&mut to[1][lanes.clone()], from.y);
+    store(&mut to[2][lanes], from.z);
 }

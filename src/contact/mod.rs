@@ -19,6 +19,7 @@ mod boxes;
 mod candidates;
 mod contacts;
 mod contours;
+mod corners;
 pub(crate) mod crossings;
 mod detection;
 #[cfg(feature = "gpu")]
@@ -31,8 +32,10 @@ mod normals;
 mod pairs;
 mod past;
 mod paths;
+mod portions;
 mod ranges;
 mod response;
+mod reused;
 mod rows;
 mod surface;
 mod sweep_and_prune;
@@ -59,10 +62,9 @@ use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
-use contacts::Contacts;
+use contacts::{Contacts, Start};
 use detection::{Detection, Scene};
 use let_go::LetGo;
-use near::Start;
 use past::Kept;
 pub(crate) use past::Past;
 use paths::Paths;
@@ -256,13 +258,14 @@ impl SelfContact {
         if self.lists.iter().any(|rows| !rows.pairs.is_empty()) {
             let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
-            let start = Start { x, u, push: &self.push, most_push, mean, surface, friction, is_shared, width };
+            let thickness = self.options.thickness;
+            let start = Start { x, u, push: &self.push, most_push, mean, surface, thickness, friction, is_shared, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
-            self.contacts.gather(&self.lists, start);
+            self.contacts.gather(&mut self.lists, start);
             if self.contacts.near() > 0 {
-                self.contacts.respond(plan, substep, &self.lists, scale, is_shared, width);
+                self.contacts.respond(plan, substep, scale, is_shared, width);
                 let lost = self.contacts.truncate(mean, &plan.cloth.mass, is_shared, width);
                 self.contacts.finish(x, u, &self.push, is_shared);
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
@@ -270,12 +273,16 @@ impl SelfContact {
                     give_back(&plan.cloth.mass, lost, u);
                 }
             }
-            self.contacts.keep(&mut self.lists, is_shared);
             (self.tally.near, self.tally.contacts) = (self.contacts.near() as u32, self.contacts.pressing());
         }
         if self.tally.near == 0 {
             x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
+    }
+
+    /// Ends a step: puts what belongs to its state in the lists.
+    pub(crate) fn end(&mut self, is_shared: bool) {
+        self.contacts.keep(&mut self.lists, is_shared);
     }
 
     /// Moves vertices out of the colliders. Returns the largest correction (m) that is not part of a displacement.
@@ -337,6 +344,7 @@ impl SelfContact {
             self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
             self.may_cross = !self.let_go.crossings.is_empty();
         }
+        self.contacts.keep(lists, path.is_shared);
         let let_go = &self.let_go;
         let [of_cloth, of_bodies] = trees;
         if let Err(crowd) = detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| let_go.has(kind, first, pair))

@@ -1,175 +1,203 @@
 //! Near pairs: the listed pairs that may come closer than their thickness in this substep, with the data of their
 //! contact.
 
-use glam::{Vec3A, Vec4};
+use glam::Vec4;
 
-use super::lanes::{corners_of, filled, scattered, whole_corners_of};
+use super::acting::{Group, Weights};
+use super::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest};
-use super::surface::Surface;
-use crate::kernels::pair::{NARROW, perpendicular};
-use crate::simd::{Loop, MAX_LANES, Registers, Vector, Width};
+use super::portions::{Block, Clock, Portion};
+use crate::kernels::pair::{NARROW, kept, perpendicular};
+use crate::simd::{Loop, MAX_LANES, Registers, Vector};
 
 /// A pair acts if it comes closer than its thickness plus this multiple of it. Other near pairs are held by truncation
 /// only.
 pub(super) const ACTING: f32 = 0.3;
+/// The numbers of the lanes.
+const LANE: [f32; MAX_LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
-/// A pair that is near in this substep.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Near {
-    /// Places among the vertices of listed pairs.
-    pub corners: [u32; 4],
-    /// Unit vector from the second side to the first.
-    pub normal: [f32; 3],
-    /// The distance at the start of the substep (m), and the distance at which the pair is held (m).
-    pub distance: f32,
-    pub thickness: f32,
-    /// The two weights that determine all four: see [`Kind::weights`].
-    pub free: f32,
-    pub last: f32,
-    /// Index in the list.
-    pub listed: u32,
+/// Pairs that were looked at: which of them are near, and the data of their contact.
+struct Looked<L: Registers> {
+    near: L::Mask,
+    weights: [L; 4],
+    distance: L,
+    /// What is left of the distance if both sides approach as fast as they can.
+    left: L,
+    normal: Vector<L>,
+    x: [Vector<L>; 4],
 }
 
-/// What is found among consecutive pairs of a list.
-#[derive(Debug, Default)]
-pub(super) struct Portion {
-    /// The near pairs.
-    pub pairs: Vec<Near>,
-    /// Which of them act, and how many pairs of this kind act in the portions before.
-    pub acting: Vec<u32>,
-    pub before: u32,
-    /// How many of them press after the response.
-    pub pressing: u32,
-    /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
-    pub cut: Vec<(u32, f32)>,
+/// Looks at the pairs with the given corners. The positions' w is how far (m) vertices are about to move relative to the
+/// mean displacement.
+#[inline(always)]
+fn look<L: Registers>(kind: Kind, x: &[Vec4], corners: &[[u32; 4]], thickness: L, most_push: L, is_pair: L::Mask) -> Looked<L> {
+    let (one, half) = (L::splat(1.0), L::splat(0.5));
+    let (x, travel) = whole_corners_of::<L>(x, corners);
+    let weights = closest(kind, x);
+    let apart = between(weights, x);
+    let (a, b) = match kind {
+        Kind::VertexTriangle => (travel[0], travel[1].max(travel[2]).max(travel[3])),
+        Kind::EdgeEdge => (travel[0].max(travel[1]), travel[2].max(travel[3])),
+    };
+    let distance = apart.dot(apart).sqrt();
+    let left = distance - a - b - most_push;
+    // A vector of no length has no direction.
+    let near = L::and(is_pair, L::and(left.lt(thickness), L::splat(1e-12).lt(distance)));
+    let mut normal = apart * (one / distance);
+    let is_far = (thickness * L::splat(NARROW)).lt(distance);
+    if L::bits(L::and(is_far, near)) != L::bits(near) {
+        let exact = perpendicular(apart, weights, x, kind == Kind::EdgeEdge);
+        let length = exact.dot(exact).sqrt();
+        // A vector that all but vanishes is noise.
+        let is_kept = L::or(is_far, length.lt(distance * half));
+        normal = Vector::select(is_kept, normal, Vector::new(exact.x / length, exact.y / length, exact.z / length));
+    }
+    Looked { near, weights, distance, left, normal: Vector::select(near, normal, Vector::zero()), x }
 }
 
-/// A vertex of listed pairs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Vertex {
-    pub index: u32,
-    /// Position (m); w is the inverse mass (1/kg).
-    pub x: Vec4,
-    /// Correction of the position (m) that adds no velocity.
-    pub push: Vec3A,
-    /// Sum of its weights in the pairs that act.
-    pub weight: f32,
-    /// How far (m) it was about to move relative to the mean displacement, and half of the smallest thickness around
-    /// it.
-    pub travel: f32,
-    pub reach: f32,
-    /// The share of its displacement that truncation leaves.
-    pub share: f32,
+impl<L: Registers> Looked<L> {
+    /// Notes what truncation needs of the pairs, in the lanes of a block from `first` on.
+    #[inline(always)]
+    fn note(&self, kind: Kind, thickness: L, block: &mut Block, first: usize) {
+        let Looked { weights, distance, normal, x, .. } = *self;
+        let (zero, one, none) = (L::splat(0.0), L::splat(1.0), Vector::<L>::zero());
+        // A point halfway between the closest points.
+        let on_first = match kind {
+            Kind::VertexTriangle => x[0],
+            Kind::EdgeEdge => between([weights[0], weights[1], zero, zero], [x[0], x[1], none, none]),
+        };
+        let middle = on_first - normal * (distance * L::splat(0.5));
+        for (k, (x, heights)) in x.into_iter().zip(&mut block.heights).enumerate() {
+            let side = if k < kind.first_side() { one } else { L::splat(-1.0) };
+            store(&mut heights[first..first + L::LANES], side * normal.dot(x - middle));
+        }
+        store(&mut block.kept[first..first + L::LANES], kept(distance, thickness));
+        store_vector(&mut block.normal, first, normal);
+        block.near |= L::bits(self.near) << first;
+    }
+
+    /// Which of the near pairs act, given the displacements (m) of vertices, and the two weights that determine all: see
+    /// [`Kind::weights`].
+    #[inline(always)]
+    fn acting(&self, kind: Kind, u: &[Vec4], corners: &[[u32; 4]], thickness: L) -> (L::Mask, [L; 2]) {
+        let Looked { weights, distance, normal, .. } = *self;
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(u, corners)));
+        let acts = L::and(self.near, gap.lt(thickness * L::splat(ACTING)));
+        match kind {
+            Kind::VertexTriangle => (acts, [weights[2], weights[3]]),
+            // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
+            Kind::EdgeEdge => {
+                let (s, t) = (weights[1], weights[3]);
+                let inner = L::and(L::and(zero.lt(s), s.lt(one)), L::and(t.lt(zero), L::splat(-1.0).lt(t)));
+                (L::and(acts, inner), [s, t])
+            }
+        }
+    }
 }
 
-/// The input of contact in a substep.
-#[derive(Clone, Copy)]
-pub(super) struct Start<'a> {
-    pub x: &'a [Vec4],
-    pub u: &'a [Vec4],
-    /// Corrections of positions (m) by colliders; empty if there are none.
-    pub push: &'a [Vec4],
-    /// The length of the longest of them (m).
-    pub most_push: f32,
-    pub mean: Vec3A,
-    pub surface: &'a Surface,
-    /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
-    pub friction: &'a [f32],
-    pub is_shared: bool,
-    pub width: Width,
-}
-
-/// Finds the near pairs among listed pairs.
+/// Looks at the pairs of a portion that have not acted since they were listed, if they are due.
 pub(super) struct Find<'a> {
-    pub kind: Kind,
-    /// Index in the list of the first pair.
-    pub first: usize,
     pub pairs: &'a [Listed],
     /// Their corners as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
     /// w of a position is how far (m) the vertex is about to move relative to the mean displacement.
     pub corners: &'a [[u32; 4]],
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
-    pub start: &'a Start<'a>,
-    pub found: &'a mut Vec<Near>,
-    /// Which of them act.
-    pub acting: &'a mut Vec<u32>,
+    /// When each pair is due: never, if it is in a group.
+    pub due: &'a mut [f32],
+    pub clock: Clock,
+    pub most_push: f32,
+    pub portion: &'a mut Portion,
 }
 
 impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Find { kind, first, pairs, corners, x: at, u: by, start, found, acting } = self;
-        acting.resize(pairs.len(), 0);
-        let mut count = 0;
-        let mut room = [[0; 4]; MAX_LANES];
-        let (zero, one, most_push) = (L::splat(0.0), L::splat(1.0), L::splat(2.0 * start.most_push));
-        for (group, (listed, corners)) in pairs.chunks(L::LANES).zip(corners.chunks(L::LANES)).enumerate() {
-            let mut thickness = [0.0; MAX_LANES];
-            for (lane, pair) in listed.iter().enumerate() {
-                thickness[lane] = pair.thickness;
+        let Find { pairs, corners, x, u, due, clock, most_push, portion } = self;
+        let Portion { kind, blocks, joining, looked_at, .. } = portion;
+        let (kind, most_push) = (*kind, L::splat(2.0 * most_push));
+        blocks.clear();
+        joining.clear();
+        looked_at.select::<L>(due, clock.limit);
+        looked_at.take::<L>(pairs, corners);
+        let all = looked_at.corners.chunks_exact(L::LANES).zip(looked_at.thickness.chunks_exact(L::LANES));
+        let mut first = MAX_LANES;
+        for (places, (corners, thickness)) in looked_at.places.chunks(L::LANES).zip(all) {
+            let thickness = L::from_slice(thickness);
+            let is_pair = number::<L>(&LANE, 0).lt(L::splat(places.len() as f32));
+            let looked = look(kind, x, corners, thickness, most_push, is_pair);
+            let mut far = L::bits(L::and(is_pair, thickness.lt(looked.left)));
+            if far != 0 {
+                let mut at = [0.0; MAX_LANES];
+                store(&mut at, L::splat(clock.now) + (looked.distance - thickness));
+                while far != 0 {
+                    let lane = far.trailing_zeros() as usize;
+                    far &= far - 1;
+                    due[places[lane] as usize] = at[lane];
+                }
             }
-            let places = filled::<L>(corners, &mut room);
-            let thickness = L::from_slice(&thickness[..L::LANES]);
-            let (x, travel) = whole_corners_of::<L>(at, places);
-            let weights = closest(kind, x);
-            let apart = between(weights, x);
-            let (a, b) = match kind {
-                Kind::VertexTriangle => (travel[0], travel[1].max(travel[2]).max(travel[3])),
-                Kind::EdgeEdge => (travel[0].max(travel[1]), travel[2].max(travel[3])),
-            };
-            let distance = apart.dot(apart).sqrt();
-            let left = distance - a - b - most_push;
-            let all = (1_u32 << listed.len()) - 1;
-            // A vector of no length has no direction.
-            let mut lanes = L::bits(L::and(left.lt(thickness), L::splat(1e-12).lt(distance))) & all;
-            if lanes == 0 {
+            let near = L::bits(looked.near);
+            if near == 0 {
                 continue;
             }
-            let mut normal = apart * (one / distance);
-            let is_far = (thickness * L::splat(NARROW)).lt(distance);
-            if L::bits(is_far) & lanes != lanes {
-                let exact = perpendicular(apart, weights, x, kind == Kind::EdgeEdge);
-                let length = exact.dot(exact).sqrt();
-                // A vector that all but vanishes is noise.
-                let is_kept = L::or(is_far, length.lt(distance * L::splat(0.5)));
-                let of = |kept: L, exact: L| L::select(is_kept, kept, exact / length);
-                normal = Vector::new(of(normal.x, exact.x), of(normal.y, exact.y), of(normal.z, exact.z));
-            }
-            let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(by, places)));
-            let mut acts = gap.lt(thickness * L::splat(ACTING));
-            let free = match kind {
-                Kind::VertexTriangle => weights[2],
-                // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
-                Kind::EdgeEdge => {
-                    let (s, t) = (weights[1], weights[3]);
-                    let inner = L::and(L::and(zero.lt(s), s.lt(one)), L::and(t.lt(zero), L::splat(-1.0).lt(t)));
-                    acts = L::and(acts, inner);
-                    s
+            let mut acts = L::bits(looked.acting(kind, u, corners, thickness).0);
+            if near != acts {
+                if first == MAX_LANES {
+                    blocks.add().near = 0;
+                    first = 0;
                 }
-            };
-            let acts = L::bits(acts);
-            let (mut normals, mut numbers) = ([Vec4::ZERO; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
-            scattered(normal, &mut normals);
-            scattered(Vector::new(free, weights[3], distance), &mut numbers);
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize;
-                lanes &= lanes - 1;
-                let (pair, normal, numbers) = (&listed[lane], normals[lane], numbers[lane]);
-                // Without a branch, because pairs that act alternate with others.
-                acting[count] = found.len() as u32;
-                count += (acts >> lane & 1) as usize;
-                found.push(Near {
-                    corners: corners[lane],
-                    normal: [normal.x, normal.y, normal.z],
-                    distance: numbers.z,
-                    thickness: pair.thickness,
-                    free: numbers.x,
-                    last: numbers.y,
-                    listed: (first + group * L::LANES + lane) as u32,
-                });
+                let block = blocks.newest();
+                block.corners[first..first + L::LANES].copy_from_slice(corners);
+                looked.note(kind, thickness, block, first);
+                block.near &= !(acts << first);
+                first += L::LANES;
+            }
+            while acts != 0 {
+                joining.push(places[acts.trailing_zeros() as usize]);
+                acts &= acts - 1;
             }
         }
-        acting.truncate(count);
+    }
+}
+
+/// Looks at the pairs that have acted since they were listed. Those that do not act now lose their multipliers.
+pub(super) struct Look<'a> {
+    pub kind: Kind,
+    pub groups: &'a mut [Group],
+    /// The weights of their corners, none if a pair does not act.
+    pub weights: &'a mut [Weights],
+    pub x: &'a [Vec4],
+    pub u: &'a [Vec4],
+    pub most_push: f32,
+}
+
+impl Loop for Look<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Look { kind, groups, weights, x, u, most_push } = self;
+        let (zero, most_push) = (L::splat(0.0), L::splat(2.0 * most_push));
+        for (group, to) in groups.iter_mut().zip(weights) {
+            group.block.near = 0;
+            for first in (0..MAX_LANES).step_by(L::LANES) {
+                let lanes = first..first + L::LANES;
+                let is_pair = number::<L>(&LANE, first).lt(L::splat(group.count as f32));
+                let thickness = number::<L>(&group.thickness, first);
+                let looked = look(kind, x, &group.block.corners[lanes.clone()], thickness, most_push, is_pair);
+                looked.note(kind, thickness, &mut group.block, first);
+                let (acts, [free, last]) = looked.acting(kind, u, &group.block.corners[lanes.clone()], thickness);
+                let weights = kind.weights(free, last);
+                for (to, weights) in to.0.iter_mut().zip(weights) {
+                    store(&mut to[lanes.clone()], L::select(acts, weights, zero));
+                }
+                let gap = L::select(acts, looked.distance - thickness, zero);
+                store(&mut group.gap[lanes.clone()], gap.max(zero));
+                store(&mut group.depth[lanes.clone()], (zero - gap).max(zero));
+                let rub = Vector::<L>::select(acts, vector(&group.rub, first), Vector::zero());
+                store_vector(&mut group.rub, first, rub);
+                let press = L::select(acts, number(&group.press, first), zero);
+                store(&mut group.press[lanes], press);
+            }
+        }
     }
 }

@@ -5,8 +5,9 @@ use crate::kernels::pair::{edge_edge, vertex_triangle};
 use crate::simd::{Registers, Vector};
 
 /// The kinds of pairs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Kind {
+    #[default]
     VertexTriangle,
     EdgeEdge,
 }
@@ -14,17 +15,10 @@ pub(super) enum Kind {
 impl Kind {
     pub(super) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
 
-    /// The weights of a pair's four corners; they sum to 1 on the first side and -1 on the second.
-    pub(super) fn weights(self, free: f32, last: f32) -> [f32; 4] {
-        match self {
-            Kind::VertexTriangle => [1.0, -1.0 - free - last, free, last],
-            Kind::EdgeEdge => [1.0 - free, free, -1.0 - last, last],
-        }
-    }
-
-    /// The same for as many pairs as there are lanes.
+    /// The weights of the four corners of as many pairs as there are lanes, of which two are given; they sum to 1 on the
+    /// first side and -1 on the second.
     #[inline(always)]
-    pub(super) fn wide_weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
+    pub(super) fn weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
         let one = L::splat(1.0);
         match self {
             Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],

@@ -5,7 +5,7 @@
 const MOST: usize = 64;
 
 /// Consecutive items in ranges of a power of two.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Ranges {
     pub count: usize,
     shift: u32,

@@ -5,13 +5,15 @@
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::acting::{Acting, GROUPS, Group};
+use super::acting::{Acting, Group, Weights, for_portions};
 use super::contacts::Contacts;
-use super::lanes::{corners_of, scattered};
+use super::corners::Sums;
+use super::lanes::{corners_of, number, scattered, store, store_vector, vector};
 use super::least;
 use super::pairs::between;
-use super::rows::Rows;
-use crate::kernels::contact::{DEPENETRATION, contact_body};
+use super::portions::Portion;
+use super::vertices::Collide;
+use crate::kernels::contact::DEPENETRATION;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{RELAXATION, impulse, step_of_lambda};
 use crate::kernels::params::Substep;
@@ -26,103 +28,111 @@ pub(super) const WARM: f32 = 0.9;
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
     /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
-    pub(super) fn respond(
-        &mut self,
-        plan: &Plan<'_>,
-        substep: &Substep,
-        lists: &[Rows; 2],
-        scale: f32,
-        is_shared: bool,
-        width: Width,
-    ) {
-        if self.acting.groups.is_empty() {
+    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, scale: f32, is_shared: bool, width: Width) {
+        if self.acting.impulses.is_empty() {
             return;
         }
         let most = DEPENETRATION * plan.params.h;
-        self.begin(lists, WARM * scale, most, is_shared, width);
-        self.give(plan, substep, true, is_shared);
+        self.begin(WARM * scale, most, is_shared, width);
+        self.give(plan, substep, true, is_shared, width);
         for _ in 0..ITERATIONS {
             self.step(is_shared, width);
-            self.give(plan, substep, false, is_shared);
+            self.give(plan, substep, false, is_shared, width);
         }
     }
 
     /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
     /// Computes their impulses, and the corrections that separate pairs closer than their thickness by at most `most`
     /// (m).
-    fn begin(&mut self, lists: &[Rows; 2], scale: f32, most: f32, is_shared: bool, width: Width) {
-        let Acting { groups, impulses, pushes, mobility, .. } = &mut self.acting;
-        let lanes = GROUPS * MAX_LANES;
-        let tasks = groups.par_chunks_mut(GROUPS).zip(impulses.par_chunks_mut(lanes)).zip(pushes.par_chunks_mut(lanes));
-        tasks.with_min_len(least(is_shared)).for_each(|((groups, impulses), pushes)| {
-            for group in groups.iter_mut() {
-                for lane in 0..group.count as usize {
-                    let (corners, weights) = (group.corners[lane], group.weights(lane));
-                    let of = |k: usize| mobility[corners[k] as usize] * weights[k].abs();
-                    let bound = (of(0) + of(1)) + (of(2) + of(3));
-                    if bound > 0.0 {
-                        group.rate[lane] = RELAXATION / bound;
-                        let held = lists[group.kind as usize].lambda[group.listed[lane] as usize];
-                        group.warm(lane, held * scale);
-                    }
-                }
-            }
-            simd::run(width, Begin { groups, impulses, pushes, most });
-        });
+    fn begin(&mut self, scale: f32, most: f32, is_shared: bool, width: Width) {
+        let Contacts { acting: Acting { impulses, pushes, weights, mobility, .. }, portions, used, .. } = self;
+        let begin = |portion: &mut Portion, impulses: &mut [[Vec4; MAX_LANES]], pushes: &mut [[Vec4; MAX_LANES]]| {
+            let Portion { groups, before, .. } = portion;
+            let weights = &weights[*before..];
+            let (impulses, pushes) = (impulses.as_flattened_mut(), pushes.as_flattened_mut());
+            simd::run(width, Begin { groups, weights, mobility, impulses, pushes, scale, most });
+        };
+        for_portions(&mut portions[..*used], (impulses, pushes), is_shared, &begin);
     }
 
     /// Updates the multipliers, and computes the impulses of the pairs.
     fn step(&mut self, is_shared: bool, width: Width) {
-        let Contacts { acting: Acting { groups, impulses, .. }, u, .. } = self;
-        let tasks = groups.par_chunks_mut(GROUPS).zip(impulses.par_chunks_mut(GROUPS * MAX_LANES));
-        let step = |(groups, impulses)| simd::run(width, Step { groups, impulses, u });
-        tasks.with_min_len(least(is_shared)).for_each(step);
+        let Contacts { acting: Acting { impulses, weights, .. }, portions, used, u, .. } = self;
+        let step = |Portion { groups, before, .. }: &mut Portion, impulses: &mut [[Vec4; MAX_LANES]], _: &mut [()]| {
+            simd::run(width, Step { groups, weights: &weights[*before..], impulses: impulses.as_flattened_mut(), u });
+        };
+        for_portions(&mut portions[..*used], (impulses, &mut []), is_shared, &step);
     }
 
     /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
     /// up the corrections of positions.
-    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, is_shared: bool) {
-        let Contacts { acting: Acting { impulses, pushes, corners, ranges, .. }, vertices, u, .. } = self;
-        let tasks = u.par_chunks_mut(ranges.len()).zip(vertices.par_chunks_mut(ranges.len())).zip(corners);
-        tasks.with_min_len(least(is_shared)).for_each(|((u, vertices), corners)| {
-            for (place, (u, vertex)) in u.iter_mut().zip(vertices).enumerate() {
-                if vertex.x.w == 0.0 || vertex.weight == 0.0 {
-                    continue;
-                }
-                let mut by = xyz(*u) + corners.sum(impulses, place) * vertex.x.w;
-                for body in plan.bodies {
-                    by = contact_body(xyz(vertex.x), by, body, substep, &plan.params).1;
-                }
-                *u = by.extend(0.0);
-                if is_first {
-                    vertex.push += corners.sum(pushes, place) * vertex.x.w;
+    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, is_shared: bool, width: Width) {
+        let Contacts { acting: Acting { impulses, pushes, corners, ranges, .. }, vertices, x, u, .. } = self;
+        let (impulses, pushes) = (impulses.as_flattened(), pushes.as_flattened());
+        let state = x.par_chunks(ranges.len()).zip(u.par_chunks_mut(ranges.len()));
+        let tasks = state.zip(vertices.par_chunks_mut(ranges.len())).zip(corners);
+        tasks.with_min_len(least(is_shared)).for_each(|(((x, u), vertices), corners)| {
+            let mut sums = std::mem::take(&mut corners.sums);
+            simd::run(width, Sums { corners, from: impulses, to: &mut sums });
+            for ((u, vertex), sum) in
+                u.iter_mut().zip(&*vertices).zip(sums.as_flattened()).filter(|((_, vertex), _)| vertex.acts())
+            {
+                *u = (xyz(*u) + xyz(*sum) * vertex.x.w).extend(0.0);
+            }
+            if is_first {
+                simd::run(width, Sums { corners, from: pushes, to: &mut sums });
+                for (vertex, sum) in vertices.iter_mut().zip(sums.as_flattened()).filter(|(vertex, _)| vertex.acts()) {
+                    vertex.push += xyz(*sum) * vertex.x.w;
                 }
             }
+            corners.sums = sums;
+            simd::run(width, Collide { plan, substep, vertices, x, u });
         });
     }
 }
 
-/// Computes the impulses of the multipliers with which the iteration begins, and the corrections of positions.
+/// Computes the multipliers with which the iteration begins, their impulses, and the corrections of positions.
 struct Begin<'a> {
-    groups: &'a [Group],
+    groups: &'a mut [Group],
+    weights: &'a [Weights],
+    mobility: &'a [f32],
     impulses: &'a mut [Vec4],
     pushes: &'a mut [Vec4],
+    scale: f32,
     most: f32,
 }
 
 impl Loop for Begin<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Begin { groups, impulses, pushes, most } = self;
+        let Begin { groups, weights, mobility, impulses, pushes, scale, most } = self;
+        let (zero, scale, most) = (L::splat(0.0), L::splat(scale), L::splat(most));
         let lanes = impulses.chunks_exact_mut(L::LANES).zip(pushes.chunks_exact_mut(L::LANES));
         for (index, (impulses, pushes)) in lanes.enumerate() {
-            let (group, first) = (&groups[index * L::LANES / MAX_LANES], index * L::LANES % MAX_LANES);
-            let normal = vector::<L>(&group.normal, first);
-            let (rub, press) = (vector::<L>(&group.rub, first), number(&group.press, first));
+            let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
+            let (group, lanes) = (&mut groups[of], first..first + L::LANES);
+            let mut shares = [zero; 4];
+            for k in 0..4 {
+                let mut mobile = [0.0; MAX_LANES];
+                for (mobile, corners) in mobile.iter_mut().zip(&group.block.corners[lanes.clone()]) {
+                    *mobile = mobility[corners[k] as usize];
+                }
+                shares[k] = number::<L>(&mobile, 0) * number::<L>(&weights[of].0[k], first).abs();
+            }
+            let bound = (shares[0] + shares[1]) + (shares[2] + shares[3]);
+            let is_held = zero.lt(bound);
+            let rate = L::select(is_held, L::splat(RELAXATION) / bound, zero);
+            let (rub, press) = (vector::<L>(&group.rub, first) * scale, number::<L>(&group.press, first) * scale);
+            let normal = vector::<L>(&group.block.normal, first);
+            let along = normal.x * rub.x + normal.y * rub.y + normal.z * rub.z;
+            let rub = Vector::select(is_held, rub - normal * along, Vector::zero());
+            let press = L::select(is_held, press, zero);
+            store(&mut group.rate[lanes.clone()], rate);
+            store(&mut group.press[lanes], press);
+            store_vector(&mut group.rub, first, rub);
             let depth: L = number(&group.depth, first);
-            let most = L::splat(most);
             let depth = L::select(depth.lt(most), depth, most);
-            let push = normal * (depth * number(&group.rate, first) * L::splat(1.0 / RELAXATION));
+            let push = normal * (depth * rate * L::splat(1.0 / RELAXATION));
             store_vectors(impulse((rub, press), normal), impulses);
             store_vectors(push, pushes);
         }
@@ -132,6 +142,7 @@ impl Loop for Begin<'_> {
 /// One iteration of the multipliers.
 struct Step<'a> {
     groups: &'a mut [Group],
+    weights: &'a [Weights],
     /// The changes of impulse.
     impulses: &'a mut [Vec4],
     u: &'a [Vec4],
@@ -140,19 +151,18 @@ struct Step<'a> {
 impl Loop for Step<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Step { groups, impulses, u } = self;
+        let Step { groups, weights, impulses, u } = self;
         for (index, impulses) in impulses.chunks_exact_mut(L::LANES).enumerate() {
-            let (group, first) = (&mut groups[index * L::LANES / MAX_LANES], index * L::LANES % MAX_LANES);
-            let lanes = first..first + L::LANES;
-            let normal = vector::<L>(&group.normal, first);
+            let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
+            let (group, lanes) = (&mut groups[of], first..first + L::LANES);
+            let normal = vector::<L>(&group.block.normal, first);
             let (rub, press) = (vector::<L>(&group.rub, first), number(&group.press, first));
-            let weights = group.kind.wide_weights(number(&group.free, first), number(&group.last, first));
-            let relative = between(weights, corners_of::<L>(u, &group.corners[lanes.clone()]));
+            let [a, b, c, d] = &weights[of].0;
+            let weights = [number(a, first), number(b, first), number(c, first), number(d, first)];
+            let relative = between(weights, corners_of::<L>(u, &group.block.corners[lanes.clone()]));
             let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
             let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, friction);
-            store(&mut group.rub[0][lanes.clone()], new_rub.x);
-            store(&mut group.rub[1][lanes.clone()], new_rub.y);
-            store(&mut group.rub[2][lanes.clone()], new_rub.z);
+            store_vector(&mut group.rub, first, new_rub);
             store(&mut group.press[lanes], new_press);
             store_vectors(impulse((new_rub - rub, new_press - press), normal), impulses);
         }
@@ -164,22 +174,4 @@ fn store_vectors<L: Registers>(from: Vector<L>, to: &mut [Vec4]) {
     let mut all = [Vec4::ZERO; MAX_LANES];
     scattered(from, &mut all);
     to.copy_from_slice(&all[..L::LANES]);
-}
-
-#[inline(always)]
-fn number<L: Registers>(of: &[f32; MAX_LANES], first: usize) -> L {
-    L::from_slice(&of[first..first + L::LANES])
-}
-
-#[inline(always)]
-fn vector<L: Registers>(of: &[[f32; MAX_LANES]; 3], first: usize) -> Vector<L> {
-    Vector::new(number(&of[0], first), number(&of[1], first), number(&of[2], first))
-}
-
-#[inline(always)]
-fn store<L: Registers>(to: &mut [f32], from: L) {
-    let vectors = from.to_vectors();
-    for index in 0..L::VECTORS {
-        vectors[index].write_to_slice(&mut to[4 * index..]);
-    }
 }

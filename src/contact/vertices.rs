@@ -1,9 +1,10 @@
-//! The loop that moves vertices out of the colliders.
+//! The loops that move vertices out of the colliders.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::Vec4;
 
+use super::contacts::Vertex;
 use super::lanes::loaded;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::xyz;
@@ -47,6 +48,35 @@ impl Loop for Meet<'_> {
                 if at != from {
                     push[i] = (at - from).extend(0.0);
                     is_pushed.store(true, Ordering::Relaxed);
+                }
+            }
+        }
+    }
+}
+
+/// Keeps vertices that pairs act on out of the colliders, as far as it changes their displacements.
+pub(super) struct Collide<'a> {
+    pub plan: &'a Plan<'a>,
+    pub substep: &'a Substep,
+    pub vertices: &'a [Vertex],
+    pub x: &'a [Vec4],
+    pub u: &'a mut [Vec4],
+}
+
+impl Loop for Collide<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Collide { plan, substep, vertices, x, u } = self;
+        for body in plan.bodies {
+            let clear = Clear::of(body, substep, plan.params.fraction);
+            for first in (0..x.len()).step_by(L::LANES) {
+                let end = x.len().min(first + L::LANES);
+                if end - first == L::LANES && L::all(clear.of_vertices(loaded::<L>(&x[first..end]), loaded::<L>(&u[first..end])))
+                {
+                    continue;
+                }
+                for i in (first..end).filter(|&i| vertices[i].acts()) {
+                    u[i] = contact_body(xyz(x[i]), xyz(u[i]), body, substep, &plan.params).1.extend(0.0);
                 }
             }
         }

@@ -269,6 +269,7 @@ impl Cpu {
             contact.resolve(plan, substep, self.x.room(), self.p.room(), threads > 1, self.packed.width);
             cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, threads));
         }
+        contact.end(threads > 1);
         cause
     }
 

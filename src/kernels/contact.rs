@@ -180,10 +180,10 @@ pub(crate) struct Clear {
     travel: f32,
     /// Center of the bounding sphere; for a plane, a point of it.
     center: Vec3A,
-    /// Radius of the bounding sphere (m); for a plane, a height above it.
+    /// Radius of the bounding sphere (m).
     reach: f32,
-    /// Normal of a plane, none for other bodies.
-    normal: Option<Vec3A>,
+    /// Normal of a plane and its displacement (m), none for other bodies.
+    normal: Option<(Vec3A, Vec3A)>,
 }
 
 impl Clear {
@@ -192,9 +192,8 @@ impl Clear {
         let a = Vec3A::from(body.a) + a_travel * substep.start;
         let radius = body.radius.abs() + body.radius_travel.abs();
         if body.kind == PLANE {
-            let travel = 0.1;
-            let reach = 1.01 * (travel + a_travel.length() * fraction);
-            return Clear { travel, center: a, reach, normal: Some(Vec3A::from(body.b)) };
+            let step = a_travel * fraction;
+            return Clear { travel: f32::INFINITY, center: a, reach: 0.0, normal: Some((Vec3A::from(body.b), step)) };
         }
         if body.kind == BOX {
             let radius = (Vec3A::from(body.b) + b_travel.max(Vec3A::ZERO)).length() + radius;
@@ -219,10 +218,12 @@ impl Clear {
         let square = from.dot(from);
         let outside = match self.normal {
             None => L::splat(self.reach * self.reach).lt(square),
-            Some(normal) => {
-                let height = from.dot(Vector::splat(normal.to_array()));
-                let sure = (square * L::splat(1e-8)).lt(height * height);
-                L::and(sure, L::splat(self.reach).lt(height))
+            // The height afterwards, where it is not a rounding error.
+            Some((normal, step)) => {
+                let by = u - Vector::splat(step.to_array());
+                let height = (from + by).dot(Vector::splat(normal.to_array()));
+                let sure = ((square + by.dot(by)) * L::splat(1e-8)).lt(height * height);
+                L::and(sure, L::splat(0.0).lt(height))
             }
         };
         L::and(slow, outside)

@@ -145,7 +145,11 @@ pub(crate) fn step_of_lambda<L: Lanes>(
     let slip = relative - normal * along;
     let rub = rub - slip * rate;
     let (length, most) = (square(rub).sqrt(), friction * press);
-    let share = L::select(most.lt(length), most / length.max(L::splat(1e-30)), L::splat(1.0));
+    let slips = most.lt(length);
+    if L::bits(slips) == 0 {
+        return (rub, press);
+    }
+    let share = L::select(slips, most / length.max(L::splat(1e-30)), L::splat(1.0));
     (rub * share, press)
 }
 

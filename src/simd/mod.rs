@@ -151,6 +151,26 @@ pub(crate) trait Registers: Lanes {
     /// # Panics
     /// If the slice does not have twice as many vectors as the register.
     fn store_pairs(pairs: [Self; 2], to: &mut [Vec4]);
+    /// Four vectors for each lane, by their places. Of each of the four, the `k`th register has those of the lanes `k`, `k + 4`
+    /// and so on, as [`Registers::transpose`] takes them.
+    ///
+    /// # Panics
+    /// If there are not as many rows of places as lanes, or if a place is outside.
+    #[inline(always)]
+    fn gather(from: &[Vec4], places: &[[u32; 4]]) -> [[Self; 4]; 4] {
+        assert!(places.len() == Self::LANES, "a row a lane");
+        let mut all = [[Self::splat(0.0); 4]; 4];
+        for corner in 0..4 {
+            for k in 0..4 {
+                let mut vectors = [from[places[k][corner] as usize]; 4];
+                for index in 1..Self::VECTORS {
+                    vectors[index] = from[places[k + 4 * index][corner] as usize];
+                }
+                all[corner][k] = Self::from_vectors(vectors);
+            }
+        }
+        all
+    }
     /// The x, y and z of the vectors in four registers; [`vector_of_lane`] tells the order of the lanes.
     fn transpose(vectors: [Self; 4]) -> Vector<Self>;
     /// The w of the same vectors.
@@ -172,3 +192,7 @@ pub(crate) trait Registers: Lanes {
 pub(crate) fn vector_of_lane(lane: usize, lanes: usize) -> usize {
     lanes / 4 * (lane % 4) + lane / 4
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/simd.rs"]
+mod tests;

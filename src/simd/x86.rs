@@ -42,10 +42,43 @@ macro_rules! instructions {
     ($(fn $name:ident $arguments:tt -> $result:ty { $($body:tt)* })*) => {$(
         #[inline(always)]
         fn $name $arguments -> $result {
-            // SAFETY: Detected; slices that are loaded from or stored to are asserted to be as long as the register.
+            // SAFETY: Detected; slices that are loaded from or stored to are asserted to be as long as the register, and places
+            // in slices to be inside.
             unsafe { $($body)* }
         }
     )*};
+}
+
+/// The `k`th register of the given corner: see [`Registers::gather`]. It must be known that the places are inside.
+macro_rules! gathered {
+    (8, $from:ident, $places:ident, $corner:literal) => {
+        [
+            gathered!(8, $from, $places, $corner, 0),
+            gathered!(8, $from, $places, $corner, 1),
+            gathered!(8, $from, $places, $corner, 2),
+            gathered!(8, $from, $places, $corner, 3),
+        ]
+    };
+    (16, $from:ident, $places:ident, $corner:literal) => {
+        [
+            gathered!(16, $from, $places, $corner, 0),
+            gathered!(16, $from, $places, $corner, 1),
+            gathered!(16, $from, $places, $corner, 2),
+            gathered!(16, $from, $places, $corner, 3),
+        ]
+    };
+    (8, $from:ident, $places:ident, $corner:literal, $k:literal) => {
+        F32x8(_mm256_insertf128_ps::<1>(
+            _mm256_castps128_ps256(_mm_loadu_ps($from.add($places[$k][$corner] as usize).cast())),
+            _mm_loadu_ps($from.add($places[$k + 4][$corner] as usize).cast()),
+        ))
+    };
+    (16, $from:ident, $places:ident, $corner:literal, $k:literal) => {{
+        let low = _mm512_castps128_ps512(_mm_loadu_ps($from.add($places[$k][$corner] as usize).cast()));
+        let low = _mm512_insertf32x4::<1>(low, _mm_loadu_ps($from.add($places[$k + 4][$corner] as usize).cast()));
+        let low = _mm512_insertf32x4::<2>(low, _mm_loadu_ps($from.add($places[$k + 8][$corner] as usize).cast()));
+        F32x16(_mm512_insertf32x4::<3>(low, _mm_loadu_ps($from.add($places[$k + 12][$corner] as usize).cast())))
+    }};
 }
 
 /// Defines arithmetic operators by one intrinsic each.
@@ -125,6 +158,19 @@ impl Registers for F32x8 {
         fn store_pairs([even, odd]: [F32x8; 2], to: &mut [Vec4]) -> () {
             F32x8(_mm256_permute2f128_ps::<0x20>(even.0, odd.0)).store(&mut to[..2]);
             F32x8(_mm256_permute2f128_ps::<0x31>(even.0, odd.0)).store(&mut to[2..]);
+        }
+        fn gather(from: &[Vec4], places: &[[u32; 4]]) -> [[F32x8; 4]; 4] {
+            assert!(places.len() == 8, "a row a lane");
+            assert!(!from.is_empty() && u32::try_from(from.len()).is_ok(), "there is something to gather");
+            let (all, last) = (places.as_ptr().cast::<f32>(), _mm256_set1_epi32((from.len() as u32 - 1).cast_signed()));
+            let (a, b) = (_mm256_castps_si256(_mm256_loadu_ps(all)), _mm256_castps_si256(_mm256_loadu_ps(all.add(8))));
+            let (c, d) = (_mm256_castps_si256(_mm256_loadu_ps(all.add(16))), _mm256_castps_si256(_mm256_loadu_ps(all.add(24))));
+            let (low, high) = (_mm256_max_epu32(a, b), _mm256_max_epu32(c, d));
+            let most = _mm256_max_epu32(_mm256_max_epu32(low, high), last);
+            let is_inside = _mm256_movemask_epi8(_mm256_cmpeq_epi32(most, last)) == -1;
+            assert!(is_inside, "inside the slice");
+            let from = from.as_ptr();
+            [gathered!(8, from, places, 0), gathered!(8, from, places, 1), gathered!(8, from, places, 2), gathered!(8, from, places, 3)]
         }
         fn transpose([a, b, c, d]: [F32x8; 4]) -> Vector<F32x8> {
             let (xy_low, xy_high) = (_mm256_unpacklo_ps(a.0, b.0), _mm256_unpacklo_ps(c.0, d.0));
@@ -245,6 +291,17 @@ impl Registers for F32x16 {
             let high = _mm512_setr_epi64(4, 5, 12, 13, 6, 7, 14, 15);
             F32x16(_mm512_castpd_ps(_mm512_permutex2var_pd(even, low, odd))).store(&mut to[..4]);
             F32x16(_mm512_castpd_ps(_mm512_permutex2var_pd(even, high, odd))).store(&mut to[4..]);
+        }
+        fn gather(from: &[Vec4], places: &[[u32; 4]]) -> [[F32x16; 4]; 4] {
+            assert!(places.len() == 16, "a row a lane");
+            assert!(!from.is_empty() && u32::try_from(from.len()).is_ok(), "there is something to gather");
+            let (all, last) = (places.as_ptr().cast::<i32>(), _mm512_set1_epi32((from.len() as u32 - 1).cast_signed()));
+            let low = _mm512_max_epu32(_mm512_loadu_epi32(all), _mm512_loadu_epi32(all.add(16)));
+            let high = _mm512_max_epu32(_mm512_loadu_epi32(all.add(32)), _mm512_loadu_epi32(all.add(48)));
+            let is_inside = _mm512_cmple_epu32_mask(_mm512_max_epu32(low, high), last) == !0;
+            assert!(is_inside, "inside the slice");
+            let from = from.as_ptr();
+            [gathered!(16, from, places, 0), gathered!(16, from, places, 1), gathered!(16, from, places, 2), gathered!(16, from, places, 3)]
         }
         fn transpose([a, b, c, d]: [F32x16; 4]) -> Vector<F32x16> {
             let (xy_low, xy_high) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));

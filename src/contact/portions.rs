@@ -1,0 +1,178 @@
+//! The lists in portions of a fixed length. What is found in a portion stays there, so later passes work on portions in
+//! parallel, too, and pairs are in the same order on any number of threads.
+//!
+//! Pairs that act join the groups of their portion and stay there until pairs are listed anew, because most of them act
+//! for many substeps. Most other pairs are not near. They are looked at only when they can have become so since they
+//! were last looked at, given how far the vertices moved meanwhile ([`Clock`]).
+
+use glam::Vec4;
+
+use super::acting::Group;
+use super::contacts::Start;
+use super::pairs::{Kind, Listed};
+use super::ranges::Ranges;
+use super::reused::Reused;
+use crate::simd::{MAX_LANES, Registers};
+
+/// Listed pairs of a portion.
+pub(super) const PORTION: usize = 512;
+/// By how much (in units of the thickness, and of what the vertices moved) a pair is looked at before it can be near,
+/// because distances are rounded.
+const EARLY: [f32; 2] = [0.05, 1e-5];
+
+/// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
+/// lines.
+#[repr(C, align(64))]
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block {
+    /// Places among the vertices of listed pairs.
+    pub corners: [[u32; 4]; MAX_LANES],
+    /// Unit vectors from the second side to the first.
+    pub normal: [[f32; MAX_LANES]; 3],
+    /// The distance (m) of each corner from the plane halfway between the sides, and the distance that it keeps.
+    pub heights: [[f32; MAX_LANES]; 4],
+    pub kept: [f32; MAX_LANES],
+    /// The lanes that hold near pairs, one bit each.
+    pub near: u32,
+}
+
+impl Default for Block {
+    fn default() -> Block {
+        let zero = [0.0; MAX_LANES];
+        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], kept: zero }
+    }
+}
+
+/// Consecutive pairs of a list, and what is found among them.
+#[derive(Debug, Default)]
+pub(super) struct Portion {
+    pub kind: Kind,
+    /// Index in the list of the first pair.
+    pub first: usize,
+    /// The pairs that have acted since they were listed, in order, and the number of groups in the portions before.
+    pub groups: Vec<Group>,
+    pub before: usize,
+    pub looked_at: LookedAt,
+    /// Others that act for the first time in this substep, by their place in the portion.
+    pub joining: Vec<u16>,
+    /// Other near pairs, among pairs that were only looked at.
+    pub blocks: Reused<Block>,
+    /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
+    pub cut: Vec<(u32, f32)>,
+}
+
+/// The pairs of a portion that are due, in order, and copies of what is needed of them, repeated to a multiple of the
+/// lanes.
+#[derive(Debug, Default)]
+pub(super) struct LookedAt {
+    /// Their places in the portion.
+    pub places: Vec<u16>,
+    pub corners: Vec<[u32; 4]>,
+    pub thickness: Vec<f32>,
+}
+
+impl LookedAt {
+    /// Selects the pairs that are due before `limit`.
+    #[inline(always)]
+    pub(super) fn select<L: Registers>(&mut self, due: &[f32], limit: f32) {
+        let LookedAt { places, .. } = self;
+        places.resize(PORTION + MAX_LANES, 0);
+        let (mut count, limits) = (0, L::splat(limit));
+        let (groups, rest) = (due.chunks_exact(L::LANES), due.chunks_exact(L::LANES).remainder());
+        let rest_from = due.len() - rest.len();
+        for (first, due) in (0..).step_by(L::LANES).zip(groups) {
+            let lanes = L::bits(L::from_slice(due).lt(limits));
+            if lanes != 0 {
+                // Without a branch, because pairs that are due alternate with others.
+                for lane in 0..L::LANES {
+                    places[count] = (first + lane) as u16;
+                    count += (lanes >> lane & 1) as usize;
+                }
+            }
+        }
+        for (place, _) in (rest_from..).zip(rest).filter(|&(_, &due)| due < limit) {
+            places[count] = place as u16;
+            count += 1;
+        }
+        places.truncate(count);
+    }
+
+    /// Copies what is needed of the pairs, all before any is looked at: what was stored by small pieces takes long to
+    /// load at once.
+    #[inline(always)]
+    pub(super) fn take<L: Registers>(&mut self, pairs: &[Listed], of_pairs: &[[u32; 4]]) {
+        let LookedAt { places, corners, thickness } = self;
+        corners.clear();
+        thickness.clear();
+        let Some(&last) = places.last() else { return };
+        let padding = places.len().next_multiple_of(L::LANES) - places.len();
+        let all = || places.iter().chain(std::iter::repeat_n(&last, padding)).map(|&place| place as usize);
+        corners.extend(all().map(|place| of_pairs[place]));
+        thickness.extend(all().map(|place| pairs[place].thickness));
+    }
+}
+
+impl Portion {
+    /// All near pairs, among others.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = &Block> {
+        self.groups.iter().map(|group| &group.block).chain(self.blocks.iter())
+    }
+
+    /// Number of pairs in groups.
+    fn members(&self) -> usize {
+        self.groups.iter().map(|group| group.count as usize).sum()
+    }
+
+    /// Adds the joining pairs to the groups, with the multipliers that they have in the list. From now on they are
+    /// never due.
+    pub(super) fn join(
+        &mut self,
+        (pairs, corners): (&[Listed], &[[u32; 4]]),
+        lambda: &[Vec4],
+        due: &mut [f32],
+        friction: impl Fn([u32; 4]) -> f32,
+        ranges: Ranges,
+    ) {
+        let mut left = self.members();
+        let Portion { first, groups, joining, .. } = self;
+        let count = left + joining.len();
+        groups.resize(count.div_ceil(MAX_LANES), Group::default());
+        let listed = |groups: &[Group], member: usize| groups[member / MAX_LANES].listed[member % MAX_LANES] as usize - *first;
+        let mut joining = joining.iter().rev().map(|&place| usize::from(place)).peekable();
+        // Merged from the end, so that every pair is moved before its place is taken.
+        for place in (0..count).rev() {
+            let (group, lane) = (place / MAX_LANES, place % MAX_LANES);
+            let (pair, multiplier) = if let Some(pair) = joining.next_if(|&pair| left == 0 || pair > listed(groups, left - 1)) {
+                due[pair] = f32::INFINITY;
+                let friction = friction(corners[pair]);
+                ((corners[pair], (*first + pair) as u32, pairs[pair].thickness, friction), lambda[pair])
+            } else {
+                left -= 1;
+                groups[left / MAX_LANES].pair(left % MAX_LANES)
+            };
+            groups[group].put(lane, pair, multiplier);
+        }
+        for (index, group) in groups.iter_mut().enumerate() {
+            group.close((count - index * MAX_LANES).min(MAX_LANES), ranges);
+        }
+    }
+}
+
+/// How much the distance of any two vertices can have shrunk since pairs were listed (m). A pair whose distance was
+/// `d` when this was `t` cannot be closer than its thickness before it is `t + d - thickness`; that is when the pair is
+/// due.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Clock {
+    pub now: f32,
+    /// Pairs that are due after this are not near in this substep.
+    pub limit: f32,
+}
+
+impl Clock {
+    /// Advances by what vertices moved by at most since the last substep; now they are about to move by at most
+    /// `travel`, both (m) relative to common displacements.
+    pub(super) fn advance(&mut self, moved: f32, travel: f32, start: Start<'_>) {
+        self.now += 2.0 * moved;
+        self.limit = self.now * (1.0 + EARLY[1]) + 2.0 * (travel + start.most_push) + EARLY[0] * start.thickness;
+    }
+}
