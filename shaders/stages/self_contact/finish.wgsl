@@ -22,7 +22,7 @@ fn finish(
             mine = (u - after) / vertices[i].x.w;
             u = after;
             push *= share;
-            vertices[i].u = vec4f(u, 0.0);
+            vertices[i].u = vec4f(u, vertices[i].x.w);
             vertices[i].push = vec4f(push, 0.0);
         }
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, vertices[i].x.w);

@@ -68,7 +68,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     p_out[i] = vec4f(path.u, params.h);
     if MEETS {
         vertices[i].x = x_i;
-        vertices[i].u = vec4f(path.u, 0.0);
+        vertices[i].u = vec4f(path.u, x_i.w);
         vertices[i].push = vec4f(push, 0.0);
         let pushed = length(push);
         if pushed > 0.0 {

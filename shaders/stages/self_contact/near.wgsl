@@ -134,7 +134,7 @@ fn find(
         }
         workgroupBarrier();
         if looked.state > 0u {
-            near[place_of(looked.state, firsts[looked.state - 1u] + rank)] = looked.pair;
+            set_near(place_of(looked.state, firsts[looked.state - 1u] + rank), looked.pair);
         }
         if looked.state == 2u {
             let units = vec4i(round(abs(looked.pair.weights) * UNIT_WEIGHT));

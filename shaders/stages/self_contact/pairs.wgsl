@@ -34,3 +34,30 @@ fn is_idle() -> bool {
 fn stride(groups: vec3u) -> u32 {
     return groups.x * groups.y * WORKGROUP;
 }
+
+// Near pairs are kept in five arrays of vectors, as bits, because neighboring invocations read them faster that way.
+fn near_at(k: u32) -> Near {
+    let normal = bitcast<vec4f>(near[2u * about.room + k]);
+    let lambda = bitcast<vec4f>(near[3u * about.room + k]);
+    let rest = near[4u * about.room + k];
+    let numbers = bitcast<vec4f>(rest);
+    let weights = bitcast<vec4f>(near[about.room + k]);
+    return Near(near[k], weights, normal.xyz, normal.w, lambda, numbers.x, numbers.y, rest.z, numbers.w);
+}
+
+fn set_near(k: u32, n: Near) {
+    near[k] = n.corners;
+    near[about.room + k] = bitcast<vec4u>(n.weights);
+    near[2u * about.room + k] = bitcast<vec4u>(vec4f(n.normal, n.distance));
+    near[3u * about.room + k] = bitcast<vec4u>(n.lambda);
+    let numbers = bitcast<vec3u>(vec3f(n.thickness, n.rate, n.friction));
+    near[4u * about.room + k] = vec4u(numbers.xy, n.listed, numbers.z);
+}
+
+fn set_lambda(k: u32, lambda: vec4f) {
+    near[3u * about.room + k] = bitcast<vec4u>(lambda);
+}
+
+fn set_rate(k: u32, rate: f32) {
+    near[4u * about.room + k].y = bitcast<u32>(rate);
+}

@@ -31,7 +31,7 @@ fn acting_pairs(lane: u32) -> u32 {
 }
 
 fn inverse_masses(corners: vec4u) -> vec4f {
-    return vec4f(vertices[corners.x].x.w, vertices[corners.y].x.w, vertices[corners.z].x.w, vertices[corners.w].x.w);
+    return vec4f(vertices[corners.x].u.w, vertices[corners.y].u.w, vertices[corners.z].u.w, vertices[corners.w].u.w);
 }
 
 // Adds a vector [m] to three sums of a vertex.
@@ -135,17 +135,17 @@ fn weight_of(v: u32) -> f32 {
 
 // Computes the relaxation rate of a pair, and its impulse for the warm start.
 fn warm_pair(k: u32) {
-    let n = near[k];
+    let n = near_at(k);
     let w = inverse_masses(n.corners);
     let bound = bound_of(n, w);
     if !(bound > 0.0) {
-        near[k].lambda = vec4f();
+        set_lambda(k, vec4f());
         return;
     }
-    near[k].rate = RELAXATION / bound;
+    set_rate(k, RELAXATION / bound);
     var held = n.lambda * (WARM * known.status.scale);
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
-    near[k].lambda = held;
+    set_lambda(k, held);
     give(n.corners, w, GIVEN, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
 }
 
@@ -158,7 +158,7 @@ fn bound_of(n: Near, w: vec4f) -> f32 {
 
 // Adds the correction that separates a pair that is too close.
 fn push_pair(k: u32) {
-    let n = near[k];
+    let n = near_at(k);
     let depth = min(max(n.thickness - n.distance, 0.0), DEPENETRATION * params.h);
     if depth == 0.0 {
         return;
@@ -192,17 +192,21 @@ fn warm(
 }
 
 fn step_pair(k: u32) {
-    let n = near[k];
+    let n = near_at(k);
     if n.rate == 0.0 {
         return;
     }
-    let relative = between(n.weights, displacements(n.corners));
+    let a = vertices[n.corners.x].u;
+    let b = vertices[n.corners.y].u;
+    let c = vertices[n.corners.z].u;
+    let d = vertices[n.corners.w].u;
+    let relative = between(n.weights, Four(a.xyz, b.xyz, c.xyz, d.xyz));
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
     let gap = max(n.distance - n.thickness, 0.0);
     let now = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
-    near[k].lambda = vec4f(now.rub, now.press);
+    set_lambda(k, vec4f(now.rub, now.press));
     let more = Multipliers(now.rub - held.rub, now.press - held.press);
-    give(n.corners, inverse_masses(n.corners), GIVEN, n.weights, impulse(more, n.normal));
+    give(n.corners, vec4f(a.w, b.w, c.w, d.w), GIVEN, n.weights, impulse(more, n.normal));
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -243,7 +247,7 @@ fn take_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
     if i >= about.vertices || is_idle() {
         return;
     }
-    vertices[i].u.w = length(vertices[i].u.xyz + vertices[i].push.xyz - known.status.mean);
+    vertices[i].way.w = length(vertices[i].u.xyz + vertices[i].push.xyz - known.status.mean);
     take_sums(i);
 }
 
@@ -265,11 +269,20 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     take_sums(i);
     let push = vertices[i].push.xyz + taken(i, PUSHED);
     vertices[i].push = vec4f(push, 0.0);
-    let way = length(vertices[i].u.xyz + push - known.status.mean);
-    let most = vertices[i].u.w + FARTHER * reach_of(i);
-    if way > most && vertices[i].x.w > 0.0 {
-        atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / way));
+    let way = vertices[i].u.xyz + push - known.status.mean;
+    let most = vertices[i].way.w + FARTHER * reach_of(i);
+    vertices[i].way = vec4f(way, vertices[i].way.w);
+    if length(way) > most && vertices[i].x.w > 0.0 {
+        atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / length(way)));
     }
+}
+
+// How far a vertex moves relative to the mean displacement. Those of mesh colliders are not corrected.
+fn way_of(v: u32) -> vec3f {
+    if v >= about.vertices {
+        return vertices[v].u.xyz - known.status.mean;
+    }
+    return vertices[v].way.xyz;
 }
 
 // Computes the shares of its vertices' displacements with which a pair stays on both sides of the plane halfway
@@ -277,28 +290,30 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
 fn cut_pair(n: Near) {
     let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
     let firsts = max(sides, vec4f());
-    let at = positions(n.corners);
-    let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
+    var at: array<vec4f, 4>;
+    for (var c = 0u; c < 4u; c++) {
+        at[c] = vertices[n.corners[c]].x;
+    }
+    let all = Four(at[0].xyz, at[1].xyz, at[2].xyz, at[3].xyz);
+    let middle = between(n.weights * firsts, all) - n.normal * (0.5 * n.distance);
     let keeps = kept(n.distance, n.thickness);
     var heights: vec4f;
     var towards: vec4f;
     var led_down = 0.0;
     var led_up = 0.0;
-    let w = inverse_masses(n.corners);
     for (var c = 0u; c < 4u; c++) {
-        let v = n.corners[c];
-        let way = vertices[v].u.xyz + vertices[v].push.xyz - known.status.mean;
-        heights[c] = sides[c] * dot(n.normal, vertices[v].x.xyz - middle);
+        let way = way_of(n.corners[c]);
+        heights[c] = sides[c] * dot(n.normal, at[c].xyz - middle);
         towards[c] = -sides[c] * dot(n.normal, way);
         // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
-        let out = select(0.0, max(keeps - (heights[c] - towards[c]), 0.0), w[c] == 0.0);
+        let out = select(0.0, max(keeps - (heights[c] - towards[c]), 0.0), at[c].w == 0.0);
         led_down = max(led_down, out * firsts[c]);
         led_up = max(led_up, out * (1.0 - firsts[c]));
     }
     let led = led_up - led_down;
     for (var c = 0u; c < 4u; c++) {
         let share = share_above(heights[c] - sides[c] * led, keeps, towards[c]);
-        if share < 1.0 && w[c] > 0.0 {
+        if share < 1.0 && at[c].w > 0.0 {
             atomicMin(&sums[SUMS * n.corners[c] + SHARE], bitcast<i32>(share));
         }
     }
@@ -320,7 +335,7 @@ fn cut(
     let all = workgroupUniformLoad(&total);
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let acts = k < acting;
-        let n = near[place_of(select(1u, 2u, acts), select(k - acting, k, acts))];
+        let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
         cut_pair(n);
         if acts {
             pairs[place(n.listed)].lambda = n.lambda;

@@ -75,13 +75,15 @@ struct Near {
     friction: f32,
 }
 
-// A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is led. `u`: displacement; w is the distance
-// that it was about to move relative to the mean. `push`: correction that adds no velocity; w is the coefficient of
-// friction of a mesh collider's vertex.
+// A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is led. `u`: displacement; w is the inverse mass
+// again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
+// collider's vertex. `way`, of the cloth's vertices after the response: both, relative to the mean displacement; w is the
+// distance that it was about to move.
 struct Vertex {
     x: vec4f,
     u: vec4f,
     push: vec4f,
+    way: vec4f,
 }
 
 // The path that detection assumes: start, with the distance that the vertex may stray in w; displacement per substep,
@@ -169,7 +171,7 @@ struct Known {
 @group(1) @binding(5) var<storage, read_write> nodes: array<Node>;
 @group(1) @binding(6) var<storage, read_write> chains: array<atomic<u32>>;
 @group(1) @binding(7) var<storage, read_write> pairs: array<Listed>;
-@group(1) @binding(8) var<storage, read_write> near: array<Near>;
+@group(1) @binding(8) var<storage, read_write> near: array<vec4u>;
 @group(1) @binding(9) var<storage, read_write> sums: array<atomic<i32>>;
 @group(1) @binding(10) var<storage, read_write> known: Known;
 @group(1) @binding(11) var<storage, read> bodies: array<Body>;

@@ -127,7 +127,7 @@ pub(crate) struct Track {
 }
 
 /// Sizes in bytes of structs that only the shaders access.
-pub(super) const VERTEX: usize = 48;
+pub(super) const VERTEX: usize = 64;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const BOX: usize = 48;
