@@ -290,32 +290,40 @@ fn way_of(v: u32) -> vec3f {
 fn cut_pair(n: Near) {
     let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
     let firsts = max(sides, vec4f());
-    var at: array<vec4f, 4>;
-    for (var c = 0u; c < 4u; c++) {
-        at[c] = vertices[n.corners[c]].x;
-    }
-    let all = Four(at[0].xyz, at[1].xyz, at[2].xyz, at[3].xyz);
-    let middle = between(n.weights * firsts, all) - n.normal * (0.5 * n.distance);
+    let a = vertices[n.corners.x].x;
+    let b = vertices[n.corners.y].x;
+    let c = vertices[n.corners.z].x;
+    let d = vertices[n.corners.w].x;
+    let middle = between(n.weights * firsts, Four(a.xyz, b.xyz, c.xyz, d.xyz)) - n.normal * (0.5 * n.distance);
     let keeps = kept(n.distance, n.thickness);
-    var heights: vec4f;
-    var towards: vec4f;
-    var led_down = 0.0;
-    var led_up = 0.0;
-    for (var c = 0u; c < 4u; c++) {
-        let way = way_of(n.corners[c]);
-        heights[c] = sides[c] * dot(n.normal, at[c].xyz - middle);
-        towards[c] = -sides[c] * dot(n.normal, way);
-        // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
-        let out = select(0.0, max(keeps - (heights[c] - towards[c]), 0.0), at[c].w == 0.0);
-        led_down = max(led_down, out * firsts[c]);
-        led_up = max(led_up, out * (1.0 - firsts[c]));
-    }
-    let led = led_up - led_down;
-    for (var c = 0u; c < 4u; c++) {
-        let share = share_above(heights[c] - sides[c] * led, keeps, towards[c]);
-        if share < 1.0 && at[c].w > 0.0 {
-            atomicMin(&sums[SUMS * n.corners[c] + SHARE], bitcast<i32>(share));
-        }
+    let heights = sides * vec4f(
+        dot(n.normal, a.xyz - middle),
+        dot(n.normal, b.xyz - middle),
+        dot(n.normal, c.xyz - middle),
+        dot(n.normal, d.xyz - middle),
+    );
+    let towards = -sides * vec4f(
+        dot(n.normal, way_of(n.corners.x)),
+        dot(n.normal, way_of(n.corners.y)),
+        dot(n.normal, way_of(n.corners.z)),
+        dot(n.normal, way_of(n.corners.w)),
+    );
+    // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
+    let w = vec4f(a.w, b.w, c.w, d.w);
+    let out = select(vec4f(), max(keeps - (heights - towards), vec4f()), w == vec4f());
+    let down = out * firsts;
+    let up = out * (1.0 - firsts);
+    let led = max(max(up.x, up.y), max(up.z, up.w)) - max(max(down.x, down.y), max(down.z, down.w));
+    let left = heights - sides * led;
+    cut_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
+    cut_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
+    cut_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));
+    cut_vertex(n.corners.w, w.w, share_above(left.w, keeps, towards.w));
+}
+
+fn cut_vertex(v: u32, w: f32, share: f32) {
+    if share < 1.0 && w > 0.0 {
+        atomicMin(&sums[SUMS * v + SHARE], bitcast<i32>(share));
     }
 }
 
@@ -333,16 +341,18 @@ fn cut(
         atomicStore(&pressing, 0u);
     }
     let all = workgroupUniformLoad(&total);
+    var mine = 0u;
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let acts = k < acting;
         let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
         cut_pair(n);
         if acts {
             pairs[place(n.listed)].lambda = n.lambda;
-            if n.lambda.w > 0.0 {
-                atomicAdd(&pressing, 1u);
-            }
+            mine += u32(n.lambda.w > 0.0);
         }
+    }
+    if mine > 0u {
+        atomicAdd(&pressing, mine);
     }
     workgroupBarrier();
     if lane == 0u && atomicLoad(&pressing) > 0u {
