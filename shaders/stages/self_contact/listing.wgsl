@@ -1,4 +1,5 @@
-// Bounds all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed before.
+// Bounds all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed
+// before.
 
 override LANES: u32 = 128u;
 
@@ -81,8 +82,9 @@ fn held_before(row: u32, other: u32) -> vec4f {
     return vec4f();
 }
 
-// Computes the boxes of the triangles, edges and vertices, and the bounds of the normals of the cloth's triangles. Puts the previous list's pairs that have multipliers into chains: an
-// element of `chains` is 1 more than the number of a pair, whose `next` is 1 more than that of another, or 0 at the end.
+// Computes the boxes of the triangles, edges and vertices, and the bounds of the normals of the cloth's triangles. Puts the
+// previous list's pairs that have multipliers into chains: an element of `chains` is 1 more than the number of a pair, whose
+// `next` is 1 more than that of another, or 0 at the end.
 @compute @workgroup_size(WORKGROUP)
 fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     if !is_due() {

@@ -91,3 +91,7 @@ impl Course {
         substep.is_multiple_of(self.spacing() as usize)
     }
 }
+
+#[cfg(test)]
+#[path = "../../../tests/unit/gpu_course.rs"]
+mod tests;
