@@ -104,11 +104,13 @@ impl LookedAt {
         let LookedAt { places, corners, thickness } = self;
         corners.clear();
         thickness.clear();
-        let Some(&last) = places.last() else { return };
-        let padding = places.len().next_multiple_of(L::LANES) - places.len();
-        let all = || places.iter().chain(std::iter::repeat_n(&last, padding)).map(|&place| place as usize);
-        corners.extend(all().map(|place| of_pairs[place]));
-        thickness.extend(all().map(|place| pairs[place].thickness));
+        corners.extend(places.iter().map(|&place| of_pairs[usize::from(place)]));
+        thickness.extend(places.iter().map(|&place| pairs[usize::from(place)].thickness));
+        if let (Some(&last), Some(&least)) = (corners.last(), thickness.last()) {
+            let count = places.len().next_multiple_of(L::LANES);
+            corners.resize(count, last);
+            thickness.resize(count, least);
+        }
     }
 }
 
