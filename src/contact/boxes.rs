@@ -41,6 +41,13 @@ impl Boxes {
         });
     }
 
+    /// Sets the box of an item.
+    pub(super) fn set(&mut self, item: usize, [low, high]: [Vec3A; 2]) {
+        for k in 0..3 {
+            (self.low[k][item], self.high[k][item]) = (low[k], high[k]);
+        }
+    }
+
     #[inline(always)]
     pub(super) fn get(&self, item: usize) -> [Vec3A; 2] {
         let (low, high) = (&self.low, &self.high);

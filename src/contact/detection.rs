@@ -2,8 +2,9 @@
 //!
 //! Features are compared at the midpoints of their straight predicted paths over these substeps. A pair is not listed
 //! if its distance there exceeds the sum of its thickness, the distances that both may stray from their paths
-//! ([`Path::stray`]), and half of their relative motion. When a vertex strays farther than assumed, everything is
-//! detected again. Lists are as long as necessary: no pair is dropped.
+//! ([`Path::stray`]), and half of their relative motion. When a vertex strays farther than assumed, it gets a new path, and
+//! the pairs around it are listed anew, or all pairs if that happens to many. Lists are as long as necessary: no pair is
+//! dropped.
 
 use std::ops::Range;
 
@@ -16,8 +17,8 @@ use super::measure::Measure;
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::rows::{Found, Rows};
-use super::surface::Surface;
-use super::tree::{Look, Tree};
+use super::surface::{Leaves, Surface};
+use super::tree::{Look, Tree, Walk};
 use super::{Path, for_chunks, least};
 use crate::kernels::integrate::xyz;
 use crate::simd::{self, Width};
@@ -50,6 +51,8 @@ pub(super) struct Detection {
     boxes: [Boxes; 3],
     findings: Vec<Finding>,
     before: Rows,
+    /// Whether the bounds belong to the paths.
+    pub is_fitted: bool,
 }
 
 /// The input of a detection.
@@ -75,22 +78,78 @@ impl Detection {
         lists: &mut [Rows; 2],
         is_let_go: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<(), usize> {
+        self.fit(scene, [cloth, bodies]);
+        let tasks = self.find(scene, [cloth, bodies], true, is_let_go)?;
+        let (rows, ranges) = (rows(&scene), ranges(&scene));
+        for (kind, lists) in lists.iter_mut().enumerate() {
+            let found = || self.findings[..tasks].iter().map(|finding| &finding.found[kind]);
+            lists.fill(rows[kind], ranges[kind], found, &mut self.before, scene.path.is_shared);
+        }
+        Ok(())
+    }
+
+    /// Lists more pairs, after the vertices that `strayed` got new paths. Returns whether there are any.
+    pub(super) fn run_around(
+        &mut self,
+        scene: Scene<'_>,
+        strayed: &[u32],
+        [cloth, bodies]: [&mut Tree; 2],
+        lists: &mut [Rows; 2],
+    ) -> Result<bool, usize> {
         let Scene { surface, path, look, .. } = scene;
-        self.move_on(&scene);
-        for (tree, rests) in [(&mut *cloth, false), (&mut *bodies, scene.bodies_rest)] {
+        for &vertex in strayed {
+            self.middle[vertex as usize] = midpoint(path, look, vertex as usize);
+        }
+        let (of_cloth, of_bodies) = strayed.split_at(strayed.partition_point(|&vertex| surface.owner[vertex as usize] == 0));
+        for (tree, vertices) in [(&mut *cloth, of_cloth), (&mut *bodies, of_bodies)] {
+            tree.mark(vertices, surface);
+            for leaf in tree.moved() {
+                self.bound_leaf(surface, &tree.leaves, leaf);
+            }
+            tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, look.substeps);
+        }
+        let tasks = self.find(scene, [cloth, bodies], false, |_, _, _| false)?;
+        let mut added = 0;
+        for (kind, lists) in lists.iter_mut().enumerate() {
+            added += lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs));
+        }
+        Ok(added > 0)
+    }
+
+    /// Fits all bounds to the paths.
+    pub(super) fn fit(&mut self, scene: Scene<'_>, trees: [&mut Tree; 2]) {
+        let Scene { surface, path, look, .. } = scene;
+        self.middle.resize(path.x.len(), Vec4::ZERO);
+        for_chunks(path.is_shared, &mut self.middle, GROUP, |first, middle| {
+            (first..).zip(middle).for_each(|(vertex, y)| *y = midpoint(path, look, vertex));
+        });
+        for (tree, rests) in trees.into_iter().zip([false, scene.bodies_rest]) {
             if !rests {
                 self.bound(&scene, tree.leaves.all());
                 tree.refit(surface, &self.boxes[TRIANGLES], path, look.substeps);
             }
         }
+        self.is_fitted = true;
+    }
+
+    /// Finds all pairs, or only those that may be new. Returns the number of tasks that did.
+    fn find(
+        &mut self,
+        scene: Scene<'_>,
+        [cloth, bodies]: [&mut Tree; 2],
+        all: bool,
+        is_let_go: impl Fn(Kind, u32, &Listed) -> bool + Sync,
+    ) -> Result<usize, usize> {
+        let Scene { surface, path, look, .. } = scene;
+        let walk = Walk { look, all, is_shared: all && path.is_shared };
         let [own, across] = &mut self.leaves;
         own.clear();
         across.clear();
         if scene.meets_itself {
-            cloth.walk(look, path.is_shared, own);
+            cloth.walk(walk, own);
         }
         if surface.has_bodies() {
-            cloth.walk_across(bodies, look, path.is_shared, across);
+            cloth.walk_across(bodies, walk, across);
         }
         let pairs = own.len() + across.len();
         if pairs > CROWD[0] + (CROWD[1] << cloth.leaves.depth.max(bodies.leaves.depth)) {
@@ -100,8 +159,7 @@ impl Detection {
         self.findings.resize_with(self.findings.len().max(tasks), Finding::default);
         let (findings, left) = self.findings[..tasks].split_at_mut(own.len().div_ceil(GRAIN));
         let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
-        let rows = [path.x.len(), surface.edges.len()];
-        let ranges = rows.map(|rows| Ranges::of(rows, path.is_shared));
+        let ranges = ranges(&scene);
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
             let tasks = findings.par_iter_mut().zip(leaves.par_chunks(GRAIN)).with_min_len(least(path.is_shared));
             tasks.for_each(|(Finding { near, found }, leaves)| {
@@ -120,36 +178,52 @@ impl Detection {
                 }
             });
         }
-        for (kind, lists) in lists.iter_mut().enumerate() {
-            let found = || self.findings[..tasks].iter().map(|finding| &finding.found[kind]);
-            lists.fill(rows[kind], ranges[kind], found, &mut self.before, path.is_shared);
-        }
-        Ok(())
-    }
-
-    /// Computes the midpoints of all vertices' paths.
-    fn move_on(&mut self, scene: &Scene<'_>) {
-        let Scene { path, look, .. } = *scene;
-        self.middle.resize(path.x.len(), Vec4::ZERO);
-        for_chunks(path.is_shared, &mut self.middle, GROUP, |first, middle| {
-            let state = path.x[first..].iter().zip(&path.u[first..]).zip(&path.stray[first..]);
-            middle.iter_mut().zip(state).for_each(|(y, ((&x, &u), &stray))| *y = (x + u * (0.5 * look.substeps)).with_w(stray));
-        });
+        Ok(tasks)
     }
 
     /// Computes the boxes of some triangles, edges and vertices.
     fn bound(&mut self, scene: &Scene<'_>, [triangles, edges, vertices]: [Range<usize>; 3]) {
         let Scene { surface, path, .. } = *scene;
         let middle = &self.middle;
-        let around = |vertices: &[u32]| {
-            vertices.iter().fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[low, high], &vertex| {
-                let (y, stray) = (xyz(middle[vertex as usize]), Vec3A::splat(middle[vertex as usize].w));
-                [low.min(y - stray), high.max(y + stray)]
-            })
-        };
         let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
-        of_triangles.bound(triangles, path.is_shared, |item| around(&surface.triangles[item]));
-        of_edges.bound(edges, path.is_shared, |item| around(&surface.edges[item]));
-        of_vertices.bound(vertices, path.is_shared, |item| around(&surface.order[item..=item]));
+        of_triangles.bound(triangles, path.is_shared, |item| around(middle, &surface.triangles[item]));
+        of_edges.bound(edges, path.is_shared, |item| around(middle, &surface.edges[item]));
+        of_vertices.bound(vertices, path.is_shared, |item| around(middle, &surface.order[item..=item]));
+    }
+
+    /// The same for those of a leaf.
+    fn bound_leaf(&mut self, surface: &Surface, leaves: &Leaves, leaf: usize) {
+        let middle = &self.middle;
+        let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
+        leaves.triangles_of(leaf).for_each(|item| of_triangles.set(item, around(middle, &surface.triangles[item])));
+        leaves.edges_of(leaf).for_each(|item| of_edges.set(item, around(middle, &surface.edges[item])));
+        leaves.vertices_of(leaf).for_each(|item| of_vertices.set(item, around(middle, &surface.order[item..=item])));
     }
 }
+
+/// The number of first features of pairs of each kind.
+fn rows(scene: &Scene<'_>) -> [usize; 2] {
+    [scene.path.x.len(), scene.surface.edges.len()]
+}
+
+/// The same, divided among the threads.
+fn ranges(scene: &Scene<'_>) -> [Ranges; 2] {
+    rows(scene).map(|rows| Ranges::of(rows, scene.path.is_shared))
+}
+
+/// The midpoint of a vertex's path (m); w is the distance that it may stray from it.
+fn midpoint(path: Path<'_>, look: Look, vertex: usize) -> Vec4 {
+    (path.x[vertex] + path.u[vertex] * (0.5 * look.substeps)).with_w(path.stray[vertex])
+}
+
+/// The box around everything that some vertices may stray to from the midpoints of their paths.
+fn around(middle: &[Vec4], vertices: &[u32]) -> [Vec3A; 2] {
+    vertices.iter().fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[low, high], &vertex| {
+        let (y, stray) = (xyz(middle[vertex as usize]), Vec3A::splat(middle[vertex as usize].w));
+        [low.min(y - stray), high.max(y + stray)]
+    })
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/contact_detection.rs"]
+mod tests;

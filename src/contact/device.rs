@@ -11,6 +11,7 @@ use super::let_go::LetGo;
 use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
+use super::rows::Rows;
 use super::surface::Surface;
 use super::table::Table;
 use super::tree::Tree;
@@ -172,6 +173,7 @@ impl OnDevice {
             let pairs = &lists.pairs[first as usize..starts.last().copied().unwrap_or_default() as usize];
             ListedRows {
                 starts: starts.iter().map(|start| start - first).collect(),
+                later: Vec::new(),
                 others: pairs.iter().map(|pair| pair.other).collect(),
                 thickness: pairs.iter().map(|pair| pair.thickness).collect(),
                 lambda: pairs.iter().map(|pair| pair.lambda).collect(),
@@ -182,7 +184,7 @@ impl OnDevice {
         Past {
             bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
-            paths: Paths { from: from.clone(), by: by.clone(), stray, ahead: *ahead, since: *since },
+            paths: Paths { from: from.clone(), by: by.clone(), stray, ahead: *ahead, since: *since, renewed: 0 },
             crossings: self.let_go.crossings.clone(),
             may_cross: self.may_cross,
             h: *h,
@@ -201,7 +203,7 @@ impl OnDevice {
     /// this cloth.
     pub(crate) fn resume(&mut self, past: &Past) -> Option<DeviceLists> {
         let Past { bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
-        let Paths { from, by, stray, ahead, since } = paths;
+        let Paths { from, by, stray, ahead, since, renewed: _ } = paths;
         let surface = &self.surface;
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
@@ -209,7 +211,8 @@ impl OnDevice {
             return None;
         }
         let first = of_vertices.others.len() as u32;
-        let pairs = |kind, rows: &ListedRows, count, others| super::past::rows(surface, kind, rows, [count, others]);
+        let pairs =
+            |kind, rows: &ListedRows, count, others| super::past::rows(surface, kind, rows, [count, others]).map(Rows::in_rows);
         let one = pairs(Kind::VertexTriangle, of_vertices, self.vertices, surface.triangles.len())?;
         let other = pairs(Kind::EdgeEdge, of_edges, surface.edges.len(), surface.edges.len())?;
         let mut starts = one.starts;

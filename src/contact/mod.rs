@@ -75,7 +75,7 @@ use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;
 
-/// Least distance that a vertex may stray from its path before everything is detected again, in units of the thickness.
+/// Least distance that a vertex may stray from its path before it gets a new one, in units of the thickness.
 const LEAST_STRAY: f32 = 0.1;
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
@@ -250,12 +250,13 @@ impl SelfContact {
         let (is_free, path) = (frame.is_none(), Path { x, u, stray: &[], is_shared });
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let may_stray = Path { x: &x[..moving], u: &u[..moving], ..path };
-        if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, is_free, width) {
+        if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, moving, is_free, width) {
             return;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);
         (self.tally.near, self.tally.contacts) = (0, 0);
-        if self.lists.iter().any(|rows| !rows.pairs.is_empty()) {
+        self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
+        if self.tally.listed > 0 {
             let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
             let thickness = self.options.thickness;
@@ -317,14 +318,34 @@ impl SelfContact {
         self.push.iter().map(|push| xyz(*push).length_squared()).fold(0.0, f32::max).sqrt()
     }
 
-    /// Lists the pairs that may meet from here on. Returns false if there are too many, or if the state is not finite,
-    /// which the end of the step reports.
-    fn detect(&mut self, path: Path<'_>, is_free: bool, width: Width) -> bool {
-        let SelfContact { options, surface, trees, lists, detection, paths, bodies, .. } = self;
+    /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
+    /// too many pairs, or if the state is not finite, which the end of the step reports.
+    fn detect(&mut self, path: Path<'_>, moving: usize, is_free: bool, width: Width) -> bool {
         let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
         if !sum.is_finite() {
             return false;
         }
+        if self.led_may_cross && !self.may_cross {
+            self.may_cross = LetGo::led_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
+        }
+        let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
+        let is_listed = !self.may_cross && self.lists.iter().all(|rows| !rows.starts.is_empty());
+        let strayed = if is_listed { self.paths.strayed(may_stray, is_free) } else { None };
+        self.tally.detections += u32::from(strayed.is_none());
+        let listed = match strayed {
+            Some(strayed) => self.list_around(&strayed, path, is_free, width),
+            None => self.list_all(path, is_free, width),
+        };
+        if let Err(crowd) = listed {
+            (self.crowd, self.detection.is_fitted) = (crowd, false);
+            return false;
+        }
+        true
+    }
+
+    /// Lists all pairs, for new paths.
+    fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+        let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
         paths.adapt(path, lists_are, surface, LEAST_STRAY * options.thickness, is_free);
@@ -332,31 +353,49 @@ impl SelfContact {
             paths.stray[bodies.first..].fill(0.0);
         }
         paths.begin(path.x, path.u);
-        let path = Path { stray: &paths.stray, ..path };
-        let look = Look { substeps: paths.ahead, margin: options.thickness };
-        let (meets_itself, bodies_rest) = (self.meets_itself, bodies.are_known);
-        let scene = Scene { surface, meets_itself, bodies_rest, path, look, width };
-        bodies.are_known = bodies.are_still;
-        if self.led_may_cross && !self.may_cross {
-            self.may_cross = LetGo::led_cross(surface, path.x, self.meets_itself, options.thickness);
-        }
         if self.may_cross {
             self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
             self.may_cross = !self.let_go.crossings.is_empty();
         }
         self.contacts.keep(lists, path.is_shared);
+        let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.is_shared, width);
+        bodies.are_known = bodies.are_still;
         let let_go = &self.let_go;
-        let [of_cloth, of_bodies] = trees;
-        if let Err(crowd) = detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| let_go.has(kind, first, pair))
-        {
-            self.crowd = crowd;
-            return false;
-        }
         self.contacts.forget();
-        self.tally.detections += 1;
-        self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
-        true
+        detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| let_go.has(kind, first, pair))
     }
+
+    /// Lists more pairs, around some vertices that get new paths.
+    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+        let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        if !detection.is_fitted {
+            detection
+                .fit(scene(surface, *options, self.meets_itself, false, paths, path.is_shared, width), [of_cloth, of_bodies]);
+        }
+        paths.restart(strayed, path, surface, LEAST_STRAY * options.thickness, is_free);
+        bodies.are_known &= bodies.are_still;
+        let scene = scene(surface, *options, self.meets_itself, false, paths, path.is_shared, width);
+        self.contacts.keep(lists, path.is_shared);
+        if detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)? {
+            self.contacts.forget();
+        }
+        Ok(())
+    }
+}
+
+/// The input of a detection along some paths.
+fn scene<'a>(
+    surface: &'a Surface,
+    options: Contact,
+    meets_itself: bool,
+    bodies_rest: bool,
+    paths: &'a Paths,
+    is_shared: bool,
+    width: Width,
+) -> Scene<'a> {
+    let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, is_shared };
+    let look = Look { substeps: paths.ahead, margin: options.thickness };
+    Scene { surface, meets_itself, bodies_rest, path, look, width }
 }
 
 /// The mean displacement (m), weighted by mass.

@@ -30,13 +30,14 @@ pub(crate) struct Past {
 #[derive(Debug, Clone, Default)]
 pub(super) struct ListedRows {
     pub starts: Vec<u32>,
+    pub later: Vec<u32>,
     pub others: Vec<u32>,
     pub thickness: Vec<f32>,
     pub lambda: Vec<Vec4>,
 }
 
 recorded!(Past { bodies, lists, paths, crossings, may_cross, h });
-recorded!(ListedRows { starts, others, thickness, lambda });
+recorded!(ListedRows { starts, later, others, thickness, lambda });
 
 impl Past {
     /// Applies a rigid motion of the whole cloth.
@@ -85,7 +86,7 @@ impl SelfContact {
             self.let_go.take(crossings.clone(), &self.surface);
         }
         self.contacts.forget();
-        (self.may_cross, self.h) = (*may_cross, *h);
+        (self.detection.is_fitted, self.may_cross, self.h) = (false, *may_cross, *h);
     }
 
     pub(crate) fn past(&self) -> Past {
@@ -111,6 +112,7 @@ impl SelfContact {
         } = self;
         let rows = |rows: &Rows| ListedRows {
             starts: rows.starts.clone(),
+            later: rows.later.clone(),
             others: rows.pairs.iter().map(|pair| pair.other).collect(),
             thickness: rows.pairs.iter().map(|pair| pair.thickness).collect(),
             lambda: rows.lambda.clone(),
@@ -141,6 +143,7 @@ impl SelfContact {
         self.lists = [first, second];
         self.contacts.forget();
         self.let_go.take(past.crossings.clone(), &self.surface);
+        self.detection.is_fitted = false;
         (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);
         true
     }
@@ -148,21 +151,22 @@ impl SelfContact {
 
 /// Converts saved lists with this many rows and second features. Returns `None` if they cannot belong to this cloth.
 pub(super) fn rows(surface: &Surface, kind: Kind, rows: &ListedRows, [features, other_features]: [usize; 2]) -> Option<Rows> {
-    let ListedRows { starts, others, thickness, lambda } = rows;
-    let is_whole = starts.is_empty() && others.is_empty()
+    let ListedRows { starts, later, others, thickness, lambda } = rows;
+    let is_whole = starts.is_empty() && others.is_empty() && later.is_empty()
         || starts.len() == features + 1
             && starts.is_sorted()
             && starts[0] == 0
-            && starts[features] as usize == others.len()
+            && starts[features] as usize + later.len() == others.len()
+            && later.iter().all(|&first| (first as usize) < features)
             && others.iter().all(|&other| (other as usize) < other_features);
     if !is_whole || [thickness.len(), lambda.len()] != [others.len(); 2] {
         return None;
     }
-    let pairs = starts.windows(2).enumerate().flat_map(|(first, row)| {
-        (row[0] as usize..row[1] as usize).map(move |place| {
-            let corners = corners(surface, kind, [first as u32, others[place]]);
-            Listed { corners, other: others[place], thickness: thickness[place] }
-        })
+    let in_rows = (0..).zip(starts.windows(2)).flat_map(|(first, row)| (row[0]..row[1]).map(move |_| first));
+    let numbers = others.iter().zip(thickness);
+    let pairs = in_rows.chain(later.iter().copied()).zip(numbers).map(|(first, (&other, &thickness))| {
+        let corners = corners(surface, kind, [first, other]);
+        Listed { corners, other, thickness }
     });
-    Some(Rows { pairs: pairs.collect(), starts: starts.clone(), lambda: lambda.clone() })
+    Some(Rows { pairs: pairs.collect(), starts: starts.clone(), later: later.clone(), lambda: lambda.clone() })
 }

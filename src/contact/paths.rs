@@ -20,6 +20,12 @@ pub(super) const KEEPS: f32 = 0.8;
 pub(super) const AHEAD: [f32; 2] = [6.0, 64.0];
 /// Factor by which detection looks farther ahead if the last paths lasted as long as they should.
 pub(super) const FARTHER: f32 = 1.5;
+/// Share of the distance that it may stray, from which on a vertex gets a new path when others do.
+pub(super) const SOON: f32 = 0.75;
+/// Share of all vertices up to which only those get new paths that strayed.
+pub(super) const FEW: f32 = 0.01;
+/// Factor by which such a vertex may stray farther.
+pub(super) const LONGER: f32 = 1.5;
 /// Number of vertices from which the common deviation is estimated.
 const SAMPLES: usize = 32;
 
@@ -34,9 +40,11 @@ pub(super) struct Paths {
     /// The number of substeps that the paths cover, and how many of them are over; `None` before the first detection.
     pub ahead: f32,
     pub since: Option<f32>,
+    /// How many vertices got new paths since.
+    pub renewed: u32,
 }
 
-recorded!(Paths { from, by, stray, ahead, since });
+recorded!(Paths { from, by, stray, ahead, since, renewed });
 
 impl Paths {
     /// Becomes other paths, in its own buffers.
@@ -44,7 +52,7 @@ impl Paths {
         self.from.clone_from(&other.from);
         self.by.clone_from(&other.by);
         self.stray.clone_from(&other.stray);
-        (self.ahead, self.since) = (other.ahead, other.since);
+        (self.ahead, self.since, self.renewed) = (other.ahead, other.since, other.renewed);
     }
 
     /// Whether these are valid paths of this many vertices, or there are none.
@@ -77,7 +85,7 @@ impl Paths {
         if since >= self.ahead || self.from.len() < path.x.len() {
             return false;
         }
-        let (substeps, common) = (since + 1.0, if is_free { self.common(path) } else { Vec3A::ZERO });
+        let (substeps, [common, _]) = (since + 1.0, self.common(path, is_free));
         let all = AtomicBool::new(true);
         let look = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
         if path.is_shared && path.x.len() > GRAIN {
@@ -90,19 +98,53 @@ impl Paths {
         all.into_inner()
     }
 
+    /// The vertices that have strayed, or will soon, if these are few and the paths are not over.
+    pub(super) fn strayed(&self, path: Path<'_>, is_free: bool) -> Option<Vec<u32>> {
+        if self.since.is_none_or(|since| since >= self.ahead) || self.from.len() < path.x.len() {
+            return None;
+        }
+        let [common, _] = self.common(path, is_free);
+        let most = ((FEW * path.x.len() as f32) as usize).saturating_sub(self.renewed as usize);
+        let is_near =
+            |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < SOON * SOON;
+        let strayed: Vec<u32> = (0..path.x.len()).filter(|&vertex| !is_near(vertex)).take(most + 1).map(|v| v as u32).collect();
+        (strayed.len() <= most).then_some(strayed)
+    }
+
+    /// Starts new paths for some vertices, as if they had been on them since the last detection.
+    pub(super) fn restart(&mut self, vertices: &[u32], path: Path<'_>, surface: &Surface, least: f32, is_free: bool) {
+        let [common, rate] = self.common(path, is_free);
+        let steps = self.since.map_or(0.0, |since| since + 1.0);
+        self.renewed += vertices.len() as u32;
+        for vertex in vertices.iter().map(|&vertex| vertex as usize) {
+            let (x, u, most) = (xyz(path.x[vertex]), xyz(path.u[vertex]), surface.roam[vertex]);
+            let stray = (LONGER * self.stray[vertex]).clamp(least.min(most), most);
+            let by = u - rate;
+            self.from[vertex] = (x + u - by * steps - common).extend(self.from[vertex].w);
+            self.by[vertex] = by.extend(inverse(stray));
+            self.stray[vertex] = stray;
+        }
+    }
+
     /// The vector (m) by which a vertex will have strayed after this substep.
-    fn strayed(&self, path: Path<'_>, vertex: usize) -> Vec3A {
+    fn strayed_by(&self, path: Path<'_>, vertex: usize) -> Vec3A {
         let steps = self.since.map_or(0.0, |since| since + 1.0);
         (xyz(path.x[vertex]) - xyz(self.from[vertex])) + (xyz(path.u[vertex]) - xyz(self.by[vertex]) * steps)
     }
 
-    /// An estimate of the common deviation (m), from a few vertices. Accuracy does not matter: subtracting the same
-    /// vector from all vertices is always valid.
-    fn common(&self, path: Path<'_>) -> Vec3A {
-        let each = path.x.len().div_ceil(SAMPLES);
-        let samples = (0..path.x.len()).step_by(each);
-        let count = samples.len() as f32;
-        samples.map(|vertex| self.strayed(path, vertex)).sum::<Vec3A>() / count
+    /// An estimate of the common deviation (m), from a few vertices, and its growth in this substep; zero unless the cloth
+    /// `is_free`. Accuracy does not matter: subtracting the same vector from all vertices is always valid.
+    fn common(&self, path: Path<'_>, is_free: bool) -> [Vec3A; 2] {
+        if !is_free {
+            return [Vec3A::ZERO; 2];
+        }
+        let samples = (0..path.x.len()).step_by(path.x.len().div_ceil(SAMPLES));
+        let share = 1.0 / samples.len() as f32;
+        let growth = |vertex: usize| xyz(path.u[vertex]) - xyz(self.by[vertex]);
+        [
+            samples.clone().map(|vertex| self.strayed_by(path, vertex)).sum::<Vec3A>() * share,
+            samples.map(growth).sum::<Vec3A>() * share,
+        ]
     }
 
     /// Chooses how far each vertex may stray, from how far it strayed since the last detection, so that the next paths
@@ -114,11 +156,11 @@ impl Paths {
         let mut stray = std::mem::take(&mut self.stray);
         stray.resize(path.x.len(), 0.0);
         if let Some(since) = known {
-            let common = if is_free { self.common(path) } else { Vec3A::ZERO };
+            let [common, _] = self.common(path, is_free);
             let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
             for_chunks(path.is_shared, &mut stray, GRAIN, |first, stray| {
                 for (vertex, stray) in (first..).zip(stray) {
-                    let far = (self.strayed(path, vertex) - common).length() * longer;
+                    let far = (self.strayed_by(path, vertex) - common).length() * longer;
                     *stray = far.max(KEEPS * *stray).clamp(least.min(most[vertex]), most[vertex]);
                 }
             });
@@ -134,11 +176,15 @@ impl Paths {
         self.from.clear();
         self.from.extend_from_slice(x);
         self.by.clear();
-        // Bodies that stand still may not stray at all, and a snapshot holds finite numbers only.
-        let inverse = |stray: &f32| 1.0 / stray.max(f32::MIN_POSITIVE);
-        self.by.extend(u.iter().zip(&self.stray).map(|(u, stray)| u.with_w(inverse(stray))));
-        self.since = Some(0.0);
+        self.by.extend(u.iter().zip(&self.stray).map(|(u, &stray)| u.with_w(inverse(stray))));
+        (self.since, self.renewed) = (Some(0.0), 0);
     }
+}
+
+/// The inverse (1/m) of the distance that a vertex may stray. Bodies that stand still may not stray at all, and a snapshot
+/// holds finite numbers only.
+fn inverse(stray: f32) -> f32 {
+    1.0 / stray.max(f32::MIN_POSITIVE)
 }
 
 /// The number of substeps that the next detection looks ahead, if the last one looked `ahead` and lasted `since`

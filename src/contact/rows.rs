@@ -12,8 +12,10 @@ use super::ranges::Ranges;
 /// The pairs of one kind, in a row for each first feature, with their multipliers.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
-    /// The start of each row, and the end of the last.
+    /// The start of each row, and the end of the last. Pairs that were added later follow.
     pub starts: Vec<u32>,
+    /// The first features of the pairs that were added later.
+    pub later: Vec<u32>,
     pub pairs: Vec<Listed>,
     /// Multipliers (kg m): xyz for friction, w along the normal.
     pub lambda: Vec<Vec4>,
@@ -38,6 +40,7 @@ impl Rows {
     /// Becomes another list, in its own buffers.
     pub(super) fn copy_from(&mut self, other: &Rows) {
         self.starts.clone_from(&other.starts);
+        self.later.clone_from(&other.later);
         self.pairs.clone_from(&other.pairs);
         self.lambda.clone_from(&other.lambda);
     }
@@ -45,6 +48,7 @@ impl Rows {
     /// Removes all pairs.
     pub(super) fn clear(&mut self) {
         self.starts.clear();
+        self.later.clear();
         self.pairs.clear();
         self.lambda.clear();
     }
@@ -59,7 +63,8 @@ impl Rows {
         is_shared: bool,
     ) {
         std::mem::swap(self, before);
-        let Rows { starts, pairs, lambda } = self;
+        let Rows { starts, later, pairs, lambda } = self;
+        later.clear();
         starts.clear();
         starts.resize(rows + 1, 0);
         let tasks = starts[1..].par_chunks_mut(ranges.len()).enumerate().with_min_len(least(is_shared));
@@ -77,6 +82,54 @@ impl Rows {
         let before = (before.starts.len() == starts.len()).then_some(&*before);
         let part = Part { first: 0, starts: &mut starts[1..], pairs, lambda };
         Filling { ranges, found, before }.fill(0..ranges.count, part);
+        for (row, pair, multiplier) in before.into_iter().flat_map(Rows::later) {
+            if let Some(place) = self.row(row).find(|&place| self.pairs[place].other == pair.other) {
+                self.lambda[place] = multiplier;
+            }
+        }
+    }
+
+    /// Adds the pairs among these that are not listed yet. Returns their number.
+    pub(super) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)>) -> usize {
+        let before = self.pairs.len();
+        let mut later: Vec<[u32; 2]> = self.later().map(|(row, pair, _)| [row, pair.other]).collect();
+        later.sort_unstable();
+        for &(row, pair) in found {
+            let is_listed = self.row(row).any(|place| self.pairs[place].other == pair.other);
+            if !is_listed && later.binary_search(&[row, pair.other]).is_err() {
+                self.later.push(row);
+                self.pairs.push(pair);
+                self.lambda.push(Vec4::ZERO);
+            }
+        }
+        self.pairs.len() - before
+    }
+
+    /// The same pairs, all of them in rows.
+    #[cfg(feature = "gpu")]
+    pub(super) fn in_rows(self) -> Rows {
+        if self.later.is_empty() {
+            return self;
+        }
+        let in_rows = (0..).zip(self.starts.windows(2)).flat_map(|(row, span)| (span[0]..span[1]).map(move |place| (row, place)));
+        let mut places: Vec<(u32, u32)> =
+            in_rows.chain(self.later.iter().copied().zip(self.starts[self.starts.len() - 1]..)).collect();
+        places.sort_by_key(|(row, _)| *row);
+        let starts = (0..self.starts.len() as u32).map(|row| places.partition_point(|(of, _)| *of < row) as u32).collect();
+        let (pairs, lambda) = places.iter().map(|&(_, place)| (self.pairs[place as usize], self.lambda[place as usize])).unzip();
+        Rows { starts, later: Vec::new(), pairs, lambda }
+    }
+
+    /// The places of the pairs of a row, without those that were added later.
+    fn row(&self, row: u32) -> Range<usize> {
+        self.starts[row as usize] as usize..self.starts[row as usize + 1] as usize
+    }
+
+    /// The pairs that were added later: their rows, and their multipliers.
+    pub(super) fn later(&self) -> impl Iterator<Item = (u32, &Listed, Vec4)> {
+        let first = self.pairs.len() - self.later.len();
+        let pairs = self.pairs[first..].iter().zip(&self.lambda[first..]);
+        self.later.iter().zip(pairs).map(|(&row, (pair, &multiplier))| (row, pair, multiplier))
     }
 }
 

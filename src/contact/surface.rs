@@ -40,6 +40,8 @@ pub(super) struct Surface {
     pub piece: Vec<u32>,
     pub owner: Vec<u32>,
     bodies: u32,
+    /// The triangles at each vertex.
+    pub at: Csr<u32>,
     /// For each vertex a lower bound (m) of half its distance at rest from features that are not adjacent, at most the
     /// thickness.
     pub reach: Vec<f32>,
@@ -110,6 +112,7 @@ impl Surface {
             piece: pieces(&cloth.triangles, vertices),
             owner: vec![0; vertices],
             bodies: 0,
+            at: Csr::new(0, std::iter::empty()),
             reach: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
             roam: heights.iter().map(roam).collect(),
             excess: Vec::new(),
@@ -198,6 +201,8 @@ impl Surface {
         for (starts, first) in [&mut leaves.triangles, &mut leaves.edges, &mut leaves.vertices].into_iter().zip(firsts) {
             starts.iter_mut().for_each(|start| *start += first);
         }
+        let corners = (0..).zip(&self.triangles);
+        self.at = Csr::new(self.rest.len(), corners.flat_map(|(triangle, corners)| corners.map(|vertex| (vertex, triangle))));
         leaves
     }
 

@@ -2,9 +2,10 @@
 
 use glam::{Vec3A, Vec4};
 
+use super::super::Path;
 use super::super::boxes::Boxes;
 use super::super::surface::Surface;
-use super::{Look, Path, Tree};
+use super::{Look, Tree, Walk};
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -20,7 +21,8 @@ fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
         [a.min(b).min(c), a.max(b).max(c)]
     });
     tree.refit(surface, &boxes, path, 6.0);
-    tree.walk(Look { substeps: 6.0, margin: 0.005 }, false, &mut found);
+    let look = Look { substeps: 6.0, margin: 0.005 };
+    tree.walk(Walk { look, all: true, is_shared: false }, &mut found);
     found.into_iter().filter(|[a, b]| a == b).map(|[leaf, _]| leaf).collect()
 }
 

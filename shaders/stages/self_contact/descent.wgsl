@@ -5,7 +5,7 @@
 override LANES: u32 = 128u;
 
 // The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `UPRIGHT`:
-// `src/contact/tree.rs`.
+// `src/contact/tree/mod.rs`.
 const MOST_EXCESS: f32 = 0.6;
 // The level of each tree whose nodes a descent begins with, unless the leaves are above it.
 const FIRST_LEVEL: u32 = 6u;

@@ -1,0 +1,183 @@
+//! Bounding volume hierarchies over the triangles of the cloth and of the bodies. They are built once, refitted to new
+//! positions, and traversed for pairs of triangles that may meet.
+//!
+//! Each is a complete binary tree with its nodes numbered like a binary heap, the root being 1. Therefore both nodes of
+//! a compared pair are on the same level if the trees have the same depth, and, as the topology never changes, pairs
+//! are always found in the same order.
+
+mod refit;
+mod walk;
+
+use glam::Vec3A;
+
+use super::normals::are_upright;
+use super::surface::{Leaves, Surface};
+use crate::model::csr::Csr;
+use crate::model::disjoint_sets::DisjointSets;
+pub(super) use walk::Walk;
+
+/// Limit on the excess angle ([`Surface::excess`], rad) below which cloth that is not folded over cannot meet itself.
+pub(super) const MOST_EXCESS: f32 = 0.6;
+
+/// Bounds of a node's triangles: their places (m) at the midpoints of the paths, and their displacements per substep (m). Also
+/// bounds of the unit normals of all triangles at their vertices, on the whole path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    pub place: [Vec3A; 2],
+    pub step: [Vec3A; 2],
+    normal: [Vec3A; 2],
+}
+
+impl Bounds {
+    const NOTHING: Bounds = {
+        let inverted = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+        Bounds { place: inverted, step: inverted, normal: inverted }
+    };
+
+    fn join(&self, other: &Bounds) -> Bounds {
+        let join = |a: [Vec3A; 2], b: [Vec3A; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        Bounds {
+            place: join(self.place, other.place),
+            step: join(self.step, other.step),
+            normal: join(self.normal, other.normal),
+        }
+    }
+
+    /// The distance (m) along each axis within which two nodes may contain a pair to list. `margin` (m) is the
+    /// thickness.
+    pub(super) fn reach(&self, other: &Bounds, margin: f32, substeps: f32) -> Vec3A {
+        let relative = (self.step[1] - other.step[0]).max(other.step[1] - self.step[0]).max(Vec3A::ZERO);
+        relative * (0.5 * substeps) + margin
+    }
+
+    fn is_apart(&self, other: &Bounds, margin: f32, substeps: f32) -> bool {
+        let gap = (self.place[0] - other.place[1]).max(other.place[0] - self.place[1]);
+        gap.cmpgt(self.reach(other, margin, substeps)).any()
+    }
+}
+
+/// The number of substeps that detection covers, and the thickness (m).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    pub substeps: f32,
+    pub margin: f32,
+}
+
+#[derive(Debug)]
+pub(super) struct Tree {
+    pub leaves: Leaves,
+    depth: u32,
+    /// The leaf of each triangle.
+    leaf_of: Vec<u32>,
+    /// Indexed by heap number; entry 0 is unused.
+    nodes: Vec<Bounds>,
+    /// Sum of the excess angles (rad) of a node's vertices; infinite if its triangles are not connected by edges.
+    excess: Vec<f32>,
+    /// For each leaf, the triangles that share a vertex with it, its own among them; none for bodies.
+    around: Csr<u32>,
+    /// Bounds of the unit normals of each triangle.
+    normals: Vec<[Vec3A; 2]>,
+    /// For each level, the other nodes of that level that share a vertex with each node.
+    beside: Vec<Csr<u32>>,
+    /// What changed in each node when it was last refitted in part, and the bounds of its normals before.
+    marks: Vec<u8>,
+    before: Vec<[Vec3A; 2]>,
+    frontier: Vec<walk::Pair>,
+    found: Vec<Vec<walk::Pair>>,
+}
+
+impl Tree {
+    /// Over the bodies, which are not tested against each other.
+    pub(super) fn of_bodies(leaves: Leaves) -> Tree {
+        let (depth, leaf_of, nodes) = (leaves.depth, leaves.of_triangles(), vec![Bounds::NOTHING; 2 << leaves.depth]);
+        let around = Csr::new(1 << depth, std::iter::empty());
+        let (excess, normals, beside, marks, before, frontier, found) = Default::default();
+        Tree { leaves, depth, leaf_of, nodes, excess, around, normals, beside, marks, before, frontier, found }
+    }
+
+    /// Over the cloth. The surface must contain nothing else yet.
+    pub(super) fn of_cloth(surface: &Surface, leaves: Leaves) -> Tree {
+        let mut tree = Tree::of_bodies(leaves);
+        tree.excess = vec![0.0; tree.nodes.len()];
+        let leaf_of = tree.leaf_of.clone();
+        let corners = surface.triangles.iter().enumerate();
+        let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
+        tree.around = triangles_around(surface, &around, tree.leaves.depth);
+        tree.sum_excess(surface, &around);
+        tree.find_parts(surface, &leaf_of);
+        let mut pairs: Vec<[u32; 2]> = Vec::new();
+        for vertex in 0..surface.piece.len() as u32 {
+            let leaves = around.of(vertex);
+            pairs.extend(leaves.iter().flat_map(|&a| leaves.iter().map(move |&b| [a, b])).filter(|[a, b]| a != b));
+        }
+        for level in (0..=tree.depth).rev() {
+            pairs.sort_unstable();
+            pairs.dedup();
+            tree.beside.push(Csr::new(1 << level, pairs.iter().map(|&[a, b]| (a, b))));
+            pairs.iter_mut().for_each(|pair| *pair = pair.map(|node| node >> 1));
+            pairs.retain(|[a, b]| a != b);
+        }
+        tree.beside.reverse();
+        tree
+    }
+
+    fn sum_excess(&mut self, surface: &Surface, around: &Csr<u32>) {
+        for (vertex, &excess) in surface.excess.iter().enumerate().filter(|(_, excess)| **excess > 0.0) {
+            let mut nodes: Vec<u32> = around.of(vertex as u32).iter().map(|leaf| leaf + (1 << self.depth)).collect();
+            for _ in 0..=self.depth {
+                nodes.sort_unstable();
+                nodes.dedup();
+                nodes.iter_mut().for_each(|node| {
+                    self.excess[*node as usize] += excess;
+                    *node >>= 1;
+                });
+            }
+        }
+    }
+
+    /// Sets the excess of nodes whose triangles are not connected to infinity.
+    fn find_parts(&mut self, surface: &Surface, leaf_of: &[u32]) {
+        let at_edges = surface.at_edges();
+        for level in 0..=self.depth {
+            let node = |triangle: u32| (leaf_of[triangle as usize] + (1 << self.depth)) >> (self.depth - level);
+            let mut parts = DisjointSets::new(leaf_of.len());
+            for edge in 0..surface.edges.len() as u32 {
+                for pair in at_edges.of(edge).windows(2).filter(|pair| node(pair[0]) == node(pair[1])) {
+                    parts.join([pair[0], pair[1]]);
+                }
+            }
+            for triangle in 1..leaf_of.len() as u32 {
+                if node(triangle) == node(triangle - 1) && parts.root(triangle) != parts.root(triangle - 1) {
+                    self.excess[node(triangle) as usize] = f32::INFINITY;
+                }
+            }
+        }
+    }
+
+    /// The data besides bounds with which nodes are ruled out: excess angles, the triangles around each leaf, and for each
+    /// level the nodes that share a vertex.
+    #[cfg(feature = "gpu")]
+    pub(super) fn culls(&self) -> (&[f32], &Csr<u32>, &[Csr<u32>]) {
+        (&self.excess, &self.around, &self.beside)
+    }
+
+    /// The bounds of a leaf.
+    pub(super) fn leaf(&self, leaf: u32) -> &Bounds {
+        &self.nodes[leaf as usize + (1 << self.depth)]
+    }
+}
+
+/// For each leaf, the triangles that share a vertex with it; `leaves` are those around each vertex.
+fn triangles_around(surface: &Surface, leaves: &Csr<u32>, depth: u32) -> Csr<u32> {
+    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    for (triangle, corners) in (0..).zip(&surface.triangles) {
+        pairs.extend(corners.iter().flat_map(|&vertex| leaves.of(vertex)).map(|&leaf| (leaf, triangle)));
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    Csr::new(1 << depth, pairs.into_iter())
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/contact_tree.rs"]
+mod tests;
