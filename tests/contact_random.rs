@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{Attributes, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Tethers};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Tethers};
 use common::crossings::with_itself_and;
 use common::shapes::{ball, capsule, jittered, tube};
 use common::{FRAME, backend_by_name};
@@ -203,6 +203,17 @@ fn play(scene: &Scene, frames: u32) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// Scenes whose pins turn. They crossed before contact measured motion relative to pins that turn, instead of only to their
+/// translation.
+#[test]
+fn pins_that_turn_take_what_hangs_on_them_along() {
+    for seed in [20122, 30498, 30691, 32316, 34856, 35476] {
+        let scene = scene(seed);
+        let failed = play(&Scene { options: Options { backend: Backend::Cpu, ..scene.options }, ..scene }, 60);
+        assert_eq!(failed, Ok(()), "seed {seed}");
+    }
 }
 
 fn number(name: &str, default: u64) -> u64 {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec3A, Vec4};
 
+use super::frame::Frame;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::mesh::Mesh;
@@ -13,6 +14,9 @@ use crate::step::plan::Plan;
 /// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
 /// largest extent.
 pub(super) const NEAR: f32 = 0.1;
+
+/// Range of the pins' displacements, in units of the thickness, above which it is tested whether they turn.
+const TURNS: f32 = 0.01;
 
 /// The mesh colliders, from step to step.
 #[derive(Debug)]
@@ -86,24 +90,32 @@ impl Bodies {
         }
     }
 
-    /// The common displacement (m) of everything that moves from outside, pins and bodies, in a substep: the midpoint
-    /// of the range of their displacements. `None` if there is neither.
+    /// The common motion of everything that moves from outside, pins and bodies, in a substep: the midpoint of the range of
+    /// their displacements, and also a turn if there are only pins and these turn. `None` if there is neither.
     ///
     /// Motion is measured relative to it, so that cloth riding on a body is at rest however fast the body is. If the
     /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
     /// because otherwise cloth that touches neither would seem to move.
-    pub(super) fn frame(&self, plan: &Plan<'_>, u: &[Vec4], thickness: f32) -> Option<Vec3A> {
+    pub(super) fn frame(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<Frame> {
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
-        let pins = plan.cloth.pinned.iter().map(|&pin| xyz(u[pin as usize]));
-        let range = pins.fold(of_bodies, |range, by| {
-            let [low, high] = range.unwrap_or([by; 2]);
-            Some([low.min(by), high.max(by)])
-        });
-        let middle = |[low, high]: [Vec3A; 2]| match low.distance(high) < thickness {
-            true => (low + high) * 0.5,
-            false => Vec3A::ZERO,
+        let pins = || plan.cloth.pinned.iter().map(|&pin| (xyz(x[pin as usize]), xyz(u[pin as usize])));
+        let range = |by: &mut dyn Iterator<Item = Vec3A>, first| {
+            by.fold(first, |range: Option<[Vec3A; 2]>, by| {
+                let [low, high] = range.unwrap_or([by; 2]);
+                Some([low.min(by), high.max(by)])
+            })
         };
-        range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2])).map(middle)
+        let middle = |[low, high]: [Vec3A; 2]| (low.distance(high) < thickness).then(|| (low + high) * 0.5);
+        let of_all = range(&mut pins().map(|(_, u)| u), of_bodies);
+        let of_all = of_all.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]))?;
+        if of_bodies.is_none() && of_all[0].distance(of_all[1]) > TURNS * thickness {
+            let turning = Frame::turning(pins());
+            let left = range(&mut pins().map(|(x, u)| u - turning.at(x)), None);
+            if let Some(by) = left.and_then(middle) {
+                return Some(Frame { by: turning.by + by, ..turning });
+            }
+        }
+        Some(Frame::of(middle(of_all).unwrap_or_default()))
     }
 }
 

@@ -6,6 +6,7 @@ use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
 
 use super::acting::{Acting, for_portions};
+use super::frame::Frame;
 use super::least;
 use super::near::{Find, Look};
 use super::pairs::Kind;
@@ -29,7 +30,7 @@ pub(super) struct Vertex {
     pub push: Vec3A,
     /// Sum of its weights in the pairs that act.
     pub weight: f32,
-    /// How far (m) it was about to move relative to the mean displacement, and half of the smallest thickness around
+    /// How far (m) it was about to move relative to the common motion, and half of the smallest thickness around
     /// it.
     pub travel: f32,
     pub reach: f32,
@@ -54,7 +55,7 @@ pub(super) struct Start<'a> {
     pub push: &'a [Vec4],
     /// The length of the longest of them (m).
     pub most_push: f32,
-    pub mean: Vec3A,
+    pub frame: Frame,
     pub surface: &'a Surface,
     /// The thickness (m) of pairs that are not closer at rest.
     pub thickness: f32,
@@ -76,8 +77,8 @@ pub(super) struct Contacts {
     corners: [Vec<[u32; 4]>; 2],
     due: [Vec<f32>; 2],
     clock: Clock,
-    /// The mean displacement (m) in the last substep, and the coefficients of friction.
-    mean: Vec3A,
+    /// The common motion in the last substep, and the coefficients of friction.
+    frame: Frame,
     friction: Vec<f32>,
     /// The portions of the lists, one list after the other. Those beyond `used` are left from longer lists.
     pub portions: Vec<Portion>,
@@ -186,23 +187,24 @@ impl Contacts {
     }
 
     /// Copies the state of the vertices. Returns by how much (m) they moved at most since the last substep, and will move
-    /// at most, relative to the mean displacements.
+    /// at most, relative to the common motions.
     fn copy(&mut self, start: Start<'_>) -> (f32, f32) {
-        let Contacts { vertices, x, u, by, order, mean, .. } = self;
+        let Contacts { vertices, x, u, by, order, frame, .. } = self;
         vertices.resize(order.len(), Vertex::default());
         [&mut *x, u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
-        let common = std::mem::replace(mean, start.mean);
+        let common = std::mem::replace(frame, start.frame);
         let tasks = vertices.par_chunks_mut(GRAIN).zip(x.par_chunks_mut(GRAIN)).zip(u.par_chunks_mut(GRAIN));
         let tasks = tasks.zip(order.par_chunks(GRAIN)).with_min_len(least(start.is_shared));
         let most = tasks.map(|(((vertices, x), u), order)| {
             let mut most = Vec4::ZERO;
             for (((vertex, x), u), &index) in vertices.iter_mut().zip(x).zip(u).zip(order) {
                 let of = index as usize;
-                let moved = (xyz(start.x[of]) - xyz(*x) - common).length_squared();
+                let moved = (xyz(start.x[of]) - xyz(*x) - common.at(xyz(*x))).length_squared();
+                let base = start.frame.at(xyz(start.x[of]));
                 *u = start.u[of].with_w(0.0);
-                *x = start.x[of].with_w((xyz(*u) - start.mean).length());
+                *x = start.x[of].with_w((xyz(*u) - base).length());
                 let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
-                let travel = (xyz(*u) + push - start.mean).length();
+                let travel = (xyz(*u) + push - base).length();
                 *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of], share: 1.0 };
                 most = most.max(Vec4::new(moved, x.w, 0.0, 0.0));
             }

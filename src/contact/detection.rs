@@ -51,6 +51,9 @@ pub(super) struct Detection {
     boxes: [Boxes; 3],
     findings: Vec<Finding>,
     before: Rows,
+    /// The vertices that get new paths, and the pairs that were added to a list already.
+    pub strayed: Vec<u32>,
+    added: Vec<[u32; 2]>,
     /// Whether the bounds belong to the paths.
     pub is_fitted: bool,
 }
@@ -111,7 +114,7 @@ impl Detection {
         let tasks = self.find(scene, [cloth, bodies], false, |_, _, _| false)?;
         let mut added = 0;
         for (kind, lists) in lists.iter_mut().enumerate() {
-            added += lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs));
+            added += lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs), &mut self.added);
         }
         Ok(added > 0)
     }

@@ -24,6 +24,7 @@ pub(crate) mod crossings;
 mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
+mod frame;
 mod lanes;
 mod let_go;
 mod measure;
@@ -64,6 +65,7 @@ use crate::step::plan::Plan;
 use bodies::Bodies;
 use contacts::{Contacts, Start};
 use detection::{Detection, Scene};
+use frame::Frame;
 use let_go::LetGo;
 use past::Kept;
 pub(crate) use past::Past;
@@ -246,7 +248,7 @@ impl SelfContact {
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
         let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
-        let frame = self.bodies.frame(plan, u, self.options.thickness);
+        let frame = self.bodies.frame(plan, x, u, self.options.thickness);
         let (is_free, path) = (frame.is_none(), Path { x, u, stray: &[], is_shared });
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let may_stray = Path { x: &x[..moving], u: &u[..moving], ..path };
@@ -257,17 +259,17 @@ impl SelfContact {
         (self.tally.near, self.tally.contacts) = (0, 0);
         self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
         if self.tally.listed > 0 {
-            let mean = frame.unwrap_or_else(|| mean(&plan.cloth.mass, u));
+            let frame = frame.unwrap_or_else(|| Frame::of(mean(&plan.cloth.mass, u)));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
             let thickness = self.options.thickness;
-            let start = Start { x, u, push: &self.push, most_push, mean, surface, thickness, friction, is_shared, width };
+            let start = Start { x, u, push: &self.push, most_push, frame, surface, thickness, friction, is_shared, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
             self.contacts.gather(&mut self.lists, start);
             if self.contacts.near() > 0 {
                 self.contacts.respond(plan, substep, scale, is_shared, width);
-                let lost = self.contacts.truncate(mean, &plan.cloth.mass, is_shared, width);
+                let lost = self.contacts.truncate(frame, &plan.cloth.mass, is_shared, width);
                 self.contacts.finish(x, u, &self.push, is_shared);
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
@@ -330,12 +332,14 @@ impl SelfContact {
         }
         let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let is_listed = !self.may_cross && self.lists.iter().all(|rows| !rows.starts.is_empty());
-        let strayed = if is_listed { self.paths.strayed(may_stray, is_free) } else { None };
-        self.tally.detections += u32::from(strayed.is_none());
-        let listed = match strayed {
-            Some(strayed) => self.list_around(&strayed, path, is_free, width),
-            None => self.list_all(path, is_free, width),
+        let mut strayed = std::mem::take(&mut self.detection.strayed);
+        let listed = if is_listed && self.paths.strayed(may_stray, is_free, &mut strayed) {
+            self.list_around(&strayed, path, is_free, width)
+        } else {
+            self.tally.detections += 1;
+            self.list_all(path, is_free, width)
         };
+        self.detection.strayed = strayed;
         if let Err(crowd) = listed {
             (self.crowd, self.detection.is_fitted) = (crowd, false);
             return false;

@@ -98,17 +98,18 @@ impl Paths {
         all.into_inner()
     }
 
-    /// The vertices that have strayed, or will soon, if these are few and the paths are not over.
-    pub(super) fn strayed(&self, path: Path<'_>, is_free: bool) -> Option<Vec<u32>> {
+    /// Finds the vertices that have strayed, or will soon. Returns false if these are many, or if the paths are over.
+    pub(super) fn strayed(&self, path: Path<'_>, is_free: bool, strayed: &mut Vec<u32>) -> bool {
+        strayed.clear();
         if self.since.is_none_or(|since| since >= self.ahead) || self.from.len() < path.x.len() {
-            return None;
+            return false;
         }
         let [common, _] = self.common(path, is_free);
         let most = ((FEW * path.x.len() as f32) as usize).saturating_sub(self.renewed as usize);
         let is_near =
             |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < SOON * SOON;
-        let strayed: Vec<u32> = (0..path.x.len()).filter(|&vertex| !is_near(vertex)).take(most + 1).map(|v| v as u32).collect();
-        (strayed.len() <= most).then_some(strayed)
+        strayed.extend((0..path.x.len()).filter(|&vertex| !is_near(vertex)).take(most + 1).map(|vertex| vertex as u32));
+        strayed.len() <= most
     }
 
     /// Starts new paths for some vertices, as if they had been on them since the last detection.

@@ -89,10 +89,11 @@ impl Rows {
         }
     }
 
-    /// Adds the pairs among these that are not listed yet. Returns their number.
-    pub(super) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)>) -> usize {
+    /// Adds the pairs among these that are not listed yet; `later` is a buffer. Returns their number.
+    pub(super) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)>, later: &mut Vec<[u32; 2]>) -> usize {
         let before = self.pairs.len();
-        let mut later: Vec<[u32; 2]> = self.later().map(|(row, pair, _)| [row, pair.other]).collect();
+        later.clear();
+        later.extend(self.later().map(|(row, pair, _)| [row, pair.other]));
         later.sort_unstable();
         for &(row, pair) in found {
             let is_listed = self.row(row).any(|place| self.pairs[place].other == pair.other);

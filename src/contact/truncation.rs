@@ -1,16 +1,17 @@
 //! Guarantees that the two sides of a near pair stay on either side of the plane halfway between them, whatever moves
 //! them.
 //!
-//! Displacements are taken relative to the mean displacement of the cloth, which brings nothing closer together, and
+//! Displacements are taken relative to a common rigid motion of the cloth, which brings nothing closer together, and
 //! scaled to the largest share with which a vertex stays on its side of all its planes. (Lan et al. 2022 truncate along
 //! the path; with one share per vertex, no order of pairs is needed.) Pairs that are not near need no plane: truncation
 //! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
 //! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::{DVec3, Vec4};
 use rayon::prelude::*;
 
 use super::contacts::{Contacts, GRAIN};
+use super::frame::Frame;
 use super::lanes::{number, store, vector, whole_corners_of};
 use super::least;
 use super::portions::Portion;
@@ -23,17 +24,17 @@ use crate::simd::{self, Loop, MAX_LANES, Registers, Width};
 pub(super) const FARTHER: f32 = 0.45;
 
 impl Contacts {
-    /// Shortens the displacements of vertices; `mean` is the mean displacement (m). Returns the momentum (kg m) that
+    /// Shortens the displacements of vertices; `frame` is the common motion. Returns the momentum (kg m) that
     /// this removes.
-    pub(super) fn truncate(&mut self, mean: Vec3A, mass: &[f32], is_shared: bool, width: Width) -> DVec3 {
+    pub(super) fn truncate(&mut self, frame: Frame, mass: &[f32], is_shared: bool, width: Width) -> DVec3 {
         let Contacts { portions, used, vertices, u, by, .. } = self;
         let tasks = vertices.par_chunks_mut(GRAIN).zip(by.par_chunks_mut(GRAIN)).zip(u.par_chunks(GRAIN));
         tasks.with_min_len(least(is_shared)).for_each(|((vertices, by), u)| {
             for (vertex, (by, &u)) in vertices.iter_mut().zip(by.iter_mut().zip(u)) {
-                let way = xyz(u) + vertex.push - mean;
+                let way = xyz(u) + vertex.push - frame.at(xyz(vertex.x));
                 let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
                 vertex.share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
-                *by = way.extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
+                *by = frame.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
         });
         let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
@@ -50,7 +51,8 @@ impl Contacts {
         let mut lost = DVec3::ZERO;
         for (vertex, u) in vertices.iter_mut().zip(u).filter(|(vertex, _)| vertex.share < 1.0) {
             let before = xyz(*u);
-            let after = mean + (before - mean) * vertex.share;
+            let base = frame.at(xyz(vertex.x));
+            let after = base + (before - base) * vertex.share;
             vertex.push *= vertex.share;
             lost += (before - after).as_dvec3() * f64::from(mass[vertex.index as usize]);
             *u = after.extend(0.0);

@@ -1,0 +1,72 @@
+//! The common motion of the cloth in a substep, relative to which displacements are truncated.
+
+use glam::{DMat3, DVec3, Mat3A, Vec3A};
+
+/// Most steps to find a rotation, and the angle (rad) below which a step is the last: the next would be its square.
+const STEPS: usize = 4;
+const SMALL: f64 = 1e-3;
+
+/// A rigid motion by less than half a turn, which keeps all distances.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Frame {
+    /// The displacement (m) of the center.
+    pub by: Vec3A,
+    /// The rotation about it less the identity.
+    pub turn: Mat3A,
+    pub center: Vec3A,
+}
+
+impl Frame {
+    /// A translation (m).
+    pub(super) fn of(by: Vec3A) -> Frame {
+        Frame { by, turn: Mat3A::ZERO, center: Vec3A::ZERO }
+    }
+
+    /// The displacement (m) of what is at `x` (m).
+    #[inline]
+    pub(super) fn at(&self, x: Vec3A) -> Vec3A {
+        self.by + self.turn * (x - self.center)
+    }
+
+    /// A displacement (m) as it appears in what moves: turned back.
+    #[inline]
+    pub(super) fn back(&self, by: Vec3A) -> Vec3A {
+        by + self.turn.transpose() * by
+    }
+
+    /// The rigid motion that fits the motion of some points; each has a place and a displacement (m).
+    ///
+    /// The rotation is found by steps of least squares, each of them linear in the angle; for points that move rigidly these
+    /// converge to their rotation.
+    pub(super) fn turning(points: impl Iterator<Item = (Vec3A, Vec3A)> + Clone) -> Frame {
+        let (mut place, mut by, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (x, u) in points.clone() {
+            (place, by, count) = (place + x.as_dvec3(), by + u.as_dvec3(), count + 1.0);
+        }
+        let (center, by) = (place / count, by / count);
+        let mut turn = DMat3::IDENTITY;
+        for _ in 0..STEPS {
+            let (mut inertia, mut momentum) = (DMat3::ZERO, DVec3::ZERO);
+            for (x, u) in points.clone() {
+                let from = x.as_dvec3() - center;
+                let (r, to) = (turn * from, from + u.as_dvec3() - by);
+                inertia += DMat3::from_diagonal(DVec3::splat(r.length_squared())) - DMat3::from_cols(r * r.x, r * r.y, r * r.z);
+                momentum += r.cross(to);
+            }
+            // Points in a line do not tell how they turn about it.
+            let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
+            let step = (inertia + DMat3::from_diagonal(DVec3::splat(1e-9 * trace + 1e-30))).inverse() * momentum;
+            let axis = step.try_normalize().unwrap_or(DVec3::X);
+            turn = DMat3::from_axis_angle(axis, step.length()) * turn;
+            if step.length() < SMALL {
+                break;
+            }
+        }
+        let [x, y, z] = (turn - DMat3::IDENTITY).to_cols_array_2d().map(|column| DVec3::from_array(column).as_vec3a());
+        Frame { by: by.as_vec3a(), turn: Mat3A::from_cols(x, y, z), center: center.as_vec3a() }
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/contact_frame.rs"]
+mod tests;
