@@ -15,9 +15,6 @@ use crate::step::plan::Plan;
 /// largest extent.
 pub(super) const NEAR: f32 = 0.1;
 
-/// Range of the pins' displacements, in units of the thickness, above which it is tested whether they turn.
-const TURNS: f32 = 0.01;
-
 /// The mesh colliders, from step to step.
 #[derive(Debug)]
 pub(super) struct Bodies {
@@ -98,24 +95,18 @@ impl Bodies {
     /// because otherwise cloth that touches neither would seem to move.
     pub(super) fn frame(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<Frame> {
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
-        let pins = || plan.cloth.pinned.iter().map(|&pin| (xyz(x[pin as usize]), xyz(u[pin as usize])));
-        let range = |by: &mut dyn Iterator<Item = Vec3A>, first| {
-            by.fold(first, |range: Option<[Vec3A; 2]>, by| {
-                let [low, high] = range.unwrap_or([by; 2]);
-                Some([low.min(by), high.max(by)])
-            })
+        let pins = plan.cloth.pinned.iter().map(|&pin| (xyz(x[pin as usize]), xyz(u[pin as usize])));
+        let turning = if of_bodies.is_none() { Frame::of_pins(pins.clone(), thickness) } else { None };
+        let range = pins.fold(of_bodies, |range, (_, by)| {
+            let [low, high] = range.unwrap_or([by; 2]);
+            Some([low.min(by), high.max(by)])
+        });
+        let middle = |[low, high]: [Vec3A; 2]| match low.distance(high) < thickness {
+            true => (low + high) * 0.5,
+            false => Vec3A::ZERO,
         };
-        let middle = |[low, high]: [Vec3A; 2]| (low.distance(high) < thickness).then(|| (low + high) * 0.5);
-        let of_all = range(&mut pins().map(|(_, u)| u), of_bodies);
-        let of_all = of_all.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]))?;
-        if of_bodies.is_none() && of_all[0].distance(of_all[1]) > TURNS * thickness {
-            let turning = Frame::turning(pins());
-            let left = range(&mut pins().map(|(x, u)| u - turning.at(x)), None);
-            if let Some(by) = left.and_then(middle) {
-                return Some(Frame { by: turning.by + by, ..turning });
-            }
-        }
-        Some(Frame::of(middle(of_all).unwrap_or_default()))
+        let range = range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]));
+        turning.or_else(|| range.map(middle).map(Frame::of))
     }
 }
 

@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
+/// Range of the pins' displacements, in units of the thickness, above which it is tested whether they turn.
+const TURNS: f32 = 0.01;
 /// Most steps to find a rotation, and the angle (rad) below which a step is the last: the next would be its square.
 const STEPS: usize = 4;
 const SMALL: f64 = 1e-3;
@@ -10,10 +12,10 @@ const SMALL: f64 = 1e-3;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Frame {
     /// The displacement (m) of the center.
-    pub by: Vec3A,
+    by: Vec3A,
     /// The rotation about it less the identity.
-    pub turn: Mat3A,
-    pub center: Vec3A,
+    turn: Mat3A,
+    center: Vec3A,
 }
 
 impl Frame {
@@ -34,11 +36,27 @@ impl Frame {
         by + self.turn.transpose() * by
     }
 
+    /// The common motion of pins that turn, given by their places and displacements (m). `None` if they do not, or if what is
+    /// left of their motion has a range of more than the thickness (m).
+    pub(super) fn of_pins(pins: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
+        let range = |of: &dyn Fn((Vec3A, Vec3A)) -> Vec3A| {
+            let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+            pins.clone().map(of).fold(nothing, |[low, high], by| [low.min(by), high.max(by)])
+        };
+        let [low, high] = range(&|(_, u)| u);
+        // Also false if there are no pins.
+        let may_turn = (high - low).max_element() > TURNS * thickness;
+        let turning = may_turn.then(|| Frame::turning(pins.clone()))?;
+        let [low, high] = range(&|(x, u)| u - turning.at(x));
+        let by = turning.by + (low + high) * 0.5;
+        (low.distance(high) < thickness).then_some(Frame { by, ..turning })
+    }
+
     /// The rigid motion that fits the motion of some points; each has a place and a displacement (m).
     ///
     /// The rotation is found by steps of least squares, each of them linear in the angle; for points that move rigidly these
     /// converge to their rotation.
-    pub(super) fn turning(points: impl Iterator<Item = (Vec3A, Vec3A)> + Clone) -> Frame {
+    fn turning(points: impl Iterator<Item = (Vec3A, Vec3A)> + Clone) -> Frame {
         let (mut place, mut by, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (x, u) in points.clone() {
             (place, by, count) = (place + x.as_dvec3(), by + u.as_dvec3(), count + 1.0);
