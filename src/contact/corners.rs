@@ -3,7 +3,7 @@
 
 use glam::Vec4;
 
-use super::acting::Weights;
+use super::group::Weights;
 use super::portions::Portion;
 use super::ranges::Ranges;
 use crate::simd::{Loop, MAX_LANES, Registers};

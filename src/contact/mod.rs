@@ -25,6 +25,7 @@ mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
 mod frame;
+mod group;
 mod lanes;
 mod let_go;
 mod measure;
@@ -38,6 +39,7 @@ mod ranges;
 mod response;
 mod reused;
 mod rows;
+mod start;
 mod surface;
 mod sweep_and_prune;
 #[cfg(feature = "gpu")]
@@ -63,7 +65,7 @@ use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
-use contacts::{Contacts, Start};
+use contacts::Contacts;
 use detection::{Detection, Scene};
 use frame::Frame;
 use let_go::LetGo;
@@ -73,6 +75,7 @@ use paths::Paths;
 #[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;
 use rows::Rows;
+use start::Start;
 use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;

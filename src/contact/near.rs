@@ -3,10 +3,10 @@
 
 use glam::Vec4;
 
-use super::acting::{Group, Weights};
+use super::group::{Block, Group, Weights};
 use super::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest};
-use super::portions::{Block, Clock, Portion};
+use super::portions::{Clock, Portion};
 use crate::kernels::pair::{NARROW, kept, perpendicular};
 use crate::simd::{Loop, MAX_LANES, Registers, Vector};
 
@@ -28,7 +28,7 @@ struct Looked<L: Registers> {
 }
 
 /// Looks at the pairs with the given corners. The positions' w is how far (m) vertices are about to move relative to the
-/// mean displacement.
+/// common motion.
 #[inline(always)]
 fn look<L: Registers>(kind: Kind, x: &[Vec4], corners: &[[u32; 4]], thickness: L, most_push: L, is_pair: L::Mask) -> Looked<L> {
     let (one, half) = (L::splat(1.0), L::splat(0.5));
@@ -100,7 +100,7 @@ impl<L: Registers> Looked<L> {
 pub(super) struct Find<'a> {
     pub pairs: &'a [Listed],
     /// Their corners as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
-    /// w of a position is how far (m) the vertex is about to move relative to the mean displacement.
+    /// w of a position is how far (m) the vertex is about to move relative to the common motion.
     pub corners: &'a [[u32; 4]],
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],

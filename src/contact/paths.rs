@@ -21,11 +21,11 @@ pub(super) const AHEAD: [f32; 2] = [6.0, 64.0];
 /// Factor by which detection looks farther ahead if the last paths lasted as long as they should.
 pub(super) const FARTHER: f32 = 1.5;
 /// Share of the distance that it may stray, from which on a vertex gets a new path when others do.
-pub(super) const SOON: f32 = 0.75;
+const NEARLY: f32 = 0.75;
 /// Share of all vertices up to which only those get new paths that strayed.
-pub(super) const FEW: f32 = 0.01;
+const FEW: f32 = 0.01;
 /// Factor by which such a vertex may stray farther.
-pub(super) const LONGER: f32 = 1.5;
+const LONGER: f32 = 1.5;
 /// Number of vertices from which the common deviation is estimated.
 const SAMPLES: usize = 32;
 
@@ -107,7 +107,7 @@ impl Paths {
         let [common, _] = self.common(path, is_free);
         let most = ((FEW * path.x.len() as f32) as usize).saturating_sub(self.renewed as usize);
         let is_near =
-            |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < SOON * SOON;
+            |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < NEARLY * NEARLY;
         strayed.extend((0..path.x.len()).filter(|&vertex| !is_near(vertex)).take(most + 1).map(|vertex| vertex as u32));
         strayed.len() <= most
     }

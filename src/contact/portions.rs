@@ -7,11 +7,11 @@
 
 use glam::Vec4;
 
-use super::acting::Group;
-use super::contacts::Start;
+use super::group::{Block, Group};
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::reused::Reused;
+use super::start::Start;
 use crate::simd::{MAX_LANES, Registers};
 
 /// Listed pairs of a portion.
@@ -19,29 +19,6 @@ pub(super) const PORTION: usize = 512;
 /// By how much (in units of the thickness, and of what the vertices moved) a pair is looked at before it can be near,
 /// because distances are rounded.
 const EARLY: [f32; 2] = [0.05, 1e-5];
-
-/// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
-/// lines.
-#[repr(C, align(64))]
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Block {
-    /// Places among the vertices of listed pairs.
-    pub corners: [[u32; 4]; MAX_LANES],
-    /// Unit vectors from the second side to the first.
-    pub normal: [[f32; MAX_LANES]; 3],
-    /// The distance (m) of each corner from the plane halfway between the sides, and the distance that it keeps.
-    pub heights: [[f32; MAX_LANES]; 4],
-    pub kept: [f32; MAX_LANES],
-    /// The lanes that hold near pairs, one bit each.
-    pub near: u32,
-}
-
-impl Default for Block {
-    fn default() -> Block {
-        let zero = [0.0; MAX_LANES];
-        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], kept: zero }
-    }
-}
 
 /// Consecutive pairs of a list, and what is found among them.
 #[derive(Debug, Default)]

@@ -5,9 +5,10 @@
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::acting::{Acting, Group, Weights, for_portions};
+use super::acting::{Acting, for_portions};
 use super::contacts::Contacts;
 use super::corners::Sums;
+use super::group::{Group, Weights};
 use super::lanes::{corners_of, number, scattered, store, store_vector, vector};
 use super::least;
 use super::pairs::between;

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::Vec4;
 
-use super::contacts::Vertex;
 use super::lanes::loaded;
+use super::start::Vertex;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;

@@ -1,0 +1,107 @@
+//! Pairs in groups of the largest SIMD width: near ones, and active ones with their multipliers.
+
+use glam::Vec4;
+
+use super::ranges::Ranges;
+use crate::simd::MAX_LANES;
+
+/// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
+/// lines.
+#[repr(C, align(64))]
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block {
+    /// Places among the vertices of listed pairs.
+    pub corners: [[u32; 4]; MAX_LANES],
+    /// Unit vectors from the second side to the first.
+    pub normal: [[f32; MAX_LANES]; 3],
+    /// The distance (m) of each corner from the plane halfway between the sides, and the distance that it keeps.
+    pub heights: [[f32; MAX_LANES]; 4],
+    pub kept: [f32; MAX_LANES],
+    /// The lanes that hold near pairs, one bit each.
+    pub near: u32,
+}
+
+impl Default for Block {
+    fn default() -> Block {
+        let zero = [0.0; MAX_LANES];
+        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], kept: zero }
+    }
+}
+
+/// At most as many pairs as there are lanes, as structure of arrays. Other lanes have no effect.
+#[repr(C, align(64))]
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Group {
+    pub block: Block,
+    /// Indices in the list.
+    pub listed: [u32; MAX_LANES],
+    /// The distance (m) at which they are held apart.
+    pub thickness: [f32; MAX_LANES],
+    pub friction: [f32; MAX_LANES],
+    /// The distance (m) by which they may approach, and the depth (m) at the start.
+    pub gap: [f32; MAX_LANES],
+    pub depth: [f32; MAX_LANES],
+    /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
+    pub rate: [f32; MAX_LANES],
+    /// Multipliers (kg m): for friction, and along the normal.
+    pub rub: [[f32; MAX_LANES]; 3],
+    pub press: [f32; MAX_LANES],
+    pub count: u32,
+    /// The ranges of vertices that have corners here.
+    pub ranges: u64,
+}
+
+/// The weights of the corners of a group's pairs.
+#[repr(align(64))]
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Weights(pub [[f32; MAX_LANES]; 4]);
+
+impl Default for Group {
+    fn default() -> Group {
+        let zero = [0.0; MAX_LANES];
+        Group {
+            block: Block::default(),
+            listed: [0; MAX_LANES],
+            count: 0,
+            ranges: 0,
+            thickness: zero,
+            friction: zero,
+            gap: zero,
+            depth: zero,
+            rate: zero,
+            rub: [zero; 3],
+            press: zero,
+        }
+    }
+}
+
+/// What does not change about a pair: its corners, its index in the list, its thickness (m), and its friction.
+pub(super) type Member = ([u32; 4], u32, f32, f32);
+
+impl Group {
+    pub(super) fn put(&mut self, lane: usize, pair: Member, multiplier: Vec4) {
+        (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]) = pair;
+        (0..3).for_each(|axis| self.rub[axis][lane] = multiplier[axis]);
+        self.press[lane] = multiplier.w;
+    }
+
+    /// A pair, and its multiplier as it is stored in the list.
+    pub(super) fn pair(&self, lane: usize) -> (Member, Vec4) {
+        let pair = (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]);
+        let [x, y, z] = &self.rub;
+        (pair, Vec4::new(x[lane], y[lane], z[lane], self.press[lane]))
+    }
+
+    /// Sets the number of pairs. The other lanes get corners of another pair, so that all are valid.
+    pub(super) fn close(&mut self, count: usize, ranges: Ranges) {
+        let [corners, ..] = self.block.corners;
+        self.block.corners[count..].fill(corners);
+        self.count = count as u32;
+        self.ranges = self.block.corners.iter().flatten().fold(0, |all, &vertex| all | ranges.bit(vertex));
+    }
+
+    /// How many pairs press.
+    pub(super) fn pressing(&self) -> usize {
+        self.press[..self.count as usize].iter().filter(|&&press| press > 0.0).count()
+    }
+}

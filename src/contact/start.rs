@@ -1,0 +1,52 @@
+//! The input of contact in a substep, and what is known of a vertex in it.
+
+use glam::{Vec3A, Vec4};
+
+use super::frame::Frame;
+use super::surface::Surface;
+use crate::simd::Width;
+
+/// A vertex of listed pairs.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Vertex {
+    pub index: u32,
+    /// Position (m); w is the inverse mass (1/kg).
+    pub x: Vec4,
+    /// Correction of the position (m) that adds no velocity.
+    pub push: Vec3A,
+    /// Sum of its weights in the pairs that act.
+    pub weight: f32,
+    /// How far (m) it was about to move relative to the common motion, and half of the smallest thickness around
+    /// it.
+    pub travel: f32,
+    pub reach: f32,
+    /// The share of its displacement that truncation leaves.
+    pub share: f32,
+}
+
+impl Vertex {
+    /// Whether pairs act on it, and can move it.
+    #[inline]
+    pub(super) fn acts(&self) -> bool {
+        self.x.w != 0.0 && self.weight != 0.0
+    }
+}
+
+/// The input of contact in a substep.
+#[derive(Clone, Copy)]
+pub(super) struct Start<'a> {
+    pub x: &'a [Vec4],
+    pub u: &'a [Vec4],
+    /// Corrections of positions (m) by colliders; empty if there are none.
+    pub push: &'a [Vec4],
+    /// The length of the longest of them (m).
+    pub most_push: f32,
+    pub frame: Frame,
+    pub surface: &'a Surface,
+    /// The thickness (m) of pairs that are not closer at rest.
+    pub thickness: f32,
+    /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
+    pub friction: &'a [f32],
+    pub is_shared: bool,
+    pub width: Width,
+}
