@@ -207,13 +207,23 @@ fn play(scene: &Scene, frames: u32) -> Result<(), String> {
 
 /// Scenes whose pins turn. They crossed before contact measured motion relative to pins that turn, instead of only to their
 /// translation.
-#[test]
-fn pins_that_turn_take_what_hangs_on_them_along() {
-    for seed in [20122, 30498, 30691, 32316, 34856, 35476] {
+fn take_along(backend: Backend, seeds: &[u64]) {
+    for &seed in seeds {
         let scene = scene(seed);
-        let failed = play(&Scene { options: Options { backend: Backend::Cpu, ..scene.options }, ..scene }, 60);
+        let failed = play(&Scene { options: Options { backend, ..scene.options }, ..scene }, 60);
         assert_eq!(failed, Ok(()), "seed {seed}");
     }
+}
+
+#[test]
+fn pins_that_turn_take_what_hangs_on_them_along() {
+    take_along(Backend::Cpu, &[20122, 30498, 30691, 32316, 34856, 35476]);
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn pins_that_turn_take_what_hangs_on_them_along_on_the_gpu() {
+    take_along(Backend::Gpu, &[20122, 30691, 35476]);
 }
 
 fn number(name: &str, default: u64) -> u64 {

@@ -3,10 +3,11 @@
 
 use std::sync::Arc;
 
-use glam::Vec4;
+use glam::{Vec3, Vec3A, Vec4};
 
 use super::Past;
 use super::bodies::{Bodies, motions};
+use super::frame::Frame;
 use super::let_go::LetGo;
 use super::pairs::Kind;
 use super::past::ListedRows;
@@ -97,6 +98,17 @@ impl OnDevice {
         }
         let friction = plan.meshes.iter().flat_map(|body| body.to.positions.iter().map(|_| body.friction));
         Some(motions(plan).zip(friction).map(|([from, by], friction)| [from.extend(friction), by.extend(0.0)]).collect())
+    }
+
+    /// The rotation of the pins in a substep, if they turn and there are no mesh colliders: see [`Frame::columns`].
+    pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 4] {
+        let pins = plan.cloth.pinned.iter().zip(plan.pins_from).map(|(&vertex, &from)| {
+            let led = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).ok().map(|place| &plan.pins[place]);
+            let by = led.map_or(Vec3::ZERO, |pin| (Vec3::from(pin.goal) - Vec3::from(pin.origin)) * plan.params.fraction);
+            (Vec3A::from(from), Vec3A::from(by))
+        });
+        let turning = if plan.meshes.is_empty() { Frame::of_pins(pins, self.thickness) } else { None };
+        turning.unwrap_or_default().columns()
     }
 
     /// Whether no mesh collider moves in this step.

@@ -1,5 +1,7 @@
 //! The common motion of the cloth in a substep, relative to which displacements are truncated.
 
+#[cfg(feature = "gpu")]
+use glam::Vec4;
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
 /// Range of the pins' displacements, in units of the thickness, above which it is tested whether they turn.
@@ -9,13 +11,20 @@ const STEPS: usize = 4;
 const SMALL: f64 = 1e-3;
 
 /// A rigid motion by less than half a turn, which keeps all distances.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Frame {
     /// The displacement (m) of the center.
     by: Vec3A,
     /// The rotation about it less the identity.
     turn: Mat3A,
     center: Vec3A,
+}
+
+impl Default for Frame {
+    /// No motion. (A matrix is the identity by default.)
+    fn default() -> Frame {
+        Frame::of(Vec3A::ZERO)
+    }
 }
 
 impl Frame {
@@ -50,6 +59,13 @@ impl Frame {
         let [low, high] = range(&|(x, u)| u - turning.at(x));
         let by = turning.by + (low + high) * 0.5;
         (low.distance(high) < thickness).then_some(Frame { by, ..turning })
+    }
+
+    /// The rotation less the identity, by columns, and the center (m); w is unused.
+    #[cfg(feature = "gpu")]
+    pub(super) fn columns(&self) -> [Vec4; 4] {
+        let Frame { turn, center, .. } = self;
+        [turn.x_axis, turn.y_axis, turn.z_axis, *center].map(|column| column.extend(0.0))
     }
 
     /// The rigid motion that fits the motion of some points; each has a place and a displacement (m).

@@ -48,3 +48,10 @@ fn points_that_do_not_turn_have_no_turn() {
     let torn = Frame::turning([(Vec3A::ONE, by), (Vec3A::ONE, -by)].into_iter());
     assert!(torn.at(Vec3A::X).length() < 1e-7, "{torn:?}");
 }
+
+/// Also not the motion that stands for none: a matrix is the identity by default, not zero.
+#[test]
+fn no_motion_moves_nothing() {
+    let x = Vec3A::new(1.0, -2.0, 0.5);
+    assert_eq!([Frame::default().at(x), Frame::default().back(x)], [Vec3A::ZERO, x]);
+}

@@ -18,7 +18,8 @@ fn finish(
         var push = vertices[i].push.xyz;
         let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
         if share < 1.0 {
-            let after = known.status.mean + (u - known.status.mean) * share;
+            let base = known.status.mean + by_turning(vertices[i].x.xyz);
+            let after = base + (u - base) * share;
             mine = (u - after) / vertices[i].x.w;
             u = after;
             push *= share;

@@ -20,7 +20,8 @@ const AHEAD_LEAST: f32 = 6.0;
 const AHEAD_MOST: f32 = 64.0;
 const FARTHER_AHEAD: f32 = 1.5;
 
-// A vertex's part of the reduction: for a free cloth the mean by mass, otherwise the range of the pins' displacements.
+// A vertex's part of the reduction: for a free cloth the mean by mass, otherwise the range of the pins' displacements besides
+// their rotation.
 fn part_of(u: vec3f, w: f32) -> Part {
     if is_free() {
         return Part(vec4f(u, 1.0) / w, vec4f());
@@ -85,7 +86,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
             atomicOr(&known.status.stopped, EARLY);
         }
     }
-    return part_of(path.u, x_i.w);
+    return part_of(path.u - by_turning(x_i.xyz), x_i.w);
 }
 
 // Moves a vertex of a mesh collider through the substep, and tests whether it is close enough to its path.

@@ -21,7 +21,12 @@ struct Closest {
 fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
     let corners = pair.corners;
     let at = positions(corners);
-    let travel = vec4f(square(u.a - mean), square(u.b - mean), square(u.c - mean), square(u.d - mean));
+    let travel = vec4f(
+        square(u.a - mean - by_turning(at.a)),
+        square(u.b - mean - by_turning(at.b)),
+        square(u.c - mean - by_turning(at.c)),
+        square(u.d - mean - by_turning(at.d)),
+    );
     var weights: vec4f;
     var most: vec2f;
     if is_edge {

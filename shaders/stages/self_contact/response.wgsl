@@ -247,7 +247,7 @@ fn take_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
     if i >= about.vertices || is_idle() {
         return;
     }
-    vertices[i].way.w = length(vertices[i].u.xyz + vertices[i].push.xyz - known.status.mean);
+    vertices[i].way.w = length(way_with(i, vertices[i].push.xyz));
     take_sums(i);
 }
 
@@ -269,15 +269,20 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     take_sums(i);
     let push = vertices[i].push.xyz + taken(i, PUSHED);
     vertices[i].push = vec4f(push, 0.0);
-    let way = vertices[i].u.xyz + push - known.status.mean;
+    let way = way_with(i, push);
     let most = vertices[i].way.w + FARTHER * reach_of(i);
-    vertices[i].way = vec4f(way, vertices[i].way.w);
+    vertices[i].way = vec4f(without_turning(way), vertices[i].way.w);
     if length(way) > most && vertices[i].x.w > 0.0 {
         atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / length(way)));
     }
 }
 
-// How far a vertex moves relative to the mean displacement. Those of mesh colliders are not corrected.
+// How far a vertex moves relative to the common motion, with a correction.
+fn way_with(v: u32, push: vec3f) -> vec3f {
+    return vertices[v].u.xyz + push - known.status.mean - by_turning(vertices[v].x.xyz);
+}
+
+// The same after the response. Vertices of mesh colliders are not corrected, and nothing turns with them.
 fn way_of(v: u32) -> vec3f {
     if v >= about.vertices {
         return vertices[v].u.xyz - known.status.mean;

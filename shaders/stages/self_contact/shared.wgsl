@@ -49,6 +49,11 @@ struct About {
     features: u32,
     // In every so many substeps detection may be due.
     spacing: u32,
+    // The rotation of the pins in a substep less the identity, by columns, and its center [m]; 0 if they do not turn.
+    turn_x: vec4f,
+    turn_y: vec4f,
+    turn_z: vec4f,
+    center: vec4f,
 }
 
 // A listed pair. Its first feature is number `row`, `other` is the second. `next` leads to another pair of its chain.
@@ -141,7 +146,7 @@ struct Status {
     longer: f32,
     over: f32,
     scale: f32,
-    // The mean displacement [m].
+    // The common motion's displacement [m] besides its rotation (`by_turning`).
     mean: vec3f,
     // Number of substeps of this step up to which `since` is counted.
     counted: u32,
@@ -200,6 +205,17 @@ const UNIT_LENGTH: f32 = 8388608.0;
 // Whether nothing is led.
 fn is_free() -> bool {
     return about.is_led == 0u;
+}
+
+// The displacement [m] by rotation, in the common motion of the cloth, of what is at x.
+fn by_turning(x: vec3f) -> vec3f {
+    let r = x - about.center.xyz;
+    return about.turn_x.xyz * r.x + about.turn_y.xyz * r.y + about.turn_z.xyz * r.z;
+}
+
+// A displacement as it appears in what turns with the common motion.
+fn without_turning(by: vec3f) -> vec3f {
+    return by + vec3f(dot(about.turn_x.xyz, by), dot(about.turn_y.xyz, by), dot(about.turn_z.xyz, by));
 }
 
 fn has_stopped() -> bool {

@@ -104,6 +104,10 @@ pub(crate) struct About {
     pub box_edges: u32,
     pub features: u32,
     pub spacing: u32,
+    pub turn_x: Vec4,
+    pub turn_y: Vec4,
+    pub turn_z: Vec4,
+    pub center: Vec4,
 }
 
 /// A listed pair: `Listed` of `shared.wgsl`.
