@@ -28,7 +28,7 @@ fn closest(is_edge: bool, at: Four) -> vec4f {
 }
 
 // The distance at which a pair is held, or 0 if it cannot come so close within the substeps that detection covers.
-fn thickness_of(is_edge: bool, corners: vec4u) -> f32 {
+fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
     let a = place_at(corners.x);
     let b = place_at(corners.y);
     let c = place_at(corners.z);
@@ -113,23 +113,21 @@ fn are_adjacent(is_edge: bool, c: vec4u) -> bool {
     return c.x == c.z || c.x == c.w || select(c.x == c.y, c.y == c.z || c.y == c.w, is_edge);
 }
 
-// A candidate as a pair. Its thickness is 0 if it is not listed.
-fn pair_of(is_edge: bool, row: u32, other: u32) -> Listed {
-    var corners: vec4u;
+fn corners_of(is_edge: bool, row: u32, other: u32) -> vec4u {
     if is_edge {
-        corners = vec4u(edge(row - about.all_vertices), edge(other));
-    } else {
-        corners = vec4u(row, triangle(other));
+        return vec4u(edge(row - about.all_vertices), edge(other));
     }
-    var pair = Listed();
+    return vec4u(row, triangle(other));
+}
+
+// The thickness of a candidate as a pair, or 0 if it is not listed.
+fn thickness_of(is_edge: bool, row: u32, other: u32) -> f32 {
+    let corners = corners_of(is_edge, row, other);
     if are_adjacent(is_edge, corners) {
-        return pair;
+        return 0.0;
     }
-    let thickness = thickness_of(is_edge, corners);
-    if thickness > 0.0 && !is_let_go(is_edge, row, other) {
-        pair = Listed(corners, held_before(row, other), other, thickness, row, 0u);
-    }
-    return pair;
+    let thickness = distance_to_hold(is_edge, corners);
+    return select(0.0, thickness, thickness > 0.0 && !is_let_go(is_edge, row, other));
 }
 
 @compute @workgroup_size(LANES)
@@ -154,33 +152,45 @@ fn measure(
         workgroupBarrier();
         let k = first + lane;
         let is_edge = k >= with_triangles;
-        var pair = Listed();
+        var candidate: vec2u;
+        var thickness = 0.0;
         var rank = 0u;
         if k < end {
-            let candidate = drafts[place_of_candidate(select(k, k - with_triangles, is_edge), is_edge)];
-            pair = pair_of(is_edge, candidate.x, candidate.y);
-            if pair.thickness > 0.0 {
+            candidate = drafts[place_of_candidate(select(k, k - with_triangles, is_edge), is_edge)];
+            thickness = thickness_of(is_edge, candidate.x, candidate.y);
+            if thickness > 0.0 {
                 rank = atomicAdd(&listed_here[u32(is_edge)], 1u);
             }
         }
         workgroupBarrier();
         reserve(lane);
         workgroupBarrier();
+        // Only now is the rest of a pair computed, which would take registers while places are waited for.
         let index = first_listed[u32(is_edge)] + rank;
-        if pair.thickness > 0.0 && index < about.room {
-            pairs[known.status.half * about.room + select(index, about.room - 1u - index, is_edge)] = pair;
+        if thickness > 0.0 && index < about.room {
+            let corners = corners_of(is_edge, candidate.x, candidate.y);
+            let held = held_before(candidate.x, candidate.y);
+            pairs[known.status.half * about.room + select(index, about.room - 1u - index, is_edge)] =
+                Listed(corners, held, candidate.y, thickness, candidate.x, 0u);
         }
     }
 }
 
-// Reserves places in the list for the pairs of a workgroup. Three invocations do so, because each must wait for an answer.
+// Reserves places in the list for the pairs of a workgroup, most of which have pairs of one kind only. Three invocations do so,
+// because each must wait for an answer.
 fn reserve(lane: u32) {
-    if lane == 0u {
-        first_listed[0] = atomicAdd(&known.status.with_vertices, atomicLoad(&listed_here[0]));
-    } else if lane == 1u {
-        first_listed[1] = atomicAdd(&known.status.with_edges, atomicLoad(&listed_here[1]));
+    if lane < 2u {
+        let more = atomicLoad(&listed_here[lane]);
+        if more > 0u && lane == 0u {
+            first_listed[0] = atomicAdd(&known.status.with_vertices, more);
+        } else if more > 0u {
+            first_listed[1] = atomicAdd(&known.status.with_edges, more);
+        }
     } else if lane == 2u {
         let more = atomicLoad(&listed_here[0]) + atomicLoad(&listed_here[1]);
+        if more == 0u {
+            return;
+        }
         let listed = atomicAdd(&known.status.listed, more) + more;
         if listed > about.room {
             atomicMax(&known.status.needed, listed);
