@@ -82,9 +82,17 @@ fn held_before(row: u32, other: u32) -> vec4f {
     return vec4f();
 }
 
+// Puts a pair of the previous list into a chain if it has multipliers: an element of `chains` is 1 more than the number of a
+// pair, whose `next` is 1 more than that of another, or 0 at the end.
+fn chain(k: u32) {
+    let at = place_before(k);
+    if any(pairs[at].lambda != vec4f()) {
+        pairs[at].next = atomicExchange(&chains[chain_of(pairs[at].row, pairs[at].other)], k + 1u);
+    }
+}
+
 // Computes the boxes of the triangles, edges and vertices, and the bounds of the normals of the cloth's triangles. Puts the
-// previous list's pairs that have multipliers into chains: an element of `chains` is 1 more than the number of a pair, whose
-// `next` is 1 more than that of another, or 0 at the end.
+// previous list's pairs into chains.
 @compute @workgroup_size(WORKGROUP)
 fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     if !is_due() {
@@ -100,12 +108,15 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
         let corners = triangle(k);
         normals[k] = normals_on_path(tracks[corners.x], tracks[corners.y], tracks[corners.z]);
     }
-    let all = known.status.vertices_before + known.status.edges_before;
-    for (var k = first; k < all; k += stride) {
-        let at = place_before(k);
-        if any(pairs[at].lambda != vec4f()) {
-            pairs[at].next = atomicExchange(&chains[chain_of(pairs[at].row, pairs[at].other)], k + 1u);
+    // Only those that acted in the previous substep have multipliers. At the start of a step it is not known which did.
+    if index_of_substep() > 0u {
+        for (var k = first; k < known.status.acted; k += stride) {
+            chain(listed_at(k));
         }
+        return;
+    }
+    for (var k = first; k < known.status.vertices_before + known.status.edges_before; k += stride) {
+        chain(k);
     }
 }
 

@@ -153,7 +153,8 @@ fn decide(@builtin(local_invocation_index) lane: u32) {
 
 fn begin_substep() {
     known.status.pushed = bitcast<f32>(atomicExchange(&known.status.most_push, 0u));
-    let was_near = atomicExchange(&known.status.near, 0u) + atomicExchange(&known.status.acting, 0u);
+    known.status.acted = atomicExchange(&known.status.acting, 0u);
+    let was_near = atomicExchange(&known.status.near, 0u) + known.status.acted;
     atomicStore(&known.status.pressing, 0u);
     let strayed = atomicExchange(&known.status.strayed, 0u) != 0u;
     known.status.scale = 0.0;

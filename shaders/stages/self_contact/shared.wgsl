@@ -160,6 +160,8 @@ struct Status {
     edge_candidates: atomic<u32>,
     // Of this step: the space needed for these if there is not enough.
     space_needed: atomic<u32>,
+    // Number of pairs that acted in the previous substep.
+    acted: u32,
 }
 
 // The status, followed by the workgroups' parts of a reduction over the cloth, and by those over mesh colliders.
@@ -201,6 +203,11 @@ const SHARE: u32 = 7u;
 // The integers that represent a weight of 1, and a length of one thickness.
 const UNIT_WEIGHT: f32 = 262144.0;
 const UNIT_LENGTH: f32 = 8388608.0;
+
+// The number in the list of a near pair: see `near_at`.
+fn listed_at(k: u32) -> u32 {
+    return near[4u * about.room + k].z;
+}
 
 // Whether nothing is led.
 fn is_free() -> bool {

@@ -82,7 +82,7 @@ impl Stages {
             decide: stage(shaders::MEET, "decide", &[COMMON]),
             decide_between: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
-            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, BOXES, NORMALS]),
+            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, COMMON, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, COMMON, BOXES, NORMALS]),
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
             descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, COMMON, DRAFTS]),
