@@ -1,18 +1,15 @@
 //! What belongs to all active pairs, besides the groups that they are in.
 
 use glam::Vec4;
-use rayon::prelude::*;
 
 use super::corners::Corners;
-use super::group::Weights;
-use super::least;
+use super::group::{Group, Weights};
+use super::pairs::Kind;
 use super::portions::Portion;
 use super::ranges::Ranges;
 use super::start::Vertex;
+use super::workers::Workers;
 use crate::simd::MAX_LANES;
-
-/// Groups of pairs that are worth a task.
-const GROUPS: usize = 16;
 
 /// What belongs to the active pairs. These are in groups, in the portions of the lists.
 #[derive(Debug, Default)]
@@ -45,13 +42,13 @@ impl Acting {
     }
 
     /// Takes over the weights of vertices in their pairs; first collects these pairs if they have changed.
-    pub(super) fn weigh(&mut self, portions: &[Portion], have_changed: bool, vertices: &mut [Vertex], is_shared: bool) {
+    pub(super) fn weigh(&mut self, portions: &[Portion], have_changed: bool, vertices: &mut [Vertex], workers: Workers<'_>) {
         let Acting { weights, ranges, corners, mobility, .. } = self;
         let (ranges, weights) = (*ranges, &**weights);
         corners.resize_with(corners.len().max(ranges.count), Corners::default);
         mobility.resize(vertices.len(), 0.0);
-        let tasks = vertices.par_chunks_mut(ranges.len()).zip(mobility.par_chunks_mut(ranges.len())).zip(corners).enumerate();
-        tasks.with_min_len(least(is_shared)).for_each(|(range, ((vertices, mobility), corners))| {
+        let parts = vertices.chunks_mut(ranges.len()).zip(mobility.chunks_mut(ranges.len())).zip(corners).enumerate();
+        workers.each(parts, |(range, ((vertices, mobility), corners))| {
             if have_changed {
                 corners.collect(portions, ranges, range, vertices.len());
             }
@@ -65,26 +62,83 @@ impl Acting {
     }
 }
 
-/// Calls `work` for portions and their parts of two arrays that have an item for each group (or none), in parallel if
-/// `is_shared`.
-pub(super) fn for_portions<A: Send, B: Send>(
-    portions: &mut [Portion],
-    (mut a, mut b): (&mut [A], &mut [B]),
-    is_shared: bool,
-    work: &(impl Fn(&mut Portion, &mut [A], &mut [B]) + Sync),
-) {
-    let groups = portions.iter().map(|portion| portion.groups.len()).sum::<usize>();
-    if !is_shared || portions.len() == 1 || groups <= GROUPS {
-        for portion in portions.iter_mut().filter(|portion| !portion.groups.is_empty()) {
-            let count = portion.groups.len();
-            let of_a = a.split_off_mut(..count.min(a.len())).unwrap_or_default();
-            work(portion, of_a, b.split_off_mut(..count.min(b.len())).unwrap_or_default());
-        }
-        return;
+/// Consecutive groups of a kind, in portions, with what belongs to each group.
+struct Groups<'a, A, B> {
+    kind: Kind,
+    /// The number of groups before them.
+    before: usize,
+    /// Groups of the first portion whose other groups are elsewhere, whole portions, and groups of the next portion.
+    head: &'a mut [Group],
+    portions: &'a mut [Portion],
+    tail: &'a mut [Group],
+    a: &'a mut [A],
+    b: &'a mut [B],
+}
+
+impl<'a, A, B> Groups<'a, A, B> {
+    fn count(&self) -> usize {
+        self.head.len() + self.portions.iter().map(|portion| portion.groups.len()).sum::<usize>()
     }
-    let (portions, others) = portions.split_at_mut(portions.len() / 2);
-    let count = others[0].before - portions[0].before;
-    let (a, other_a) = a.split_at_mut(count.min(a.len()));
-    let (b, other_b) = b.split_at_mut(count.min(b.len()));
-    rayon::join(|| for_portions(portions, (a, b), is_shared, work), || for_portions(others, (other_a, other_b), is_shared, work));
+
+    /// Takes at most so many groups off the front; there must be no tail.
+    fn take(&mut self, most: usize) -> Groups<'a, A, B> {
+        let mut left = most;
+        let head = self.head.split_off_mut(..left.min(self.head.len())).unwrap_or_default();
+        left -= head.len();
+        let within = |portion: &&Portion| {
+            let rest = left.checked_sub(portion.groups.len());
+            left = rest.unwrap_or(left);
+            rest.is_some()
+        };
+        let whole = self.portions.iter().take_while(within).count();
+        let portions = self.portions.split_off_mut(..whole).unwrap_or_default();
+        let mut tail = &mut [][..];
+        if left > 0
+            && let Some(portion) = self.portions.split_off_first_mut()
+        {
+            (tail, self.head) = portion.groups.split_at_mut(left);
+            left = 0;
+        }
+        let (kind, before, count) = (self.kind, self.before, most - left);
+        self.before += count;
+        let a = self.a.split_off_mut(..count.min(self.a.len())).unwrap_or_default();
+        let b = self.b.split_off_mut(..count.min(self.b.len())).unwrap_or_default();
+        Groups { kind, before, head, portions, tail, a, b }
+    }
+
+    /// Calls `work` with groups that are one after another in memory, and what belongs to them.
+    fn each(self, work: impl Fn(Kind, usize, &mut [Group], &mut [A], &mut [B])) {
+        let Groups { kind, mut before, head, portions, tail, mut a, mut b } = self;
+        let middle = portions.iter_mut().map(|portion| &mut portion.groups[..]);
+        for groups in std::iter::once(head).chain(middle).chain([tail]).filter(|groups| !groups.is_empty()) {
+            let count = groups.len();
+            let of_a = a.split_off_mut(..count.min(a.len())).unwrap_or_default();
+            work(kind, before, groups, of_a, b.split_off_mut(..count.min(b.len())).unwrap_or_default());
+            before += count;
+        }
+    }
+}
+
+/// Calls `work(kind, before, groups, a, b)` for the groups of portions and their parts of two arrays that have an item for each
+/// group (or none). Each thread has the same share of the groups of either kind, whose first features are about those of its
+/// range of vertices.
+pub(super) fn for_groups<A: Send, B: Send>(
+    portions: &mut [Portion],
+    (a, b): (&mut [A], &mut [B]),
+    workers: Workers<'_>,
+    work: &(impl Fn(Kind, usize, &mut [Group], &mut [A], &mut [B]) + Sync),
+) {
+    let first = portions.partition_point(|portion| portion.kind == Kind::VertexTriangle);
+    let (portions, others) = portions.split_at_mut(first);
+    let before = others.first().map_or(0, |portion| portion.before);
+    let all = |kind, portions, a, b, before| Groups { kind, before, head: &mut [], portions, tail: &mut [], a, b };
+    let (a, other_a) = a.split_at_mut(if others.is_empty() { a.len() } else { before.min(a.len()) });
+    let (b, other_b) = b.split_at_mut(if others.is_empty() { b.len() } else { before.min(b.len()) });
+    let mut left = [all(Kind::VertexTriangle, portions, a, b, 0), all(Kind::EdgeEdge, others, other_a, other_b, before)];
+    let counts = left.each_ref().map(Groups::count);
+    let parts = (0..workers.count()).map(|part| {
+        let mut counts = counts.iter().map(|count| workers.share(part, *count));
+        left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
+    });
+    workers.each(parts, |parts| parts.into_iter().for_each(|groups| groups.each(work)));
 }

@@ -4,13 +4,12 @@
 use std::ops::Range;
 
 use glam::Vec3A;
-use rayon::prelude::*;
 
-use super::least;
+use super::workers::Workers;
 use crate::simd::{MAX_LANES, Registers};
 
-/// Boxes per task.
-const GRAIN: usize = 1024;
+/// Least number of boxes that are worth a part of a loop.
+const GRAIN: usize = 64;
 
 /// Lower and upper bounds (m) per coordinate of many boxes.
 #[derive(Debug, Default)]
@@ -21,20 +20,21 @@ pub(super) struct Boxes {
 
 impl Boxes {
     /// Sets the boxes of some items; `of` returns that of an item.
-    pub(super) fn bound(&mut self, items: Range<usize>, is_shared: bool, of: impl Fn(usize) -> [Vec3A; 2] + Sync) {
+    pub(super) fn bound(&mut self, items: Range<usize>, workers: Workers<'_>, of: impl Fn(usize) -> [Vec3A; 2] + Sync) {
         // Groups of lanes may extend beyond the last item.
         let count = self.low[0].len().max(items.end + MAX_LANES);
+        let part = workers.part(items.len(), GRAIN);
         let bounds = [&mut self.low, &mut self.high].map(|bounds| {
             bounds.each_mut().map(|of| {
                 of.resize(count, 0.0);
-                of[items.clone()].par_chunks_mut(GRAIN)
+                of[items.clone()].chunks_mut(part)
             })
         });
         let [[low_x, low_y, low_z], [high_x, high_y, high_z]] = bounds;
-        let tasks = low_x.zip(low_y).zip(low_z).zip(high_x.zip(high_y).zip(high_z)).enumerate();
-        tasks.with_min_len(least(is_shared)).for_each(|(task, (((low_x, low_y), low_z), ((high_x, high_y), high_z)))| {
+        let parts = low_x.zip(low_y).zip(low_z).zip(high_x.zip(high_y).zip(high_z)).enumerate();
+        workers.each(parts, |(index, (((low_x, low_y), low_z), ((high_x, high_y), high_z)))| {
             for k in 0..low_x.len() {
-                let [low, high] = of(items.start + GRAIN * task + k);
+                let [low, high] = of(items.start + part * index + k);
                 [low_x[k], low_y[k], low_z[k]] = low.to_array();
                 [high_x[k], high_y[k], high_z[k]] = high.to_array();
             }

@@ -3,22 +3,22 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{Vec3A, Vec4};
-use rayon::prelude::*;
 
-use super::acting::{Acting, for_portions};
+use super::acting::{Acting, for_groups};
+use super::corners::SLICE;
 use super::frame::Frame;
-use super::least;
 use super::near::{Find, Look};
-use super::pairs::Kind;
+use super::pairs::{Kind, Listed};
 use super::portions::{Clock, PORTION, Portion};
 use super::ranges::Ranges;
 use super::rows::Rows;
 use super::start::{Start, Vertex};
+use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd;
 
-/// Vertices per task.
-pub(super) const GRAIN: usize = 128;
+/// Least number of vertices that are worth a part of a loop.
+pub(super) const GRAIN: usize = 32;
 
 /// The contacts of a substep. The buffers are reused.
 #[derive(Debug, Default)]
@@ -44,6 +44,8 @@ pub(super) struct Contacts {
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
     pub by: Vec<Vec4>,
+    /// The share of its displacement that truncation leaves each vertex.
+    pub shares: Vec<f32>,
     /// The active pairs.
     pub acting: Acting,
 }
@@ -52,17 +54,17 @@ impl Contacts {
     /// Finds the near pairs of the lists, in order, and the active ones among them.
     pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>) {
         if self.friction != start.friction {
-            self.keep(lists, start.is_shared);
+            self.keep(lists, start.workers);
             self.forget();
             start.friction.clone_into(&mut self.friction);
         }
         let is_known = self.is_numbered;
         if !is_known {
-            self.number(lists, start.x.len(), start.is_shared);
+            self.number(lists, start.x.len(), start.workers);
         }
         let (moved, travel) = self.copy(start);
         self.clock.advance(if is_known { moved } else { 0.0 }, travel, start);
-        let ranges = Ranges::of(self.order.len(), start.is_shared);
+        let ranges = Ranges::of(self.order.len(), SLICE, start.workers);
         let is_known = is_known & (ranges == std::mem::replace(&mut self.acting.ranges, ranges));
         self.find(lists, is_known, start);
         let Contacts { portions, used, acting, vertices, x, u, .. } = self;
@@ -71,11 +73,10 @@ impl Contacts {
         if have_changed {
             acting.number(portions);
         }
-        for_portions(portions, (&mut acting.weights, &mut []), start.is_shared, &|portion, weights, _: &mut [()]| {
-            let Portion { kind, groups, .. } = portion;
-            simd::run(start.width, Look { kind: *kind, groups, weights, x, u, most_push: start.most_push });
+        for_groups(portions, (&mut acting.weights, &mut []), start.workers, &|kind, _, groups, weights, _: &mut [()]| {
+            simd::run(start.width, Look { kind, groups, weights, x, u, most_push: start.most_push });
         });
-        acting.weigh(portions, have_changed, vertices, start.is_shared);
+        acting.weigh(portions, have_changed, vertices, start.workers);
     }
 
     /// Discards what depends on the lists, because they have changed.
@@ -87,24 +88,25 @@ impl Contacts {
         &self.portions[..self.used]
     }
 
-    /// Number of near pairs.
-    pub(super) fn near(&self) -> usize {
-        self.portions().iter().flat_map(Portion::blocks).map(|block| block.near.count_ones() as usize).sum()
+    /// Whether there are near pairs.
+    pub(super) fn has_near(&self) -> bool {
+        self.portions().iter().flat_map(Portion::blocks).any(|block| block.near != 0)
     }
 
-    /// Number of pairs that press.
-    pub(super) fn pressing(&self) -> u32 {
-        self.portions().iter().flat_map(|portion| &portion.groups).map(|group| group.pressing() as u32).sum()
+    /// How many pairs are near and how many press, after truncation.
+    pub(super) fn counts(&self) -> [u32; 2] {
+        self.portions().iter().fold([0; 2], |[near, pressing], of| [near + of.near, pressing + of.pressing])
     }
 
     /// Numbers the vertices of the lists, in order.
-    fn number(&mut self, lists: &[Rows; 2], vertices: usize, is_shared: bool) {
+    fn number(&mut self, lists: &[Rows; 2], vertices: usize, workers: Workers<'_>) {
         let Contacts { order, place, corners, due, clock, .. } = self;
         *clock = Clock::default();
         place.resize_with(vertices, AtomicU32::default);
         place.iter_mut().for_each(|place| *place.get_mut() = 0);
         for rows in lists {
-            rows.pairs.par_chunks(PORTION).with_min_len(least(is_shared)).for_each(|pairs| {
+            let part = workers.part(rows.pairs.len(), GRAIN);
+            workers.each(rows.pairs.chunks(part), |pairs| {
                 for &vertex in pairs.iter().flat_map(|pair| &pair.corners) {
                     let mark = &place[vertex as usize];
                     // Writing takes longer if other threads read.
@@ -123,8 +125,8 @@ impl Contacts {
             due.clear();
             due.resize(rows.pairs.len(), f32::NEG_INFINITY);
             corners.resize(rows.pairs.len(), [0; 4]);
-            let tasks = corners.par_chunks_mut(PORTION).zip(rows.pairs.par_chunks(PORTION));
-            tasks.with_min_len(least(is_shared)).for_each(|(corners, pairs)| {
+            let part = workers.part(rows.pairs.len(), GRAIN);
+            workers.each(corners.chunks_mut(part).zip(rows.pairs.chunks(part)), |(corners, pairs)| {
                 for (corners, pair) in corners.iter_mut().zip(pairs) {
                     *corners = pair.corners.map(|vertex| place[vertex as usize].load(Ordering::Relaxed));
                 }
@@ -148,10 +150,12 @@ impl Contacts {
         vertices.resize(order.len(), Vertex::default());
         [&mut *x, u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
         let common = std::mem::replace(frame, start.frame);
-        let tasks = vertices.par_chunks_mut(GRAIN).zip(x.par_chunks_mut(GRAIN)).zip(u.par_chunks_mut(GRAIN));
-        let tasks = tasks.zip(order.par_chunks(GRAIN)).with_min_len(least(start.is_shared));
-        let most = tasks.map(|(((vertices, x), u), order)| {
-            let mut most = Vec4::ZERO;
+        let part = start.workers.part(order.len(), GRAIN);
+        let parts = vertices.chunks_mut(part).zip(x.chunks_mut(part)).zip(u.chunks_mut(part)).zip(order.chunks(part));
+        // The bits of numbers that are not negative are in the order of the numbers.
+        let most = [const { AtomicU32::new(0) }; 2];
+        start.workers.each(parts, |(((vertices, x), u), order)| {
+            let mut farthest = [0.0_f32; 2];
             for (((vertex, x), u), &index) in vertices.iter_mut().zip(x).zip(u).zip(order) {
                 let of = index as usize;
                 let moved = (xyz(start.x[of]) - xyz(*x) - common.at(xyz(*x))).length_squared();
@@ -160,29 +164,36 @@ impl Contacts {
                 *x = start.x[of].with_w((xyz(*u) - base).length());
                 let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                 let travel = (xyz(*u) + push - base).length();
-                *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of], share: 1.0 };
-                most = most.max(Vec4::new(moved, x.w, 0.0, 0.0));
+                *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of] };
+                farthest = [farthest[0].max(moved), farthest[1].max(x.w)];
             }
-            most
+            most.iter().zip(farthest).for_each(|(most, far)| _ = most.fetch_max(far.to_bits(), Ordering::Relaxed));
         });
-        let most = most.reduce(|| Vec4::ZERO, Vec4::max);
-        (most.x.sqrt(), most.y)
+        let [moved, travel] = most.map(|most| f32::from_bits(most.into_inner()));
+        (moved.sqrt(), travel)
     }
 
     /// Looks at pairs that have not acted since they were listed. If the groups are not known, they are made anew.
     fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
-        let Contacts { corners, due, clock, portions, vertices, x, u, acting, .. } = self;
+        let Contacts { corners, due, clock, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, clock, ranges) = (&**vertices, &**x, &**u, *clock, acting.ranges);
         let owner = |vertex: u32| start.surface.owner[vertices[vertex as usize].index as usize];
         let friction = |[a, _, _, d]: [u32; 4]| start.friction[owner(a).max(owner(d)) as usize];
-        let mut portions = &mut portions[..];
-        for kind in Kind::ALL {
-            let (Rows { pairs, lambda, .. }, corners) = (&mut lists[kind as usize], &corners[kind as usize]);
-            let of_kind = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
-            let tasks = of_kind.par_iter_mut().zip(pairs.par_chunks(PORTION)).zip(corners.par_chunks(PORTION));
-            let tasks = tasks.zip(lambda.par_chunks_mut(PORTION)).zip(due[kind as usize].par_chunks_mut(PORTION));
-            tasks.with_min_len(least(start.is_shared)).for_each(|((((portion, pairs), corners), lambda), due)| {
-                let most_push = start.most_push;
+        let mut portions = &mut portions[..*used];
+        let ([one, other], [of_one, of_other], [due_one, due_other]) = (lists, &*corners, due);
+        let mut left = [(one, of_one, due_one), (other, of_other, due_other)].map(|(rows, corners, due)| {
+            let Rows { pairs, lambda, .. } = rows;
+            let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
+            Piece { portions, pairs, corners, lambda, due }
+        });
+        let counts = left.each_ref().map(|left| left.portions.len());
+        let parts = (0..start.workers.count()).map(|part| {
+            let mut counts = counts.iter().map(|count| start.workers.share(part, *count));
+            left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
+        });
+        start.workers.each(parts, |parts| {
+            parts.into_iter().flat_map(Piece::portions).for_each(|Piece { portions, pairs, corners, lambda, due }| {
+                let (portion, most_push) = (&mut portions[0], start.most_push);
                 simd::run(start.width, Find { pairs, corners, x, u, due, clock, most_push, portion });
                 if !portion.joining.is_empty() || !is_known {
                     portion.join((pairs, corners), lambda, due, friction, ranges);
@@ -192,11 +203,11 @@ impl Contacts {
                     lambda.fill(Vec4::ZERO);
                 }
             });
-        }
+        });
     }
 
     /// Stores the multipliers in the lists.
-    pub(super) fn keep(&mut self, lists: &mut [Rows; 2], is_shared: bool) {
+    pub(super) fn keep(&mut self, lists: &mut [Rows; 2], workers: Workers<'_>) {
         if !self.is_numbered {
             return;
         }
@@ -204,11 +215,13 @@ impl Contacts {
         for kind in Kind::ALL {
             let lambda = &mut lists[kind as usize].lambda;
             let of_kind = portions.split_off(..lambda.len().div_ceil(PORTION)).unwrap_or_default();
-            let tasks = of_kind.par_iter().zip(lambda.par_chunks_mut(PORTION)).with_min_len(least(is_shared));
-            tasks.for_each(|(portion, lambda)| {
-                for group in &portion.groups {
-                    for lane in 0..group.count as usize {
-                        lambda[group.listed[lane] as usize - portion.first] = group.pair(lane).1;
+            let part = workers.part(of_kind.len(), 1);
+            workers.each(of_kind.chunks(part).zip(lambda.chunks_mut(part * PORTION)), |(portions, lambda)| {
+                for (portion, lambda) in portions.iter().zip(lambda.chunks_mut(PORTION)) {
+                    for group in &portion.groups {
+                        for lane in 0..group.count as usize {
+                            lambda[group.listed[lane] as usize - portion.first] = group.pair(lane).1;
+                        }
                     }
                 }
             });
@@ -217,10 +230,10 @@ impl Contacts {
 
     /// Writes displacements and positions back to the state. `push` are the corrections of positions by colliders;
     /// empty if there are none.
-    pub(super) fn finish(&self, x: &mut [Vec4], u: &mut [Vec4], push: &[Vec4], is_shared: bool) {
-        let tasks = x.par_chunks_mut(GRAIN).zip(u.par_chunks_mut(GRAIN)).enumerate();
-        tasks.with_min_len(least(is_shared)).for_each(|(task, (x, u))| {
-            let first = task * GRAIN;
+    pub(super) fn finish(&self, x: &mut [Vec4], u: &mut [Vec4], push: &[Vec4], workers: Workers<'_>) {
+        let part = workers.part(x.len(), GRAIN);
+        workers.each(x.chunks_mut(part).zip(u.chunks_mut(part)).enumerate(), |(index, (x, u))| {
+            let first = index * part;
             let push = &push[first.min(push.len())..(first + x.len()).min(push.len())];
             let place = |vertex: usize| self.order.partition_point(|&near| (near as usize) < vertex);
             let of_task = place(first)..place(first + x.len());
@@ -240,5 +253,34 @@ impl Contacts {
                 *x += push.extend(0.0);
             }
         });
+    }
+}
+
+/// Consecutive portions of a list, and what is in them of the arrays that have an item for each pair.
+struct Piece<'a> {
+    portions: &'a mut [Portion],
+    pairs: &'a [Listed],
+    corners: &'a [[u32; 4]],
+    lambda: &'a mut [Vec4],
+    due: &'a mut [f32],
+}
+
+impl<'a> Piece<'a> {
+    /// Takes at most so many portions off the front.
+    fn take(&mut self, portions: usize) -> Piece<'a> {
+        let portions = portions.min(self.portions.len());
+        let pairs = (portions * PORTION).min(self.pairs.len());
+        Piece {
+            portions: self.portions.split_off_mut(..portions).unwrap_or_default(),
+            pairs: self.pairs.split_off(..pairs).unwrap_or_default(),
+            corners: self.corners.split_off(..pairs).unwrap_or_default(),
+            lambda: self.lambda.split_off_mut(..pairs).unwrap_or_default(),
+            due: self.due.split_off_mut(..pairs).unwrap_or_default(),
+        }
+    }
+
+    /// The portions one by one.
+    fn portions(mut self) -> impl Iterator<Item = Piece<'a>> {
+        std::iter::from_fn(move || (!self.portions.is_empty()).then(|| self.take(1)))
     }
 }

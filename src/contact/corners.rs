@@ -9,7 +9,7 @@ use super::ranges::Ranges;
 use crate::simd::{Loop, MAX_LANES, Registers};
 
 /// Vertices of a slice: as many as the largest register has 4-vectors.
-const SLICE: usize = MAX_LANES / 4;
+pub(super) const SLICE: usize = MAX_LANES / 4;
 
 /// The active pairs of a range of vertices.
 #[derive(Debug, Default)]
@@ -32,8 +32,8 @@ impl Corners {
     pub(super) fn collect(&mut self, portions: &[Portion], ranges: Ranges, range: usize, vertices: usize) {
         let Corners { pairs, weights, places, starts, counts, .. } = self;
         let groups = || {
-            let groups = portions.iter().flat_map(|portion| (portion.before..).zip(&portion.groups));
-            groups.filter(|(_, group)| group.ranges >> range & 1 != 0)
+            let groups = portions.iter().flat_map(|portion| (portion.before..).zip(&portion.groups).zip(&portion.ranges));
+            groups.filter(|(_, ranges)| **ranges >> range & 1 != 0).map(|(group, _)| group)
         };
         let slices = vertices.div_ceil(SLICE);
         counts.clear();

@@ -9,8 +9,8 @@
 use std::ops::Range;
 
 use glam::{Vec3A, Vec4};
-use rayon::prelude::*;
 
+use super::Path;
 use super::boxes::Boxes;
 use super::candidates::{Candidates, TRIANGLES};
 use super::measure::Measure;
@@ -19,14 +19,14 @@ use super::ranges::Ranges;
 use super::rows::{Found, Rows};
 use super::surface::{Leaves, Surface};
 use super::tree::{Look, Tree, Walk};
-use super::{Path, for_chunks, least};
+use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd::{self, Width};
 
 /// Pairs of leaves per task.
 const GRAIN: usize = 32;
-/// Vertices per task when computing midpoints.
-const GROUP: usize = 4096;
+/// Least number of vertices that are worth a part of a loop.
+const GROUP: usize = 256;
 
 /// Limit on the number of pairs of leaves: this many, plus this many per leaf. A heap has tens per leaf; a cloth in a
 /// single point has all pairs.
@@ -86,7 +86,7 @@ impl Detection {
         let (rows, ranges) = (rows(&scene), ranges(&scene));
         for (kind, lists) in lists.iter_mut().enumerate() {
             let found = || self.findings[..tasks].iter().map(|finding| &finding.found[kind]);
-            lists.fill(rows[kind], ranges[kind], found, &mut self.before, scene.path.is_shared);
+            lists.fill(rows[kind], ranges[kind], found, &mut self.before, scene.path.workers);
         }
         Ok(())
     }
@@ -123,7 +123,7 @@ impl Detection {
     pub(super) fn fit(&mut self, scene: Scene<'_>, trees: [&mut Tree; 2]) {
         let Scene { surface, path, look, .. } = scene;
         self.middle.resize(path.x.len(), Vec4::ZERO);
-        for_chunks(path.is_shared, &mut self.middle, GROUP, |first, middle| {
+        path.workers.chunks(&mut self.middle, GROUP, |first, middle| {
             (first..).zip(middle).for_each(|(vertex, y)| *y = midpoint(path, look, vertex));
         });
         for (tree, rests) in trees.into_iter().zip([false, scene.bodies_rest]) {
@@ -144,7 +144,8 @@ impl Detection {
         is_let_go: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<usize, usize> {
         let Scene { surface, path, look, .. } = scene;
-        let walk = Walk { look, all, is_shared: all && path.is_shared };
+        let workers = if all { path.workers } else { Workers::ALONE };
+        let walk = Walk { look, all, workers };
         let [own, across] = &mut self.leaves;
         own.clear();
         across.clear();
@@ -164,20 +165,21 @@ impl Detection {
         let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
         let ranges = ranges(&scene);
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
-            let tasks = findings.par_iter_mut().zip(leaves.par_chunks(GRAIN)).with_min_len(least(path.is_shared));
-            tasks.for_each(|(Finding { near, found }, leaves)| {
-                near.iter_mut().for_each(Vec::clear);
-                let (trees, is_own) = ([cloth, other], std::ptr::eq(cloth, other));
-                simd::run(scene.width, Candidates { surface, look, boxes, trees, is_own, leaves, near });
-                for kind in Kind::ALL {
-                    let Found { pairs: listed, ranges: of } = &mut found[kind as usize];
-                    listed.clear();
-                    simd::run(
-                        scene.width,
-                        Measure { surface, look, middle, u: path.u, kind, near: &near[kind as usize], listed },
-                    );
-                    listed.retain(|(row, pair)| !is_let_go(kind, *row, pair));
-                    *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
+            let part = path.workers.small_part(findings.len(), 1);
+            let parts = findings.chunks_mut(part).zip(leaves.chunks(part * GRAIN));
+            path.workers.each(parts, |(findings, leaves)| {
+                for (Finding { near, found }, leaves) in findings.iter_mut().zip(leaves.chunks(GRAIN)) {
+                    near.iter_mut().for_each(Vec::clear);
+                    let (trees, is_own) = ([cloth, other], std::ptr::eq(cloth, other));
+                    simd::run(scene.width, Candidates { surface, look, boxes, trees, is_own, leaves, near });
+                    for kind in Kind::ALL {
+                        let Found { pairs: listed, ranges: of } = &mut found[kind as usize];
+                        listed.clear();
+                        let near = &near[kind as usize];
+                        simd::run(scene.width, Measure { surface, look, middle, u: path.u, kind, near, listed });
+                        listed.retain(|(row, pair)| !is_let_go(kind, *row, pair));
+                        *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
+                    }
                 }
             });
         }
@@ -189,9 +191,9 @@ impl Detection {
         let Scene { surface, path, .. } = *scene;
         let middle = &self.middle;
         let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
-        of_triangles.bound(triangles, path.is_shared, |item| around(middle, &surface.triangles[item]));
-        of_edges.bound(edges, path.is_shared, |item| around(middle, &surface.edges[item]));
-        of_vertices.bound(vertices, path.is_shared, |item| around(middle, &surface.order[item..=item]));
+        of_triangles.bound(triangles, path.workers, |item| around(middle, &surface.triangles[item]));
+        of_edges.bound(edges, path.workers, |item| around(middle, &surface.edges[item]));
+        of_vertices.bound(vertices, path.workers, |item| around(middle, &surface.order[item..=item]));
     }
 
     /// The same for those of a leaf.
@@ -211,7 +213,7 @@ fn rows(scene: &Scene<'_>) -> [usize; 2] {
 
 /// The same, divided among the threads.
 fn ranges(scene: &Scene<'_>) -> [Ranges; 2] {
-    rows(scene).map(|rows| Ranges::of(rows, scene.path.is_shared))
+    rows(scene).map(|rows| Ranges::of(rows, 1, scene.path.workers))
 }
 
 /// The midpoint of a vertex's path (m); w is the distance that it may stray from it.

@@ -2,7 +2,6 @@
 
 use glam::Vec4;
 
-use super::ranges::Ranges;
 use crate::simd::MAX_LANES;
 
 /// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
@@ -47,8 +46,6 @@ pub(super) struct Group {
     pub rub: [[f32; MAX_LANES]; 3],
     pub press: [f32; MAX_LANES],
     pub count: u32,
-    /// The ranges of vertices that have corners here.
-    pub ranges: u64,
 }
 
 /// The weights of the corners of a group's pairs.
@@ -63,7 +60,6 @@ impl Default for Group {
             block: Block::default(),
             listed: [0; MAX_LANES],
             count: 0,
-            ranges: 0,
             thickness: zero,
             friction: zero,
             gap: zero,
@@ -93,11 +89,10 @@ impl Group {
     }
 
     /// Sets the number of pairs. The other lanes get corners of another pair, so that all are valid.
-    pub(super) fn close(&mut self, count: usize, ranges: Ranges) {
+    pub(super) fn close(&mut self, count: usize) {
         let [corners, ..] = self.block.corners;
         self.block.corners[count..].fill(corners);
         self.count = count as u32;
-        self.ranges = self.block.corners.iter().flatten().fold(0, |all, &vertex| all | ranges.bit(vertex));
     }
 
     /// How many pairs press.

@@ -49,12 +49,12 @@ mod tree;
 mod truncation;
 pub(crate) mod untangle;
 mod vertices;
+mod workers;
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::AtomicU32;
 
 use glam::{DVec3, Vec3A, Vec4};
-use rayon::prelude::*;
 
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
@@ -79,6 +79,7 @@ use start::Start;
 use surface::Surface;
 use tree::{Look, Tree};
 use vertices::Meet;
+pub(crate) use workers::Workers;
 
 /// Least distance that a vertex may stray from its path before it gets a new one, in units of the thickness.
 const LEAST_STRAY: f32 = 0.1;
@@ -101,8 +102,10 @@ pub(crate) const IN_SHADERS: [(&str, f32); 15] = [
     ("FARTHER", truncation::FARTHER),
     ("NEAR", bodies::NEAR),
 ];
-/// Vertices that a task looks at.
-const GRAIN: usize = 1024;
+/// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.
+const GRAIN: usize = 64;
+const VERTICES: usize = 128;
+const PAIRS: usize = 1024;
 
 /// A substep's start positions (m) and displacements (m).
 #[derive(Clone, Copy)]
@@ -111,7 +114,7 @@ struct Path<'a> {
     u: &'a [Vec4],
     /// How far (m) each vertex may stray from its path.
     stray: &'a [f32],
-    is_shared: bool,
+    workers: Workers<'a>,
 }
 
 /// Counts for the report of a step.
@@ -147,8 +150,9 @@ pub(crate) struct SelfContact {
     may_cross: bool,
     /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
     led_may_cross: bool,
-    /// Corrections of positions (m) that colliders add without changing velocities; empty if there are none.
+    /// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
     push: Vec<Vec4>,
+    most_push: f32,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
     /// The number of pairs of leaves if there were too many to test; 0 otherwise.
@@ -180,6 +184,7 @@ impl SelfContact {
             may_cross: true,
             led_may_cross: false,
             push: Vec::new(),
+            most_push: 0.0,
             h: 0.0,
             crowd: 0,
             tally: Tally::default(),
@@ -239,7 +244,7 @@ impl SelfContact {
         substep: &Substep,
         x: &mut [Vec4],
         u: &mut [Vec4],
-        is_shared: bool,
+        workers: Workers<'_>,
         width: Width,
     ) {
         if self.crowd > 0 {
@@ -250,11 +255,12 @@ impl SelfContact {
             let moved = LetGo::part_touches(&self.surface, x, self.meets_itself, self.options.thickness);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
-        let most_push = self.meet_colliders(plan, substep, x, u, is_shared, width);
+        self.meet_colliders(plan, substep, x, u, workers, width);
         let frame = self.bodies.frame(plan, x, u, self.options.thickness);
-        let (is_free, path) = (frame.is_none(), Path { x, u, stray: &[], is_shared });
+        let is_free = frame.is_none();
+        let path = Path { x, u, stray: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
-        let may_stray = Path { x: &x[..moving], u: &u[..moving], ..path };
+        let may_stray = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
         if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, moving, is_free, width) {
             return;
         }
@@ -265,62 +271,61 @@ impl SelfContact {
             let frame = frame.unwrap_or_else(|| Frame::of(mean(&plan.cloth.mass, u)));
             let (surface, friction) = (&self.surface, &*self.bodies.friction);
             let thickness = self.options.thickness;
-            let start = Start { x, u, push: &self.push, most_push, frame, surface, thickness, friction, is_shared, width };
+            let workers = workers.for_items(self.tally.listed as usize, PAIRS);
+            let push = if self.most_push > 0.0 { &*self.push } else { &[] };
+            let start = Start { x, u, push, most_push: self.most_push, frame, surface, thickness, friction, workers, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
             self.contacts.gather(&mut self.lists, start);
-            if self.contacts.near() > 0 {
-                self.contacts.respond(plan, substep, scale, is_shared, width);
-                let lost = self.contacts.truncate(frame, &plan.cloth.mass, is_shared, width);
-                self.contacts.finish(x, u, &self.push, is_shared);
+            if self.contacts.has_near() {
+                self.contacts.respond(plan, substep, scale, workers, width);
+                let lost = self.contacts.truncate(frame, &plan.cloth.mass, workers, width);
+                self.contacts.finish(x, u, push, workers);
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
-                    give_back(&plan.cloth.mass, lost, u);
+                    give_back(&plan.cloth.mass, lost, u, workers);
                 }
+                [self.tally.near, self.tally.contacts] = self.contacts.counts();
             }
-            (self.tally.near, self.tally.contacts) = (self.contacts.near() as u32, self.contacts.pressing());
         }
-        if self.tally.near == 0 {
+        if self.tally.near == 0 && self.most_push > 0.0 {
             x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
     }
 
     /// Ends a step: puts what belongs to its state in the lists.
-    pub(crate) fn end(&mut self, is_shared: bool) {
-        self.contacts.keep(&mut self.lists, is_shared);
+    pub(crate) fn end(&mut self, workers: Workers<'_>) {
+        self.contacts.keep(&mut self.lists, workers);
     }
 
-    /// Moves vertices out of the colliders. Returns the largest correction (m) that is not part of a displacement.
+    /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.
     fn meet_colliders(
         &mut self,
         plan: &Plan<'_>,
         substep: &Substep,
         x: &[Vec4],
         u: &mut [Vec4],
-        is_shared: bool,
+        workers: Workers<'_>,
         width: Width,
-    ) -> f32 {
-        self.push.clear();
+    ) {
+        let was_pushed = std::mem::take(&mut self.most_push) > 0.0;
         if plan.bodies.is_empty() {
-            return 0.0;
-        }
-        self.push.resize(x.len(), Vec4::ZERO);
-        let (x, u, push) = (&x[..self.bodies.first], &mut u[..self.bodies.first], &mut self.push[..self.bodies.first]);
-        let is_pushed = AtomicBool::new(false);
-        let meet = |((x, u), push): ((&[Vec4], &mut [Vec4]), &mut [Vec4])| {
-            simd::run(width, Meet { plan, substep, x, u, push, is_pushed: &is_pushed });
-        };
-        if is_shared && x.len() > GRAIN {
-            x.par_chunks(GRAIN).zip(u.par_chunks_mut(GRAIN)).zip(push.par_chunks_mut(GRAIN)).for_each(meet);
-        } else {
-            meet(((x, u), push));
-        }
-        if !is_pushed.into_inner() {
             self.push.clear();
-            return 0.0;
+            return;
         }
-        self.push.iter().map(|push| xyz(*push).length_squared()).fold(0.0, f32::max).sqrt()
+        let cloth = self.bodies.first;
+        self.push.resize(x.len(), Vec4::ZERO);
+        let (most, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES));
+        let part = workers.part(cloth, GRAIN);
+        let state = x[..cloth].chunks(part).zip(u[..cloth].chunks_mut(part));
+        workers.each(state.zip(self.push[..cloth].chunks_mut(part)), |((x, u), push)| {
+            if was_pushed {
+                push.fill(Vec4::ZERO);
+            }
+            simd::run(width, Meet { plan, substep, x, u, push, most: &most });
+        });
+        self.most_push = f32::from_bits(most.into_inner()).sqrt();
     }
 
     /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
@@ -364,8 +369,8 @@ impl SelfContact {
             self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
             self.may_cross = !self.let_go.crossings.is_empty();
         }
-        self.contacts.keep(lists, path.is_shared);
-        let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.is_shared, width);
+        self.contacts.keep(lists, path.workers);
+        let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let let_go = &self.let_go;
         self.contacts.forget();
@@ -376,13 +381,12 @@ impl SelfContact {
     fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
         let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         if !detection.is_fitted {
-            detection
-                .fit(scene(surface, *options, self.meets_itself, false, paths, path.is_shared, width), [of_cloth, of_bodies]);
+            detection.fit(scene(surface, *options, self.meets_itself, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
         paths.restart(strayed, path, surface, LEAST_STRAY * options.thickness, is_free);
         bodies.are_known &= bodies.are_still;
-        let scene = scene(surface, *options, self.meets_itself, false, paths, path.is_shared, width);
-        self.contacts.keep(lists, path.is_shared);
+        let scene = scene(surface, *options, self.meets_itself, false, paths, path.workers, width);
+        self.contacts.keep(lists, path.workers);
         if detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)? {
             self.contacts.forget();
         }
@@ -397,10 +401,10 @@ fn scene<'a>(
     meets_itself: bool,
     bodies_rest: bool,
     paths: &'a Paths,
-    is_shared: bool,
+    workers: Workers<'a>,
     width: Width,
 ) -> Scene<'a> {
-    let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, is_shared };
+    let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers };
     let look = Look { substeps: paths.ahead, margin: options.thickness };
     Scene { surface, meets_itself, bodies_rest, path, look, width }
 }
@@ -416,22 +420,8 @@ fn mean(mass: &[f32], u: &[Vec4]) -> Vec3A {
 }
 
 /// Returns lost momentum (kg m) to the cloth by a uniform displacement.
-fn give_back(mass: &[f32], lost: DVec3, u: &mut [Vec4]) {
+fn give_back(mass: &[f32], lost: DVec3, u: &mut [Vec4], workers: Workers<'_>) {
     let mass: f64 = mass.iter().map(|&mass| f64::from(mass)).sum();
     let back = (lost / mass).as_vec3().extend(0.0);
-    u.iter_mut().for_each(|u| *u += back);
-}
-
-/// Least number of items of a task of a parallel loop, all of them unless other threads share the work.
-fn least(is_shared: bool) -> usize {
-    if is_shared { 1 } else { usize::MAX }
-}
-
-/// Calls `work(first, chunk)` for the chunks of a list, in parallel if `is_shared`.
-fn for_chunks<T: Send>(is_shared: bool, items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
-    if is_shared && items.len() > grain {
-        items.par_chunks_mut(grain).enumerate().for_each(|(chunk, items)| work(chunk * grain, items));
-    } else {
-        work(0, items);
-    }
+    workers.chunks(u, GRAIN, |_, u| u.iter_mut().for_each(|u| *u += back));
 }

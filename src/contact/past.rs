@@ -106,6 +106,7 @@ impl SelfContact {
             detection: _,
             contacts: _,
             push: _,
+            most_push: _,
             crowd: _,
             tally: _,
             kept: _,

@@ -3,10 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec3A, Vec4};
-use rayon::prelude::*;
 
 use super::surface::Surface;
-use super::{GRAIN, Path, for_chunks};
+use super::{GRAIN, Path};
 use crate::kernels::integrate::xyz;
 use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
@@ -88,13 +87,10 @@ impl Paths {
         let (substeps, [common, _]) = (since + 1.0, self.common(path, is_free));
         let all = AtomicBool::new(true);
         let look = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
-        if path.is_shared && path.x.len() > GRAIN {
-            let state = path.x.par_chunks(GRAIN).zip(path.u.par_chunks(GRAIN));
-            let paths = self.from[..path.x.len()].par_chunks(GRAIN).zip(self.by[..path.x.len()].par_chunks(GRAIN));
-            state.zip(paths).for_each(|((x, u), (from, by))| look([x, u, from, by]));
-        } else {
-            look([path.x, path.u, &self.from[..path.x.len()], &self.by[..path.x.len()]]);
-        }
+        let (count, part) = (path.x.len(), path.workers.part(path.x.len(), GRAIN));
+        let state = path.x.chunks(part).zip(path.u.chunks(part));
+        let paths = self.from[..count].chunks(part).zip(self.by[..count].chunks(part));
+        path.workers.each(state.zip(paths), |((x, u), (from, by))| look([x, u, from, by]));
         all.into_inner()
     }
 
@@ -159,7 +155,7 @@ impl Paths {
         if let Some(since) = known {
             let [common, _] = self.common(path, is_free);
             let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
-            for_chunks(path.is_shared, &mut stray, GRAIN, |first, stray| {
+            path.workers.chunks(&mut stray, GRAIN, |first, stray| {
                 for (vertex, stray) in (first..).zip(stray) {
                     let far = (self.strayed_by(path, vertex) - common).length() * longer;
                     *stray = far.max(KEEPS * *stray).clamp(least.min(most[vertex]), most[vertex]);

@@ -12,6 +12,7 @@ use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::reused::Reused;
 use super::start::Start;
+use super::workers::Workers;
 use crate::simd::{MAX_LANES, Registers};
 
 /// Listed pairs of a portion.
@@ -29,11 +30,16 @@ pub(super) struct Portion {
     /// The pairs that have acted since they were listed, in order, and the number of groups in the portions before.
     pub groups: Vec<Group>,
     pub before: usize,
+    /// For each group the set of ranges of vertices that have corners there.
+    pub ranges: Vec<u64>,
     pub looked_at: LookedAt,
     /// Others that act for the first time in this substep, by their place in the portion.
     pub joining: Vec<u16>,
     /// Other near pairs, among pairs that were only looked at.
     pub blocks: Reused<Block>,
+    /// How many pairs are near and how many press, where any are near.
+    pub near: u32,
+    pub pressing: u32,
     /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
     pub cut: Vec<(u32, f32)>,
 }
@@ -92,6 +98,18 @@ impl LookedAt {
 }
 
 impl Portion {
+    /// For each thread, its share of the portions of either kind.
+    pub(super) fn shared<'a>(portions: &'a mut [Portion], workers: Workers<'a>) -> impl Iterator<Item = [&'a mut [Portion]; 2]> {
+        let first = portions.partition_point(|portion| portion.kind == Kind::VertexTriangle);
+        let (one, other) = portions.split_at_mut(first);
+        let mut left = [one, other];
+        let counts = left.each_ref().map(|left| left.len());
+        (0..workers.count()).map(move |part| {
+            let mut counts = counts.iter().map(|count| workers.share(part, *count));
+            left.each_mut().map(|left| left.split_off_mut(..counts.next().unwrap_or(0)).unwrap_or_default())
+        })
+    }
+
     /// All near pairs, among others.
     pub(super) fn blocks(&self) -> impl Iterator<Item = &Block> {
         self.groups.iter().map(|group| &group.block).chain(self.blocks.iter())
@@ -113,7 +131,7 @@ impl Portion {
         ranges: Ranges,
     ) {
         let mut left = self.members();
-        let Portion { first, groups, joining, .. } = self;
+        let Portion { first, groups, joining, ranges: of_groups, .. } = self;
         let count = left + joining.len();
         groups.resize(count.div_ceil(MAX_LANES), Group::default());
         let listed = |groups: &[Group], member: usize| groups[member / MAX_LANES].listed[member % MAX_LANES] as usize - *first;
@@ -132,8 +150,11 @@ impl Portion {
             groups[group].put(lane, pair, multiplier);
         }
         for (index, group) in groups.iter_mut().enumerate() {
-            group.close((count - index * MAX_LANES).min(MAX_LANES), ranges);
+            group.close((count - index * MAX_LANES).min(MAX_LANES));
         }
+        let set = |group: &Group| group.block.corners.iter().flatten().fold(0, |all, &vertex| all | ranges.bit(vertex));
+        of_groups.clear();
+        of_groups.extend(groups.iter().map(set));
     }
 }
 

@@ -1,38 +1,43 @@
-//! Items in ranges, one or two for each thread. Where data that touches several items is sorted by items, a task does so
-//! for a range, and sees the data in order. So the result does not depend on the number of ranges.
+//! Items in ranges, one for each thread. Where data that touches several items is sorted by items, a thread does so for a
+//! range, and sees the data in order. So the result does not depend on the number of ranges.
 
-/// Most ranges: one for each bit of a set of ranges.
-const MOST: usize = 64;
+use super::workers::Workers;
 
-/// Consecutive items in ranges of a power of two.
+/// Digits of the inverse of a length.
+const DIGITS: u32 = 40;
+
+/// Consecutive items in ranges of the same length.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Ranges {
     pub count: usize,
-    shift: u32,
+    length: usize,
+    /// The inverse of the length, by which items are divided; 0 if there is one range.
+    inverse: u64,
 }
 
 impl Ranges {
-    /// Divides so many items among the threads, or not at all.
-    pub(super) fn of(items: usize, is_shared: bool) -> Ranges {
-        let most = if is_shared { MOST.min(2 * rayon::current_num_threads()) } else { 1 };
-        let shift = items.div_ceil(most).next_power_of_two().trailing_zeros();
-        Ranges { count: items.div_ceil(1 << shift), shift }
+    /// Divides so many items among the threads, in multiples of `grain`.
+    pub(super) fn of(items: usize, grain: usize, workers: Workers<'_>) -> Ranges {
+        let length = workers.part(items, grain);
+        let count = items.div_ceil(length);
+        Ranges { count, length, inverse: if count > 1 { (1 << DIGITS) / length as u64 + 1 } else { 0 } }
     }
 
     /// Number of items in a range; the last may have fewer.
     pub(super) fn len(self) -> usize {
-        1 << self.shift
+        self.length
     }
 
     /// The range of an item, and its place there.
     #[inline]
     pub(super) fn place(self, item: u32) -> (usize, usize) {
-        ((item >> self.shift) as usize, item as usize & (self.len() - 1))
+        let range = ((u64::from(item) * self.inverse) >> DIGITS) as usize;
+        (range, item as usize - range * self.length)
     }
 
     /// The range of an item as a set of ranges.
     #[inline]
     pub(super) fn bit(self, item: u32) -> u64 {
-        1 << (item >> self.shift)
+        1 << self.place(item).0
     }
 }

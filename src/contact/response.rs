@@ -3,17 +3,15 @@
 //! on the number of threads.
 
 use glam::Vec4;
-use rayon::prelude::*;
 
-use super::acting::{Acting, for_portions};
+use super::acting::{Acting, for_groups};
 use super::contacts::Contacts;
 use super::corners::Sums;
 use super::group::{Group, Weights};
 use super::lanes::{corners_of, number, scattered, store, store_vector, vector};
-use super::least;
 use super::pairs::between;
-use super::portions::Portion;
 use super::vertices::Collide;
+use super::workers::Workers;
 use crate::kernels::contact::DEPENETRATION;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{RELAXATION, impulse, step_of_lambda};
@@ -29,50 +27,48 @@ pub(super) const WARM: f32 = 0.9;
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
     /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
-    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, scale: f32, is_shared: bool, width: Width) {
+    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, scale: f32, workers: Workers<'_>, width: Width) {
         if self.acting.impulses.is_empty() {
             return;
         }
         let most = DEPENETRATION * plan.params.h;
-        self.begin(WARM * scale, most, is_shared, width);
-        self.give(plan, substep, true, is_shared, width);
+        self.begin(WARM * scale, most, workers, width);
+        self.give(plan, substep, true, workers, width);
         for _ in 0..ITERATIONS {
-            self.step(is_shared, width);
-            self.give(plan, substep, false, is_shared, width);
+            self.step(workers, width);
+            self.give(plan, substep, false, workers, width);
         }
     }
 
     /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
     /// Computes their impulses, and the corrections that separate pairs closer than their thickness by at most `most`
     /// (m).
-    fn begin(&mut self, scale: f32, most: f32, is_shared: bool, width: Width) {
+    fn begin(&mut self, scale: f32, most: f32, workers: Workers<'_>, width: Width) {
         let Contacts { acting: Acting { impulses, pushes, weights, mobility, .. }, portions, used, .. } = self;
-        let begin = |portion: &mut Portion, impulses: &mut [[Vec4; MAX_LANES]], pushes: &mut [[Vec4; MAX_LANES]]| {
-            let Portion { groups, before, .. } = portion;
-            let weights = &weights[*before..];
+        let begin = |_, before: usize, groups: &mut [Group], impulses: &mut [_], pushes: &mut [[Vec4; MAX_LANES]]| {
+            let weights = &weights[before..];
             let (impulses, pushes) = (impulses.as_flattened_mut(), pushes.as_flattened_mut());
             simd::run(width, Begin { groups, weights, mobility, impulses, pushes, scale, most });
         };
-        for_portions(&mut portions[..*used], (impulses, pushes), is_shared, &begin);
+        for_groups(&mut portions[..*used], (impulses, pushes), workers, &begin);
     }
 
     /// Updates the multipliers, and computes the impulses of the pairs.
-    fn step(&mut self, is_shared: bool, width: Width) {
+    fn step(&mut self, workers: Workers<'_>, width: Width) {
         let Contacts { acting: Acting { impulses, weights, .. }, portions, used, u, .. } = self;
-        let step = |Portion { groups, before, .. }: &mut Portion, impulses: &mut [[Vec4; MAX_LANES]], _: &mut [()]| {
-            simd::run(width, Step { groups, weights: &weights[*before..], impulses: impulses.as_flattened_mut(), u });
+        let step = |_, before: usize, groups: &mut [Group], impulses: &mut [[Vec4; MAX_LANES]], _: &mut [()]| {
+            simd::run(width, Step { groups, weights: &weights[before..], impulses: impulses.as_flattened_mut(), u });
         };
-        for_portions(&mut portions[..*used], (impulses, &mut []), is_shared, &step);
+        for_groups(&mut portions[..*used], (impulses, &mut []), workers, &step);
     }
 
     /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
     /// up the corrections of positions.
-    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, is_shared: bool, width: Width) {
+    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, workers: Workers<'_>, width: Width) {
         let Contacts { acting: Acting { impulses, pushes, corners, ranges, .. }, vertices, x, u, .. } = self;
         let (impulses, pushes) = (impulses.as_flattened(), pushes.as_flattened());
-        let state = x.par_chunks(ranges.len()).zip(u.par_chunks_mut(ranges.len()));
-        let tasks = state.zip(vertices.par_chunks_mut(ranges.len())).zip(corners);
-        tasks.with_min_len(least(is_shared)).for_each(|(((x, u), vertices), corners)| {
+        let state = x.chunks(ranges.len()).zip(u.chunks_mut(ranges.len()));
+        workers.each(state.zip(vertices.chunks_mut(ranges.len())).zip(corners), |(((x, u), vertices), corners)| {
             let mut sums = std::mem::take(&mut corners.sums);
             simd::run(width, Sums { corners, from: impulses, to: &mut sums });
             for ((u, vertex), sum) in

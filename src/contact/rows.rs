@@ -3,11 +3,10 @@
 use std::ops::Range;
 
 use glam::Vec4;
-use rayon::prelude::*;
 
-use super::least;
 use super::pairs::Listed;
 use super::ranges::Ranges;
+use super::workers::Workers;
 
 /// The pairs of one kind, in a row for each first feature, with their multipliers.
 #[derive(Debug, Default)]
@@ -60,15 +59,14 @@ impl Rows {
         ranges: Ranges,
         found: impl Fn() -> I + Sync,
         before: &mut Rows,
-        is_shared: bool,
+        workers: Workers<'_>,
     ) {
         std::mem::swap(self, before);
         let Rows { starts, later, pairs, lambda } = self;
         later.clear();
         starts.clear();
         starts.resize(rows + 1, 0);
-        let tasks = starts[1..].par_chunks_mut(ranges.len()).enumerate().with_min_len(least(is_shared));
-        tasks.for_each(|(range, counts)| {
+        workers.each(starts[1..].chunks_mut(ranges.len()).enumerate(), |(range, counts)| {
             let pairs = found().flat_map(|found| found.within(ranges, range));
             pairs.for_each(|(row, _)| counts[ranges.place(*row).1] += 1);
         });
@@ -80,8 +78,17 @@ impl Rows {
         pairs.resize(total as usize, Listed { corners: [0; 4], other: 0, thickness: 0.0 });
         lambda.resize(total as usize, Vec4::ZERO);
         let before = (before.starts.len() == starts.len()).then_some(&*before);
-        let part = Part { first: 0, starts: &mut starts[1..], pairs, lambda };
-        Filling { ranges, found, before }.fill(0..ranges.count, part);
+        let filling = Filling { ranges, found, before };
+        let (mut pairs, mut lambda) = (&mut pairs[..], &mut lambda[..]);
+        let mut starts = starts[1..].chunks_mut(ranges.len()).peekable();
+        let parts = std::iter::from_fn(|| {
+            let of_range = starts.next()?;
+            let first = of_range[0];
+            let count = (starts.peek().map_or(total, |next| next[0]) - first) as usize;
+            let (pairs, lambda) = (pairs.split_off_mut(..count)?, lambda.split_off_mut(..count)?);
+            Some(Part { first, starts: of_range, pairs, lambda })
+        });
+        workers.each(parts.enumerate(), |(range, part)| filling.fill(range, part));
         for (row, pair, multiplier) in before.into_iter().flat_map(Rows::later) {
             if let Some(place) = self.row(row).find(|&place| self.pairs[place].other == pair.other) {
                 self.lambda[place] = multiplier;
@@ -134,7 +141,7 @@ impl Rows {
     }
 }
 
-/// The rows of some ranges.
+/// The rows of a range.
 struct Part<'a> {
     /// Number of pairs in the rows before.
     first: u32,
@@ -152,25 +159,8 @@ struct Filling<'a, F> {
 }
 
 impl<'a, I: Iterator<Item = &'a Found>, F: Fn() -> I + Sync> Filling<'_, F> {
-    /// Fills ranges by recursive halving, in parallel if there are several.
-    fn fill(&self, ranges: Range<usize>, part: Part<'_>) {
-        let middle = ranges.start.midpoint(ranges.end);
-        if ranges.is_empty() {
-            return;
-        }
-        if middle == ranges.start {
-            return self.fill_one(middle, part);
-        }
-        let Part { first, starts, pairs, lambda } = part;
-        let (starts, later) = starts.split_at_mut((middle - ranges.start) * self.ranges.len());
-        let (pairs, later_pairs) = pairs.split_at_mut((later[0] - first) as usize);
-        let (lambda, later_lambda) = lambda.split_at_mut(pairs.len());
-        let one = Part { first, starts, pairs, lambda };
-        let other = Part { first: later[0], starts: later, pairs: later_pairs, lambda: later_lambda };
-        rayon::join(|| self.fill(ranges.start..middle, one), || self.fill(middle..ranges.end, other));
-    }
-
-    fn fill_one(&self, range: usize, part: Part<'_>) {
+    /// Fills a range.
+    fn fill(&self, range: usize, part: Part<'_>) {
         let Part { first, starts, pairs, lambda } = part;
         for &(row, pair) in (self.found)().flat_map(|found| found.within(self.ranges, range)) {
             let place = &mut starts[self.ranges.place(row).1];

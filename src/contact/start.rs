@@ -4,6 +4,7 @@ use glam::{Vec3A, Vec4};
 
 use super::frame::Frame;
 use super::surface::Surface;
+use super::workers::Workers;
 use crate::simd::Width;
 
 /// A vertex of listed pairs.
@@ -20,8 +21,6 @@ pub(super) struct Vertex {
     /// it.
     pub travel: f32,
     pub reach: f32,
-    /// The share of its displacement that truncation leaves.
-    pub share: f32,
 }
 
 impl Vertex {
@@ -47,6 +46,6 @@ pub(super) struct Start<'a> {
     pub thickness: f32,
     /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],
-    pub is_shared: bool,
+    pub workers: Workers<'a>,
     pub width: Width,
 }

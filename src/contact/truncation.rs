@@ -8,13 +8,12 @@
 //! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
 
 use glam::{DVec3, Vec4};
-use rayon::prelude::*;
 
 use super::contacts::{Contacts, GRAIN};
 use super::frame::Frame;
 use super::lanes::{number, store, vector, whole_corners_of};
-use super::least;
 use super::portions::Portion;
+use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::share_above;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width};
@@ -26,34 +25,41 @@ pub(super) const FARTHER: f32 = 0.45;
 impl Contacts {
     /// Shortens the displacements of vertices; `frame` is the common motion. Returns the momentum (kg m) that
     /// this removes.
-    pub(super) fn truncate(&mut self, frame: Frame, mass: &[f32], is_shared: bool, width: Width) -> DVec3 {
-        let Contacts { portions, used, vertices, u, by, .. } = self;
-        let tasks = vertices.par_chunks_mut(GRAIN).zip(by.par_chunks_mut(GRAIN)).zip(u.par_chunks(GRAIN));
-        tasks.with_min_len(least(is_shared)).for_each(|((vertices, by), u)| {
-            for (vertex, (by, &u)) in vertices.iter_mut().zip(by.iter_mut().zip(u)) {
+    pub(super) fn truncate(&mut self, frame: Frame, mass: &[f32], workers: Workers<'_>, width: Width) -> DVec3 {
+        let Contacts { portions, used, vertices, u, by, shares, .. } = self;
+        let part = workers.part(vertices.len(), GRAIN);
+        shares.resize(vertices.len(), 1.0);
+        let parts = vertices.chunks(part).zip(by.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
+        workers.each(parts, |(((vertices, by), u), shares)| {
+            for (((vertex, by), &u), share) in vertices.iter().zip(by).zip(u).zip(shares) {
                 let way = xyz(u) + vertex.push - frame.at(xyz(vertex.x));
                 let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
-                vertex.share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
+                *share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
                 *by = frame.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
         });
         let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
-        portions.par_iter_mut().with_min_len(least(is_shared)).for_each(|portion| {
-            portion.cut.clear();
-            let mut cut = std::mem::take(&mut portion.cut);
-            simd::run(width, Shares { portion, by, cut: &mut cut });
-            portion.cut = cut;
+        workers.each(Portion::shared(portions, workers), |parts| {
+            for portion in parts.into_iter().flatten() {
+                let mut cut = std::mem::take(&mut portion.cut);
+                cut.clear();
+                simd::run(width, Shares { portion, by, cut: &mut cut });
+                portion.cut = cut;
+                portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
+                portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
+            }
         });
         for &(vertex, share) in portions.iter().flat_map(|portion| &portion.cut) {
-            let vertex = &mut vertices[vertex as usize];
-            vertex.share = vertex.share.min(share);
+            let least = &mut shares[vertex as usize];
+            *least = least.min(share);
         }
         let mut lost = DVec3::ZERO;
-        for (vertex, u) in vertices.iter_mut().zip(u).filter(|(vertex, _)| vertex.share < 1.0) {
+        for (place, &share) in shares.iter().enumerate().filter(|(_, share)| **share < 1.0) {
+            let (vertex, u) = (&mut vertices[place], &mut u[place]);
             let before = xyz(*u);
             let base = frame.at(xyz(vertex.x));
-            let after = base + (before - base) * vertex.share;
-            vertex.push *= vertex.share;
+            let after = base + (before - base) * share;
+            vertex.push *= share;
             lost += (before - after).as_dvec3() * f64::from(mass[vertex.index as usize]);
             *u = after.extend(0.0);
         }

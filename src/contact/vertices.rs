@@ -1,6 +1,6 @@
 //! The loops that move vertices out of the colliders.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec4;
 
@@ -19,13 +19,15 @@ pub(super) struct Meet<'a> {
     pub x: &'a [Vec4],
     pub u: &'a mut [Vec4],
     pub push: &'a mut [Vec4],
-    pub is_pushed: &'a AtomicBool,
+    /// The square (m²) of the largest correction, as bits.
+    pub most: &'a AtomicU32,
 }
 
 impl Loop for Meet<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Meet { plan, substep, x, u, push, is_pushed } = self;
+        let Meet { plan, substep, x, u, push, most } = self;
+        let mut farthest = 0.0_f32;
         for first in (0..x.len()).step_by(L::LANES) {
             let end = x.len().min(first + L::LANES);
             let mut is_clear = end - first == L::LANES;
@@ -47,10 +49,12 @@ impl Loop for Meet<'_> {
                 u[i] = by.extend(0.0);
                 if at != from {
                     push[i] = (at - from).extend(0.0);
-                    is_pushed.store(true, Ordering::Relaxed);
+                    farthest = farthest.max((at - from).length_squared()).max(f32::MIN_POSITIVE);
                 }
             }
         }
+        // The bits of numbers that are not negative are in the order of the numbers.
+        most.fetch_max(farthest.to_bits(), Ordering::Relaxed);
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec4;
 use web_time::Instant;
 
-use crate::contact::SelfContact;
+use crate::contact::{SelfContact, Workers};
 use crate::cpu::correction::Correction;
 use crate::cpu::integrate::Integrator;
 use crate::cpu::packed::Packed;
@@ -14,8 +14,9 @@ use crate::cpu::schedule::Schedule;
 use crate::cpu::statistics::Observed;
 use crate::cpu::substep::{ExternalPrediction, Stepper};
 use crate::cpu::sweep::Rule;
-use crate::cpu::tasks::awake::awake;
+use crate::cpu::tasks::scheduler::On;
 use crate::cpu::tasks::shared::{SharedArray, Task};
+use crate::cpu::tasks::team::Team;
 use crate::cpu::tethers::Tethering;
 use crate::cpu::threads::ThreadChoice;
 use crate::cpu::watch::Found;
@@ -236,11 +237,11 @@ impl Cpu {
         // A pool of one thread leaves nothing to choose, and its platform (a browser) may have no clock.
         let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
-            None => self.turns(0, 0..turns, plan, external, threads),
+            None => self.turns(0, 0..turns, plan, external, On::Pool(threads)),
             Some(mut contact) => {
-                let mut work = || self.substeps(&mut contact, plan, external, threads);
-                // Its loops run on the whole pool, whatever number of threads pays off for the rest.
-                let cause = if threads > 1 { awake(pool - 1, work) } else { work() };
+                // Contact shares its loops among the whole pool, whatever number of threads pays off for the rest.
+                let team = if threads > 1 { pool } else { 1 };
+                let cause = Team::gather(team, |team| self.substeps(&mut contact, plan, external, team, threads));
                 self.contact = Some(contact);
                 cause
             }
@@ -256,20 +257,23 @@ impl Cpu {
         contact: &mut SelfContact,
         plan: &Plan<'_>,
         external: Option<&ExternalPrediction<'_>>,
+        team: &Team,
         threads: usize,
     ) -> Option<Cause> {
+        let run = |count: usize, work: &(dyn Fn(usize) + Sync)| team.run(count, work);
+        let (workers, on) = (Workers::new(team.threads(), &run), On::Team(team, threads));
         let sweeps = plan.sweeps.max(1);
         // Contact also handles the analytic colliders, so the move must not handle them again.
         let moves = Plan { bodies: &[], ..*plan };
         contact.begin(plan, self.x.room(), self.p.room());
-        let mut cause = self.turns(0, 0..1, plan, external, threads);
+        let mut cause = self.turns(0, 0..1, plan, external, on);
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
-            cause = cause.or(self.turns(1, turns.clone(), plan, external, threads));
-            contact.resolve(plan, substep, self.x.room(), self.p.room(), threads > 1, self.packed.width);
-            cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, threads));
+            cause = cause.or(self.turns(1, turns.clone(), plan, external, on));
+            contact.resolve(plan, substep, self.x.room(), self.p.room(), workers, self.packed.width);
+            cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, on));
         }
-        contact.end(threads > 1);
+        contact.end(workers);
         cause
     }
 
@@ -281,7 +285,7 @@ impl Cpu {
         turns: Range<u32>,
         plan: &Plan<'_>,
         external: Option<&ExternalPrediction<'_>>,
-        threads: usize,
+        on: On<'_>,
     ) -> Option<Cause> {
         let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
         let found = Found::nothing(&plan.params, x);
@@ -308,7 +312,7 @@ impl Cpu {
             chunks: schedule.chunks.as_deref(),
             external,
             rule: rule(plan.method),
-            workers: threads,
+            workers: on.threads(),
         };
         let Schedule { passes, graph, .. } = schedule;
         let (first, count) = (turns.start, turns.end - turns.start);
@@ -317,10 +321,10 @@ impl Cpu {
         if self.loop_by_loop {
             graph.run_pass_by_pass(count, &work);
         } else {
-            graph.run(count, threads, &work);
+            graph.run(count, on, &work);
         }
         #[cfg(not(feature = "bench"))]
-        graph.run(count, threads, &work);
+        graph.run(count, on, &work);
         let found = stepper.integrator.found;
         found.verdict(plan.cloth, &plan.params, *steps, &self.x, &self.p)
     }

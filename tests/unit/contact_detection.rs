@@ -9,6 +9,7 @@ use super::super::paths::Paths;
 use super::super::rows::Rows;
 use super::super::surface::Surface;
 use super::super::tree::{Look, Tree};
+use super::super::workers::Workers;
 use super::{Detection, Path, Scene};
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -55,7 +56,7 @@ impl Folded {
     /// Detects all pairs, or those around some vertices.
     fn detect(&mut self, around: Option<&[u32]>) {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
-        let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, is_shared: false };
+        let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers: Workers::ALONE };
         let look = Look { substeps: paths.ahead, margin: THICKNESS };
         let scene = Scene { surface, meets_itself: true, bodies_rest: false, path, look, width: Width::detected() };
         match around {
@@ -110,7 +111,7 @@ fn around_vertices_with_new_paths_all_pairs_are_listed() {
             x[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0);
             u[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0) * 0.05;
         }
-        let path = Path { x: &x, u: &u, stray: &[], is_shared: false };
+        let path = Path { x: &x, u: &u, stray: &[], workers: Workers::ALONE };
         folded.paths.restart(&around, path, &folded.surface, 0.1 * THICKNESS, false);
         let before = folded.listed();
         folded.detect(Some(&around));

@@ -5,6 +5,7 @@ use glam::{Vec3A, Vec4};
 use super::super::Path;
 use super::super::boxes::Boxes;
 use super::super::surface::Surface;
+use super::super::workers::Workers;
 use super::{Look, Tree, Walk};
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
@@ -14,15 +15,15 @@ use crate::options::Options;
 /// The leaves that are compared with themselves if the vertices stand still at `x`.
 fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
     let still = vec![Vec4::ZERO; x.len()];
-    let path = Path { x, u: &still, stray: &vec![0.0; x.len()], is_shared: false };
+    let path = Path { x, u: &still, stray: &vec![0.0; x.len()], workers: Workers::ALONE };
     let (mut boxes, mut found) = (Boxes::default(), Vec::new());
-    boxes.bound(tree.leaves.all()[0].clone(), false, |triangle| {
+    boxes.bound(tree.leaves.all()[0].clone(), Workers::ALONE, |triangle| {
         let [a, b, c] = surface.triangles[triangle].map(|vertex| xyz(x[vertex as usize]));
         [a.min(b).min(c), a.max(b).max(c)]
     });
     tree.refit(surface, &boxes, path, 6.0);
     let look = Look { substeps: 6.0, margin: 0.005 };
-    tree.walk(Walk { look, all: true, is_shared: false }, &mut found);
+    tree.walk(Walk { look, all: true, workers: Workers::ALONE }, &mut found);
     found.into_iter().filter(|[a, b]| a == b).map(|[leaf, _]| leaf).collect()
 }
 

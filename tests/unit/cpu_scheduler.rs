@@ -61,7 +61,7 @@ fn tasks_wait_for_all_that_touches_what_they_touch() {
                     assert_eq!(runs[pass][task].fetch_add(1, Ordering::SeqCst), turn, "its {turn}th turn");
                 };
                 pools[pool].install(|| match loops {
-                    false => graph.run(turns, workers, &work),
+                    false => graph.run(turns, On::Pool(workers), &work),
                     true => graph.run_pass_by_pass(turns, &work),
                 });
                 for (pass, runs) in runs.iter().enumerate() {
@@ -78,7 +78,7 @@ fn a_panic_in_a_task_reaches_the_caller_and_stops_nobody() {
     let pass = PassTasks { touches: (0..4).map(|place| vec![place]).collect(), awaits: Vec::new(), follows: true };
     let mut graph = Graph::new(vec![pass.clone(), pass], 0, 4);
     let work = |_: &Task, turn: u32, _: usize, task: usize| assert!((turn, task) != (1, 2), "as planned");
-    let mut run = || pool.install(|| graph.run(3, 2, &work));
+    let mut run = || pool.install(|| graph.run(3, On::Pool(2), &work));
     assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(&mut run)).is_err());
 }
 
@@ -97,6 +97,6 @@ fn a_race_is_found() {
         both.wait();
         written.unwrap();
     };
-    let mut run = || pool.install(|| graph.run(1, 2, &work));
+    let mut run = || pool.install(|| graph.run(1, On::Pool(2), &work));
     assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(&mut run)).is_err());
 }

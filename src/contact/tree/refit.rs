@@ -4,15 +4,15 @@ use std::ops::Range;
 
 use glam::Vec3A;
 
+use super::super::Path;
 use super::super::boxes::Boxes;
 use super::super::normals::normals_on_path;
 use super::super::surface::Surface;
-use super::super::{Path, for_chunks};
 use super::{Bounds, Tree};
 use crate::kernels::integrate::xyz;
 
-/// Leaves per task.
-const GRAIN: usize = 64;
+/// Least number of triangles or leaves that are worth a part of a loop.
+const GRAIN: usize = 16;
 /// Marks of nodes: some of their vertices have new paths, and their triangles, or some around them, do.
 pub(super) const MOVED: u8 = 1;
 pub(super) const TURNED: u8 = 2;
@@ -24,13 +24,13 @@ impl Tree {
         if self.has_normals() {
             normals.resize(self.leaves.all()[0].end, Bounds::NOTHING.normal);
         }
-        for_chunks(path.is_shared, &mut normals, GRAIN, |first, normals| {
+        path.workers.chunks(&mut normals, GRAIN, |first, normals| {
             (first..).zip(normals).for_each(|(triangle, normal)| *normal = normals_of(surface, triangle, path, substeps));
         });
         self.normals = normals;
         let leaves = 1_usize << self.depth;
         let mut nodes = std::mem::take(&mut self.nodes);
-        for_chunks(path.is_shared, &mut nodes[leaves..], GRAIN, |first, nodes| {
+        path.workers.chunks(&mut nodes[leaves..], GRAIN, |first, nodes| {
             (first..).zip(nodes).for_each(|(leaf, node)| *node = self.bounds(leaf, surface, boxes, path));
         });
         for node in (1..leaves).rev() {

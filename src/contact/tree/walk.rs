@@ -3,8 +3,7 @@
 //! After [`Tree::refit`] the walk finds all such pairs. After [`Tree::refit_around`] it may leave out what did not change:
 //! pairs of leaves that did not move, unless normals of something above them do not rule them out any more.
 
-use rayon::prelude::*;
-
+use super::super::workers::Workers;
 use super::refit::MOVED;
 use super::{Look, MOST_EXCESS, Tree, are_upright};
 
@@ -12,12 +11,12 @@ use super::{Look, MOST_EXCESS, Tree, are_upright};
 const SHARED_LEVELS: u32 = 5;
 
 /// What a walk finds.
-#[derive(Debug, Clone, Copy)]
-pub(in super::super) struct Walk {
+#[derive(Clone, Copy)]
+pub(in super::super) struct Walk<'a> {
     pub look: Look,
     /// Whether it finds all pairs, or only those that may be new.
     pub all: bool,
-    pub is_shared: bool,
+    pub workers: Workers<'a>,
 }
 
 /// Two nodes, and whether all pairs below them are to be found.
@@ -26,8 +25,9 @@ pub(super) type Pair = ([u32; 2], bool);
 impl Tree {
     /// Finds the pairs of leaves (numbered from 0, the lower first) whose triangles may meet. Their order does not
     /// depend on the number of threads.
-    pub(in super::super) fn walk(&mut self, walk: Walk, leaves: &mut Vec<[u32; 2]>) {
-        let top = if walk.is_shared { SHARED_LEVELS.min(self.depth) } else { self.depth };
+    pub(in super::super) fn walk(&mut self, walk: Walk<'_>, leaves: &mut Vec<[u32; 2]>) {
+        let is_shared = walk.workers.count() > 1;
+        let top = if is_shared { SHARED_LEVELS.min(self.depth) } else { self.depth };
         let mut frontier = std::mem::take(&mut self.frontier);
         frontier.clear();
         self.descend(([1, 1], walk.all), top, walk.look, &mut frontier);
@@ -35,7 +35,7 @@ impl Tree {
         if top < self.depth {
             let mut found = std::mem::take(&mut self.found);
             let below = |pair: Pair, found: &mut Vec<Pair>| self.descend(pair, self.depth, walk.look, found);
-            finish(&frontier, &mut found, below, |[a, b]| [a - first, b - first], leaves);
+            finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - first], leaves);
             self.found = found;
         } else {
             leaves.extend(frontier.iter().map(|([a, b], _)| [a - first, b - first]));
@@ -45,16 +45,17 @@ impl Tree {
 
     /// Finds the pairs of a leaf of this tree and a leaf of another (both numbered from 0) whose triangles may meet.
     /// Their order does not depend on the number of threads.
-    pub(in super::super) fn walk_across(&mut self, other: &Tree, walk: Walk, leaves: &mut Vec<[u32; 2]>) {
-        let levels = if walk.is_shared { SHARED_LEVELS } else { u32::MAX };
+    pub(in super::super) fn walk_across(&mut self, other: &Tree, walk: Walk<'_>, leaves: &mut Vec<[u32; 2]>) {
+        let is_shared = walk.workers.count() > 1;
+        let levels = if is_shared { SHARED_LEVELS } else { u32::MAX };
         let mut frontier = std::mem::take(&mut self.frontier);
         frontier.clear();
         self.descend_across(other, ([1, 1], walk.all), levels, walk.look, &mut frontier);
         let (first, other_first) = (1 << self.depth, 1 << other.depth);
-        if walk.is_shared {
+        if is_shared {
             let mut found = std::mem::take(&mut self.found);
             let below = |pair: Pair, found: &mut Vec<Pair>| self.descend_across(other, pair, u32::MAX, walk.look, found);
-            finish(&frontier, &mut found, below, |[a, b]| [a - first, b - other_first], leaves);
+            finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - other_first], leaves);
             self.found = found;
         } else {
             leaves.extend(frontier.iter().map(|([a, b], _)| [a - first, b - other_first]));
@@ -126,15 +127,17 @@ impl Tree {
 
 /// Continues a walk below a frontier, in parallel; `name` gives the pairs of leaves their numbers.
 fn finish(
+    workers: Workers<'_>,
     frontier: &[Pair],
     found: &mut Vec<Vec<Pair>>,
     below: impl Fn(Pair, &mut Vec<Pair>) + Sync,
     name: impl Fn([u32; 2]) -> [u32; 2],
     leaves: &mut Vec<[u32; 2]>,
 ) {
-    let tasks = frontier.len().div_ceil(4);
+    let part = workers.small_part(frontier.len(), 1);
+    let tasks = frontier.len().div_ceil(part);
     found.resize_with(tasks.max(found.len()), Vec::new);
-    found[..tasks].par_iter_mut().zip(frontier.par_chunks(4)).for_each(|(found, pairs)| {
+    workers.each(found[..tasks].iter_mut().zip(frontier.chunks(part)), |(found, pairs)| {
         found.clear();
         pairs.iter().for_each(|&pair| below(pair, found));
     });

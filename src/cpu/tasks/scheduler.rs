@@ -22,6 +22,25 @@ use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
 use super::shared::Task;
+use super::team::Team;
+
+/// Where a graph runs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum On<'a> {
+    /// On up to so many threads of the current pool.
+    Pool(usize),
+    /// On up to so many threads of a team.
+    Team(&'a Team, usize),
+}
+
+impl On<'_> {
+    pub(crate) fn threads(self) -> usize {
+        match self {
+            On::Pool(threads) => threads,
+            On::Team(team, threads) => threads.min(team.threads()),
+        }
+    }
+}
 
 /// The tasks of a kind of step and their dependencies. Built once, run many times.
 #[derive(Debug, Default)]
@@ -138,11 +157,10 @@ impl Graph {
         graph
     }
 
-    /// Calls `work(task, turn, pass, index)` for every task of `turns` turns, on up to `workers` threads of the current
-    /// pool.
-    pub(crate) fn run(&mut self, turns: u32, workers: usize, work: &(impl Fn(&Task, u32, usize, usize) + Sync)) {
+    /// Calls `work(task, turn, pass, index)` for every task of `turns` turns.
+    pub(crate) fn run(&mut self, turns: u32, on: On<'_>, work: &(impl Fn(&Task, u32, usize, usize) + Sync)) {
         let most = self.passes.iter().map(|pass| pass.tasks.len()).max().unwrap_or(0);
-        let workers = workers.min(most).max(1);
+        let workers = on.threads().min(most).max(1);
         if workers == 1 {
             for turn in 0..turns {
                 for pass in self.passes_of(turn) {
@@ -153,7 +171,11 @@ impl Graph {
         }
         self.taken.iter_mut().for_each(|taken| *taken.0.get_mut() = 0);
         self.done.iter_mut().for_each(|done| *done.0.get_mut() = 0);
-        Run { graph: self, workers, turns, work }.recruit(0, workers);
+        let run = Run { graph: self, workers, turns, work };
+        match on {
+            On::Pool(_) => run.recruit(0, workers),
+            On::Team(team, _) => team.run(workers, &|worker| run.serve(worker)),
+        }
     }
 
     /// Runs the same tasks with a parallel loop for each pass: the baseline that [`Graph::run`] is measured against.

@@ -12,11 +12,14 @@
 //!   earlier tasks that access a common place of the cloth. That a task's loops stay within the places it lists is the
 //!   responsibility of [`Schedule`](crate::cpu::schedule::Schedule); debug builds watch every access for conflicting
 //!   tasks ([`race`]), which they detect if the tasks overlap in time.
+//! - **Returned**: work that is lent to other threads ([`Fork`]) is called only by a thread that has claimed one of its
+//!   pieces, and the lender does not go on before all claimed pieces are done, even if it panics.
 
 #![expect(unsafe_code, reason = "see the invariants")]
 
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU8, AtomicUsize, Ordering};
 
 use glam::Vec4;
 
@@ -234,5 +237,106 @@ impl MappedVectors {
 
     pub(crate) fn array(&self) -> &SharedArray<'_, glam::Vec3> {
         &self.array
+    }
+}
+
+/// Most pieces of work that can be lent at once.
+pub(crate) const MOST_PIECES: usize = 64;
+/// States of a piece: it is nobody's, offered to everybody, or being done.
+const FREE: u8 = 0;
+const OFFERED: u8 = 1;
+const CLAIMED: u8 = 2;
+/// Polls for a piece that another thread does, before the lender lets other threads have its core.
+const POLLS: u32 = 4096;
+
+type Work<'a> = dyn Fn(usize) + Sync + 'a;
+
+/// Work in pieces that a thread lends to others, which are awake and look for it; each piece is done once. Nothing is
+/// allocated, and nobody is woken.
+#[derive(Debug)]
+pub(crate) struct Fork {
+    /// Where the lender keeps its reference to the work.
+    work: AtomicPtr<&'static Work<'static>>,
+    is_lent: AtomicBool,
+    count: AtomicUsize,
+    /// The state of each piece, in cache lines of its own.
+    pieces: [Piece; MOST_PIECES],
+}
+
+#[derive(Debug)]
+#[repr(align(128))]
+struct Piece(AtomicU8);
+
+impl Fork {
+    pub(crate) fn new() -> Fork {
+        let pieces = [const { Piece(AtomicU8::new(FREE)) }; MOST_PIECES];
+        Fork { work: AtomicPtr::default(), is_lent: AtomicBool::new(false), count: AtomicUsize::new(0), pieces }
+    }
+
+    /// Calls `work` with each number below `count`, at most [`MOST_PIECES`], together with the threads that
+    /// [`claim`](Fork::claim) pieces. Within work that is lent already, this thread does it alone.
+    pub(crate) fn lend(&self, count: usize, work: &Work<'_>) {
+        assert!(count <= MOST_PIECES, "there is a place for each piece");
+        if self.is_lent.swap(true, Ordering::Acquire) {
+            return (0..count).for_each(work);
+        }
+        self.work.store(std::ptr::from_ref(&work).cast_mut().cast(), Ordering::Relaxed);
+        self.count.store(count, Ordering::Relaxed);
+        let _returned = Returned(self);
+        // Releases what is written above to whoever claims a piece.
+        self.pieces[..count].iter().for_each(|piece| piece.0.store(OFFERED, Ordering::Release));
+        self.claim_from(0);
+    }
+
+    /// Does all pieces from this one on that are offered. (To look at a piece takes its cache line from the thread that does it.)
+    pub(crate) fn claim_from(&self, first: usize) {
+        (first..self.count.load(Ordering::Relaxed)).for_each(|piece| _ = self.claim(piece));
+    }
+
+    /// Does a piece if it is offered. Returns whether it was.
+    pub(crate) fn claim(&self, piece: usize) -> bool {
+        let state = &self.pieces[piece].0;
+        let is_mine = state.load(Ordering::Relaxed) == OFFERED
+            && state.compare_exchange(OFFERED, CLAIMED, Ordering::Acquire, Ordering::Relaxed).is_ok();
+        if is_mine {
+            let _done = Done(state);
+            // SAFETY: Returned: the lender, whose reference this is, waits until the piece is done.
+            let work = unsafe { *self.work.load(Ordering::Relaxed) };
+            work(piece);
+        }
+        is_mine
+    }
+}
+
+/// Marks a piece as done when dropped, even after a panic.
+struct Done<'a>(&'a AtomicU8);
+
+impl Drop for Done<'_> {
+    fn drop(&mut self) {
+        self.0.store(FREE, Ordering::Release);
+    }
+}
+
+/// When dropped, withdraws the pieces that nobody has claimed, and waits for the others.
+struct Returned<'a>(&'a Fork);
+
+impl Drop for Returned<'_> {
+    fn drop(&mut self) {
+        let count = self.0.count.load(Ordering::Relaxed);
+        for Piece(state) in &self.0.pieces[..count] {
+            // An exchange takes long even if it fails.
+            if state.load(Ordering::Relaxed) == OFFERED {
+                _ = state.compare_exchange(OFFERED, FREE, Ordering::Relaxed, Ordering::Relaxed);
+            }
+            let mut polls = 0;
+            while state.load(Ordering::Acquire) != FREE {
+                std::hint::spin_loop();
+                polls += 1;
+                if polls > POLLS {
+                    std::thread::yield_now();
+                }
+            }
+        }
+        self.0.is_lent.store(false, Ordering::Release);
     }
 }
