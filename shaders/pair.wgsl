@@ -157,6 +157,11 @@ fn kept(distance: f32, thickness: f32) -> f32 {
     return max(distance * KEEP, min(distance * 0.5, thickness * KEEP));
 }
 
+// The correction [m] of a pair that is too close by `depth` [m]: in proportion to it, and at most `most` [m].
+fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
+    return depth * (most / max(thickness, most));
+}
+
 // The share of a displacement toward a plane that keeps this distance.
 fn share_above(height: f32, keeps: f32, toward: f32) -> f32 {
     if toward > 0.0 && height - toward < keeps {

@@ -161,8 +161,10 @@ fn scene(seed: u64) -> Scene {
     };
     let levels = if random.is(0.5) { Levels::Auto } else { Levels::Off };
     let tethers = if random.is(0.5) { Tethers::Auto } else { Tethers::Off };
+    let body_spin = if random.is(0.5) { 0.0 } else { random.of(0.0, 6.0) };
+    let body_spun = sway(&mut random, body_spin);
     let about = format!(
-        "{pieces}: {} vertices, {} pins, {speed:.1} m/s, body {}, {quality:?}, {contact:?}, {fabric:?}, wind {:.0}",
+        "{pieces}: {} vertices, {} pins, {speed:.1} m/s, body {}, {body_spin:.1} rad/s, {quality:?}, {contact:?}, {fabric:?}, wind {:.0}",
         mesh.positions.len(),
         pinned.len(),
         body.as_ref().map_or(0, |body| body.triangles.len()),
@@ -176,7 +178,8 @@ fn scene(seed: u64) -> Scene {
         }
         if let Some(body) = &body {
             let at = Vec3::Y * 0.18 + moved(frame) * Vec3::new(1.0, 0.2, 1.0);
-            let positions = body.positions.iter().map(|&x| turn * x + at).collect();
+            let spun = Quat::from_scaled_axis(body_spun(frame)) * turn;
+            let positions = body.positions.iter().map(|&x| spun * x + at).collect();
             let body = Mesh { positions, triangles: body.triangles.clone() };
             colliders.push(Collider::mesh(Arc::new(body)).with_friction(friction));
         } else {
@@ -205,7 +208,7 @@ fn play(scene: &Scene, frames: u32) -> Result<(), String> {
     Ok(())
 }
 
-/// Scenes whose pins turn. They crossed before contact measured motion relative to pins that turn, instead of only to their
+/// Scenes whose pins or body turn. They crossed before contact measured motion relative to what turns, instead of only to its
 /// translation.
 fn take_along(backend: Backend, seeds: &[u64]) {
     for &seed in seeds {
@@ -216,14 +219,15 @@ fn take_along(backend: Backend, seeds: &[u64]) {
 }
 
 #[test]
-fn pins_that_turn_take_what_hangs_on_them_along() {
-    take_along(Backend::Cpu, &[20122, 30498, 30691, 32316, 34856, 35476]);
+fn what_turns_takes_along_what_touches_it() {
+    take_along(Backend::Cpu, &[20122, 30305, 30498, 30691, 32316, 34856, 35476, 45941]);
+    take_along(Backend::Cpu, &[50132, 50350, 50380, 50399]);
 }
 
 #[cfg(feature = "gpu")]
 #[test]
-fn pins_that_turn_take_what_hangs_on_them_along_on_the_gpu() {
-    take_along(Backend::Gpu, &[20122, 30691, 35476]);
+fn what_turns_takes_along_what_touches_it_on_the_gpu() {
+    take_along(Backend::Gpu, &[20122, 30691, 35476, 50132, 50350]);
 }
 
 fn number(name: &str, default: u64) -> u64 {

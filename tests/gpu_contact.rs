@@ -263,7 +263,11 @@ fn the_same_bits_every_time_on_a_mesh() {
     other.restore(&snapshot).unwrap();
     play(&mut other, 12..24);
     assert!(bits(&mut other) == bits_of_first, "from a snapshot");
-    assert_eq!(other.snapshot().unwrap(), first.snapshot().unwrap());
+    // Which pairs are listed that are not near depends on when detection looked, which may depend on what came before the
+    // snapshot. That changes no bit later either.
+    play(&mut first, 24..36);
+    play(&mut other, 24..36);
+    assert!(bits(&mut other) == bits(&mut first), "from a snapshot, later");
     first.reset();
     play(&mut first, 0..24);
     assert!(bits(&mut first) == bits_of_first, "after a reset");

@@ -25,15 +25,20 @@ pub(super) struct Bodies {
     /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
     pub are_still: bool,
     pub are_known: bool,
-    /// Range, per coordinate, of the displacements (m) in this step of vertices near the cloth, if there are any.
+    /// Indices of their vertices that are near the cloth in this step.
+    near: Vec<u32>,
+    /// Range, per coordinate, of the displacements (m) of these vertices in this step, if there are any.
     travel: Option<[Vec3; 2]>,
+    /// Whether they and the pins turn in this step, all together.
+    turn: bool,
     /// Coefficients of friction: the cloth's with itself, then that of each body.
     pub friction: Vec<f32>,
 }
 
 impl Bodies {
     pub(super) fn new(first: usize, last: Vec<Arc<Mesh>>) -> Bodies {
-        Bodies { first, last, are_still: false, are_known: false, travel: None, friction: Vec::new() }
+        let near = Vec::with_capacity(last.iter().map(|mesh| mesh.positions.len()).sum());
+        Bodies { first, last, are_still: false, are_known: false, near, travel: None, turn: false, friction: Vec::new() }
     }
 
     /// Whether these meshes have the same triangles.
@@ -67,9 +72,12 @@ impl Bodies {
     }
 
     /// Puts them where the step begins.
-    pub(super) fn place(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
-        self.travel = travel_near(plan, x);
-        self.put(plan, 0.0, 0.0, x, u);
+    pub(super) fn place(&mut self, plan: &Plan<'_>, thickness: f32, x: &mut [Vec4], u: &mut [Vec4]) {
+        self.travel = self.find_near(plan, x);
+        self.put(plan, 0.0, plan.params.fraction, x, u);
+        // The fit takes longer than to move the bodies, so one that deforms is tried once in a step.
+        let near = self.near.iter().map(|&vertex| led(vertex, x, u));
+        self.turn = Frame::of_led(led_pins(plan).chain(near), thickness).is_some();
     }
 
     /// Moves them through a substep.
@@ -87,17 +95,17 @@ impl Bodies {
         }
     }
 
-    /// The common motion of everything that moves from outside, pins and bodies, in a substep: the midpoint of the range of
-    /// their displacements, and also a turn if there are only pins and these turn. `None` if there is neither.
+    /// The common motion of everything that moves from outside, pins and bodies, in a substep: the rigid motion that fits
+    /// them, or the midpoint of the range of their displacements if they do not move rigidly. `None` if there is neither.
     ///
     /// Motion is measured relative to it, so that cloth riding on a body is at rest however fast the body is. If the
     /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
     /// because otherwise cloth that touches neither would seem to move.
     pub(super) fn frame(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<Frame> {
+        let pins = plan.cloth.pinned.iter().map(|&pin| led(pin, x, u));
+        let turning = || Frame::of_led(pins.clone().chain(self.near.iter().map(|&vertex| led(vertex, x, u))), thickness);
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
-        let pins = plan.cloth.pinned.iter().map(|&pin| (xyz(x[pin as usize]), xyz(u[pin as usize])));
-        let turning = if of_bodies.is_none() { Frame::of_pins(pins.clone(), thickness) } else { None };
-        let range = pins.fold(of_bodies, |range, (_, by)| {
+        let range = pins.clone().fold(of_bodies, |range, (_, by)| {
             let [low, high] = range.unwrap_or([by; 2]);
             Some([low.min(by), high.max(by)])
         });
@@ -106,30 +114,45 @@ impl Bodies {
             false => Vec3A::ZERO,
         };
         let range = range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]));
-        turning.or_else(|| range.map(middle).map(Frame::of))
+        self.turn.then(turning).flatten().or_else(|| range.map(middle).map(Frame::of))
     }
+
+    /// Lists the vertices near the cloth, and returns [`Bodies::travel`].
+    fn find_near(&mut self, plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
+        let cloth = x[..plan.cloth.rest.len()].iter().map(|x| x.truncate());
+        let [low, high] = cloth.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+        let margin = Vec3::splat(NEAR * (high - low).max_element());
+        self.near.clear();
+        let mut travel = None;
+        for (vertex, [from, by]) in (self.first as u32..).zip(motions(plan)) {
+            let (least, most) = (from.min(from + by) - by.abs() - margin, from.max(from + by) + by.abs() + margin);
+            if least.cmple(high).all() && most.cmpge(low).all() {
+                self.near.push(vertex);
+                let [low, high] = travel.unwrap_or([by; 2]);
+                travel = Some([low.min(by), high.max(by)]);
+            }
+        }
+        travel
+    }
+}
+
+/// The place (m) and the displacement (m) of a vertex that is moved from outside.
+fn led(vertex: u32, x: &[Vec4], u: &[Vec4]) -> (Vec3A, Vec3A) {
+    (xyz(x[vertex as usize]), xyz(u[vertex as usize]))
+}
+
+/// The same for the pins, at the start of a step.
+pub(super) fn led_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> + Clone {
+    plan.cloth.pinned.iter().zip(plan.pins_from).map(|(&vertex, &from)| {
+        let pin = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).map(|place| &plan.pins[place]);
+        let by = pin.map_or(Vec3::ZERO, |pin| (Vec3::from(pin.goal) - Vec3::from(pin.origin)) * plan.params.fraction);
+        (Vec3A::from(from), Vec3A::from(by))
+    })
 }
 
 /// For each vertex of the bodies its position at the start of a step (m, in local coordinates) and its displacement in
 /// the step (m).
-pub(super) fn motions(plan: &Plan<'_>) -> impl Iterator<Item = [Vec3; 2]> {
+pub(super) fn motions(plan: &Plan<'_>) -> impl Iterator<Item = [Vec3; 2]> + Clone {
     let vertices = plan.meshes.iter().flat_map(|body| body.from.positions.iter().zip(&body.to.positions));
     vertices.map(|(&from, &to)| [from - plan.cloth.origin, to - from])
-}
-
-/// [`Bodies::travel`]: the range of the displacements of vertices near the cloth.
-fn travel_near(plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
-    let cloth = x[..plan.cloth.rest.len()].iter().map(|x| x.truncate() + plan.cloth.origin);
-    let [low, high] = cloth.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
-    let margin = Vec3::splat(NEAR * (high - low).max_element());
-    let is_near = |&(from, to): &(Vec3, Vec3)| {
-        let by = (to - from).abs();
-        let (least, most) = (from.min(to) - by - margin, from.max(to) + by + margin);
-        least.cmple(high).all() && most.cmpge(low).all()
-    };
-    let pairs = plan.meshes.iter().flat_map(|body| body.from.positions.iter().copied().zip(body.to.positions.iter().copied()));
-    pairs.filter(is_near).map(|(from, to)| to - from).fold(None, |travel, by| {
-        let [low, high] = travel.unwrap_or([by; 2]);
-        Some([low.min(by), high.max(by)])
-    })
 }

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{Vec3A, Vec4};
 
 use super::Past;
-use super::bodies::{Bodies, motions};
+use super::bodies::{Bodies, led_pins, motions};
 use super::frame::Frame;
 use super::let_go::LetGo;
 use super::pairs::Kind;
@@ -100,15 +100,19 @@ impl OnDevice {
         Some(motions(plan).zip(friction).map(|([from, by], friction)| [from.extend(friction), by.extend(0.0)]).collect())
     }
 
-    /// The rotation of the pins in a substep, if they turn and there are no mesh colliders: see [`Frame::columns`].
-    pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 4] {
-        let pins = plan.cloth.pinned.iter().zip(plan.pins_from).map(|(&vertex, &from)| {
-            let led = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).ok().map(|place| &plan.pins[place]);
-            let by = led.map_or(Vec3::ZERO, |pin| (Vec3::from(pin.goal) - Vec3::from(pin.origin)) * plan.params.fraction);
-            (Vec3A::from(from), Vec3A::from(by))
-        });
-        let turning = if plan.meshes.is_empty() { Frame::of_pins(pins, self.thickness) } else { None };
-        turning.unwrap_or_default().columns()
+    /// The rotation in the first substep of pins and mesh colliders, if they turn as one: see [`Frame::columns`]. The center's
+    /// displacement is that in the whole step.
+    pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
+        let fraction = plan.params.fraction;
+        let of_meshes = motions(plan).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
+        let turning = Frame::of_led(led_pins(plan).chain(of_meshes), self.thickness).unwrap_or_default();
+        let [x, y, z, center, by] = turning.columns();
+        [x, y, z, center, by / fraction]
+    }
+
+    /// Notes whether the step may have led something through the cloth.
+    pub(crate) fn look_again(&mut self, is_pinched: bool) {
+        self.may_cross |= is_pinched;
     }
 
     /// Whether no mesh collider moves in this step.

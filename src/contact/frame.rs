@@ -4,8 +4,12 @@
 use glam::Vec4;
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
-/// Range of the pins' displacements, in units of the thickness, above which it is tested whether they turn.
-const TURNS: f32 = 0.01;
+/// Range of the displacements of what is led, in units of the thickness, above which it is tested whether it turns.
+const TURNS: f32 = 1e-3;
+/// It moves rigidly if no more than this share of that range is left besides the fitted motion.
+const LEFT: f32 = 0.5;
+/// So many points, at least, are fitted of those that there are.
+const FITTED: usize = 64;
 /// Most steps to find a rotation, and the angle (rad) below which a step is the last: the next would be its square.
 const STEPS: usize = 4;
 const SMALL: f64 = 1e-3;
@@ -45,27 +49,29 @@ impl Frame {
         by + self.turn.transpose() * by
     }
 
-    /// The common motion of pins that turn, given by their places and displacements (m). `None` if they do not, or if what is
-    /// left of their motion has a range of more than the thickness (m).
-    pub(super) fn of_pins(pins: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
+    /// The common motion of what is led from outside and turns: pins and bodies, given by places and displacements (m).
+    /// `None` if they do not turn as one, or if what is left of their motion has a range of more than the thickness (m).
+    pub(super) fn of_led(led: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
         let range = |of: &dyn Fn((Vec3A, Vec3A)) -> Vec3A| {
             let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
-            pins.clone().map(of).fold(nothing, |[low, high], by| [low.min(by), high.max(by)])
+            led.clone().map(of).fold(nothing, |[low, high], by| [low.min(by), high.max(by)])
         };
         let [low, high] = range(&|(_, u)| u);
-        // Also false if there are no pins.
+        let apart = low.distance(high);
+        // Also false if nothing is led.
         let may_turn = (high - low).max_element() > TURNS * thickness;
-        let turning = may_turn.then(|| Frame::turning(pins.clone()))?;
+        let turning = may_turn.then(|| Frame::turning(led.clone().step_by((led.clone().count() / FITTED).max(1))))?;
         let [low, high] = range(&|(x, u)| u - turning.at(x));
         let by = turning.by + (low + high) * 0.5;
-        (low.distance(high) < thickness).then_some(Frame { by, ..turning })
+        let left = low.distance(high);
+        (left < thickness && left < LEFT * apart).then_some(Frame { by, ..turning })
     }
 
-    /// The rotation less the identity, by columns, and the center (m); w is unused.
+    /// The rotation less the identity, by columns, the center (m) and its displacement (m); w is unused.
     #[cfg(feature = "gpu")]
-    pub(super) fn columns(&self) -> [Vec4; 4] {
-        let Frame { turn, center, .. } = self;
-        [turn.x_axis, turn.y_axis, turn.z_axis, *center].map(|column| column.extend(0.0))
+    pub(super) fn columns(&self) -> [Vec4; 5] {
+        let Frame { turn, center, by } = self;
+        [turn.x_axis, turn.y_axis, turn.z_axis, *center, *by].map(|column| column.extend(0.0))
     }
 
     /// The rigid motion that fits the motion of some points; each has a place and a displacement (m).

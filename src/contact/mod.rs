@@ -145,7 +145,7 @@ pub(crate) struct SelfContact {
     contacts: Contacts,
     paths: Paths,
     /// Known intersections. They are searched for only while `may_cross` is set, because contact lets no new ones
-    /// arise.
+    /// arise, except where cloth is pinched between things that are moved from outside.
     let_go: LetGo,
     may_cross: bool,
     /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
@@ -227,7 +227,7 @@ impl SelfContact {
         (self.tally, self.crowd) = (Tally::default(), 0);
         self.keep();
         let jumped = self.bodies.begin(plan, self.options.friction);
-        self.bodies.place(plan, x, u);
+        self.bodies.place(plan, self.options.thickness, x, u);
         self.may_cross |= jumped;
         // Bodies that stand still are not tested for straying, so those that stop must not have paths that go on.
         if jumped || self.bodies.are_still && self.paths.move_from(self.bodies.first) {
@@ -282,6 +282,7 @@ impl SelfContact {
                 self.contacts.respond(plan, substep, scale, workers, width);
                 let lost = self.contacts.truncate(frame, &plan.cloth.mass, workers, width);
                 self.contacts.finish(x, u, push, workers);
+                self.may_cross |= self.contacts.are_pinched();
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
                     give_back(&plan.cloth.mass, lost, u, workers);

@@ -167,6 +167,13 @@ pub(crate) fn kept<L: Lanes>(distance: L, thickness: L) -> L {
     (distance * L::splat(KEEP)).max(L::select(half.lt(most), half, most))
 }
 
+/// The correction (m) of a pair that is too close by `depth` (m), in a substep in which it may be `most` (m). It is
+/// proportional to the depth, so that cloth which is squeezed between two things comes to lie in the middle.
+#[inline(always)]
+pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
+    depth * (most / thickness.max(most))
+}
+
 /// The largest share of a displacement that may be taken. The displacement brings a vertex at `height` (m) above a
 /// plane nearer to it by `toward` (m), and it has to stay `kept` (m) above.
 #[inline(always)]

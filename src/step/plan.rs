@@ -55,7 +55,6 @@ pub(crate) struct Plan<'a> {
     /// The pins that follow targets, sorted by vertex.
     pub pins: &'a [Pin],
     /// Where the step starts for all pins (m, in local coordinates), in the order of [`Cloth::pinned`].
-    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the CPU's state has them"))]
     pub pins_from: &'a [Vec3],
     /// Sweeps over the edges per substep.
     pub sweeps: u32,

@@ -55,3 +55,24 @@ fn no_motion_moves_nothing() {
     let x = Vec3A::new(1.0, -2.0, 0.5);
     assert_eq!([Frame::default().at(x), Frame::default().back(x)], [Vec3A::ZERO, x]);
 }
+
+/// What is led by a rotation has a common motion however many points it is, of which some are fitted. What only moves along has
+/// none, and neither has what turns in two ways.
+#[test]
+fn what_turns_as_one_has_a_common_motion() {
+    let (mut random, shift, thickness) = (fastrand::Rng::with_seed(5), Vec3A::new(0.002, 0.0, -0.001), 0.005);
+    for count in [3, 64, 1000] {
+        let points: Vec<Vec3A> = (0..count).map(|_| vector(&mut random, 0.3)).collect();
+        let led = |turn: &dyn Fn(usize) -> f32| {
+            let by = |(k, &x): (usize, &Vec3A)| (x, Quat::from_rotation_y(turn(k)) * x + shift - x);
+            points.iter().enumerate().map(by).collect::<Vec<_>>()
+        };
+        let turning = led(&|_| 0.002);
+        let frame = Frame::of_led(turning.iter().copied(), thickness).expect("they turn");
+        assert!(turning.iter().all(|&(x, u)| frame.at(x).distance(u) < 1e-6), "{count} points");
+        assert_eq!(Frame::of_led(led(&|_| 0.0).into_iter(), thickness), None, "{count} points move along");
+        let both = led(&|k| if k % 2 == 0 { 0.002 } else { -0.002 });
+        assert_eq!(Frame::of_led(both.into_iter(), thickness), None, "{count} points turn in two ways");
+    }
+    assert_eq!(Frame::of_led(std::iter::empty(), thickness), None);
+}

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{edge_edge, impulse, kept, perpendicular, share_above, step_of_lambda, vertex_triangle};
+use super::{edge_edge, impulse, kept, perpendicular, separation, share_above, step_of_lambda, vertex_triangle};
 use crate::simd::Vector;
 
 fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
@@ -82,6 +82,23 @@ fn a_multiplier_ends_the_approach_and_never_pulls() {
     let creeping = Vector::new(0.01, -0.2, 0.0);
     let left = after(creeping, step_of_lambda(none, n, 0.0, creeping, rate, 0.5));
     assert!(left.dot(left) < 1e-12, "it sticks");
+}
+
+/// Between two plates that are closer than twice the thickness, equal corrections balance in the middle only, also if both are
+/// limited; none is larger than the limit.
+#[test]
+fn corrections_balance_in_the_middle() {
+    let (thickness, between) = (0.005_f32, 0.006);
+    for most in [1e-4, 1e-3, 1e-2_f32] {
+        for k in 0..=60 {
+            let below = 1e-4 * k as f32;
+            let push = |distance: f32| separation((thickness - distance).max(0.0), thickness, most);
+            let (up, down) = (push(below), push(between - below));
+            assert!(up <= most && down <= most, "{up} and {down} of {most}");
+            let off = below - 0.5 * between;
+            assert!(off.abs() < 1e-6 || (up - down) * off < 0.0, "{below} m above one: {up} up, {down} down");
+        }
+    }
 }
 
 #[test]

@@ -159,7 +159,7 @@ fn bound_of(n: Near, w: vec4f) -> f32 {
 // Adds the correction that separates a pair that is too close.
 fn push_pair(k: u32) {
     let n = near_at(k);
-    let depth = min(max(n.thickness - n.distance, 0.0), DEPENETRATION * params.h);
+    let depth = separation(max(n.thickness - n.distance, 0.0), n.thickness, DEPENETRATION * params.h);
     if depth == 0.0 {
         return;
     }
@@ -282,10 +282,10 @@ fn way_with(v: u32, push: vec3f) -> vec3f {
     return vertices[v].u.xyz + push - known.status.mean - by_turning(vertices[v].x.xyz);
 }
 
-// The same after the response. Vertices of mesh colliders are not corrected, and nothing turns with them.
+// The same after the response. Vertices of mesh colliders are not corrected.
 fn way_of(v: u32) -> vec3f {
     if v >= about.vertices {
-        return vertices[v].u.xyz - known.status.mean;
+        return without_turning(way_with(v, vec3f()));
     }
     return vertices[v].way.xyz;
 }
@@ -320,6 +320,10 @@ fn cut_pair(n: Near) {
     let up = out * (1.0 - firsts);
     let led = max(max(up.x, up.y), max(up.z, up.w)) - max(max(down.x, down.y), max(down.z, down.w));
     let left = heights - sides * led;
+    // The plane, and what led it, has moved past a vertex that stays in place.
+    if any(select(left + keeps, vec4f(), w == vec4f()) < vec4f()) {
+        atomicStore(&known.status.pinched, 1u);
+    }
     cut_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
     cut_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
     cut_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));

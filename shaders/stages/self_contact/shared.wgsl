@@ -49,11 +49,13 @@ struct About {
     features: u32,
     // In every so many substeps detection may be due.
     spacing: u32,
-    // The rotation of the pins in a substep less the identity, by columns, and its center [m]; 0 if they do not turn.
+    // The rotation in the first substep, less the identity and by columns, of what is led, if it turns as one (otherwise 0); its
+    // center [m], and the center's displacement in the step [m].
     turn_x: vec4f,
     turn_y: vec4f,
     turn_z: vec4f,
     center: vec4f,
+    travel: vec4f,
 }
 
 // A listed pair. Its first feature is number `row`, `other` is the second. `next` leads to another pair of its chain.
@@ -158,8 +160,9 @@ struct Status {
     leaf_pairs: atomic<u32>,
     candidates: atomic<u32>,
     edge_candidates: atomic<u32>,
-    // Of this step: the space needed for these if there is not enough.
+    // Of this step: the space needed for these if there is not enough; whether what is led has left a pair no room (1 or 0).
     space_needed: atomic<u32>,
+    pinched: atomic<u32>,
     // Number of pairs that acted in the previous substep.
     acted: u32,
 }
@@ -214,10 +217,15 @@ fn is_free() -> bool {
     return about.is_led == 0u;
 }
 
-// The displacement [m] by rotation, in the common motion of the cloth, of what is at x.
-fn by_turning(x: vec3f) -> vec3f {
-    let r = x - about.center.xyz;
+fn by_first_turn(r: vec3f) -> vec3f {
     return about.turn_x.xyz * r.x + about.turn_y.xyz * r.y + about.turn_z.xyz * r.z;
+}
+
+// The displacement [m] by rotation, in the common motion of the cloth, of what is at x. What is led moves in a straight line
+// during a step, as it does in the first substep, so x is first traced back to the start of the step, to first order.
+fn by_turning(x: vec3f) -> vec3f {
+    let r = x - about.center.xyz - about.travel.xyz * substep.start;
+    return by_first_turn(r - by_first_turn(r) * (substep.start * f32(params.substeps)));
 }
 
 // A displacement as it appears in what turns with the common motion.

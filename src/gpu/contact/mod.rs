@@ -219,7 +219,7 @@ impl GpuContact {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
         });
-        let [turn_x, turn_y, turn_z, center] = kept.turn(plan);
+        let [turn_x, turn_y, turn_z, center, travel] = kept.turn(plan);
         let about = About {
             thickness: options.thickness,
             friction: options.friction,
@@ -258,6 +258,7 @@ impl GpuContact {
             turn_y,
             turn_z,
             center,
+            travel,
         };
         buffers.about.send(gpu, &[about]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().collect();

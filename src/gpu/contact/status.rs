@@ -45,8 +45,8 @@ pub(crate) struct Status {
     pub candidates: u32,
     pub edge_candidates: u32,
     pub space_needed: u32,
+    pub pinched: u32,
     pub acted: u32,
-    pub padding: u32,
 }
 
 impl Status {
@@ -109,6 +109,7 @@ pub(crate) struct About {
     pub turn_y: Vec4,
     pub turn_z: Vec4,
     pub center: Vec4,
+    pub travel: Vec4,
 }
 
 /// A listed pair: `Listed` of `shared.wgsl`.
