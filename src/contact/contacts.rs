@@ -98,11 +98,6 @@ impl Contacts {
         self.portions().iter().fold([0; 2], |[near, pressing], of| [near + of.near, pressing + of.pressing])
     }
 
-    /// Whether something that is led has moved through something else in this substep.
-    pub(super) fn are_pinched(&self) -> bool {
-        self.portions().iter().any(|portion| portion.is_pinched)
-    }
-
     /// Numbers the vertices of the lists, in order.
     fn number(&mut self, lists: &[Rows; 2], vertices: usize, workers: Workers<'_>) {
         let Contacts { order, place, corners, due, clock, .. } = self;

@@ -110,11 +110,6 @@ impl OnDevice {
         [x, y, z, center, by / fraction]
     }
 
-    /// Notes whether the step may have led something through the cloth.
-    pub(crate) fn look_again(&mut self, is_pinched: bool) {
-        self.may_cross |= is_pinched;
-    }
-
     /// Whether no mesh collider moves in this step.
     pub(crate) fn meshes_rest(&self) -> bool {
         self.bodies.are_still

@@ -145,7 +145,7 @@ pub(crate) struct SelfContact {
     contacts: Contacts,
     paths: Paths,
     /// Known intersections. They are searched for only while `may_cross` is set, because contact lets no new ones
-    /// arise, except where cloth is pinched between things that are moved from outside.
+    /// arise.
     let_go: LetGo,
     may_cross: bool,
     /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
@@ -282,7 +282,6 @@ impl SelfContact {
                 self.contacts.respond(plan, substep, scale, workers, width);
                 let lost = self.contacts.truncate(frame, &plan.cloth.mass, workers, width);
                 self.contacts.finish(x, u, push, workers);
-                self.may_cross |= self.contacts.are_pinched();
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
                     give_back(&plan.cloth.mass, lost, u, workers);

@@ -42,8 +42,6 @@ pub(super) struct Portion {
     pub pressing: u32,
     /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
     pub cut: Vec<(u32, f32)>,
-    /// Whether what is led leaves a pair no room, so that truncation cannot keep it apart.
-    pub is_pinched: bool,
 }
 
 /// The pairs of a portion that are due, in order, and copies of what is needed of them, repeated to a multiple of the

@@ -6,9 +6,6 @@
 //! the path; with one share per vertex, no order of pairs is needed.) Pairs that are not near need no plane: truncation
 //! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
 //! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
-//!
-//! What is led from outside cannot be truncated, so a plane moves with it. Where two of these close on cloth that has no
-//! room left, a plane passes a vertex: the cloth is pinched (Baraff et al. 2003), and crossings are searched for.
 
 use glam::{DVec3, Vec4};
 
@@ -44,10 +41,10 @@ impl Contacts {
         let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
-                let (mut cut, mut is_pinched) = (std::mem::take(&mut portion.cut), false);
+                let mut cut = std::mem::take(&mut portion.cut);
                 cut.clear();
-                simd::run(width, Shares { portion, by, cut: &mut cut, is_pinched: &mut is_pinched });
-                (portion.cut, portion.is_pinched) = (cut, is_pinched);
+                simd::run(width, Shares { portion, by, cut: &mut cut });
+                portion.cut = cut;
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
             }
@@ -75,13 +72,12 @@ struct Shares<'a> {
     portion: &'a Portion,
     by: &'a [Vec4],
     cut: &'a mut Vec<(u32, f32)>,
-    is_pinched: &'a mut bool,
 }
 
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, by, cut, is_pinched } = self;
+        let Shares { portion, by, cut } = self;
         let kind = portion.kind;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         for (block, first) in portion.blocks().flat_map(|block| (0..MAX_LANES).step_by(L::LANES).map(move |first| (block, first)))
@@ -112,11 +108,8 @@ impl Loop for Shares<'_> {
             let led = led_up - led_down;
             for k in 0..4 {
                 let along = if k < kind.first_side() { zero - led } else { led };
-                let height = heights[k] + along;
-                let share = L::select(zero.lt(is_led[k]), one, share_above(height, kept, towards[k]));
-                // The plane, and what led it, has moved past a vertex that stays in place.
-                let beyond = L::select(zero.lt(is_led[k]), zero, height + kept);
-                *is_pinched |= L::bits(beyond.lt(zero)) & near != 0;
+                let share = share_above(heights[k] + along, kept, towards[k]);
+                let share = L::select(zero.lt(is_led[k]), one, share);
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let mut shares = [0.0; MAX_LANES];

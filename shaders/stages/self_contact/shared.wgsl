@@ -160,9 +160,8 @@ struct Status {
     leaf_pairs: atomic<u32>,
     candidates: atomic<u32>,
     edge_candidates: atomic<u32>,
-    // Of this step: the space needed for these if there is not enough; whether what is led has left a pair no room (1 or 0).
+    // Of this step: the space needed for these if there is not enough.
     space_needed: atomic<u32>,
-    pinched: atomic<u32>,
     // Number of pairs that acted in the previous substep.
     acted: u32,
 }

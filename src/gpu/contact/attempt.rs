@@ -114,7 +114,6 @@ impl GpuContact {
         }
         if !has(NO_ROOM | EARLY | CLOSE) {
             self.status = status.at_end(self.substeps);
-            self.kept.look_again(status.pinched != 0);
             return Ok(Judgment::Good);
         }
         self.course.change(status.stopped, needed > 0);

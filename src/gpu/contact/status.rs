@@ -45,8 +45,8 @@ pub(crate) struct Status {
     pub candidates: u32,
     pub edge_candidates: u32,
     pub space_needed: u32,
-    pub pinched: u32,
     pub acted: u32,
+    pub padding: u32,
 }
 
 impl Status {
