@@ -256,10 +256,12 @@ fn a_body_that_appears_in_the_cloth_is_let_go(backend: Backend) {
             assert_eq!((now, told), (0, None), "it has left");
         }
     }
-    // The body has stretched the cloth that it hung from, so single vertices are fast when that lets go of it.
-    let velocities = cloth.velocities().unwrap();
-    let mean = (velocities.iter().map(|v| v.length_squared()).sum::<f32>() / velocities.len() as f32).sqrt();
-    assert!(mean < 2.0, "{mean} m/s, root mean square");
+    // The body stretched the cloth that it hung from, which takes time to come to rest.
+    for frame in 0..60 {
+        cloth.step(FRAME, &with(vec![Collider::plane(Vec3::NEG_Y, Vec3::Y)])).unwrap();
+        let fastest = cloth.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(frame < 50 || fastest < 3.0, "{fastest} m/s, {frame} frames after it has left");
+    }
 }
 
 /// A patch moves along below a sheet, which comes no closer to it, and stops: the sheet is held.
