@@ -35,6 +35,7 @@ on_every_backend!(
     what_is_no_body_is_refused,
     a_sheet_in_the_plane_of_a_table_lies_on_it,
     what_is_squeezed_stays_between,
+    what_is_pinched_is_reported,
 );
 
 fn options(backend: Backend, substeps: u32, contact: bool) -> Options {
@@ -387,4 +388,27 @@ fn what_is_squeezed_stays_between(backend: Backend) {
         let crossed: usize = plates.iter().map(|plate| crossings_with(&sheet, cloth.positions().unwrap(), plate)).sum();
         assert_eq!(crossed, 0, "frame {frame}, with plates {} m apart", 2.0 * gap);
     }
+}
+
+/// Two plates close on a sheet until they are past each other, and open again. Nothing can hold a sheet there: what crosses is
+/// reported in the same step, nothing else is, and nothing explodes.
+fn what_is_pinched_is_reported(backend: Backend) {
+    let (sheet, plate) = (jittered(Mesh::grid(10, 10, 0.2, 0.2), 1), jittered(Mesh::grid(5, 5, 0.3, 0.3), 2));
+    let mut cloth = Deformer::new(&sheet, options(backend, 20, true)).unwrap();
+    let mut pinched = 0;
+    for frame in 0..50_i32 {
+        // From 15 mm to -5 mm, and back.
+        let gap = 0.001 * ((frame - 20).abs().min(20) - 5) as f32;
+        let plates = [gap, -gap].map(|y| moved(&plate, |x| x + y * Vec3::Y));
+        let scene = Attributes { gravity: Vec3::ZERO, ..with(plates.iter().cloned().map(Collider::mesh).collect()) };
+        let report = cloth.step(FRAME, &scene).unwrap();
+        let is_told = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
+        let crossed: usize = plates.iter().map(|plate| crossings_with(&sheet, cloth.positions().unwrap(), plate)).sum();
+        pinched += u32::from(crossed > 0);
+        assert!(crossed == 0 || frame >= 15, "frame {frame}: {crossed} crossings, with plates 2 mm apart");
+        assert_eq!(is_told, crossed > 0, "frame {frame}: {crossed} crossings");
+        let fastest = cloth.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
+        assert!(fastest < 3.0, "frame {frame}: {fastest} m/s");
+    }
+    assert!(pinched > 3, "the plates crossed the sheet");
 }

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use glam::{DVec3, Vec4};
 
 use super::crossings::{Features, pierced};
-use super::sweep_and_prune::{Span, around, for_overlaps};
+use super::overlaps::{Span, around, for_overlaps};
 use super::touches::Touches;
 
 /// The distance (m) of what was moved apart, in units of the distance that counts as touching: so much that single
@@ -103,6 +103,7 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_meet: impl Fn(u32,
             add([a, b, c, d], [1.0 - s, s, t - 1.0, -t]);
         }
     });
+    pairs.sort_unstable_by_key(|pair| pair.corners);
     if room > 0 { pairs } else { Vec::new() }
 }
 

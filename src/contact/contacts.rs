@@ -84,7 +84,7 @@ impl Contacts {
         self.is_numbered = false;
     }
 
-    fn portions(&self) -> &[Portion] {
+    pub(super) fn portions(&self) -> &[Portion] {
         &self.portions[..self.used]
     }
 

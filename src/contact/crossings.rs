@@ -9,7 +9,7 @@
 
 use glam::{DVec3, Vec4};
 
-use super::sweep_and_prune::{around, for_overlaps};
+use super::overlaps::{around, for_overlaps};
 
 /// Distances below this multiple of the thickness count as zero.
 const TOUCHING: f64 = 1e-4;

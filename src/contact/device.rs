@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec3A, Vec4};
+use glam::{Vec3, Vec3A, Vec4};
 
 use super::Past;
 use super::bodies::{Bodies, led_pins, motions};
@@ -29,8 +29,11 @@ pub(crate) struct OnDevice {
     bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
+    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices that were `pinched` in the
+    /// last step.
     let_go: LetGo,
     may_cross: bool,
+    pinched: Vec<u32>,
     thickness: f32,
 }
 
@@ -73,8 +76,17 @@ impl OnDevice {
         }
         let table = Table::new(&surface, &tree, of_meshes.as_ref(), range);
         let bodies = Bodies::new(range[0], meshes);
-        let (let_go, meets_itself) = (LetGo::default(), contact.is_some());
-        Some((OnDevice { surface, meets_itself, bodies, vertices: range[1], let_go, may_cross: true, thickness }, table))
+        let kept = OnDevice {
+            surface,
+            meets_itself: contact.is_some(),
+            bodies,
+            vertices: range[1],
+            let_go: LetGo::default(),
+            may_cross: true,
+            pinched: Vec::new(),
+            thickness,
+        };
+        Some((kept, table))
     }
 
     /// Whether these are its mesh colliders.
@@ -122,12 +134,13 @@ impl OnDevice {
     /// Discards what depends on the state, because it was replaced.
     pub(crate) fn forget(&mut self) {
         (self.may_cross, self.bodies.are_known) = (true, false);
+        self.pinched.clear();
     }
 
     /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
     /// while there are intersections.
-    pub(crate) fn may_cross(&self) -> bool {
-        self.may_cross
+    pub(crate) fn must_look(&self) -> bool {
+        self.may_cross || !self.let_go.crossings.is_empty()
     }
 
     /// Whether it must because moving pins or mesh colliders intersect pins.
@@ -139,28 +152,60 @@ impl OnDevice {
     fn pins_cross(&self, plan: &Plan<'_>) -> bool {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
-        LetGo::led_cross(&self.surface, &self.with_meshes(plan, x), self.meets_itself, self.thickness)
+        let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
+        LetGo::led_cross(&self.surface, &x, self.meets_itself, self.thickness)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
     /// contact, moves apart what touches exactly. Returns the positions if that changed any.
     pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
-        let mut x = self.with_meshes(plan, x);
+        let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
+        self.may_cross = self.may_cross || self.led_may_cross(plan);
         let moved = match self.may_cross && is_new {
             true => LetGo::part_touches(&self.surface, &x, self.meets_itself, self.thickness),
             false => Vec::new(),
         };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
-        self.let_go.find(&self.surface, &x, self.meets_itself, self.thickness);
-        self.may_cross = !self.let_go.crossings.is_empty();
+        self.search(&x);
         x.truncate(plan.cloth.rest.len());
         (!moved.is_empty()).then_some(x)
     }
 
-    /// The positions of all vertices at the start of a step, given those of the cloth.
-    fn with_meshes(&self, plan: &Plan<'_>, mut x: Vec<Vec4>) -> Vec<Vec4> {
+    /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
+    /// are known have changed.
+    fn search(&mut self, x: &[Vec4]) -> bool {
+        let OnDevice { surface, meets_itself, let_go, thickness, .. } = self;
+        let pinched = std::mem::take(&mut self.pinched);
+        if std::mem::take(&mut self.may_cross) {
+            let_go.find(surface, x, *meets_itself, *thickness);
+            return true;
+        }
+        let_go.follow(surface, x, *meets_itself, *thickness, &pinched)
+    }
+
+    /// Notes the corners of the pairs that may have moved through each other in a step; `None` if they are not known.
+    pub(crate) fn note_pinched(&mut self, corners: Option<&[[u32; 4]]>) {
+        self.may_cross |= corners.is_none();
+        self.pinched.clear();
+        self.pinched.extend(corners.into_iter().flatten().flatten());
+    }
+
+    /// Whether there may be such pairs.
+    pub(crate) fn is_pinched(&self) -> bool {
+        self.may_cross || !self.pinched.is_empty()
+    }
+
+    /// Searches for what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m). Returns
+    /// whether the intersections have changed.
+    pub(crate) fn let_go_of_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> bool {
+        let x = self.with_meshes(x, motions(plan).map(|[from, by]| from + by));
+        self.search(&x)
+    }
+
+    /// The positions of all vertices, given those of the cloth and of mesh colliders.
+    fn with_meshes(&self, mut x: Vec<Vec4>, of_meshes: impl Iterator<Item = Vec3>) -> Vec<Vec4> {
         x.resize(self.bodies.first, Vec4::ZERO);
-        x.extend(motions(plan).map(|[from, _]| from.extend(0.0)));
+        x.extend(of_meshes.map(|x| x.extend(0.0)));
         x
     }
 

@@ -1,5 +1,7 @@
 //! The intersections, and the pairs that contact ignores because of them.
 
+use std::collections::BTreeSet;
+
 use glam::{Vec3, Vec4};
 
 use super::apart::apart;
@@ -7,6 +9,9 @@ use super::crossings::Features;
 use super::pairs::{Kind, Listed};
 use super::surface::Surface;
 use crate::options::Crossing;
+
+/// The rings of triangles around known intersections in which others are searched for. One would suffice.
+const RINGS: usize = 2;
 
 /// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
@@ -22,6 +27,39 @@ impl LetGo {
     pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) {
         let found = features(surface, x, thickness).crossings(|a, b| surface.may_meet(a, b, meets_itself));
         self.take(found, surface);
+    }
+
+    /// Searches for intersections around the known ones and around some vertices only. Returns whether there are others than
+    /// before.
+    ///
+    /// While contact holds all other pairs, intersections arise only where pairs are let go, or pinched: a vertex that moves
+    /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
+    pub(super) fn follow(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32, vertices: &[u32]) -> bool {
+        if self.crossings.is_empty() && vertices.is_empty() {
+            return false;
+        }
+        let known = self.by_vertices(surface).flat_map(|([a, b], [c, d, e])| [a, b, c, d, e]);
+        let mut near: BTreeSet<u32> = known.chain(vertices.iter().copied()).collect();
+        let mut triangles = BTreeSet::new();
+        for _ in 0..RINGS {
+            triangles = near.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
+            near = triangles.iter().flat_map(|&triangle: &u32| surface.triangles[triangle as usize]).collect();
+        }
+        let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+        let (triangles, edges) = (Vec::from_iter(triangles), Vec::from_iter(edges));
+        let features = Features {
+            edges: &edges.iter().map(|&edge| surface.edges[edge as usize]).collect::<Vec<_>>(),
+            triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
+            ..features(surface, x, thickness)
+        };
+        let found = features.crossings(|a, b| surface.may_meet(a, b, meets_itself));
+        let found: Vec<[u32; 2]> =
+            found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
+        let are_new = found != self.crossings;
+        if are_new {
+            self.take(found, surface);
+        }
+        are_new
     }
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).

@@ -31,9 +31,11 @@ mod let_go;
 mod measure;
 mod near;
 mod normals;
+mod overlaps;
 mod pairs;
 mod past;
 mod paths;
+mod pinches;
 mod portions;
 mod ranges;
 mod response;
@@ -41,7 +43,6 @@ mod reused;
 mod rows;
 mod start;
 mod surface;
-mod sweep_and_prune;
 #[cfg(feature = "gpu")]
 pub(crate) mod table;
 mod touches;
@@ -144,8 +145,8 @@ pub(crate) struct SelfContact {
     detection: Detection,
     contacts: Contacts,
     paths: Paths,
-    /// Known intersections. They are searched for only while `may_cross` is set, because contact lets no new ones
-    /// arise.
+    /// Known intersections. Others may be anywhere if `may_cross` is set; otherwise they arise only around known ones, or
+    /// where cloth is pinched.
     let_go: LetGo,
     may_cross: bool,
     /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
@@ -287,6 +288,7 @@ impl SelfContact {
                     give_back(&plan.cloth.mass, lost, u, workers);
                 }
                 [self.tally.near, self.tally.contacts] = self.contacts.counts();
+                self.let_go_of_pinched(x, u);
             }
         }
         if self.tally.near == 0 && self.most_push > 0.0 {
@@ -328,6 +330,18 @@ impl SelfContact {
         self.most_push = f32::from_bits(most.into_inner()).sqrt();
     }
 
+    /// Lets go of what crosses at the end of the substep because it is pinched.
+    fn let_go_of_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
+        let SelfContact { options, surface, contacts, let_go, paths, meets_itself, .. } = self;
+        let pinched = contacts.pinched(x, u);
+        if !pinched.is_empty() {
+            let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
+            if let_go.follow(surface, &ends, *meets_itself, options.thickness, &pinched) {
+                paths.end();
+            }
+        }
+    }
+
     /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
     /// too many pairs, or if the state is not finite, which the end of the step reports.
     fn detect(&mut self, path: Path<'_>, moving: usize, is_free: bool, width: Width) -> bool {
@@ -339,7 +353,8 @@ impl SelfContact {
             self.may_cross = LetGo::led_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
         }
         let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
-        let is_listed = !self.may_cross && self.lists.iter().all(|rows| !rows.starts.is_empty());
+        let is_known = !self.may_cross && self.let_go.crossings.is_empty();
+        let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
         let mut strayed = std::mem::take(&mut self.detection.strayed);
         let listed = if is_listed && self.paths.strayed(may_stray, is_free, &mut strayed) {
             self.list_around(&strayed, path, is_free, width)
@@ -365,9 +380,10 @@ impl SelfContact {
             paths.stray[bodies.first..].fill(0.0);
         }
         paths.begin(path.x, path.u);
-        if self.may_cross {
+        if std::mem::take(&mut self.may_cross) {
             self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
-            self.may_cross = !self.let_go.crossings.is_empty();
+        } else {
+            self.let_go.follow(surface, path.x, self.meets_itself, options.thickness, &[]);
         }
         self.contacts.keep(lists, path.workers);
         let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.workers, width);

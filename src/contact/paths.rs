@@ -72,6 +72,11 @@ impl Paths {
         self.since = None;
     }
 
+    /// Ends the paths, so that the next substep starts new ones.
+    pub(super) fn end(&mut self) {
+        self.ahead = 0.0;
+    }
+
     /// Whether any vertex from this one on moves along its path.
     pub(super) fn move_from(&self, first: usize) -> bool {
         self.by.get(first..).is_some_and(|by| by.iter().any(|by| xyz(*by) != Vec3A::ZERO))

@@ -42,6 +42,8 @@ pub(super) struct Portion {
     pub pressing: u32,
     /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
     pub cut: Vec<(u32, f32)>,
+    /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].
+    pub passed: Vec<[u32; 4]>,
 }
 
 /// The pairs of a portion that are due, in order, and copies of what is needed of them, repeated to a multiple of the

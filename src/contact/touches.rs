@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::contours::contours;
 use super::crossings::{Features, pierced};
-use super::sweep_and_prune::{around, overlap};
+use super::overlaps::{around, overlap};
 
 /// Length of the moves, in units of the distance that counts as touching.
 const MOVE: f64 = 2.0;

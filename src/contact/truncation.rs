@@ -41,10 +41,11 @@ impl Contacts {
         let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
-                let mut cut = std::mem::take(&mut portion.cut);
+                let (mut cut, mut passed) = (std::mem::take(&mut portion.cut), std::mem::take(&mut portion.passed));
                 cut.clear();
-                simd::run(width, Shares { portion, by, cut: &mut cut });
-                portion.cut = cut;
+                passed.clear();
+                simd::run(width, Shares { portion, by, cut: &mut cut, passed: &mut passed });
+                (portion.cut, portion.passed) = (cut, passed);
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
             }
@@ -72,12 +73,13 @@ struct Shares<'a> {
     portion: &'a Portion,
     by: &'a [Vec4],
     cut: &'a mut Vec<(u32, f32)>,
+    passed: &'a mut Vec<[u32; 4]>,
 }
 
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, by, cut } = self;
+        let Shares { portion, by, cut, passed } = self;
         let kind = portion.kind;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         for (block, first) in portion.blocks().flat_map(|block| (0..MAX_LANES).step_by(L::LANES).map(move |first| (block, first)))
@@ -106,10 +108,12 @@ impl Loop for Shares<'_> {
                 }
             }
             let led = led_up - led_down;
+            let mut are_passed = 0;
             for k in 0..4 {
                 let along = if k < kind.first_side() { zero - led } else { led };
-                let share = share_above(heights[k] + along, kept, towards[k]);
-                let share = L::select(zero.lt(is_led[k]), one, share);
+                let height = heights[k] + along;
+                let share = L::select(zero.lt(is_led[k]), one, share_above(height, kept, towards[k]));
+                are_passed |= L::bits(L::select(zero.lt(is_led[k]), zero, height + kept).lt(zero));
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let mut shares = [0.0; MAX_LANES];
@@ -121,6 +125,7 @@ impl Loop for Shares<'_> {
                     }
                 }
             }
+            passed.extend((0..L::LANES).filter(|lane| (are_passed & near) >> lane & 1 == 1).map(|lane| places[lane]));
         }
     }
 }

@@ -89,6 +89,7 @@ shaders! {
         NEAR: "mean" "pairs" "near";
         RESPONSE: "pairs" "response";
         FINISH: "finish";
+        PINCHES: "pinches";
     }
     PREDICT: "integrate" "stages/predict";
     BEND: "integrate" "bending" "stages/predict" "stages/bend";

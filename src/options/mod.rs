@@ -161,8 +161,8 @@ pub enum Tethers {
 ///
 /// No edge ever passes through a triangle, provided that none does at the start and that pins move relative to each
 /// other by at most a third of the thickness per substep ([`Warning::ContactOutruns`]). Where pins or mesh colliders close on the
-/// cloth until no room is left, they pass through it. A start with crossings is reported ([`Warning::Crossings`]), and
-/// contact ignores what crosses until it has separated;
+/// cloth until no room is left, they pass through it. Such crossings, and those of the start, are reported
+/// ([`Warning::Crossings`], [`Warning::BodyCrossings`]), and contact ignores what crosses until it has separated;
 /// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand. What merely touches at the start does not
 /// cross: features closer than a ten-thousandth of the thickness, or than rounding, are moved apart by some micrometers.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -137,16 +137,18 @@ pub enum Warning {
         /// The largest such speed (m/s) that the substeps resolve.
         resolved: f32,
     },
-    /// The cloth and a mesh collider crossed each other when one of them was put in place. Contact ignores the crossing
-    /// parts until they have separated, and holds them from then on.
+    /// The cloth and a mesh collider cross each other: they did when one of them was put in place, or the cloth was pinched, because
+    /// what is led from outside (mesh colliders, pins) left it no room. Contact ignores the crossing parts until they have
+    /// separated, and holds them from then on.
     BodyCrossings {
         /// Number of crossing pairs of an edge and a triangle, over all mesh colliders.
         pairs: usize,
         /// The first such collider, as its position in [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
     },
-    /// Edges passed through triangles of the cloth when the state was set ([`Options::contact`](crate::Options::contact)). Contact ignores the
-    /// crossing parts until they have separated, and holds them from then on.
+    /// Edges pass through triangles of the cloth ([`Options::contact`](crate::Options::contact)): they did when the state was set, or the cloth
+    /// was pinched, because what is led from outside (pins, mesh colliders) left it no room. Contact ignores the crossing parts
+    /// until they have separated, and holds them from then on.
     Crossings {
         /// Number of crossing pairs of an edge and a triangle.
         pairs: usize,

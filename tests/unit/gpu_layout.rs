@@ -61,7 +61,7 @@ fn structs() -> Vec<Layout> {
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
         layout!(About { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, is_led, meshes_rest, meets_itself, let_go, let_go_of_edges, groups, mesh_groups, per_mass, box_edges, features, spacing, turn_x, turn_y, turn_z, center, travel }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
-        layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed, acted }),
+        layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed, acted, passed, pinched }),
         layout!(Track { start, by }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
@@ -147,6 +147,8 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("HELD", Literal::U32(contact::DETECTION[4])),
         ("LEVELS", Literal::U32(contact::DETECTION[5])),
         ("MET", Literal::U32(contact::DETECTION[6])),
+        ("PINCHED", Literal::U32(contact::PINCHED as u32)),
+        ("PASSED", Literal::U32(contact::PASSED as u32)),
         ("MOST_MET", Literal::U32(contact::DETECTION[7])),
     ];
     all.extend(of_contact);

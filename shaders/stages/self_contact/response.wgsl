@@ -320,6 +320,13 @@ fn cut_pair(n: Near) {
     let up = out * (1.0 - firsts);
     let led = max(max(up.x, up.y), max(up.z, up.w)) - max(max(down.x, down.y), max(down.z, down.w));
     let left = heights - sides * led;
+    // The plane, and what led it, may have moved past a vertex that stays in place.
+    if any(select(left + keeps, vec4f(), w == vec4f()) < vec4f()) {
+        let at = atomicAdd(&known.status.passed, 1u);
+        if at < PASSED {
+            known.passed[at] = n.corners;
+        }
+    }
     cut_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
     cut_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
     cut_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));

@@ -164,11 +164,22 @@ struct Status {
     space_needed: atomic<u32>,
     // Number of pairs that acted in the previous substep.
     acted: u32,
+    // Number of pairs of this substep whose plane has passed a vertex, and of those of this step that are pinched.
+    passed: atomic<u32>,
+    pinched: atomic<u32>,
 }
 
-// The status, followed by the workgroups' parts of a reduction over the cloth, and by those over mesh colliders.
+// There is room for so many pairs that are pinched, and for so many whose plane has passed a vertex. If there are more
+// of either, more than this many are said to be pinched.
+const PINCHED: u32 = 64u;
+const PASSED: u32 = 2048u;
+
+// The status, and the corners of these pairs, followed by the workgroups' parts of a reduction over the cloth, and by
+// those over mesh colliders.
 struct Known {
     status: Status,
+    pinched: array<vec4u, PINCHED>,
+    passed: array<vec4u, PASSED>,
     parts: array<Part>,
 }
 

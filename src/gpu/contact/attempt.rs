@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, SPACE, Status, TRACK};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, SPACE, Status, TRACK, Told};
 use super::{Good, GpuContact};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
@@ -104,7 +104,8 @@ impl GpuContact {
 
     /// Waits for the result of an attempt, and rolls back unless it is good.
     pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Judgment, GpuFault> {
-        let status: Status = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
+        let told: Told = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
+        let status = told.status;
         let (needed, space) = (status.needed as usize, status.space_needed as usize);
         let has = |reason| status.stopped & reason != 0;
         if has(CROWDED) || needed > most_room(gpu) || space > most_space(gpu) {
@@ -114,6 +115,7 @@ impl GpuContact {
         }
         if !has(NO_ROOM | EARLY | CLOSE) {
             self.status = status.at_end(self.substeps);
+            self.kept.note_pinched(told.pinched());
             return Ok(Judgment::Good);
         }
         self.course.change(status.stopped, needed > 0);
@@ -127,7 +129,7 @@ impl GpuContact {
 
     /// Encodes a copy of the status after the step's commands.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.copy_buffer_to_buffer(&self.buffers.common, 0, &self.staging, 0, size_of::<Status>() as u64);
+        encoder.copy_buffer_to_buffer(&self.buffers.common, 0, &self.staging, 0, size_of::<Told>() as u64);
     }
 }
 

@@ -14,7 +14,7 @@ const ITERATIONS: usize = crate::contact::ITERATIONS;
 const OF_DETECTION: usize = 8;
 /// Dispatches at the start of a step with mesh colliders.
 const OF_START: usize = 2;
-const OF_RESPONSE: usize = 8 + 2 * ITERATIONS;
+const OF_RESPONSE: usize = 9 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const LEAST_ITEMS: usize = 4096;
 const MOST_ITEMS: usize = 1 << 18;
@@ -109,6 +109,9 @@ impl GpuContact {
         stages.finish.dispatch(pass, group, &[], vertices);
         if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() && plan.meshes.is_empty() {
             stages.give_back.dispatch(pass, group, &[], vertices);
+        }
+        if !plan.cloth.pinned.is_empty() || !plan.meshes.is_empty() {
+            stages.find_pinched.dispatch_workgroups(pass, group, &[], 1);
         }
     }
 }

@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use course::{Course, Response};
 use encode::MANY;
 use stages::Stages;
-use status::{About, BOX, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, VERTEX};
+use status::{About, BOX, KNOWN, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -124,14 +124,14 @@ impl GpuContact {
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR.max(SPACE) * room),
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
-            common: buffer("status of contact", size_of::<Status>() + PART * groups),
+            common: buffer("status of contact", KNOWN + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * table.boxes()),
             normals: buffer("normals in contact", NORMALS * cloth.triangles.len()),
         };
         let good = Good::new(gpu, &table, room);
-        let staging = gpu.staging("status", size_of::<Status>() as u64);
+        let staging = gpu.staging("status", size_of::<Told>() as u64);
         let status = Status::nothing();
         Some(GpuContact {
             kept,
@@ -165,7 +165,7 @@ impl GpuContact {
 
     /// Whether the next step needs the positions on the CPU first, to search for intersections.
     pub(crate) fn must_look(&self) -> bool {
-        self.kept.may_cross()
+        self.kept.must_look()
     }
 
     /// Whether it needs them because pins or mesh colliders are led through each other.
@@ -188,6 +188,18 @@ impl GpuContact {
             self.status.since = status::NEVER;
         }
         moved
+    }
+
+    /// Whether cloth may have been pinched in the last step, so that `let_go_of_pinched` must be called.
+    pub(crate) fn is_pinched(&self) -> bool {
+        self.kept.is_pinched()
+    }
+
+    /// Lets go of what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m).
+    pub(crate) fn let_go_of_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
+        if self.kept.let_go_of_pinched(plan, x) {
+            self.status.since = status::NEVER;
+        }
     }
 
     /// Intersections found by the last search, with itself and with mesh colliders.

@@ -55,6 +55,8 @@ pub(super) struct Stages {
     pub cut: Stage,
     pub finish: Stage,
     pub give_back: Stage,
+    /// Used if anything is led.
+    pub find_pinched: Stage,
 }
 
 impl Stages {
@@ -98,6 +100,7 @@ impl Stages {
             cut: stage(shaders::RESPONSE, "cut", &of_pairs),
             finish: stage(shaders::FINISH, "finish", &[VERTICES, SUMS, COMMON, X_OUT, P_OUT]),
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, COMMON, X_OUT, P_OUT]),
+            find_pinched: stage(shaders::PINCHES, "find_pinched", &[VERTICES, COMMON]),
         }
     }
 }

@@ -46,7 +46,9 @@ pub(crate) struct Status {
     pub edge_candidates: u32,
     pub space_needed: u32,
     pub acted: u32,
-    pub padding: u32,
+    pub passed: u32,
+    pub pinched: u32,
+    pub padding: [u32; 3],
 }
 
 impl Status {
@@ -66,6 +68,21 @@ impl Status {
             self;
         let zero = Status::zeroed();
         Status { half, listed, with_vertices, with_edges, since, ahead, h, leaf_pairs, candidates, edge_candidates, ..zero }
+    }
+}
+
+/// What the CPU is told after a step: the status, and the corners of the pairs that are pinched, as far as there is room.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Told {
+    pub status: Status,
+    pub pinched: [[u32; 4]; PINCHED],
+}
+
+impl Told {
+    /// The corners of pinched pairs; `None` if there are too many.
+    pub(super) fn pinched(&self) -> Option<&[[u32; 4]]> {
+        self.pinched.get(..self.status.pinched as usize)
     }
 }
 
@@ -132,6 +149,10 @@ pub(crate) struct Track {
     pub by: Vec4,
 }
 
+/// `PINCHED` and `PASSED` of `shared.wgsl`, and the bytes of `Known` before its parts.
+pub(crate) const PINCHED: usize = 64;
+pub(crate) const PASSED: usize = 2048;
+pub(super) const KNOWN: usize = size_of::<Told>() + PASSED * size_of::<[u32; 4]>();
 /// Sizes in bytes of structs that only the shaders access.
 pub(super) const VERTEX: usize = 64;
 pub(super) const TRACK: usize = 32;

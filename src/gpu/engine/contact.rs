@@ -107,7 +107,7 @@ impl GpuEngine {
                 Judgment::Crowded(pairs) => return Err(Failure::Crowded(pairs)),
             }
         }
-        Ok(())
+        self.let_go_of_pinched(plan)
     }
 
     /// Searches for intersections at the start of the step.
@@ -117,6 +117,16 @@ impl GpuEngine {
         if let Some(x) = self.contact.as_mut().and_then(|contact| contact.look(plan, x)) {
             // If the step fails, the next one starts from there, too.
             self.gpu.write(&self.forces.states[0].x, 0, &x);
+        }
+        Ok(())
+    }
+
+    /// Searches for intersections at the end of the step where cloth may have been pinched.
+    fn let_go_of_pinched(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+        if self.contact.as_ref().is_some_and(|contact| contact.is_pinched()) {
+            let mut x = Vec::new();
+            self.read(|at, _| x.extend_from_slice(at))?;
+            self.contact.iter_mut().for_each(|contact| contact.let_go_of_pinched(plan, std::mem::take(&mut x)));
         }
         Ok(())
     }
