@@ -6,6 +6,9 @@
 //! the path; with one share per vertex, no order of pairs is needed.) Pairs that are not near need no plane: truncation
 //! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
 //! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
+//!
+//! What is led from outside cannot be shortened, so a plane moves with it. Where it passes a vertex, cloth may be pinched
+//! ([`pinches`](super::pinches)).
 
 use glam::{DVec3, Vec4};
 
