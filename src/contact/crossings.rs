@@ -42,6 +42,19 @@ impl Features<'_> {
         f64::from(self.triangles.iter().flatten().fold(0.0, largest))
     }
 
+    /// Whether boxes around an edge and a triangle that may meet overlap or touch. Where none do, nothing intersects.
+    pub(super) fn are_close(&self, may_meet: impl Fn(u32, u32) -> bool) -> bool {
+        let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
+        let of_edges: Vec<_> = self.edges.iter().map(|ends| around(&ends.map(at), touching)).collect();
+        let of_triangles: Vec<_> = self.triangles.iter().map(|corners| around(&corners.map(at), touching)).collect();
+        let mut are_close = false;
+        for_overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, |edge, triangle| {
+            let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
+            are_close |= may_meet(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
+        });
+        are_close
+    }
+
     /// Positions (m) at which no four vertices are in one plane, and the normals of the vertices.
     ///
     /// Everything moves against its normal, mesh colliders the most and the first vertices more than the last. So two

@@ -71,23 +71,44 @@ impl LetGo {
     /// these apart.
     pub(super) fn led_cross(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> bool {
         let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
-        let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0 && is_led(vertices);
-        // Only the region of led cloth needs a test.
+        let cloth = surface.of_cloth();
+        // Led cloth is all around its vertices, which are few.
+        let led = (0..cloth.min(x.len()) as u32).filter(|vertex| is_led(&[*vertex]));
+        let mut around: Vec<u32> = led.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
+        let mut edges: Vec<u32> = around.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+        edges.retain(|&edge| is_led(&surface.edges[edge as usize]));
+        around.retain(|&triangle| is_led(&surface.triangles[triangle as usize]));
+        [&mut edges, &mut around].into_iter().for_each(|of| {
+            of.sort_unstable();
+            of.dedup();
+        });
+        if edges.is_empty() {
+            return false;
+        }
+        let mut edges: Vec<[u32; 2]> = edges.into_iter().map(|edge| surface.edges[edge as usize]).collect();
+        let mut triangles: Vec<[u32; 3]> = around.into_iter().map(|triangle| surface.triangles[triangle as usize]).collect();
+        // Of the bodies only what is in the region of led cloth needs a test, and its edges only if there are triangles.
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for &vertex in surface.edges.iter().filter(|ends| of_cloth(*ends)).flatten() {
+        for &vertex in edges.iter().flatten() {
             let at = x[vertex as usize].truncate();
             (low, high) = (low.min(at), high.max(at));
         }
         // For each vertex a bit for each side of the region that it is beyond. What has all of its vertices beyond the
         // same side is not there.
         let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
-        let beyond: Vec<u32> = x.iter().map(beyond).collect();
-        let is_beyond = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize]) != 0;
-        let is_there = |vertices: &[u32]| !is_beyond(vertices) && is_led(vertices);
-        let edges: Vec<[u32; 2]> = surface.edges.iter().filter(|ends| is_there(*ends)).copied().collect();
-        let triangles: Vec<[u32; 3]> = surface.triangles.iter().filter(|corners| is_there(*corners)).copied().collect();
+        let beyond: Vec<u32> = x[cloth..].iter().map(beyond).collect();
+        let is_there =
+            |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize - cloth]) == 0;
+        let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
+        if !triangles.is_empty() {
+            let of_bodies = &surface.edges[surface.edges.partition_point(|ends| of_cloth(ends))..];
+            edges.extend(of_bodies.iter().filter(|ends| is_there(*ends)));
+        }
+        let of_bodies = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
+        triangles.extend(of_bodies.iter().filter(|corners| is_there(*corners)));
         let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
-        !triangles.is_empty() && !features.crossings(|a, b| surface.may_meet(a, b, meets_itself)).is_empty()
+        let may_meet = |a, b| surface.may_meet(a, b, meets_itself);
+        features.are_close(may_meet) && !features.crossings(may_meet).is_empty()
     }
 
     /// Replaces the intersections.
