@@ -50,23 +50,47 @@ impl Boxes {
 
     #[inline(always)]
     pub(super) fn get(&self, item: usize) -> [Vec3A; 2] {
+        self.bounds(item).map(Vec3A::from_array)
+    }
+
+    /// The lower and the upper bounds of a box.
+    #[inline(always)]
+    pub(super) fn bounds(&self, item: usize) -> [[f32; 3]; 2] {
         let (low, high) = (&self.low, &self.high);
-        [Vec3A::new(low[0][item], low[1][item], low[2][item]), Vec3A::new(high[0][item], high[1][item], high[2][item])]
+        [[low[0][item], low[1][item], low[2][item]], [high[0][item], high[1][item], high[2][item]]]
     }
 
-    /// Which of the boxes from `first` on, at most `count` and at most one per lane, touch a box, as one bit each.
+    /// The boxes from `first` on, at most `count` and at most one per lane, enlarged by `by`. Only those count that then
+    /// touch `place`.
     #[inline(always)]
-    pub(super) fn touching<L: Registers>(&self, first: usize, count: usize, [low, high]: [Vec3A; 2]) -> u32 {
-        let x = self.overlap::<L>(0, first, low.x, high.x);
-        let y = self.overlap::<L>(1, first, low.y, high.y);
-        let z = self.overlap::<L>(2, first, low.z, high.z);
-        L::bits(L::and(x, L::and(y, z))) & ((1_u32 << count.min(L::LANES)) - 1)
-    }
-
-    #[inline(always)]
-    fn overlap<L: Registers>(&self, axis: usize, first: usize, low: f32, high: f32) -> L::Mask {
+    pub(super) fn group<L: Registers>(&self, first: usize, count: usize, place: [Vec3A; 2], by: Vec3A) -> Group<L> {
         let lanes = first..first + L::LANES;
-        let (from, to) = (L::from_slice(&self.low[axis][lanes.clone()]), L::from_slice(&self.high[axis][lanes]));
-        L::and(from.lt(L::splat(high)), L::splat(low).lt(to))
+        let by = [L::splat(by.x), L::splat(by.y), L::splat(by.z)];
+        let mut group = Group { low: by, high: by, lanes: (1_u32 << count.min(L::LANES)) - 1 };
+        for (axis, by) in by.into_iter().enumerate() {
+            group.low[axis] = L::from_slice(&self.low[axis][lanes.clone()]) - by;
+            group.high[axis] = L::from_slice(&self.high[axis][lanes.clone()]) + by;
+        }
+        group.lanes = group.touching([place[0].to_array(), place[1].to_array()]);
+        group
+    }
+}
+
+/// Boxes in lanes, to be compared with many others.
+pub(super) struct Group<L> {
+    low: [L; 3],
+    high: [L; 3],
+    /// Those that count, one bit each.
+    pub lanes: u32,
+}
+
+impl<L: Registers> Group<L> {
+    /// Which of them touch a box, as one bit each.
+    #[inline(always)]
+    pub(super) fn touching(&self, [low, high]: [[f32; 3]; 2]) -> u32 {
+        let x = L::and(self.low[0].lt(L::splat(high[0])), L::splat(low[0]).lt(self.high[0]));
+        let y = L::and(self.low[1].lt(L::splat(high[1])), L::splat(low[1]).lt(self.high[1]));
+        let z = L::and(self.low[2].lt(L::splat(high[2])), L::splat(low[2]).lt(self.high[2]));
+        L::bits(L::and(x, L::and(y, z))) & self.lanes
     }
 }

@@ -13,6 +13,8 @@ use crate::simd::{Loop, Registers};
 pub(super) const TRIANGLES: usize = 0;
 pub(super) const EDGES: usize = 1;
 pub(super) const VERTICES: usize = 2;
+/// Marks the second feature of pairs in leaves that are close to each other at rest, too.
+pub(super) const BESIDE: u32 = 1 << 31;
 
 /// Finds pairs of features of two leaves, or of one, whose boxes are within reach.
 pub(super) struct Candidates<'a> {
@@ -37,47 +39,52 @@ impl Loop for Candidates<'_> {
             let (of_a, of_b) = (&cloth.leaves, &others.leaves);
             let [a, b] = [a as usize, b as usize];
             let is_one = is_own && a == b;
-            let (vertices, triangles) = (of_a.vertices_of(a), of_b.triangles_of(b));
-            pierce::<L>(surface, boxes, [vertices, triangles], grown(other.place, reach), reach, vertex_triangle);
+            let mark = if is_own && cloth.are_beside([a, b], 2.0 * look.margin) { BESIDE } else { 0 };
+            let within = Within { places: [one.place, other.place], reach, mark };
+            pierce::<L>(surface, boxes, [of_a.vertices_of(a), of_b.triangles_of(b)], within, vertex_triangle);
             if !is_one {
-                let (vertices, triangles) = (of_b.vertices_of(b), of_a.triangles_of(a));
-                pierce::<L>(surface, boxes, [vertices, triangles], grown(one.place, reach), reach, vertex_triangle);
+                let swapped = Within { places: [other.place, one.place], ..within };
+                pierce::<L>(surface, boxes, [of_b.vertices_of(b), of_a.triangles_of(a)], swapped, vertex_triangle);
             }
             let edges = [of_a.edges_of(a), of_b.edges_of(b)];
-            meet::<L>(surface, &boxes[EDGES], edges, is_one, grown(other.place, reach), reach, edge_edge);
+            meet::<L>(surface, &boxes[EDGES], edges, is_one, within, edge_edge);
         }
     }
 }
 
-/// A box enlarged by `by`.
-#[inline(always)]
-fn grown([low, high]: [Vec3A; 2], by: Vec3A) -> [Vec3A; 2] {
-    [low - by, high + by]
+/// The boxes of two leaves, how far (m) their features may be from each other, and the mark of pairs.
+#[derive(Clone, Copy)]
+struct Within {
+    places: [[Vec3A; 2]; 2],
+    reach: Vec3A,
+    mark: u32,
 }
 
-/// Pairs of vertices and triangles whose boxes are within `reach` of each other; vertices outside `place` are skipped.
+/// Pairs of vertices and triangles whose boxes are within reach of each other.
 #[inline(always)]
 fn pierce<L: Registers>(
     surface: &Surface,
     boxes: &[Boxes; 3],
     [vertices, triangles]: [Range<usize>; 2],
-    place: [Vec3A; 2],
-    reach: Vec3A,
+    Within { places, reach, mark }: Within,
     near: &mut Vec<[u32; 2]>,
 ) {
-    for first in vertices.clone().step_by(L::LANES) {
-        let mut left = boxes[VERTICES].touching::<L>(first, vertices.end - first, place);
-        while left != 0 {
-            let item = first + left.trailing_zeros() as usize;
-            left &= left - 1;
-            let (vertex, around) = (surface.order[item], grown(boxes[VERTICES].get(item), reach));
-            for first in triangles.clone().step_by(L::LANES) {
-                let mut found = boxes[TRIANGLES].touching::<L>(first, triangles.end - first, around);
+    for first in triangles.clone().step_by(L::LANES) {
+        let group = boxes[TRIANGLES].group::<L>(first, triangles.end - first, places[0], reach);
+        if group.lanes == 0 {
+            continue;
+        }
+        for some in vertices.clone().step_by(L::LANES) {
+            let mut left = boxes[VERTICES].group::<L>(some, vertices.end - some, places[1], reach).lanes;
+            while left != 0 {
+                let item = some + left.trailing_zeros() as usize;
+                left &= left - 1;
+                let (vertex, mut found) = (surface.order[item], group.touching(boxes[VERTICES].bounds(item)));
                 while found != 0 {
                     let triangle = first + found.trailing_zeros() as usize;
                     found &= found - 1;
                     if !surface.triangles[triangle].contains(&vertex) {
-                        near.push([vertex, triangle as u32]);
+                        near.push([vertex, triangle as u32 | mark]);
                     }
                 }
             }
@@ -92,26 +99,30 @@ fn meet<L: Registers>(
     boxes: &Boxes,
     [edges, others]: [Range<usize>; 2],
     is_one: bool,
-    place: [Vec3A; 2],
-    reach: Vec3A,
+    Within { places, reach, mark }: Within,
     near: &mut Vec<[u32; 2]>,
 ) {
-    for first in edges.clone().step_by(L::LANES) {
-        let mut left = boxes.touching::<L>(first, edges.end - first, place);
-        while left != 0 {
-            let edge = first + left.trailing_zeros() as usize;
-            left &= left - 1;
-            let ([i, j], around) = (surface.edges[edge], grown(boxes.get(edge), reach));
-            // Within the same edges each pair is visited once.
-            let start = if is_one { edge + 1 } else { others.start };
-            for first in (start..others.end).step_by(L::LANES) {
-                let mut found = boxes.touching::<L>(first, others.end - first, around);
+    for first in others.clone().step_by(L::LANES) {
+        let group = boxes.group::<L>(first, others.end - first, places[0], reach);
+        if group.lanes == 0 {
+            continue;
+        }
+        for some in edges.clone().step_by(L::LANES) {
+            let mut left = boxes.group::<L>(some, edges.end - some, places[1], reach).lanes;
+            while left != 0 {
+                let edge = some + left.trailing_zeros() as usize;
+                left &= left - 1;
+                let ([i, j], mut found) = (surface.edges[edge], group.touching(boxes.bounds(edge)));
+                if is_one {
+                    // Within the same edges each pair is visited once.
+                    found &= u32::MAX.checked_shl((edge + 1).saturating_sub(first) as u32).unwrap_or(0);
+                }
                 while found != 0 {
                     let other = first + found.trailing_zeros() as usize;
                     found &= found - 1;
                     let [k, l] = surface.edges[other];
                     if i != k && i != l && j != k && j != l {
-                        near.push([edge as u32, other as u32]);
+                        near.push([edge as u32, other as u32 | mark]);
                     }
                 }
             }

@@ -2,11 +2,12 @@
 
 use glam::Vec4;
 
-use super::lanes::{corners_of, scattered, whole_corners_of};
+use super::candidates::BESIDE;
+use super::lanes::{corners_of, store, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest, corners, square};
 use super::surface::Surface;
 use super::tree::Look;
-use crate::simd::{Loop, MAX_LANES, Registers, Vector};
+use crate::simd::{Loop, MAX_LANES, Registers};
 
 /// Lists the candidates that are close enough.
 pub(super) struct Measure<'a> {
@@ -27,8 +28,9 @@ impl Loop for Measure<'_> {
         let thickness = look.margin;
         let half = L::splat(0.5 * look.substeps);
         for group in near.chunks(L::LANES) {
-            let mut places = [corners(surface, kind, group[0]); MAX_LANES];
-            places.iter_mut().zip(group).for_each(|(place, &pair)| *place = corners(surface, kind, pair));
+            let of = |[first, second]: [u32; 2]| corners(surface, kind, [first, second & !BESIDE]);
+            let mut places = [of(group[0]); MAX_LANES];
+            places.iter_mut().zip(group).for_each(|(place, &pair)| *place = of(pair));
             let ((y, [a, b, c, d]), u) = (whole_corners_of::<L>(middle, &places), corners_of::<L>(u, &places));
             let apart = between(closest(kind, y), y);
             let distance = apart.dot(apart).sqrt();
@@ -43,19 +45,25 @@ impl Loop for Measure<'_> {
             };
             // The part of the distance that is left for the pair's thickness.
             let left = distance - stray - relative.sqrt() * half;
-            if L::all(L::splat(thickness).lt(left)) {
+            let mut close = L::bits(left.lt(L::splat(thickness))) & ((1 << group.len()) - 1);
+            if close == 0 {
                 continue;
             }
-            let x = corners_of::<L>(&surface.rest, &places);
-            let apart = between(closest(kind, x), x);
-            let at_rest = apart.dot(apart).sqrt();
-            let mut numbers = [Vec4::ZERO; MAX_LANES];
-            scattered(Vector::new(left, at_rest, left), &mut numbers);
-            for ((&[first, second], &corners), numbers) in group.iter().zip(&places).zip(&numbers) {
-                let together = surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
-                let thickness = if together { thickness.min(0.5 * numbers.y) } else { thickness };
-                if numbers.x < thickness {
-                    listed.push((first, Listed { corners, other: second, thickness }));
+            let (mut lefts, mut at_rest) = ([0.0; MAX_LANES], [f32::INFINITY; MAX_LANES]);
+            store(&mut lefts, left);
+            if group.iter().any(|[_, second]| second & BESIDE != 0) {
+                let x = corners_of::<L>(&surface.rest, &places);
+                let apart = between(closest(kind, x), x);
+                store(&mut at_rest, apart.dot(apart).sqrt());
+            }
+            while close != 0 {
+                let lane = close.trailing_zeros() as usize;
+                close &= close - 1;
+                let ([first, second], corners) = (group[lane], places[lane]);
+                let together = second & BESIDE != 0 && surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
+                let thickness = if together { thickness.min(0.5 * at_rest[lane]) } else { thickness };
+                if lefts[lane] < thickness {
+                    listed.push((first, Listed { corners, other: second & !BESIDE, thickness }));
                 }
             }
         }

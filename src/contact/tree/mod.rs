@@ -12,12 +12,16 @@ use glam::Vec3A;
 
 use super::normals::are_upright;
 use super::surface::{Leaves, Surface};
+use crate::kernels::integrate::xyz;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 pub(super) use walk::Walk;
 
 /// Limit on the excess angle ([`Surface::excess`], rad) below which cloth that is not folded over cannot meet itself.
 pub(super) const MOST_EXCESS: f32 = 0.6;
+
+/// By what distances are enlarged that are compared with rounded ones.
+const ROUNDED: f32 = 1.01;
 
 /// Bounds of a node's triangles: their places (m) at the midpoints of the paths, and their displacements per substep (m). Also
 /// bounds of the unit normals of all triangles at their vertices, on the whole path.
@@ -73,6 +77,8 @@ pub(super) struct Tree {
     nodes: Vec<Bounds>,
     /// Sum of the excess angles (rad) of a node's vertices; infinite if its triangles are not connected by edges.
     excess: Vec<f32>,
+    /// The box of each leaf at rest (m).
+    rest: Vec<[Vec3A; 2]>,
     /// For each leaf, the triangles that share a vertex with it, its own among them; none for bodies.
     around: Csr<u32>,
     /// Bounds of the unit normals of each triangle.
@@ -91,14 +97,20 @@ impl Tree {
     pub(super) fn of_bodies(leaves: Leaves) -> Tree {
         let (depth, leaf_of, nodes) = (leaves.depth, leaves.of_triangles(), vec![Bounds::NOTHING; 2 << leaves.depth]);
         let around = Csr::new(1 << depth, std::iter::empty());
-        let (excess, normals, beside, marks, before, frontier, found) = Default::default();
-        Tree { leaves, depth, leaf_of, nodes, excess, around, normals, beside, marks, before, frontier, found }
+        let (excess, rest, normals, beside, marks, before, frontier, found) = Default::default();
+        Tree { leaves, depth, leaf_of, nodes, excess, rest, around, normals, beside, marks, before, frontier, found }
     }
 
     /// Over the cloth. The surface must contain nothing else yet.
     pub(super) fn of_cloth(surface: &Surface, leaves: Leaves) -> Tree {
         let mut tree = Tree::of_bodies(leaves);
         tree.excess = vec![0.0; tree.nodes.len()];
+        let at_rest = |triangle: &[u32; 3]| triangle.map(|vertex| xyz(surface.rest[vertex as usize]));
+        let boxed = |leaf: usize| {
+            let corners = surface.triangles[tree.leaves.triangles_of(leaf)].iter().flat_map(at_rest);
+            corners.fold(Bounds::NOTHING.place, |[low, high], x| [low.min(x), high.max(x)])
+        };
+        tree.rest = (0..1 << tree.depth).map(boxed).collect();
         let leaf_of = tree.leaf_of.clone();
         let corners = surface.triangles.iter().enumerate();
         let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
@@ -159,6 +171,12 @@ impl Tree {
     #[cfg(feature = "gpu")]
     pub(super) fn culls(&self) -> (&[f32], &Csr<u32>, &[Csr<u32>]) {
         (&self.excess, &self.around, &self.beside)
+    }
+
+    /// Whether features of two leaves of the cloth may be within a distance (m) at rest.
+    pub(super) fn are_beside(&self, [a, b]: [usize; 2], distance: f32) -> bool {
+        let ([low, high], [other_low, other_high]) = (self.rest[a], self.rest[b]);
+        (low - other_high).max(other_low - high).cmple(Vec3A::splat(ROUNDED * distance)).all()
     }
 
     /// The bounds of a leaf.
