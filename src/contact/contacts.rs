@@ -1,15 +1,16 @@
 //! The contacts of one substep: its near pairs, their vertices, and the active pairs.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::AtomicU32;
 
 use glam::{Vec3A, Vec4};
 
 use super::acting::{Acting, for_groups};
+use super::clocks::{Motion, patch};
 use super::corners::SLICE;
 use super::frame::Frame;
 use super::near::{Find, Look};
 use super::pairs::{Kind, Listed};
-use super::portions::{Clock, PORTION, Portion};
+use super::portions::{PORTION, Portion};
 use super::ranges::Ranges;
 use super::rows::Rows;
 use super::start::{Start, Vertex};
@@ -24,14 +25,17 @@ pub(super) const GRAIN: usize = 32;
 #[derive(Debug, Default)]
 pub(super) struct Contacts {
     /// Whether the vertices of the lists are numbered. As long as they are, the multipliers are here, not in the lists.
-    is_numbered: bool,
+    pub is_numbered: bool,
     /// The vertices of listed pairs, and the place of each vertex of the cloth among them.
-    order: Vec<u32>,
-    place: Vec<AtomicU32>,
+    pub order: Vec<u32>,
+    pub place: Vec<AtomicU32>,
     /// The corners of listed pairs of each kind, as places, and when the pairs are due.
-    corners: [Vec<[u32; 4]>; 2],
-    due: [Vec<f32>; 2],
-    clock: Clock,
+    pub corners: [Vec<[u32; 4]>; 2],
+    pub due: [Vec<f32>; 2],
+    /// The thickness (m) of each pair.
+    pub thickness: [Vec<f32>; 2],
+    /// How the vertices of each patch move.
+    pub motions: Vec<Motion>,
     /// The common motion in the last substep, and the coefficients of friction.
     frame: Frame,
     friction: Vec<f32>,
@@ -40,7 +44,8 @@ pub(super) struct Contacts {
     pub used: usize,
     pub vertices: Vec<Vertex>,
     /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole. The w of a
-    /// position is the length of that displacement at the start, that of the last is 1 if the vertex is led.
+    /// position is the length of that displacement at the start, negative if the vertex was not listed in the last substep;
+    /// that of the last is 1 if the vertex is led.
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
     pub by: Vec<Vec4>,
@@ -61,9 +66,10 @@ impl Contacts {
         let is_known = self.is_numbered;
         if !is_known {
             self.number(lists, start.x.len(), start.workers);
+        } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
+            self.number_more(lists, start.workers);
         }
-        let (moved, travel) = self.copy(start);
-        self.clock.advance(if is_known { moved } else { 0.0 }, travel, start);
+        self.copy(start);
         let ranges = Ranges::of(self.order.len(), SLICE, start.workers);
         let is_known = is_known & (ranges == std::mem::replace(&mut self.acting.ranges, ranges));
         self.find(lists, is_known, start);
@@ -98,103 +104,71 @@ impl Contacts {
         self.portions().iter().fold([0; 2], |[near, pressing], of| [near + of.near, pressing + of.pressing])
     }
 
-    /// Numbers the vertices of the lists, in order.
-    fn number(&mut self, lists: &[Rows; 2], vertices: usize, workers: Workers<'_>) {
-        let Contacts { order, place, corners, due, clock, .. } = self;
-        *clock = Clock::default();
-        place.resize_with(vertices, AtomicU32::default);
-        place.iter_mut().for_each(|place| *place.get_mut() = 0);
-        for rows in lists {
-            let part = workers.part(rows.pairs.len(), GRAIN);
-            workers.each(rows.pairs.chunks(part), |pairs| {
-                for &vertex in pairs.iter().flat_map(|pair| &pair.corners) {
-                    let mark = &place[vertex as usize];
-                    // Writing takes longer if other threads read.
-                    if mark.load(Ordering::Relaxed) == 0 {
-                        mark.store(1, Ordering::Relaxed);
-                    }
-                }
-            });
-        }
-        order.clear();
-        for (index, place) in (0..).zip(place.iter_mut().map(AtomicU32::get_mut)).filter(|(_, place)| **place > 0) {
-            *place = order.len() as u32;
-            order.push(index);
-        }
-        for ((corners, due), rows) in corners.iter_mut().zip(due).zip(lists) {
-            due.clear();
-            due.resize(rows.pairs.len(), f32::NEG_INFINITY);
-            corners.resize(rows.pairs.len(), [0; 4]);
-            let part = workers.part(rows.pairs.len(), GRAIN);
-            workers.each(corners.chunks_mut(part).zip(rows.pairs.chunks(part)), |(corners, pairs)| {
-                for (corners, pair) in corners.iter_mut().zip(pairs) {
-                    *corners = pair.corners.map(|vertex| place[vertex as usize].load(Ordering::Relaxed));
-                }
-            });
-        }
-        let of_kinds = lists.each_ref().map(|rows| rows.pairs.len().div_ceil(PORTION));
-        self.used = of_kinds[0] + of_kinds[1];
-        self.portions.resize_with(self.portions.len().max(self.used), Portion::default);
-        for (index, portion) in self.portions[..self.used].iter_mut().enumerate() {
-            portion.kind = Kind::ALL[usize::from(index >= of_kinds[0])];
-            portion.first = PORTION * (index - of_kinds[0] * portion.kind as usize);
-            portion.groups.clear();
-        }
-        self.is_numbered = true;
-    }
-
-    /// Copies the state of the vertices. Returns by how much (m) they moved at most since the last substep, and will move
-    /// at most, relative to the common motions.
-    fn copy(&mut self, start: Start<'_>) -> (f32, f32) {
-        let Contacts { vertices, x, u, by, order, frame, .. } = self;
+    /// Copies the state of the vertices, and bounds the motion of each patch.
+    fn copy(&mut self, start: Start<'_>) {
+        let Contacts { vertices, x, u, by, order, frame, motions, .. } = self;
         vertices.resize(order.len(), Vertex::default());
-        [&mut *x, u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
+        [&mut *u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
         let common = std::mem::replace(frame, start.frame);
         let part = start.workers.part(order.len(), GRAIN);
-        let parts = vertices.chunks_mut(part).zip(x.chunks_mut(part)).zip(u.chunks_mut(part)).zip(order.chunks(part));
-        // The bits of numbers that are not negative are in the order of the numbers.
-        let most = [const { AtomicU32::new(0) }; 2];
-        start.workers.each(parts, |(((vertices, x), u), order)| {
-            let mut farthest = [0.0_f32; 2];
-            for (((vertex, x), u), &index) in vertices.iter_mut().zip(x).zip(u).zip(order) {
-                let of = index as usize;
-                let moved = (xyz(start.x[of]) - xyz(*x) - common.at(xyz(*x))).length_squared();
-                let base = start.frame.at(xyz(start.x[of]));
-                *u = start.u[of].with_w(0.0);
-                *x = start.x[of].with_w((xyz(*u) - base).length());
-                let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
-                let travel = (xyz(*u) + push - base).length();
-                *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of] };
-                farthest = [farthest[0].max(moved), farthest[1].max(x.w)];
-            }
-            most.iter().zip(farthest).for_each(|(most, far)| _ = most.fetch_max(far.to_bits(), Ordering::Relaxed));
+        let (mut vertices, mut x, mut u, mut order, mut motions) =
+            (&mut **vertices, &mut **x, &mut **u, &**order, &mut **motions);
+        let mut first = 0;
+        let parts = std::iter::from_fn(|| {
+            let last = *order.get(..part.min(order.len()))?.last()?;
+            // All vertices of a patch are in one part.
+            let count = order.partition_point(|&vertex| patch(vertex) <= patch(last));
+            let of = first..patch(last) + 1;
+            first = of.end;
+            let state = (vertices.split_off_mut(..count)?, x.split_off_mut(..count)?, u.split_off_mut(..count)?);
+            Some((of.start, order.split_off(..count)?, state, motions.split_off_mut(..of.len())?))
         });
-        let [moved, travel] = most.map(|most| f32::from_bits(most.into_inner()));
-        (moved.sqrt(), travel)
+        start.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
+            let mut state = vertices.iter_mut().zip(x.iter_mut().zip(u));
+            for order in order.chunk_by(|&a, &b| patch(a) == patch(b)) {
+                let mut all = Motion::NONE;
+                for (&index, (vertex, (x, u))) in order.iter().zip(state.by_ref()) {
+                    let of = index as usize;
+                    let moved = xyz(start.x[of]) - xyz(*x) - common.at(xyz(*x));
+                    let is_known = x.w >= 0.0;
+                    let base = start.frame.at(xyz(start.x[of]));
+                    *u = start.u[of].with_w(0.0);
+                    *x = start.x[of].with_w((xyz(*u) - base).length());
+                    let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
+                    let travel = (xyz(*u) + push - base).length();
+                    *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of] };
+                    all.join(&Motion { moved: if is_known { [moved; 2] } else { Motion::NONE.moved }, travel: x.w });
+                }
+                motions[patch(order[0]) - first] = all;
+            }
+        });
     }
 
     /// Looks at pairs that have not acted since they were listed. If the groups are not known, they are made anew.
     fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
-        let Contacts { corners, due, clock, portions, used, vertices, x, u, acting, .. } = self;
-        let (vertices, x, u, clock, ranges) = (&**vertices, &**x, &**u, *clock, acting.ranges);
+        let Contacts { corners, due, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
+        let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
         let owner = |vertex: u32| start.surface.owner[vertices[vertex as usize].index as usize];
         let friction = |[a, _, _, d]: [u32; 4]| start.friction[owner(a).max(owner(d)) as usize];
         let mut portions = &mut portions[..*used];
-        let ([one, other], [of_one, of_other], [due_one, due_other]) = (lists, &*corners, due);
-        let mut left = [(one, of_one, due_one), (other, of_other, due_other)].map(|(rows, corners, due)| {
-            let Rows { pairs, lambda, .. } = rows;
+        let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
             let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
-            Piece { portions, pairs, corners, lambda, due }
+            Piece { portions, pairs, corners: &[], thickness: &[], lambda, due: &mut [] }
         });
+        for (of, (corners, (thickness, due))) in left.iter_mut().zip(corners.iter().zip(thickness.iter().zip(due))) {
+            (of.corners, of.thickness, of.due) = (corners, thickness, due);
+        }
         let counts = left.each_ref().map(|left| left.portions.len());
         let parts = (0..start.workers.count()).map(|part| {
             let mut counts = counts.iter().map(|count| start.workers.share(part, *count));
             left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
         });
         start.workers.each(parts, |parts| {
-            parts.into_iter().flat_map(Piece::portions).for_each(|Piece { portions, pairs, corners, lambda, due }| {
+            parts.into_iter().flat_map(Piece::portions).for_each(|Piece { portions, pairs, corners, thickness, lambda, due }| {
                 let (portion, most_push) = (&mut portions[0], start.most_push);
-                simd::run(start.width, Find { pairs, corners, x, u, due, clock, most_push, portion });
+                portion.bunches.take(portion.kind, pairs, motions.len());
+                portion.bunches.advance(motions, start.most_push, start.thickness);
+                simd::run(start.width, Find { corners, thickness, x, u, due, most_push, portion });
                 if !portion.joining.is_empty() || !is_known {
                     portion.join((pairs, corners), lambda, due, friction, ranges);
                 }
@@ -213,7 +187,8 @@ impl Contacts {
         }
         let mut portions = &self.portions[..];
         for kind in Kind::ALL {
-            let lambda = &mut lists[kind as usize].lambda;
+            // Pairs that have been added since have no multipliers.
+            let lambda = &mut lists[kind as usize].lambda[..self.corners[kind as usize].len()];
             let of_kind = portions.split_off(..lambda.len().div_ceil(PORTION)).unwrap_or_default();
             let part = workers.part(of_kind.len(), 1);
             workers.each(of_kind.chunks(part).zip(lambda.chunks_mut(part * PORTION)), |(portions, lambda)| {
@@ -261,6 +236,7 @@ struct Piece<'a> {
     portions: &'a mut [Portion],
     pairs: &'a [Listed],
     corners: &'a [[u32; 4]],
+    thickness: &'a [f32],
     lambda: &'a mut [Vec4],
     due: &'a mut [f32],
 }
@@ -274,6 +250,7 @@ impl<'a> Piece<'a> {
             portions: self.portions.split_off_mut(..portions).unwrap_or_default(),
             pairs: self.pairs.split_off(..pairs).unwrap_or_default(),
             corners: self.corners.split_off(..pairs).unwrap_or_default(),
+            thickness: self.thickness.split_off(..pairs).unwrap_or_default(),
             lambda: self.lambda.split_off_mut(..pairs).unwrap_or_default(),
             due: self.due.split_off_mut(..pairs).unwrap_or_default(),
         }

@@ -91,14 +91,14 @@ impl Detection {
         Ok(())
     }
 
-    /// Lists more pairs, after the vertices that `strayed` got new paths. Returns whether there are any.
+    /// Lists more pairs, after the vertices that `strayed` got new paths.
     pub(super) fn run_around(
         &mut self,
         scene: Scene<'_>,
         strayed: &[u32],
         [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
-    ) -> Result<bool, usize> {
+    ) -> Result<(), usize> {
         let Scene { surface, path, look, .. } = scene;
         for &vertex in strayed {
             self.middle[vertex as usize] = midpoint(path, look, vertex as usize);
@@ -112,11 +112,10 @@ impl Detection {
             tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, look.substeps);
         }
         let tasks = self.find(scene, [cloth, bodies], false, |_, _, _| false)?;
-        let mut added = 0;
         for (kind, lists) in lists.iter_mut().enumerate() {
-            added += lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs), &mut self.added);
+            lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs), &mut self.added);
         }
-        Ok(added > 0)
+        Ok(())
     }
 
     /// Fits all bounds to the paths.

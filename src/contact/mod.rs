@@ -17,6 +17,7 @@ mod apart;
 mod bodies;
 mod boxes;
 mod candidates;
+mod clocks;
 mod contacts;
 mod contours;
 mod corners;
@@ -31,6 +32,7 @@ mod let_go;
 mod measure;
 mod near;
 mod normals;
+mod numbering;
 mod overlaps;
 mod pairs;
 mod past;
@@ -402,11 +404,7 @@ impl SelfContact {
         paths.restart(strayed, path, surface, LEAST_STRAY * options.thickness, is_free);
         bodies.are_known &= bodies.are_still;
         let scene = scene(surface, *options, self.meets_itself, false, paths, path.workers, width);
-        self.contacts.keep(lists, path.workers);
-        if detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)? {
-            self.contacts.forget();
-        }
-        Ok(())
+        detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)
     }
 }
 

@@ -3,10 +3,11 @@
 
 use glam::Vec4;
 
+use super::clocks::BUNCH;
 use super::group::{Block, Group, Weights};
 use super::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
-use super::pairs::{Kind, Listed, between, closest};
-use super::portions::{Clock, Portion};
+use super::pairs::{Kind, between, closest};
+use super::portions::Portion;
 use crate::kernels::pair::{NARROW, kept, perpendicular};
 use crate::simd::{Loop, MAX_LANES, Registers, Vector};
 
@@ -98,15 +99,14 @@ impl<L: Registers> Looked<L> {
 
 /// Looks at the pairs of a portion that have not acted since they were listed, if they are due.
 pub(super) struct Find<'a> {
-    pub pairs: &'a [Listed],
-    /// Their corners as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
+    /// The corners of the pairs as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
     /// w of a position is how far (m) the vertex is about to move relative to the common motion.
     pub corners: &'a [[u32; 4]],
+    pub thickness: &'a [f32],
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
     /// When each pair is due: never, if it is in a group.
     pub due: &'a mut [f32],
-    pub clock: Clock,
     pub most_push: f32,
     pub portion: &'a mut Portion,
 }
@@ -114,13 +114,13 @@ pub(super) struct Find<'a> {
 impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Find { pairs, corners, x, u, due, clock, most_push, portion } = self;
-        let Portion { kind, blocks, joining, looked_at, .. } = portion;
+        let Find { corners, thickness, x, u, due, most_push, portion } = self;
+        let Portion { kind, blocks, joining, looked_at, bunches, .. } = portion;
         let (kind, most_push) = (*kind, L::splat(2.0 * most_push));
         blocks.clear();
         joining.clear();
-        looked_at.select::<L>(due, clock.limit);
-        looked_at.take::<L>(pairs, corners);
+        looked_at.select::<L>(due, &bunches.clocks);
+        looked_at.take::<L>(corners, thickness);
         let all = looked_at.corners.chunks_exact(L::LANES).zip(looked_at.thickness.chunks_exact(L::LANES));
         let mut first = MAX_LANES;
         for (places, (corners, thickness)) in looked_at.places.chunks(L::LANES).zip(all) {
@@ -130,11 +130,12 @@ impl Loop for Find<'_> {
             let mut far = L::bits(L::and(is_pair, thickness.lt(looked.left)));
             if far != 0 {
                 let mut at = [0.0; MAX_LANES];
-                store(&mut at, L::splat(clock.now) + (looked.distance - thickness));
+                store(&mut at, looked.distance - thickness);
                 while far != 0 {
                     let lane = far.trailing_zeros() as usize;
                     far &= far - 1;
-                    due[places[lane] as usize] = at[lane];
+                    let place = usize::from(places[lane]);
+                    due[place] = bunches.clocks[place / BUNCH].now + at[lane];
                 }
             }
             let near = L::bits(looked.near);

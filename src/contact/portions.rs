@@ -3,23 +3,20 @@
 //!
 //! Pairs that act join the groups of their portion and stay there until pairs are listed anew, because most of them act
 //! for many substeps. Most other pairs are not near. They are looked at only when they can have become so since they
-//! were last looked at, given how far the vertices moved meanwhile ([`Clock`]).
+//! were last looked at, given how far the vertices moved meanwhile ([`Bunches`]).
 
 use glam::Vec4;
 
+use super::clocks::{BUNCH, Bunches, Clock};
 use super::group::{Block, Group};
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::reused::Reused;
-use super::start::Start;
 use super::workers::Workers;
 use crate::simd::{MAX_LANES, Registers};
 
 /// Listed pairs of a portion.
 pub(super) const PORTION: usize = 512;
-/// By how much (in units of the thickness, and of what the vertices moved) a pair is looked at before it can be near,
-/// because distances are rounded.
-const EARLY: [f32; 2] = [0.05, 1e-5];
 
 /// Consecutive pairs of a list, and what is found among them.
 #[derive(Debug, Default)]
@@ -32,6 +29,7 @@ pub(super) struct Portion {
     pub before: usize,
     /// For each group the set of ranges of vertices that have corners there.
     pub ranges: Vec<u64>,
+    pub bunches: Bunches,
     pub looked_at: LookedAt,
     /// Others that act for the first time in this substep, by their place in the portion.
     pub joining: Vec<u16>,
@@ -57,27 +55,33 @@ pub(super) struct LookedAt {
 }
 
 impl LookedAt {
-    /// Selects the pairs that are due before `limit`.
+    /// Selects the pairs that are due before the limits of their bunches.
     #[inline(always)]
-    pub(super) fn select<L: Registers>(&mut self, due: &[f32], limit: f32) {
+    pub(super) fn select<L: Registers>(&mut self, due: &[f32], clocks: &[Clock]) {
         let LookedAt { places, .. } = self;
         places.resize(PORTION + MAX_LANES, 0);
-        let (mut count, limits) = (0, L::splat(limit));
-        let (groups, rest) = (due.chunks_exact(L::LANES), due.chunks_exact(L::LANES).remainder());
-        let rest_from = due.len() - rest.len();
-        for (first, due) in (0..).step_by(L::LANES).zip(groups) {
-            let lanes = L::bits(L::from_slice(due).lt(limits));
-            if lanes != 0 {
-                // Without a branch, because pairs that are due alternate with others.
-                for lane in 0..L::LANES {
-                    places[count] = (first + lane) as u16;
-                    count += (lanes >> lane & 1) as usize;
+        let mut count = 0;
+        for (start, (due, clock)) in (0..).step_by(BUNCH).zip(due.chunks(BUNCH).zip(clocks)) {
+            let limits = L::splat(clock.limit);
+            let (groups, rest) = (due.chunks_exact(L::LANES), due.chunks_exact(L::LANES).remainder());
+            let rest_from = start + due.len() - rest.len();
+            for (first, due) in (start..).step_by(L::LANES).zip(groups) {
+                let lanes = L::bits(L::from_slice(due).lt(limits));
+                if lanes == (1 << L::LANES) - 1 {
+                    (first..).zip(&mut places[count..count + L::LANES]).for_each(|(place, to)| *to = place as u16);
+                    count += L::LANES;
+                } else if lanes != 0 {
+                    // Without a branch, because pairs that are due alternate with others.
+                    for lane in 0..L::LANES {
+                        places[count] = (first + lane) as u16;
+                        count += (lanes >> lane & 1) as usize;
+                    }
                 }
             }
-        }
-        for (place, _) in (rest_from..).zip(rest).filter(|&(_, &due)| due < limit) {
-            places[count] = place as u16;
-            count += 1;
+            for (place, _) in (rest_from..).zip(rest).filter(|&(_, &due)| due < clock.limit) {
+                places[count] = place as u16;
+                count += 1;
+            }
         }
         places.truncate(count);
     }
@@ -85,12 +89,12 @@ impl LookedAt {
     /// Copies what is needed of the pairs, all before any is looked at: what was stored by small pieces takes long to
     /// load at once.
     #[inline(always)]
-    pub(super) fn take<L: Registers>(&mut self, pairs: &[Listed], of_pairs: &[[u32; 4]]) {
+    pub(super) fn take<L: Registers>(&mut self, of_pairs: &[[u32; 4]], thickness_of: &[f32]) {
         let LookedAt { places, corners, thickness } = self;
         corners.clear();
         thickness.clear();
         corners.extend(places.iter().map(|&place| of_pairs[usize::from(place)]));
-        thickness.extend(places.iter().map(|&place| pairs[usize::from(place)].thickness));
+        thickness.extend(places.iter().map(|&place| thickness_of[usize::from(place)]));
         if let (Some(&last), Some(&least)) = (corners.last(), thickness.last()) {
             let count = places.len().next_multiple_of(L::LANES);
             corners.resize(count, last);
@@ -100,6 +104,12 @@ impl LookedAt {
 }
 
 impl Portion {
+    /// Forgets its pairs.
+    pub(super) fn clear(&mut self) {
+        self.groups.clear();
+        self.bunches.clear();
+    }
+
     /// For each thread, its share of the portions of either kind.
     pub(super) fn shared<'a>(portions: &'a mut [Portion], workers: Workers<'a>) -> impl Iterator<Item = [&'a mut [Portion]; 2]> {
         let first = portions.partition_point(|portion| portion.kind == Kind::VertexTriangle);
@@ -157,24 +167,5 @@ impl Portion {
         let set = |group: &Group| group.block.corners.iter().flatten().fold(0, |all, &vertex| all | ranges.bit(vertex));
         of_groups.clear();
         of_groups.extend(groups.iter().map(set));
-    }
-}
-
-/// How much the distance of any two vertices can have shrunk since pairs were listed (m). A pair whose distance was
-/// `d` when this was `t` cannot be closer than its thickness before it is `t + d - thickness`; that is when the pair is
-/// due.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Clock {
-    pub now: f32,
-    /// Pairs that are due after this are not near in this substep.
-    pub limit: f32,
-}
-
-impl Clock {
-    /// Advances by what vertices moved by at most since the last substep; now they are about to move by at most
-    /// `travel`, both (m) relative to common displacements.
-    pub(super) fn advance(&mut self, moved: f32, travel: f32, start: Start<'_>) {
-        self.now += 2.0 * moved;
-        self.limit = self.now * (1.0 + EARLY[1]) + 2.0 * (travel + start.most_push) + EARLY[0] * start.thickness;
     }
 }

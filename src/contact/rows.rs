@@ -96,9 +96,8 @@ impl Rows {
         }
     }
 
-    /// Adds the pairs among these that are not listed yet; `later` is a buffer. Returns their number.
-    pub(super) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)>, later: &mut Vec<[u32; 2]>) -> usize {
-        let before = self.pairs.len();
+    /// Adds the pairs among these that are not listed yet; `later` is a buffer.
+    pub(super) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)>, later: &mut Vec<[u32; 2]>) {
         later.clear();
         later.extend(self.later().map(|(row, pair, _)| [row, pair.other]));
         later.sort_unstable();
@@ -110,7 +109,6 @@ impl Rows {
                 self.lambda.push(Vec4::ZERO);
             }
         }
-        self.pairs.len() - before
     }
 
     /// The same pairs, all of them in rows.
