@@ -1,20 +1,12 @@
 // Bending of vertices that one workgroup holds together, so that its passes are separated by barriers and not by
 // dispatches. The layout of the rings in the table is in src/gpu/slices.rs. The including shader defines where a
-// vertex's row (`row_of`), the passes (`bend_pass_at`, `is_filtered`) and the slices of the rings (`ring_slices`) are,
-// the position and the last displacement of a vertex (`bent_x`, `bent_p`), and how the intermediate vectors are stored
-// (`bend_vector`, `set_bend_vector`), with room for `bend_room` vertices.
+// vertex's row (`row_of`), the passes (`bend_pass_at`, `is_filtered`) and the slices of the rings (`ring_slices`) are.
 
 // The number of vertices whose entries are interleaved, so that neighboring lanes read neighboring words.
 const SLICE: u32 = 32u;
-
-// Positions of a vertex's vectors: moment and couple always, the others only with several passes.
-fn moment_of(k: u32) -> u32 {
-    return k;
-}
-
-fn couple_at(k: u32) -> u32 {
-    return bend_room() + k;
-}
+// Entries that are fetched together, ahead of their use: 8, or 0 in a workgroup so large that its invocations have too few
+// registers for that.
+override AHEAD: u32 = 8u;
 
 fn curvature_of(k: u32) -> u32 {
     return 2u * bend_room() + k;
@@ -32,36 +24,50 @@ fn resisted_of(k: u32) -> u32 {
     return 5u * bend_room() + k;
 }
 
-// The words of a vertex's entries: one entry starts every `3 SLICE` words.
-fn ring_of(k: u32) -> Span {
+fn entry_stride() -> u32 {
+    return SLICE;
+}
+
+fn entries_of(k: u32) -> Entries {
     let slice = ring_slices() + k / SLICE;
-    return Span(table[slice] + k % SLICE, table[slice + 1u]);
+    return Entries(k, table[slice] + k % SLICE, table[slice + 1u]);
 }
 
-// The neighbor of an entry is a position among the vertices held.
-fn entry_at(at: u32) -> BendEntry {
-    return BendEntry(table[at], bitcast<f32>(table[at + SLICE]), bitcast<f32>(table[at + 2u * SLICE]));
+// What is fetched for a vertex before its moment is computed.
+struct Fetched {
+    entries: Entries,
+    four: FourEntries,
+    next: FourEntries,
+    row: BendRow,
 }
 
-fn first_moment(k: u32, rate: f32) {
-    let x_k = bent_x(k);
-    let span = ring_of(k);
-    var ring = Ring();
-    if params.damped == 0u {
-        for (var at = span.start; at < span.end; at += 3u * SLICE) {
-            let entry = entry_at(at);
-            ring.y += (bent_x(entry.other) - x_k) * entry.forward;
-        }
-    } else {
-        let p_k = bent_p(k);
-        for (var at = span.start; at < span.end; at += 3u * SLICE) {
-            let entry = entry_at(at);
-            if entry.forward != 0.0 {
-                add_neighbor(&ring, bent_x(entry.other) - x_k, (bent_p(entry.other) - p_k) * rate, entry.forward);
-            }
-        }
+fn fetched(k: u32) -> Fetched {
+    let entries = entries_of(k);
+    if AHEAD == 0u {
+        return Fetched(entries, FourEntries(), FourEntries(), BendRow());
     }
-    let row = row_of(k);
+    return Fetched(entries, fetch_four_entries(entries, 0u), fetch_four_entries(entries, 4u), row_of(k));
+}
+
+// The row of a vertex, fetched now if it was not before.
+fn row_in(k: u32, ahead: Fetched) -> BendRow {
+    if AHEAD == 0u {
+        return row_of(k);
+    }
+    return ahead.row;
+}
+
+fn first_moment(k: u32, rate: f32, ahead: Fetched) {
+    let entries = ahead.entries;
+    var ring = Ring();
+    if AHEAD > 0u {
+        add_four_entries(&ring, k, rate, ahead.four);
+        add_four_entries(&ring, k, rate, ahead.next);
+    }
+    for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
+        add_entry(&ring, k, rate, entry_at(at));
+    }
+    let row = row_in(k, ahead);
     let damping = row.stiffness * row.tau;
     if !is_filtered() {
         let bend = bend_moment(ring, row.stiffness, damping);
@@ -78,23 +84,49 @@ fn first_moment(k: u32, rate: f32) {
     set_bend_vector(resisted_of(k), resisted.moment);
 }
 
+// The force of an entry's moment alone, and the sum of four of them.
+fn push_of(entry: BendEntry) -> vec3f {
+    return bend_vector(moment_of(entry.other)) * entry.backward;
+}
+
+fn push_of_four(four: FourEntries) -> vec3f {
+    return push_of(four.a) + push_of(four.b) + push_of(four.c) + push_of(four.d);
+}
+
 fn trial_displacements(k: u32, w: f32, bend_pass: BendPass) {
-    let span = ring_of(k);
+    let entries = entries_of(k);
     var force = bend_vector(moment_of(k)) * row_of(k).diagonal;
-    for (var at = span.start; at < span.end; at += 3u * SLICE) {
-        let entry = entry_at(at);
-        force += bend_vector(moment_of(entry.other)) * entry.backward;
+    if AHEAD > 0u {
+        let four = fetch_four_entries(entries, 0u);
+        let next = fetch_four_entries(entries, 4u);
+        force += push_of_four(four) + push_of_four(next);
+    }
+    for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
+        force += push_of(entry_at(at));
     }
     set_bend_vector(trial_of(k), force * (w * bend_pass.trial));
 }
 
+// The part of an entry in the change of the curvature normal by tentative displacements, that of the vertex being `own`.
+fn bent_by(own: vec3f, entry: BendEntry) -> vec3f {
+    return (bend_vector(trial_of(entry.other)) - own) * entry.forward;
+}
+
+fn bent_by_four(own: vec3f, four: FourEntries) -> vec3f {
+    return bent_by(own, four.a) + bent_by(own, four.b) + bent_by(own, four.c) + bent_by(own, four.d);
+}
+
 fn filter_moments(k: u32, bend_pass: BendPass) {
-    let span = ring_of(k);
+    let entries = entries_of(k);
     let own = bend_vector(trial_of(k));
     var bent = bend_vector(curvature_of(k));
-    for (var at = span.start; at < span.end; at += 3u * SLICE) {
-        let entry = entry_at(at);
-        bent += (bend_vector(trial_of(entry.other)) - own) * entry.forward;
+    if AHEAD > 0u {
+        let four = fetch_four_entries(entries, 0u);
+        let next = fetch_four_entries(entries, 4u);
+        bent += bent_by_four(own, four) + bent_by_four(own, next);
+    }
+    for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
+        bent += bent_by(own, entry_at(at));
     }
     let passed = next_moment(bend_vector(moment_of(k)), bend_vector(change_of(k)), bent, row_of(k).stiffness, bend_pass);
     if bend_pass.last == 0u {
@@ -105,23 +137,15 @@ fn filter_moments(k: u32, bend_pass: BendPass) {
     }
 }
 
-fn bend_force(k: u32) -> vec3f {
-    let span = ring_of(k);
-    var force = -bend_vector(moment_of(k)) * row_of(k).diagonal;
-    if params.damped == 0u {
-        for (var at = span.start; at < span.end; at += 3u * SLICE) {
-            let entry = entry_at(at);
-            force -= bend_vector(moment_of(entry.other)) * entry.backward;
-        }
-        return force;
-    }
-    let x_k = bent_x(k);
+fn bend_force(k: u32, ahead: Fetched) -> vec3f {
+    let entries = ahead.entries;
     let own = bend_vector(couple_at(k));
-    for (var at = span.start; at < span.end; at += 3u * SLICE) {
-        let entry = entry_at(at);
-        force -= bend_vector(moment_of(entry.other)) * entry.backward;
-        let couple = couple_of(own, bend_vector(couple_at(entry.other)), entry);
-        force -= cross(couple, bent_x(entry.other) - x_k);
+    var force = -bend_vector(moment_of(k)) * row_in(k, ahead).diagonal;
+    if AHEAD > 0u {
+        force += force_of_four(k, own, ahead.four) + force_of_four(k, own, ahead.next);
+    }
+    for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
+        force += force_of(k, own, entry_at(at));
     }
     return force;
 }

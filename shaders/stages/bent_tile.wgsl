@@ -17,30 +17,13 @@ override RINGS: u32 = 0u;
 // A moment and a couple for each vertex.
 var<workgroup> moments: array<f32, MOMENTS>;
 
-// Entries that are fetched together.
-struct FourEntries {
-    a: BendEntry,
-    b: BendEntry,
-    c: BendEntry,
-    d: BendEntry,
+fn entry_stride() -> u32 {
+    return BENT;
 }
 
-// Entry number `index` of vertex `k` of the tile. Those past the last one have no effect.
-fn fetch_entry(tile: u32, k: u32, index: u32) -> BendEntry {
-    if index >= RING {
-        return BendEntry(k, 0.0, 0.0);
-    }
-    let at = RINGS + 3u * BENT * (tile * RING + index) + k;
-    return BendEntry(table[at], bitcast<f32>(table[at + BENT]), bitcast<f32>(table[at + 2u * BENT]));
-}
-
-fn fetch_four_entries(tile: u32, k: u32, index: u32) -> FourEntries {
-    return FourEntries(
-        fetch_entry(tile, k, index),
-        fetch_entry(tile, k, index + 1u),
-        fetch_entry(tile, k, index + 2u),
-        fetch_entry(tile, k, index + 3u),
-    );
+fn entries_of(tile: u32, k: u32) -> Entries {
+    let start = RINGS + 3u * BENT * RING * tile;
+    return Entries(k, start + k, start + 3u * BENT * RING);
 }
 
 fn row_of(v: u32) -> BendRow {
@@ -48,44 +31,26 @@ fn row_of(v: u32) -> BendRow {
     return BendRow(row.x, row.y, row.z);
 }
 
-fn vector_of(at: u32) -> vec3f {
+fn bend_room() -> u32 {
+    return BENT;
+}
+
+fn bend_vector(at: u32) -> vec3f {
     return vec3f(moments[3u * at], moments[3u * at + 1u], moments[3u * at + 2u]);
 }
 
-fn set_vector(at: u32, value: vec3f) {
+fn set_bend_vector(at: u32, value: vec3f) {
     moments[3u * at] = value.x;
     moments[3u * at + 1u] = value.y;
     moments[3u * at + 2u] = value.z;
 }
 
-fn add_entry(ring: ptr<function, Ring>, k: u32, entry: BendEntry) {
-    let d = tile_x[entry.other].xyz - tile_x[k].xyz;
-    if params.damped == 0u {
-        (*ring).y += d * entry.forward;
-    } else if entry.forward != 0.0 {
-        add_neighbor(ring, d, (tile_u[entry.other].xyz - tile_u[k].xyz) * substep.rate, entry.forward);
-    }
+fn bent_x(k: u32) -> vec3f {
+    return tile_x[k].xyz;
 }
 
-fn add_four_entries(ring: ptr<function, Ring>, k: u32, four: FourEntries) {
-    add_entry(ring, k, four.a);
-    add_entry(ring, k, four.b);
-    add_entry(ring, k, four.c);
-    add_entry(ring, k, four.d);
-}
-
-// The force of an entry on vertex `k`, whose couple is `own`.
-fn force_of(k: u32, own: vec3f, entry: BendEntry) -> vec3f {
-    let pull = vector_of(entry.other) * -entry.backward;
-    if params.damped == 0u {
-        return pull;
-    }
-    let couple = couple_of(own, vector_of(BENT + entry.other), entry);
-    return pull - cross(couple, tile_x[entry.other].xyz - tile_x[k].xyz);
-}
-
-fn force_of_four(k: u32, own: vec3f, four: FourEntries) -> vec3f {
-    return force_of(k, own, four.a) + force_of(k, own, four.b) + force_of(k, own, four.c) + force_of(k, own, four.d);
+fn bent_p(k: u32) -> vec3f {
+    return tile_u[k].xyz;
 }
 
 @compute @workgroup_size(LANES)
@@ -99,8 +64,9 @@ fn substep_of_bent_tile(
         return;
     }
     let bent = min(lane, BENT - 1u);
-    let four = fetch_four_entries(tile, bent, 0u);
-    let next = fetch_four_entries(tile, bent, 4u);
+    let entries = entries_of(tile, bent);
+    let four = fetch_four_entries(entries, 0u);
+    let next = fetch_four_entries(entries, 4u);
     let edges = edges_of(tile);
     let first = fetch_four(edges, 0u, lane);
     let own = own_vertices(tile);
@@ -117,14 +83,14 @@ fn substep_of_bent_tile(
     var moment = Moment();
     if lane < BENT {
         var ring = Ring();
-        add_four_entries(&ring, k, four);
-        add_four_entries(&ring, k, next);
+        add_four_entries(&ring, k, substep.rate, four);
+        add_four_entries(&ring, k, substep.rate, next);
         for (var index = 8u; index < RING; index++) {
-            add_entry(&ring, k, fetch_entry(tile, k, index));
+            add_entry(&ring, k, substep.rate, fetch_entry(entries, index));
         }
         moment = bend_moment(ring, row.stiffness, row.stiffness * row.tau);
-        set_vector(k, moment.moment);
-        set_vector(BENT + k, moment.couple);
+        set_bend_vector(moment_of(k), moment.moment);
+        set_bend_vector(couple_at(k), moment.couple);
     }
     workgroupBarrier();
     if lane < FORCED {
@@ -134,7 +100,7 @@ fn substep_of_bent_tile(
             force += force_of_four(k, moment.couple, four);
             force += force_of_four(k, moment.couple, next);
             for (var index = 8u; index < RING; index++) {
-                force += force_of(k, moment.couple, fetch_entry(tile, k, index));
+                force += force_of(k, moment.couple, fetch_entry(entries, index));
             }
             u_v += force * (x_v.w * substep.gain);
         }

@@ -77,12 +77,18 @@ fn panel_at(k: u32) -> Panel {
     return Panel(vec3u(table[at], table[at + 1u], table[at + 2u]), float_at(at + 3u));
 }
 
+// The force of the panel named at word `at`, if that is before `end`.
+fn blown_by(at: u32, end: u32) -> vec3f {
+    return state[blown_at(table[select(at, end - 1u, at >= end)])].xyz * select(1.0, 0.0, at >= end);
+}
+
 fn wind_on(v: u32) -> vec3f {
     let slice = WIND + 4u * PANELS + v / SLICE;
     let end = table[slice + 1u];
     var force = vec3f();
-    for (var at = table[slice] + v % SLICE; at < end; at += SLICE) {
-        force += state[blown_at(table[at])].xyz;
+    // Several at once, because memory takes long to answer.
+    for (var at = table[slice] + v % SLICE; at < end; at += 3u * SLICE) {
+        force += blown_by(at, end) + blown_by(at + SLICE, end) + blown_by(at + 2u * SLICE, end);
     }
     return force;
 }
@@ -98,8 +104,11 @@ fn blows() -> bool {
 // The part of the forces that reads neighbors; displacements are still those of the last substep.
 fn gather_forces(lane: u32, now: Substep) {
     if blows() {
+        var next = panel_at(lane);
         for (var k = lane; k < PANELS; k += LANES) {
-            let panel = panel_at(k);
+            let panel = next;
+            // Fetched early, because memory takes long to answer.
+            next = panel_at(min(k + LANES, PANELS - 1u));
             let c = panel.corners;
             let velocity = (displacement(c.x) + displacement(c.y) + displacement(c.z)) * (now.rate / 3.0);
             let force = wind_force(state[c.x].xyz, state[c.y].xyz, state[c.z].xyz, velocity, panel.mass, now);
@@ -108,7 +117,7 @@ fn gather_forces(lane: u32, now: Substep) {
     }
     if bends() {
         for (var v = lane; v < params.vertices; v += LANES) {
-            first_moment(v, now.rate);
+            first_moment(v, now.rate, fetched(v));
         }
         for (var index = 1u; index < passes(); index++) {
             meet_at_state();
@@ -131,7 +140,7 @@ fn pushed(v: u32, u: vec3f, now: Substep) -> vec3f {
     let kick = state[v].w * now.gain;
     var moved = u;
     if bends() {
-        moved += bend_force(v) * kick;
+        moved += bend_force(v, fetched(v)) * kick;
     }
     if blows() {
         moved += wind_on(v) * kick;

@@ -3,10 +3,9 @@
 // The index of the level, 0 being the finest.
 override LEVEL: u32 = 0u;
 
-@group(1) @binding(1) var<storage, read> centers: array<vec4f>;
-@group(1) @binding(2) var<storage, read> predicted: array<vec4f>;
+@group(1) @binding(1) var<storage, read> averages: array<Average>;
 // The correction of each aggregate.
-@group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
+@group(1) @binding(2) var<storage, read_write> shift: array<vec4f>;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return coarse_impulse(d0, du, edge, params.holds != 0u);
@@ -28,8 +27,9 @@ fn sweep_of_level_tile(
     for (var k = lane; k < ROOM; k += LANES) {
         let v = vertex_at(tile, k);
         let above = label_at(tile, k);
-        tile_x[k] = centers[v];
-        tile_u[k] = predicted[v];
+        let average = averages[v];
+        tile_x[k] = average.x;
+        tile_u[k] = average.u;
         if LEVEL + 1u < params.levels {
             tile_u[k] += shift[above];
         }
@@ -38,6 +38,6 @@ fn sweep_of_level_tile(
     sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
         let v = vertex_at(tile, k);
-        shift[v] = tile_u[k] - predicted[v];
+        shift[v] = tile_u[k] - averages[v].u;
     }
 }

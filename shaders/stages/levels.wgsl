@@ -20,9 +20,9 @@ override COARSE_WIDTH: u32 = 64u;
 // Number of colors of all levels. Those of each level begin at a multiple of four.
 override COARSE_COLORS: u32 = 4u;
 // Where the levels begin in the table. It holds: for each level the index of its first aggregate, and the total; for
-// each level its first color, and the total; for each aggregate its aggregate in the next coarser level; for each
-// aggregate its members with their mass shares, padded by the first member with share 0; the edges. Aggregates are
-// identified by their index in this order.
+// each level its first color, and the total; for each aggregate its aggregate in the next coarser level; for each level
+// the first members of its aggregates, then their mass shares, then the second members and so on, padded by the first
+// member with share 0; the edges. Aggregates are identified by their index in this order.
 override COARSE: u32 = 0u;
 
 struct Item {
@@ -73,25 +73,49 @@ fn item_of(level: u32, k: u32) -> Item {
     return Item(center_of(k).xyz, corrected_of(k));
 }
 
+// A member of an aggregate, and its share of the mass.
+struct Share {
+    item: u32,
+    share: f32,
+}
+
+// Number `m` of the members of an aggregate whose first one is at word `at` of the table, in a level of `count` aggregates.
+// Those past the last one have no effect.
+fn fetch_member(at: u32, count: u32, m: u32, members: u32) -> Share {
+    let word = at + 2u * count * min(m, members - 1u);
+    return Share(table[word], select(bitcast<f32>(table[word + count]), 0.0, m >= members));
+}
+
+// Adds a member's part of the average, relative to `origin`.
+fn add_member(sum: ptr<function, Item>, level: u32, origin: vec3f, member: Share) {
+    let item = item_of(level, member.item);
+    (*sum).x += (item.x - origin) * member.share;
+    (*sum).u += item.u * member.share;
+}
+
 // Restricts to a level from the next finer one. Its aggregates have `members` members each, listed from a word of the
-// table on.
+// table on. Four members are fetched at a time, because memory takes long to answer.
 fn restrict_level(level: u32, list: u32, members: u32, lane: u32) {
     let start = start_of(level);
     let end = start_of(level + 1u);
+    let count = end - start;
     for (var k = start + lane; k < end; k += LANES) {
-        let listed = list + 2u * members * (k - start);
-        let origin = item_of(level, table[listed]).x;
-        var dx = vec3f();
-        var u = vec3f();
-        for (var m = 0u; m < members; m++) {
-            let item = item_of(level, table[listed + 2u * m]);
-            let share = bitcast<f32>(table[listed + 2u * m + 1u]);
-            dx += (item.x - origin) * share;
-            u += item.u * share;
+        let at = list + k - start;
+        let origin = item_of(level, table[at]).x;
+        var sum = Item();
+        for (var m = 0u; m < members; m += 4u) {
+            let a = fetch_member(at, count, m, members);
+            let b = fetch_member(at, count, m + 1u, members);
+            let c = fetch_member(at, count, m + 2u, members);
+            let d = fetch_member(at, count, m + 3u, members);
+            add_member(&sum, level, origin, a);
+            add_member(&sum, level, origin, b);
+            add_member(&sum, level, origin, c);
+            add_member(&sum, level, origin, d);
         }
-        set_center(k, origin + dx);
-        set_predicted(k, u);
-        set_corrected(k, u);
+        set_center(k, origin + sum.x);
+        set_predicted(k, sum.u);
+        set_corrected(k, sum.u);
     }
     workgroupBarrier();
 }

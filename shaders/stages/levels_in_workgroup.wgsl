@@ -6,10 +6,9 @@ override LANES: u32 = 64u;
 override BASE: u32 = 0u;
 
 @group(1) @binding(0) var<storage, read> table: array<u32>;
-@group(1) @binding(1) var<storage, read> centers: array<vec4f>;
-@group(1) @binding(2) var<storage, read_write> predicted: array<vec4f>;
+@group(1) @binding(1) var<storage, read_write> averages: array<Average>;
 // The correction of each aggregate.
-@group(1) @binding(3) var<storage, read_write> shift: array<vec4f>;
+@group(1) @binding(2) var<storage, read_write> shift: array<vec4f>;
 
 var<workgroup> level_x: array<vec4f, AGGREGATES>;
 var<workgroup> level_u: array<vec4f, AGGREGATES>;
@@ -37,11 +36,11 @@ fn below(k: u32) -> Item {
 
 // Each value is read by the invocation that wrote it, so no barrier is needed.
 fn predicted_of(k: u32) -> vec3f {
-    return predicted[BASE + k].xyz;
+    return averages[BASE + k].u.xyz;
 }
 
 fn set_predicted(k: u32, u: vec3f) {
-    predicted[BASE + k] = vec4f(u, 0.0);
+    averages[BASE + k].u = vec4f(u, 0.0);
 }
 
 fn correct(edge: Edge) {
@@ -57,8 +56,9 @@ fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
     skipped = first_in_use();
     let first = fetch_four(edges_in_use(skipped), 0u, lane);
     for (var k = lane; k < AGGREGATES; k += LANES) {
-        level_x[k] = centers[BASE + k];
-        level_u[k] = predicted[BASE + k];
+        let average = averages[BASE + k];
+        level_x[k] = average.x;
+        level_u[k] = average.u;
     }
     workgroupBarrier();
     restrict_levels(lane);

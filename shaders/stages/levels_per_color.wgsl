@@ -3,20 +3,19 @@
 
 @group(1) @binding(0) var<uniform> batch: Batch;
 @group(1) @binding(1) var<storage, read> edges: array<Edge>;
-@group(1) @binding(2) var<storage, read> centers: array<vec4f>;
-@group(1) @binding(3) var<storage, read> predicted: array<vec4f>;
-@group(1) @binding(4) var<storage, read> labels: array<u32>;
+@group(1) @binding(2) var<storage, read> averages: array<Average>;
+@group(1) @binding(3) var<storage, read> labels: array<u32>;
 // Corrected displacements of the aggregates of all levels.
-@group(1) @binding(5) var<storage, read_write> corrected: array<vec4f>;
+@group(1) @binding(4) var<storage, read_write> corrected: array<vec4f>;
 // Corrections of the finest level.
-@group(1) @binding(6) var<storage, read_write> shift: array<vec4f>;
-@group(1) @binding(7) var<storage, read_write> u: array<vec4f>;
+@group(1) @binding(5) var<storage, read_write> shift: array<vec4f>;
+@group(1) @binding(6) var<storage, read_write> u: array<vec4f>;
 
 @compute @workgroup_size(WORKGROUP)
 fn begin_at(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let k = item(id, groups);
     if k < batch.count {
-        corrected[batch.first + k] = predicted[batch.first + k];
+        corrected[batch.first + k] = averages[batch.first + k].u;
     }
 }
 
@@ -28,7 +27,7 @@ fn hand_down(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     }
     let aggregate = batch.first + k;
     let above = labels[aggregate];
-    corrected[aggregate] = predicted[aggregate] + (corrected[above] - predicted[above]);
+    corrected[aggregate] = averages[aggregate].u + (corrected[above] - averages[above].u);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -38,8 +37,8 @@ fn sweep_coarse(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         return;
     }
     let edge = edges[batch.first + k];
-    let x_a = centers[edge.a];
-    let x_b = centers[edge.b];
+    let x_a = averages[edge.a].x;
+    let x_b = averages[edge.b].x;
     let impulse = coarse_impulse(x_a.xyz - x_b.xyz, corrected[edge.a].xyz - corrected[edge.b].xyz, edge, params.holds != 0u);
     corrected[edge.a] += vec4f(impulse * x_a.w, 0.0);
     corrected[edge.b] -= vec4f(impulse * x_b.w, 0.0);
@@ -49,7 +48,7 @@ fn sweep_coarse(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
 fn note_shift(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let k = item(id, groups);
     if k < batch.count {
-        shift[k] = corrected[k] - predicted[k];
+        shift[k] = corrected[k] - averages[k].u;
     }
 }
 

@@ -16,10 +16,8 @@ override EACH: u32 = 16u;
 @group(1) @binding(2) var<storage, read> motion: array<vec4f>;
 @group(1) @binding(3) var<storage, read> spans: array<Span>;
 @group(1) @binding(4) var<storage, read> members: array<Member>;
-// Centers and inverse masses of the aggregates of all levels, finest first.
-@group(1) @binding(5) var<storage, read_write> centers: array<vec4f>;
-// Restricted displacements of the aggregates of all levels, finest first.
-@group(1) @binding(6) var<storage, read_write> predicted: array<vec4f>;
+// Of the aggregates of all levels, finest first.
+@group(1) @binding(5) var<storage, read_write> averages: array<Average>;
 
 // Each invocation's partial sums.
 var<workgroup> dx_of: array<vec3f, WORKGROUP>;
@@ -29,14 +27,14 @@ fn position_of(k: u32) -> vec4f {
     if OF_VERTICES {
         return x[k];
     }
-    return centers[k];
+    return averages[k].x;
 }
 
 fn displacement_of(k: u32, w: f32) -> vec3f {
     if OF_VERTICES {
         return motion_displacement(motion[k].xyz, w, substep);
     }
-    return predicted[k].xyz;
+    return averages[k].u.xyz;
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -67,6 +65,5 @@ fn restrict_level(
         dx += dx_of[lane + m];
         u += u_of[lane + m];
     }
-    centers[aggregate] = vec4f(first + dx, centers[aggregate].w);
-    predicted[aggregate] = vec4f(u, 0.0);
+    averages[aggregate] = Average(vec4f(first + dx, averages[aggregate].x.w), vec4f(u, 0.0));
 }

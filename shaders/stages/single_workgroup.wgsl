@@ -1,8 +1,8 @@
 // A step of a cloth that is one tile, in one workgroup: every substep, and at the end the commit.
 // Displacements stay in workgroup memory throughout, those of a substep being the last ones of the next.
 
-// Numbers in workgroup memory: three for each vertex, ten for each aggregate.
-override NUMBERS: u32 = 192u;
+// Vectors in workgroup memory: one for each vertex, four for each aggregate.
+override VECTORS: u32 = 64u;
 
 @group(1) @binding(1) var<storage, read> substeps: array<Substep>;
 @group(1) @binding(2) var<storage, read> pins: array<Pin>;
@@ -14,49 +14,49 @@ override NUMBERS: u32 = 192u;
 @group(1) @binding(7) var<storage, read_write> found: Found;
 
 // Displacements of the vertices, and nothing beside: room for 4096 of them in 48 KiB. While the levels are swept it is
-// theirs: centers, inverse masses, displacements as corrected and as predicted.
-var<workgroup> numbers: array<f32, NUMBERS>;
+// theirs: centers, displacements as corrected and as predicted, and inverse masses. Arrays of three numbers are not padded to
+// four as vectors are.
+var<workgroup> vectors: array<array<f32, 3>, VECTORS>;
 
 fn vector_at(k: u32) -> vec3f {
-    return vec3f(numbers[k], numbers[k + 1u], numbers[k + 2u]);
+    let numbers = vectors[k];
+    return vec3f(numbers[0], numbers[1], numbers[2]);
 }
 
 fn set_vector(k: u32, value: vec3f) {
-    numbers[k] = value.x;
-    numbers[k + 1u] = value.y;
-    numbers[k + 2u] = value.z;
+    vectors[k] = array<f32, 3>(value.x, value.y, value.z);
 }
 
 fn displacement(v: u32) -> vec3f {
-    return vector_at(3u * v);
+    return vector_at(v);
 }
 
 fn set_displacement(v: u32, u: vec3f) {
-    set_vector(3u * v, u);
+    set_vector(v, u);
 }
 
 fn center_of(k: u32) -> vec4f {
-    return vec4f(vector_at(3u * k), numbers[3u * AGGREGATES + k]);
+    return vec4f(vector_at(k), vectors[3u * AGGREGATES + k][0]);
 }
 
 fn set_center(k: u32, x: vec3f) {
-    set_vector(3u * k, x);
+    set_vector(k, x);
 }
 
 fn corrected_of(k: u32) -> vec3f {
-    return vector_at(4u * AGGREGATES + 3u * k);
+    return vector_at(AGGREGATES + k);
 }
 
 fn set_corrected(k: u32, u: vec3f) {
-    set_vector(4u * AGGREGATES + 3u * k, u);
+    set_vector(AGGREGATES + k, u);
 }
 
 fn predicted_of(k: u32) -> vec3f {
-    return vector_at(7u * AGGREGATES + 3u * k);
+    return vector_at(2u * AGGREGATES + k);
 }
 
 fn set_predicted(k: u32, u: vec3f) {
-    set_vector(7u * AGGREGATES + 3u * k, u);
+    set_vector(2u * AGGREGATES + k, u);
 }
 
 fn below(v: u32) -> Item {
@@ -110,7 +110,7 @@ fn correct_on_levels(lane: u32) {
     }
     meet_at_state();
     for (var k = lane; k < AGGREGATES; k += LANES) {
-        numbers[3u * AGGREGATES + k] = bitcast<f32>(inverse_mass(k));
+        vectors[3u * AGGREGATES + k][0] = bitcast<f32>(inverse_mass(k));
     }
     workgroupBarrier();
     on_levels = true;

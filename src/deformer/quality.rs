@@ -11,8 +11,8 @@ use crate::step::substep_count::{FRAMES, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
-/// On an H200 a substep takes 6 us without levels and 23 us with the finest, at any size below 16,384 vertices, because a
-/// level's colors are swept one after another; with bending 8 to 9 us, and 27. Without levels, cloths of 4,000 vertices take
+/// On an H200 a substep takes 6 us without levels and 17 us with the finest, at any size below 16,384 vertices, because a
+/// level's colors are swept one after another; with bending 8 to 9 us, and 20. Without levels, cloths of 4,000 vertices take
 /// 1.3 to 2.5 times as many substeps for the same bound, one of 14,161 takes 3.9 times (`benches/results/quality.md`), and a
 /// hung sheet of 65,536 takes 11 times (`gpu_h200.md`).
 const LEVELS_PAY: usize = 8192;
@@ -20,7 +20,7 @@ const LEVELS_PAY: usize = 8192;
 /// The largest coarsest level, in aggregates, that keeps a bound on strain with as many substeps as all coarser levels
 /// would. Sheets and garments of 14,161 to 65,536 vertices took .91 to 1.14 times as many with the finest level alone,
 /// whose aggregates have 16 vertices, as with the three to six levels that resolve the strain
-/// (`benches/results/quality.md`). A level takes 8.5 us of a substep on an H200, whatever its size.
+/// (`benches/results/quality.md`). Each further level takes 8.5 us of a substep on an H200, whatever its size.
 const COARSE_ENOUGH: usize = 4096;
 
 impl Deformer {

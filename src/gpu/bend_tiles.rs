@@ -7,7 +7,10 @@ use crate::gpu::slices::push_slices;
 use crate::gpu::tiles::{TileSize, halve};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
+use crate::multigrid::hierarchy::Level;
 
+/// Words of the table for each tile, before the lists.
+const HEADER: usize = 4;
 /// The position of a vertex that is not in the tile.
 const NO_PLACE: u32 = u32::MAX;
 /// Limit on the vertices in all tiles per vertex of the cloth. With more, recomputing them costs more than it saves.
@@ -16,10 +19,12 @@ const MOST_HELD: usize = 12;
 /// Tiles in the layout that `stages/bend_tile.wgsl` reads.
 #[derive(Debug)]
 pub(crate) struct BendTiles {
-    /// For each tile, the words at which the list of its rings, the list of its vertices and the slices of their entries
-    /// start; then these. The list of rings has their number, the number of the tile's own vertices, and the number of
+    /// For each tile, the words at which the list of its rings, the list of its vertices, the slices of their entries and
+    /// its aggregates start; then these. The list of rings has their number, the number of the tile's own vertices, and the number of
     /// vertices up to the end of each ring. The list of vertices has one more ring, which the outermost one reads. Entries
-    /// refer to vertices by their positions in that list.
+    /// refer to vertices by their positions in that list. If a level is averaged too, each tile has whole aggregates of
+    /// it: their number, each with the position of its first vertex, the number of vertices, then for each vertex the
+    /// position of its aggregate's first one and its share of the aggregate's mass.
     pub table: Vec<u32>,
     pub count: usize,
     /// Most vertices of a tile: those with moments, and all.
@@ -30,16 +35,32 @@ pub(crate) struct BendTiles {
 impl BendTiles {
     /// Divides the cloth into tiles with `rings` rings around their own vertices, and into smaller tiles where these
     /// would not fit. `None` if the tiles hold too many vertices, as around the hub of a fan.
-    pub(crate) fn new(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize) -> Option<BendTiles> {
+    pub(crate) fn new(
+        rest: &[Vec4],
+        entries: &Csr<BendEntry>,
+        rings: usize,
+        most: TileSize,
+        level: Option<&Level>,
+    ) -> Option<BendTiles> {
         let mut sizes = (0..3).map(|half| most.own >> half).filter(|&own| own > 0);
-        sizes.find_map(|own| BendTiles::cut(rest, entries, rings, TileSize { own, ..most }))
+        sizes.find_map(|own| BendTiles::cut(rest, entries, rings, TileSize { own, ..most }, level))
     }
 
-    fn cut(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize) -> Option<BendTiles> {
-        let mut pieces = Vec::new();
-        halve((0..rest.len() as u32).collect(), rest, most.own, &mut pieces);
+    fn cut(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize, level: Option<&Level>) -> Option<BendTiles> {
+        let (mut pieces, mut groups) = (Vec::new(), Vec::new());
+        match level {
+            None => halve((0..rest.len() as u32).collect(), rest, most.own, &mut pieces),
+            Some(level) => {
+                let size = rest.len().div_ceil(level.members.spans.len()).max(1);
+                let firsts: Vec<Vec4> =
+                    level.members.spans.iter().map(|span| rest[level.members.items[span.start as usize] as usize]).collect();
+                halve((0..firsts.len() as u32).collect(), &firsts, most.own.div_ceil(size), &mut groups);
+                let own = |group: &Vec<u32>| group.iter().flat_map(|&aggregate| level.members.of(aggregate)).copied().collect();
+                pieces.extend(groups.iter().map(own));
+            }
+        }
         let mut place = vec![NO_PLACE; rest.len()];
-        let mut tiles = BendTiles { table: vec![0; 3 * pieces.len()], count: pieces.len(), largest: 0, longest: 0 };
+        let mut tiles = BendTiles { table: vec![0; HEADER * pieces.len()], count: pieces.len(), largest: 0, longest: 0 };
         let mut held_by_all = 0;
         for (tile, own) in pieces.into_iter().enumerate() {
             let (vertices, ends) = with_rings(own, entries, rings, most.room, &mut place)?;
@@ -51,17 +72,36 @@ impl BendTiles {
             tiles.largest = tiles.largest.max(held);
             tiles.longest = tiles.longest.max(vertices.len());
             let table = &mut tiles.table;
-            table[3 * tile] = table.len() as u32;
+            table[HEADER * tile] = table.len() as u32;
             table.push(rings as u32);
             table.extend(ends.iter().map(|&end| end as u32));
-            table[3 * tile + 1] = table.len() as u32;
+            table[HEADER * tile + 1] = table.len() as u32;
             table.extend(&vertices);
-            table[3 * tile + 2] = table.len() as u32;
+            table[HEADER * tile + 2] = table.len() as u32;
             push_rings(table, held, |k| entries.of(vertices[k]), |vertex| place[vertex as usize]);
+            if let Some(level) = level {
+                table[HEADER * tile + 3] = table.len() as u32;
+                push_aggregates(table, &groups[tile], level);
+            }
             vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
         }
         Some(tiles)
     }
+}
+
+/// Appends aggregates and their vertices, as `stages/bend_tile.wgsl` reads them.
+fn push_aggregates(table: &mut Vec<u32>, group: &[u32], level: &Level) {
+    let (mut of_vertices, mut first) = (Vec::new(), 0);
+    table.push(group.len() as u32);
+    for &aggregate in group {
+        table.extend([aggregate, first]);
+        let span = level.members.spans[aggregate as usize];
+        let shares = &level.share[span.start as usize..span.end as usize];
+        of_vertices.extend(shares.iter().flat_map(|share| [first, share.to_bits()]));
+        first += span.end - span.start;
+    }
+    table.extend([0, first]);
+    table.extend(of_vertices);
 }
 
 /// Appends the entries of `count` vertices to a table, as `stages/bend_in_workgroup.wgsl` reads them. `place` is the position that

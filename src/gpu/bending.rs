@@ -8,6 +8,7 @@ use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, lanes, slot}
 use crate::gpu::state::{State, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
+use crate::multigrid::hierarchy::Level;
 use crate::step::bending::{BendRows, MOST_PASSES};
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
@@ -29,18 +30,18 @@ const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, trial: 0.0, last:
 #[derive(Debug)]
 pub(super) struct Bending {
     lists: Lists,
-    /// The substep that the rows were computed for.
-    length: Option<Length>,
-    /// Kernels for each number of passes used so far; `in_use` is the index of the last ones. A change of the substep
-    /// changes the number.
-    kernels: Vec<(usize, Kernels)>,
+    /// The substep that the rows were computed for, and whether a level is averaged.
+    prepared: Option<(Length, bool)>,
+    /// Kernels for each number of passes used so far, without and with averages; `in_use` is the index of the last ones. A
+    /// change of the substep changes the number.
+    kernels: Vec<((usize, bool), Kernels)>,
     in_use: usize,
 }
 
 #[derive(Debug)]
 enum Kernels {
-    /// With this number of tiles.
-    Tiles(Stage, usize),
+    /// With this number of tiles, which also average the displacements for a level or not.
+    Tiles(Stage, usize, bool),
     /// `moments` computes the first moments along with the prediction. In each further pass, `again` displaces the
     /// vertices tentatively, then recomputes the moments. `forces` turns these into forces.
     Apart { moments: Stage, again: [Stage; 2], forces: Stage },
@@ -56,18 +57,19 @@ impl Bending {
             entries: gpu.filled("bend entries", &entries.items),
             passes: gpu.make("bend passes", (MOST_PASSES * SLOT) as u64, usage),
         };
-        Bending { lists, length: None, kernels: Vec::new(), in_use: 0 }
+        Bending { lists, prepared: None, kernels: Vec::new(), in_use: 0 }
     }
 
     /// Prepares for a plan; with tiles if `tiled` and the cloth is small enough for them to be faster.
     pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, tiled: bool) {
-        if self.length == Some(plan.coefficients.length) {
+        let wanted = Some((plan.coefficients.length, bound.level.is_some()));
+        if std::mem::replace(&mut self.prepared, wanted) == wanted {
             return;
         }
-        self.length = Some(plan.coefficients.length);
         let count = plan.coefficients.bending.passes.len().max(1);
-        self.in_use = self.kernels.iter().position(|(passes, _)| *passes == count).unwrap_or_else(|| {
-            self.kernels.push((count, self.lists.kernels(gpu, plan, bound, count, tiled)));
+        let key = (count, bound.level.is_some());
+        self.in_use = self.kernels.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
+            self.kernels.push((key, self.lists.kernels(gpu, plan, bound, count, tiled)));
             self.kernels.len() - 1
         });
         self.send(gpu, plan);
@@ -89,11 +91,16 @@ impl Bending {
         matches!(self.kernels[self.in_use].1, Kernels::Tiles(..))
     }
 
+    /// Whether the kernels average the displacements for a level.
+    pub(super) fn averages(&self) -> bool {
+        matches!(self.kernels[self.in_use].1, Kernels::Tiles(_, _, true))
+    }
+
     /// Number of dispatches in a substep, including the prediction.
     pub(super) fn dispatches(&self) -> usize {
         match self.kernels[self.in_use] {
             (_, Kernels::Tiles(..)) => 1,
-            (count, Kernels::Apart { .. }) => 2 * count,
+            ((count, _), Kernels::Apart { .. }) => 2 * count,
         }
     }
 
@@ -101,8 +108,8 @@ impl Bending {
     pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
         match &self.kernels[self.in_use] {
-            (_, Kernels::Tiles(stage, tiles)) => stage.dispatch_workgroups(pass, from, &[], *tiles),
-            (count, Kernels::Apart { moments, again, forces }) => {
+            (_, Kernels::Tiles(stage, tiles, _)) => stage.dispatch_workgroups(pass, from, &[], *tiles),
+            ((count, _), Kernels::Apart { moments, again, forces }) => {
                 moments.dispatch(pass, from, &slot(0), vertices + plan.pins.len());
                 for number in 1..*count {
                     again.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
@@ -113,13 +120,15 @@ impl Bending {
     }
 }
 
-/// Resources of the kernels: the states, the displacements, the uniforms and the pins.
+/// Resources of the kernels: the states, the displacements, the uniforms and the pins, and the level that they average with
+/// the buffer of its averages, if that is wanted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bound<'a> {
     pub states: &'a [State],
     pub u: &'a wgpu::Buffer,
     pub uniforms: &'a Group,
     pub pins: &'a Sent,
+    pub level: Option<(&'a Level, &'a wgpu::Buffer)>,
 }
 
 /// The coefficients and the neighbor lists.
@@ -137,8 +146,10 @@ impl Lists {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
         let room = gpu.workgroup_memory() / (in_vertex + HELD);
-        let most = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]).min(room), room, bytes: gpu.most_table_bytes() };
-        let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most));
+        let most =
+            TileSize { own: vertices.div_ceil(TILES).clamp(OWN[0], OWN[1]).min(room), room, bytes: gpu.most_table_bytes() };
+        let level = bound.level.map(|(level, _)| level);
+        let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most, level));
         match tiles.flatten() {
             Some(tiles) => self.in_tiles(gpu, bound, &tiles, room, count > 1),
             None => self.apart(gpu, bound, count),
@@ -168,15 +179,18 @@ impl Lists {
             .states
             .iter()
             .map(|state| {
-                let last = [Bind::Read(&self.rows), Bind::Read(&table), Bind::Uniform(&self.passes)];
-                [&bound_by_predict(state, bound.u, bound.pins)[..], &last].concat()
+                let mut all = bound_by_predict(state, bound.u, bound.pins);
+                all.extend([Bind::Read(&self.rows), Bind::Read(&table), Bind::Uniform(&self.passes)]);
+                all.extend(bound.level.map(|(_, averages)| Bind::Write(averages)));
+                all
             })
             .collect();
-        let entry = Entry { shader: shaders::BEND_TILE, name: "bend_tile", constants: &constants };
-        Kernels::Tiles(Stage::new(gpu, bound.uniforms, entry, &groups), tiles.count)
+        let name = if bound.level.is_some() { "bend_and_average_tile" } else { "bend_tile" };
+        let entry = Entry { shader: shaders::BEND_TILE, name, constants: &constants };
+        Kernels::Tiles(Stage::new(gpu, bound.uniforms, entry, &groups), tiles.count, bound.level.is_some())
     }
 
-    fn apart(&self, gpu: &Gpu, Bound { states, u, uniforms, pins }: Bound<'_>, count: usize) -> Kernels {
+    fn apart(&self, gpu: &Gpu, Bound { states, u, uniforms, pins, .. }: Bound<'_>, count: usize) -> Kernels {
         let moments = gpu.buffer("moments", if count > 1 { 6 } else { 2 } * u.size());
         let lists = [&self.bound()[..], &[Bind::Write(&moments)]].concat();
         let bend_pass = [Bind::Dynamic(&self.passes, size_of::<BendPass>())];

@@ -24,7 +24,7 @@ use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
-use crate::gpu::sweep::{Bent, Bound, PerColor, SingleWorkgroup, Tiled};
+use crate::gpu::sweep::{Bound, OnDemand, PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::gpu::watch::{Found, Report};
 use crate::kernels::contact::Body;
@@ -45,7 +45,9 @@ pub(crate) struct GpuEngine {
     bodies: Sent,
     pub(crate) sweep: Sweep,
     /// The tiles with bending, for substeps that have that in a single pass.
-    pub(crate) bent: Bent,
+    pub(crate) bent: OnDemand,
+    /// The tiles that correct by a single level.
+    pub(crate) corrected: OnDemand,
     /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
     /// Vertices or aggregates that fit into a tile.
@@ -113,7 +115,7 @@ impl GpuEngine {
             let commit = Commit::new(&gpu, &forces);
             let sweep = match tiles.flatten() {
                 Some(tiles) => {
-                    let bound = Bound { forces: &forces, bodies: &bodies, found: &commit.found, shift: None };
+                    let bound = Bound { forces: &forces, bodies: &bodies, found: &commit.found, multigrid: None };
                     Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, bound))
                 }
                 None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
@@ -126,7 +128,8 @@ impl GpuEngine {
                 forces,
                 bodies,
                 sweep,
-                bent: Bent::Untried,
+                bent: OnDemand::Untried,
+                corrected: OnDemand::Untried,
                 multigrid: None,
                 room: size.room,
                 small: path == Path::SingleWorkgroup,
@@ -251,9 +254,9 @@ impl GpuEngine {
         if path == Path::Tiled && GpuEngine::may_bend_in_tiles(plan) {
             self.make_bent(plan);
         }
-        let (forced, bends) = (self.forced(plan), self.bends_in_tiles(plan));
-        let GpuEngine { gpu, forces, bodies, sweep, bent, multigrid, room, single_workgroup, commit, .. } = self;
-        let mut moved = forces.prepare(gpu, &forced, path == Path::SingleWorkgroup);
+        let forced = self.forced(plan);
+        let GpuEngine { gpu, forces, sweep, multigrid, room, .. } = self;
+        let mut moved = false;
         if levels > 0 && path != Path::SingleWorkgroup {
             let multigrid = multigrid.get_or_insert_with(|| {
                 if let Sweep::Tiled(tiled) = sweep {
@@ -264,14 +267,19 @@ impl GpuEngine {
                 Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
             });
             multigrid.prepare(gpu, plan);
+            self.make_corrected(plan);
         }
+        let averages = self.multigrid.as_ref().map(|multigrid| &multigrid.averages);
+        moved |= self.forces.prepare(&self.gpu, &forced, path == Path::SingleWorkgroup, averages);
+        let (bends, corrects) = (self.bends_in_tiles(plan), self.corrects_in_tiles(plan));
+        let GpuEngine { gpu, forces, bodies, sweep, bent, corrected, multigrid, single_workgroup, commit, .. } = self;
         if bodies.send(gpu, plan.bodies_and_anchors) | moved {
-            let shift = multigrid.as_ref().map(|multigrid| &multigrid.shift);
             match sweep {
                 Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
                 Sweep::Tiled(tiled) => {
-                    let bound = Bound { forces, bodies, found: &commit.found, shift };
-                    std::iter::once(tiled).chain(bent.made_mut()).for_each(|tiled| tiled.rebind(gpu, bound));
+                    let bound = Bound { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
+                    let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
+                    std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
                 }
             }
             if let Some(single) = single_workgroup {
@@ -282,7 +290,8 @@ impl GpuEngine {
             (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, Sweep::Tiled(tiled), _) => {
-                bent.made_mut().filter(|_| bends).unwrap_or(tiled).prepare(gpu, plan);
+                let more = if bends { bent.made_mut() } else { corrected.made_mut().filter(|_| corrects) };
+                more.unwrap_or(tiled).prepare(gpu, plan);
             }
         }
         if path != Path::SingleWorkgroup && !self.is_checked(plan) {

@@ -84,9 +84,10 @@ impl Forces {
         self.u.size() as usize / size_of::<Vec4>()
     }
 
-    /// Uploads the data of this step, and creates the kernels that it is the first to need. Returns true if
+    /// Uploads the data of this step, and creates the kernels that it is the first to need: with one dispatch for `all` of the
+    /// step, or for its substeps, with these averages of the finest level if it has levels. Returns true if
     /// [`Forces::all_substeps`] has become another buffer.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool) -> bool {
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool, averages: Option<&wgpu::Buffer>) -> bool {
         let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, bend_in_tiles, .. } = self;
         params.send(gpu, std::slice::from_ref(&plan.params));
         pins.send(gpu, plan.pins);
@@ -98,7 +99,10 @@ impl Forces {
             *uniforms = self::uniforms(gpu, params, substeps);
         }
         if plan.bending {
-            let bound = Bound { states, u, uniforms, pins };
+            // Wind and pins that follow targets move vertices after bending.
+            let last = !plan.wind && plan.pins.is_empty();
+            let level = plan.levels.first().zip(averages).filter(|_| last && plan.params.levels > 0);
+            let bound = Bound { states, u, uniforms, pins, level };
             self.bending.get_or_insert_with(|| Bending::new(gpu, plan)).prepare(gpu, plan, bound, *bend_in_tiles);
         }
         if plan.wind {
@@ -139,6 +143,11 @@ impl Forces {
     pub(crate) fn dispatches(&self, plan: &Plan<'_>) -> usize {
         let bending = self.bending.as_ref().filter(|_| plan.bending).map_or(1, Bending::dispatches);
         bending + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
+    }
+
+    /// Whether the forces of a substep include the averages of its finest level.
+    pub(crate) fn averages(&self, plan: &Plan<'_>) -> bool {
+        plan.params.levels > 0 && self.bending.as_ref().is_some_and(|bending| plan.bending && bending.averages())
     }
 
     /// Bytes that the forces of a substep read and write, if gathered data is read once.

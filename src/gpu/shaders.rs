@@ -93,7 +93,7 @@ shaders! {
     }
     PREDICT: "integrate" "stages/predict";
     BEND: "integrate" "bending" "stages/predict" "stages/bend";
-    BEND_TILE: "integrate" "bending" "stages/predict" "stages/bend_in_workgroup" "stages/bend_tile";
+    BEND_TILE: "average" "integrate" "bending" "stages/predict" "stages/bend_ring" "stages/bend_in_workgroup" "stages/bend_tile";
     WIND: "wind" "stages/wind";
     SPRINGS: "distance" "spring" "stages/springs";
     PROJECT: "distance" "stages/project";
@@ -101,15 +101,19 @@ shaders! {
     TILE: "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
         "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
     BENT_TILE: "integrate" "bending" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
-        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile" "stages/bent_tile";
+        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile" "stages/bend_ring"
+        "stages/bent_tile";
+    CORRECTED_TILE: "average" "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
+        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile"
+        "stages/corrected_tile";
     SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
         "stages/watch" "stages/sweep" "stages/tiles" "stages/look" "stages/levels" "stages/tethers" "stages/move"
-        "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
+        "stages/bend_ring" "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
     COMMIT: "limits" "watch" "stages/watch" "stages/commit";
-    RESTRICT: "integrate" "stages/motion" "stages/restrict";
-    LEVEL_TILE: "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
-    LEVELS_IN_WORKGROUP: "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
-    LEVELS_PER_COLOR: "distance" "stages/levels_per_color";
+    RESTRICT: "average" "integrate" "stages/motion" "stages/restrict";
+    LEVEL_TILE: "average" "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
+    LEVELS_IN_WORKGROUP: "average" "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
+    LEVELS_PER_COLOR: "average" "distance" "stages/levels_per_color";
     STATISTICS: "limits" "statistics" "stages/statistics";
     NORMALS: "normal" "stages/normals";
     FOLLOW: "normal" "stages/follow";

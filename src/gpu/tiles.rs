@@ -76,10 +76,8 @@ impl Tiles {
     /// Every tile has room for as many edges of every color as any tile has of one, so a vertex with a hundred edges
     /// makes the tables of all tiles large.
     pub(crate) fn new(rest: &[Vec4], links: &[Link], colors: &[Range<usize>], most: TileSize) -> Option<Tiles> {
-        let pairs = links.iter().enumerate().flat_map(|(edge, link)| link.ends.map(|end| (end, edge as u32)));
-        let around = Csr::new(rest.len(), pairs);
         let room = most.room.min(1 << 16);
-        let source = Source { rest, links, colors, around, room };
+        let source = Source::new(rest, rest.len(), links, colors, room);
         let mut pieces = Vec::new();
         halve((0..rest.len() as u32).collect(), rest, most.own.min(room).max(1), &mut pieces);
         let seen = || vec![false; rest.len()];
@@ -89,6 +87,20 @@ impl Tiles {
         // Beyond this amount of redundant computation tiles do not pay off.
         let fits = size_of::<u32>() * words(&tiles, colors.len()).iter().sum::<usize>() <= most.bytes;
         (fits && held <= 16 * rest.len().max(256)).then(|| Tiles::lay_out(&tiles, rest.len(), links, colors.len()))
+    }
+
+    /// Tiles with these own vertices, of a cloth of `count` vertices. `None` if one has more than `room` vertices.
+    pub(crate) fn around(
+        pieces: &[Vec<u32>],
+        count: usize,
+        links: &[Link],
+        colors: &[Range<usize>],
+        room: usize,
+    ) -> Option<Tiles> {
+        let source = Source::new(&[], count, links, colors, room);
+        let seen = || vec![false; count];
+        let tiles: Option<Vec<Tile>> = pieces.par_iter().map_init(seen, |seen, own| source.tile(own, seen)).collect();
+        Some(Tiles::lay_out(&tiles?, count, links, colors.len()))
     }
 
     fn lay_out(tiles: &[Tile], vertices: usize, links: &[Link], colors: usize) -> Tiles {
@@ -118,6 +130,11 @@ impl Tiles {
         Tiles { table, count, colors, largest, widest, swept, edges, sources }
     }
 
+    /// Most own vertices of a tile.
+    pub(crate) fn most_own(&self) -> usize {
+        self.table[..self.count].iter().max().map_or(0, |&own| own as usize)
+    }
+
     /// The vertices of each tile.
     pub(crate) fn lists(&self) -> impl Iterator<Item = Vec<u32>> {
         let lists = self.table[self.count..].chunks(self.largest.max(1)).take(self.count);
@@ -138,6 +155,20 @@ impl Tiles {
         Tiles { table, largest: room, edges, sources: self.sources.clone(), ..*self }
     }
 
+    /// Stores the aggregates of the vertices of each tile by their places in the tile of the same number of a level, whose own
+    /// aggregates are these in order.
+    pub(crate) fn set_places(&mut self, label: &[u32], of_level: &Tiles) {
+        for tile in 0..self.count {
+            let own = &of_level.table[of_level.count + tile * of_level.largest..][..of_level.table[tile] as usize];
+            let start = self.count + tile * self.largest;
+            let named = self.count * self.largest + start;
+            for k in 0..self.largest {
+                let aggregate = label[self.table[start + k] as usize];
+                self.table[named + k] = own.binary_search(&aggregate).unwrap_or(0) as u32;
+            }
+        }
+    }
+
     /// Bytes that a sweep reads: the table, and two vectors for each vertex of each tile.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.table.as_slice()) + 32 * self.count * self.largest
@@ -153,8 +184,8 @@ impl Tiles {
         }
     }
 
-    /// Stores the edges' coefficients, here and in `buffer`, which starts with the table.
-    pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, edges: &[Edge]) {
+    /// Stores the edges' coefficients, here and in `buffer`, where the table starts at byte `start`.
+    pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, start: usize, edges: &[Edge]) {
         let width = self.widest.max(1);
         let lists = self.table[self.edges..].chunks_mut(width).zip(self.sources.chunks(width)).enumerate();
         for (list, (words, sources)) in lists.filter(|(list, _)| list % 3 > 0) {
@@ -163,7 +194,7 @@ impl Tiles {
                 *word = if list % 3 == 1 { edge.inverse_rest } else { edge.inverse_weight }.to_bits();
             }
         }
-        gpu.write(buffer, size_of::<u32>() * self.edges, &self.table[self.edges..]);
+        gpu.write(buffer, start + size_of::<u32>() * self.edges, &self.table[self.edges..]);
     }
 
     /// The cloth's edge that is number `k % widest` of color `k / widest` in the first tile.
@@ -223,7 +254,12 @@ fn cut(mut set: Vec<u32>, rest: &[Vec4]) -> [Vec<u32>; 2] {
     [set, half]
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    fn new(rest: &'a [Vec4], vertices: usize, links: &'a [Link], colors: &'a [Range<usize>], room: usize) -> Source<'a> {
+        let pairs = links.iter().enumerate().flat_map(|(edge, link)| link.ends.map(|end| (end, edge as u32)));
+        Source { rest, links, colors, around: Csr::new(vertices, pairs), room }
+    }
+
     /// The tile of these vertices, or tiles of their halves if it would not fit.
     fn fit(&self, own: Vec<u32>, seen: &mut [bool]) -> Option<Vec<Tile>> {
         if let Some(tile) = self.tile(&own, seen) {

@@ -156,7 +156,7 @@ impl Hybrid {
     pub(crate) fn run_forces(&mut self, plan: &Plan<'_>, repeats: u32) -> Result<(), GpuFault> {
         let Hybrid { gpu, forces, .. } = self;
         gpu.checked(|| {
-            forces.prepare(gpu, plan, false);
+            forces.prepare(gpu, plan, false, None);
             let mut encoder = gpu.encoder();
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             forces.bind_substep(&mut pass, 0);
@@ -188,7 +188,7 @@ impl Hybrid {
         };
         let complete = payload(true);
         let opened = gpu.checked(|| {
-            forces.prepare(gpu, &alone, false);
+            forces.prepare(gpu, &alone, false, None);
             Gpu::refused()?;
             let mapped = match mapped.take() {
                 Some(mapped) => mapped,

@@ -9,7 +9,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::gpu::BoundVertex;
 use crate::gpu::contact::status::{self as contact, About, Listed, Status, Track};
-use crate::gpu::multigrid::Member;
+use crate::gpu::multigrid::{Average, Member};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
 use crate::gpu::tiles::NO_EDGE;
@@ -58,6 +58,7 @@ fn structs() -> Vec<Layout> {
         layout!(StrainGauge { ends, inverse_rest, weight }),
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
+        layout!(Average { x, u }),
         layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
         layout!(About { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, is_led, meshes_rest, meets_itself, let_go, let_go_of_edges, groups, mesh_groups, per_mass, box_edges, features, spacing, turn_x, turn_y, turn_z, center, travel }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
@@ -188,7 +189,11 @@ fn shared_structs_agree_member_for_member() {
                 "StoredEdge",
                 "ColoredEdges",
                 "FourColors",
+                "Aggregates",
+                "Entries",
+                "Fetched",
                 "FourEntries",
+                "Share",
                 "Item",
             ];
             let of_contact = [

@@ -33,12 +33,14 @@ fn a_table_says_what_the_levels_are() {
             for (k, &item) in level.members.items.iter().enumerate().filter(|_| index > 0 || below.is_some()) {
                 let aggregate = place + level.label[item as usize] as usize;
                 let (list, room, base) = match index {
-                    0 => (lists + 2 * table.of_finest * aggregate, table.of_finest, below.unwrap()),
-                    _ => (members + 2 * table.members * (aggregate - table.averaged), table.members, word(index - 1)),
+                    0 => (lists, table.of_finest, below.unwrap()),
+                    _ => (members + 2 * table.members * (place - table.averaged), table.members, word(index - 1)),
                 };
+                let count = level.inverse_mass.len();
+                let pairs = (0..room).map(|m| list + 2 * count * m + aggregate - place).map(|at| [word(at), word(at + count)]);
                 assert!(index == 0 || word(labels + base + item as usize) == aggregate);
-                let of_item = table.table[list..][..2 * room].chunks(2).filter(|pair| pair[0] as usize == base + item as usize);
-                assert!(of_item.map(|pair| f32::from_bits(pair[1])).sum::<f32>() == level.share[k]);
+                let of_item = pairs.filter(|[member, _]| *member == base + item as usize);
+                assert!(of_item.map(|[_, share]| f32::from_bits(share as u32)).sum::<f32>() == level.share[k]);
             }
             let first = word(levels.len() + 1 + index);
             let last = if index > 0 { word(levels.len() + index) } else { word(2 * levels.len() + 1) };

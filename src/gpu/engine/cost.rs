@@ -12,7 +12,11 @@ use crate::step::plan::Plan;
 impl GpuEngine {
     /// Dispatches of a substep.
     pub(super) fn dispatches(&self, plan: &Plan<'_>) -> usize {
-        let levels = self.multigrid(plan).map_or(0, |multigrid| multigrid.dispatches(plan.params.levels as usize));
+        let levels = match self.multigrid(plan) {
+            Some(_) if self.corrects_in_tiles(plan) => 1,
+            Some(multigrid) => multigrid.dispatches(plan.params.levels as usize),
+            None => 0,
+        } - usize::from(self.multigrid(plan).is_some() && self.forces.averages(&self.forced(plan)));
         match &self.sweep {
             Sweep::Tiled(_) => {
                 let forced = self.forced(plan);
@@ -41,14 +45,15 @@ impl GpuEngine {
             // Vertices in halos are read more than once; each vertex is written once.
             Sweep::Tiled(tiled) => {
                 let tiled = self.tiled(tiled, plan);
-                let tiles = &tiled.tiles;
-                (forces * forced.params.predicted as usize + tiled.bytes() + state, tiles.colors, tiles.swept)
+                let [colors, edges] = tiled.counts();
+                (forces * forced.params.predicted as usize + tiled.bytes() + state, colors, edges)
             }
             Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
         };
         let multigrid = self.multigrid(plan);
         let levels = plan.params.levels as usize;
-        let [more_rounds, more_edges] = multigrid.map_or([0, 0], |multigrid| multigrid.counts(levels));
+        let apart = multigrid.filter(|_| !self.corrects_in_tiles(plan));
+        let [more_rounds, more_edges] = apart.map_or([0, 0], |multigrid| multigrid.counts(levels));
         GpuStats {
             dispatches: substeps * self.dispatches(plan) + commit::DISPATCHES - usize::from(self.is_checked(plan)),
             bytes: substeps * (substep + multigrid.map_or(0, |multigrid| multigrid.bytes(levels))) + 3 * state,

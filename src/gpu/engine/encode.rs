@@ -36,7 +36,14 @@ impl GpuEngine {
                 self.forces.encode(pass, &forced, PING_PONG[group][0]);
             }
             let multigrid = self.multigrid(plan);
-            multigrid.into_iter().for_each(|multigrid| multigrid.encode(pass, &forced, group));
+            if let Some(multigrid) = multigrid {
+                if !self.forces.averages(&forced) {
+                    multigrid.encode_averages(pass, &forced, group);
+                }
+                if !self.corrects_in_tiles(plan) {
+                    multigrid.encode(pass, plan);
+                }
+            }
             match &self.sweep {
                 Sweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
                 Sweep::PerColor(per_color) => {

@@ -2,7 +2,7 @@
 
 use super::{GpuEngine, Sweep};
 use crate::device::Gpu;
-use crate::gpu::sweep::{Bent, Bound, SingleWorkgroup, Tiled};
+use crate::gpu::sweep::{Bound, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{IN_TILE, TileSize};
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
@@ -14,7 +14,7 @@ const LONGEST_DISPATCH: u32 = 2048;
 /// Number of vertices up to which one workgroup is faster than many.
 const SMALL: usize = 1024;
 /// Number of workgroups, with a tile each, that keep a large GPU busy, and the range of a tile's own vertices.
-const TILES: usize = 256;
+const TILES: usize = 128;
 const OWN: [usize; 2] = [48, 256];
 /// Number of vertices up to which tiles bend the cloth before they sweep it. On an H200 a substep with bending then takes
 /// 9.0 us instead of 15.7 at 4004 vertices, but 16 to 21 us instead of 16.8 at 14,161, because moments in the halo of the
@@ -38,7 +38,7 @@ impl GpuEngine {
             _ => Path::PerColor,
         };
         let room = gpu.workgroup_memory() / IN_TILE;
-        let size = TileSize { own: (vertices / TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
+        let size = TileSize { own: vertices.div_ceil(TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
         (path, size)
     }
 
@@ -65,10 +65,26 @@ impl GpuEngine {
     /// Prepares the tiles for steps with bending in a single pass.
     pub(super) fn make_bent(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, sweep, bent, commit, .. } = self;
-        if let (Bent::Untried, Sweep::Tiled(tiled)) = (&bent, sweep) {
-            let bound = Bound { forces, bodies, found: &commit.found, shift: None };
-            *bent = tiled.bent(gpu, plan.cloth, bound).map_or(Bent::NoRoom, |made| Bent::Made(Box::new(made)));
+        if let Sweep::Tiled(tiled) = sweep {
+            let bound = Bound { forces, bodies, found: &commit.found, multigrid: None };
+            bent.make(|| tiled.bent(gpu, plan.cloth, bound));
         }
+    }
+
+    /// Prepares the tiles for steps with a single level, unless that is too large for one workgroup: then tiles of its own
+    /// overlap less.
+    pub(super) fn make_corrected(&mut self, plan: &Plan<'_>) {
+        let GpuEngine { gpu, forces, bodies, sweep, corrected, multigrid, room, commit, .. } = self;
+        if let (Sweep::Tiled(tiled), [level, ..], 1) = (sweep, plan.levels, plan.params.levels) {
+            let bound = Bound { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
+            let fits = level.inverse_mass.len() <= *room;
+            corrected.make(|| fits.then(|| tiled.corrected(gpu, plan.cloth, level, bound)).flatten());
+        }
+    }
+
+    /// Whether tiles correct the cloth by a level in this step.
+    pub(super) fn corrects_in_tiles(&self, plan: &Plan<'_>) -> bool {
+        plan.params.levels == 1 && self.corrected.made().is_some()
     }
 
     /// Whether tiles bend the cloth in this step.
@@ -78,7 +94,9 @@ impl GpuEngine {
 
     /// The tiles that do a step.
     pub(super) fn tiled<'a>(&'a self, tiled: &'a Tiled, plan: &Plan<'_>) -> &'a Tiled {
-        self.bent.made().filter(|_| self.bends_in_tiles(plan)).unwrap_or(tiled)
+        let more = if self.bends_in_tiles(plan) { &self.bent } else { &self.corrected };
+        let does = self.bends_in_tiles(plan) || self.corrects_in_tiles(plan);
+        more.made().filter(|_| does).unwrap_or(tiled)
     }
 
     /// The part of a step that is computed before its sweep: not what tiles compute themselves.

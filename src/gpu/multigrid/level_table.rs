@@ -12,9 +12,9 @@ const WIDEST: usize = 512;
 #[derive(Debug)]
 pub(crate) struct LevelTable {
     /// For each level the start of its aggregates, and the end; for each level its first color, and the end; for each
-    /// aggregate the coarser one that contains it; for each aggregate its members with their shares, padded with the
-    /// first member and share 0; and the edges, as in the table of a tile. An aggregate is identified by its place
-    /// here.
+    /// aggregate the coarser one that contains it; for each level the members of its aggregates with their shares,
+    /// padded with the first member and share 0; and the edges, as in the table of a tile. An aggregate is identified by
+    /// its place here.
     pub table: Vec<u32>,
     /// Number of levels, and of finer levels that are swept elsewhere.
     levels: usize,
@@ -137,14 +137,16 @@ fn most_members(level: &Level) -> usize {
     level.members.spans.iter().map(|span| span.end - span.start).max().unwrap_or(1) as usize
 }
 
-/// Adds the members of each aggregate with their shares, as items numbered from `below` on, padded to `room` members.
+/// Adds the members of the aggregates with their shares, as items numbered from `below` on, padded to `room` members: first
+/// the first member of each aggregate, then their shares, then the second members, so that neighboring lanes read
+/// neighboring words.
 fn push_members(table: &mut Vec<u32>, level: &Level, below: u32, room: usize) {
-    for span in &level.members.spans {
-        let range = span.start as usize..span.end as usize;
-        let (items, shares) = (&level.members.items[range.clone()], &level.share[range]);
-        let listed = items.iter().zip(shares).map(|(&item, share)| [below + item, share.to_bits()]);
-        let filled = std::iter::repeat([below + items[0], 0]);
-        table.extend(listed.chain(filled).take(room).flatten());
+    let lists = || level.members.spans.iter().map(|span| span.start as usize..span.end as usize);
+    for member in 0..room {
+        table.extend(
+            lists().map(|list| below + level.members.items[if member < list.len() { list.start + member } else { list.start }]),
+        );
+        table.extend(lists().map(|list| if member < list.len() { level.share[list.start + member].to_bits() } else { 0 }));
     }
 }
 

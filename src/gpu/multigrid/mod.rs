@@ -37,10 +37,21 @@ pub(crate) struct Member {
     pub share: f32,
 }
 
+/// What an aggregate is averaged to: its center and its inverse mass, and its predicted displacement. `Average` of
+/// `average.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub(crate) struct Average {
+    pub x: Vec4,
+    pub u: Vec4,
+}
+
 /// All levels of a cloth. A step uses as many of the finest ones as it asks for.
 #[derive(Debug)]
 pub(crate) struct Multigrid {
-    /// The correction of each aggregate of each level, the finest level first.
+    /// The [`Average`] of each aggregate of each level, the finest level first.
+    pub averages: wgpu::Buffer,
+    /// The correction of each of them.
     pub shift: wgpu::Buffer,
     /// For each level the number of members of its aggregates and of those of all finer levels.
     items: Vec<usize>,
@@ -66,8 +77,9 @@ impl Multigrid {
         let mut starts = vec![0];
         levels.iter().for_each(|level| starts.push(starts[starts.len() - 1] + level.inverse_mass.len()));
         let rest = at_rest(&cloth.rest, levels);
-        let centers = gpu.filled("centers", &rest.concat());
-        let [predicted, shift] = ["predicted", "shift"].map(|name| gpu.buffer(name, centers.size()));
+        let at_start: Vec<Average> = rest.concat().into_iter().map(|x| Average { x, u: Vec4::ZERO }).collect();
+        let averages = gpu.filled("averages", &at_start);
+        let shift = gpu.buffer("shift", averages.size() / 2);
 
         let (mut spans, mut members, mut items) = (Vec::new(), Vec::new(), Vec::new());
         for (index, level) in levels.iter().enumerate() {
@@ -87,8 +99,7 @@ impl Multigrid {
                 Bind::Read(motion),
                 Bind::Read(&spans),
                 Bind::Read(&members),
-                Bind::Write(&centers),
-                Bind::Write(&predicted),
+                Bind::Write(&averages),
             ]
         };
         let mut bound_by_all = groups(&forces.states, |from, _| bound(&from.x, &from.p));
@@ -100,13 +111,13 @@ impl Multigrid {
         };
         let (restrict_vertices, restrict_aggregates) = (restrict(true, EACH[0]), restrict(false, EACH[1]));
 
-        let buffers = [&centers, &predicted, &shift];
+        let buffers = [&averages, &shift];
         let tiled = room.and_then(|room| TiledLevels::new(gpu, levels, &rest, &starts, &forces.uniforms, room, buffers));
         let sweep = match tiled {
             Some(tiled) => Sweep::Tiled(tiled),
             None => Sweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
         };
-        Multigrid { shift, items, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
+        Multigrid { averages, shift, items, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
     }
 
     /// Number of levels that are swept in tiles.
@@ -155,12 +166,16 @@ impl Multigrid {
         }
     }
 
-    /// Encodes the correction of the displacements that a substep's forces predict: substep number `group` of
-    /// [`PING_PONG`].
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
-        let count = |level: usize| self.starts[level + 1] - self.starts[level];
+    /// Encodes the averages of the finest level over the displacements that the forces of substep number `group` of
+    /// [`PING_PONG`] predict.
+    pub(crate) fn encode_averages(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         let predicted = plan.params.predicted as usize * PING_PONG.len();
-        self.restrict_vertices.dispatch(pass, group + predicted, &slot(0), EACH[0] * count(0));
+        self.restrict_vertices.dispatch(pass, group + predicted, &slot(0), EACH[0] * self.starts[1]);
+    }
+
+    /// Encodes the corrections that follow from the averages of the finest level.
+    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>) {
+        let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let levels = plan.params.levels as usize;
         let averaged = match &self.sweep {
             Sweep::Tiled(tiled) => tiled.dispatches(levels),

@@ -28,7 +28,7 @@ impl LevelsPerColor {
         levels: &[Level],
         aggregates: &[Batch],
         forces: &Forces,
-        [centers, predicted, shift]: [&wgpu::Buffer; 3],
+        [averages, shift]: [&wgpu::Buffer; 2],
     ) -> LevelsPerColor {
         let (mut colors, mut first) = (Vec::new(), 0);
         for (index, level) in levels.iter().enumerate() {
@@ -50,8 +50,7 @@ impl LevelsPerColor {
             let bound = vec![
                 Bind::Dynamic(&slots, size_of::<Batch>()),
                 Bind::Read(&edges),
-                Bind::Read(centers),
-                Bind::Read(predicted),
+                Bind::Read(averages),
                 Bind::Read(labels),
                 Bind::Write(&corrected),
                 Bind::Write(shift),

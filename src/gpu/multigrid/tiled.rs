@@ -31,7 +31,7 @@ impl TiledLevels {
         starts: &[usize],
         uniforms: &Group,
         room: usize,
-        [centers, predicted, shift]: [&wgpu::Buffer; 3],
+        [averages, shift]: [&wgpu::Buffer; 2],
     ) -> Option<TiledLevels> {
         let end = starts[levels.len()];
         let first_together = (0..levels.len()).find(|&level| end - starts[level] <= room).unwrap_or(levels.len());
@@ -47,7 +47,7 @@ impl TiledLevels {
             let label = |item: u32| above.map_or(NO_EDGE, |above| starts[index + 1] as u32 + above.label[item as usize]);
             tiles.set_labels(label, starts[index] as u32);
             let table = gpu.filled("tiles of a level", &tiles.table);
-            let bound = vec![Bind::Read(&table), Bind::Read(centers), Bind::Read(predicted), Bind::Write(shift)];
+            let bound = vec![Bind::Read(&table), Bind::Read(averages), Bind::Write(shift)];
             let constants = [&tiles.constants(gpu)[..], &[("LEVEL", index as f64)]].concat();
             let entry = Entry { shader: shaders::LEVEL_TILE, name: "sweep_of_level_tile", constants: &constants };
             let stage = Stage::new(gpu, uniforms, entry, &[bound]);
@@ -58,7 +58,7 @@ impl TiledLevels {
             let table = gpu.filled("levels", &levels.table);
             let own = [("LANES", lanes(gpu, levels.width) as f64), ("BASE", starts[first_together] as f64)];
             let constants = [&LevelTable::constants(Some(&levels), 0)[..], &own].concat();
-            let bound = vec![Bind::Read(&table), Bind::Read(centers), Bind::Write(predicted), Bind::Write(shift)];
+            let bound = vec![Bind::Read(&table), Bind::Write(averages), Bind::Write(shift)];
             let entry = Entry { shader: shaders::LEVELS_IN_WORKGROUP, name: "sweep_of_levels", constants: &constants };
             let stage = Stage::new(gpu, uniforms, entry, &[bound]);
             (levels, table, stage)
@@ -80,7 +80,7 @@ impl TiledLevels {
 
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, levels: &[Vec<Edge>]) {
         for ((tiles, table, _), edges) in self.in_tiles.iter_mut().zip(levels) {
-            tiles.send_edges(gpu, table, edges);
+            tiles.send_edges(gpu, table, 0, edges);
         }
         if let Some((together, table, _)) = &mut self.in_workgroup {
             together.send_edges(gpu, table, 0, levels);

@@ -2,6 +2,7 @@
 //! result.
 
 pub(crate) mod forces_in_workgroup;
+mod level;
 mod per_color;
 mod rings;
 mod single_workgroup;
@@ -11,4 +12,4 @@ pub(crate) use per_color::PerColor;
 #[cfg(test)]
 pub(crate) use rings::with_rings;
 pub(crate) use single_workgroup::SingleWorkgroup;
-pub(crate) use tiled::{Bent, Bound, Tiled};
+pub(crate) use tiled::{Bound, OnDemand, Tiled};

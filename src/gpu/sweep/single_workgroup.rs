@@ -18,7 +18,7 @@ use crate::step::substep_count::Length;
 
 /// Bytes of workgroup memory per vertex, and per aggregate.
 const OF_VERTEX: usize = 12;
-const OF_AGGREGATE: usize = 40;
+const OF_AGGREGATE: usize = 48;
 
 /// A step in one workgroup.
 #[derive(Debug)]
@@ -72,9 +72,9 @@ impl SingleWorkgroup {
         let state = gpu.buffer("state in work", (vectors * size_of::<Vec4>()) as u64);
 
         let coarse = LevelTable::constants(level_table.as_ref(), tiles.table.len());
-        let numbers = [("NUMBERS", (3 * tiles.largest).max(10 * aggregates) as f64)];
+        let vectors = [("VECTORS", tiles.largest.max(4 * aggregates) as f64), ("AHEAD", 0.0)];
         let at = [("TETHERS", (tethers / size_of::<u32>()) as f64)];
-        let constants = [&tiles.constants(gpu)[..], &coarse, &numbers, &at, &force_table.constants()].concat();
+        let constants = [&tiles.constants(gpu)[..], &coarse, &vectors, &at, &force_table.constants()].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
@@ -121,7 +121,7 @@ impl SingleWorkgroup {
         if std::mem::replace(sent, asked) == asked {
             return;
         }
-        tiles.send_edges(gpu, table, &plan.coefficients.edges);
+        tiles.send_edges(gpu, table, 0, &plan.coefficients.edges);
         tethers::send(gpu, plan, table, *tethers);
         forces.send(gpu, plan, table);
         if let Some(levels) = levels {

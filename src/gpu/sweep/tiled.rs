@@ -1,16 +1,19 @@
-//! One dispatch per substep: each workgroup processes a tile of the cloth and its halo, with bending in a single pass if
-//! the substep has that.
+//! One dispatch per substep: each workgroup processes a tile of the cloth and its halo, with bending in a single pass or with
+//! the correction by a single level if the substep has that.
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
+use crate::gpu::multigrid::Multigrid;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, State, groups};
+use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
 use crate::gpu::tiles::Tiles;
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
+use crate::multigrid::hierarchy::Level;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -25,25 +28,34 @@ pub(crate) struct Tiled {
     length: Option<Length>,
     /// Whether it bends the cloth.
     bends: bool,
+    /// The tiles of the level that it corrects by, if it does.
+    pub level: Option<Tiles>,
     /// The groups of [`PING_PONG`] that predict, followed by those that read what the forces predicted.
     stage: Stage,
 }
 
-/// The tiles with bending: created when a step first has it in a single pass.
+/// Tiles that do more than sweep: created when a step first needs them.
 #[derive(Debug)]
-pub(crate) enum Bent {
+pub(crate) enum OnDemand {
     Untried,
     NoRoom,
     Made(Box<Tiled>),
 }
 
-impl Bent {
+impl OnDemand {
+    /// Makes the tiles unless that was tried before.
+    pub(crate) fn make(&mut self, make: impl FnOnce() -> Option<Tiled>) {
+        if let OnDemand::Untried = self {
+            *self = make().map_or(OnDemand::NoRoom, |made| OnDemand::Made(Box::new(made)));
+        }
+    }
+
     pub(crate) fn made(&self) -> Option<&Tiled> {
-        if let Bent::Made(tiled) = self { Some(tiled) } else { None }
+        if let OnDemand::Made(tiled) = self { Some(tiled) } else { None }
     }
 
     pub(crate) fn made_mut(&mut self) -> Option<&mut Tiled> {
-        if let Bent::Made(tiled) = self { Some(tiled) } else { None }
+        if let OnDemand::Made(tiled) = self { Some(tiled) } else { None }
     }
 }
 
@@ -53,45 +65,66 @@ pub(crate) struct Bound<'a> {
     pub forces: &'a Forces,
     pub bodies: &'a Sent,
     pub found: &'a wgpu::Buffer,
-    pub shift: Option<&'a wgpu::Buffer>,
+    pub multigrid: Option<&'a Multigrid>,
 }
 
-/// The bytes of the table at which the tethers begin, the pins, the rows of bending and the rings; then its end.
+/// The bytes of the table at which the tethers begin, the pins, the rows of bending, the rings and the level; then its end.
 #[derive(Debug, Clone, Copy)]
 struct Places {
     tethers: usize,
     pins: usize,
     rows: usize,
     rings: usize,
+    level: usize,
     end: usize,
 }
 
 impl Places {
-    fn new(cloth: &Cloth, tiles: &Tiles, rings: Option<&Rings>) -> Places {
+    fn new(cloth: &Cloth, tiles: &Tiles, rings: Option<&Rings>, level: Option<&Tiles>) -> Places {
         let vertices = cloth.rest.len();
         let tethers = size_of_val(tiles.table.as_slice());
         let pins = tethers + tethers::size(cloth);
         let led = cloth.pinned.len();
         let rows = pins + if led > 0 { size_of::<u32>() * vertices + size_of::<Pin>() * led } else { 0 };
         let rings_at = rows + rings.map_or(0, |_| size_of::<[f32; 3]>() * vertices);
-        Places { tethers, pins, rows, rings: rings_at, end: rings_at + rings.map_or(0, |of| size_of_val(of.table.as_slice())) }
+        let level_at = rings_at + rings.map_or(0, |of| size_of_val(of.table.as_slice()));
+        let end = level_at + level.map_or(0, |of| size_of_val(of.table.as_slice()));
+        Places { tethers, pins, rows, rings: rings_at, level: level_at, end }
     }
 }
 
 impl Tiled {
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, bound: Bound<'_>) -> Tiled {
-        Tiled::with(gpu, cloth, tiles, None, bound)
+        Tiled::with(gpu, cloth, tiles, None, None, None, bound)
     }
 
     /// The same tiles with bending, for substeps that have that in a single pass and no levels. `None` if there is no
     /// room for the rings around the tiles.
     pub(crate) fn bent(&self, gpu: &Gpu, cloth: &Cloth, bound: Bound<'_>) -> Option<Tiled> {
         let (tiles, rings) = with_rings(gpu, &self.tiles, &cloth.bending().entries)?;
-        Some(Tiled::with(gpu, cloth, tiles, Some(&rings), bound))
+        let most = Some(tiles.largest);
+        Some(Tiled::with(gpu, cloth, tiles, most, Some(&rings), None, bound))
     }
 
-    fn with(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, rings: Option<&Rings>, bound: Bound<'_>) -> Tiled {
-        let at = Places::new(cloth, &tiles, rings);
+    /// The same tiles with the correction by the finest level, for substeps that have no other. `None` if there is no room for
+    /// the aggregates around the tiles.
+    pub(crate) fn corrected(&self, gpu: &Gpu, cloth: &Cloth, level: &Level, bound: Bound<'_>) -> Option<Tiled> {
+        let (tiles, of_level) = with_level(gpu, &self.tiles, level)?;
+        let most = Some(self.tiles.largest);
+        Some(Tiled::with(gpu, cloth, tiles, most, None, Some(of_level), bound))
+    }
+
+    /// With an invocation for each of `most` vertices, if that is given.
+    fn with(
+        gpu: &Gpu,
+        cloth: &Cloth,
+        tiles: Tiles,
+        most: Option<usize>,
+        rings: Option<&Rings>,
+        level: Option<Tiles>,
+        bound: Bound<'_>,
+    ) -> Tiled {
+        let at = Places::new(cloth, &tiles, rings, level.as_ref());
         let table = gpu.buffer("tiles", at.end as u64);
         gpu.write(&table, 0, &tiles.table);
         if !cloth.pinned.is_empty() {
@@ -100,25 +133,37 @@ impl Tiled {
         let word = |byte: usize| (byte / size_of::<u32>()) as f64;
         let mut constants = tiles.constants(gpu).to_vec();
         constants.extend([("TETHERS", word(at.tethers)), ("PINS", word(at.pins))]);
+        most.into_iter().for_each(|most| constants[0] = ("LANES", lanes(gpu, most) as f64));
         let mut entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &[] };
         if let Some(Rings { table: entries, swept, bent, ring }) = rings {
             gpu.write(&table, at.rings, entries);
             entry = Entry { shader: shaders::BENT_TILE, name: "substep_of_bent_tile", ..entry };
-            // An invocation for each vertex.
-            constants.retain(|(name, _)| *name != "LANES");
             constants.extend([("ROWS", word(at.rows)), ("RINGS", word(at.rings))]);
-            let numbers = [("LANES", lanes(gpu, tiles.largest)), ("FORCED", *swept), ("BENT", *bent), ("RING", *ring)];
+            let numbers = [("FORCED", *swept), ("BENT", *bent), ("RING", *ring)];
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
             constants.push(("MOMENTS", (6 * bent) as f64));
         }
+        if let Some(of_level) = &level {
+            gpu.write(&table, at.level, &of_level.table);
+            entry = Entry { shader: shaders::CORRECTED_TILE, name: "substep_of_corrected_tile", ..entry };
+            let numbers = [
+                ("LEVEL_ROOM", of_level.largest),
+                ("LEVEL_WIDTH", of_level.widest),
+                ("LEVEL_COLORS", of_level.colors),
+                ("CORRECTIONS", of_level.most_own()),
+            ];
+            constants.push(("LEVEL_TABLE", word(at.level)));
+            constants.extend(numbers.map(|(name, value)| (name, value as f64)));
+        }
         let entry = Entry { constants: &constants, ..entry };
-        let stage = Stage::new(gpu, &bound.forces.uniforms, entry, &Tiled::groups(&table, bound));
-        Tiled { tiles, table, at, length: None, bends: rings.is_some(), stage }
+        let stage = Stage::new(gpu, &bound.forces.uniforms, entry, &Tiled::groups(&table, level.is_some(), bound));
+        Tiled { tiles, table, at, length: None, bends: rings.is_some(), level, stage }
     }
 
-    fn groups<'a>(table: &'a wgpu::Buffer, Bound { forces, bodies, found, shift }: Bound<'a>) -> Vec<Vec<Bind<'a>>> {
+    fn groups<'a>(table: &'a wgpu::Buffer, corrects: bool, bound: Bound<'a>) -> Vec<Vec<Bind<'a>>> {
+        let Bound { forces, bodies, found, multigrid } = bound;
         // Without levels another buffer is bound, which is not read.
-        let shift = shift.unwrap_or(&forces.u);
+        let of_levels = multigrid.map_or(&forces.u, |levels| if corrects { &levels.averages } else { &levels.shift });
         let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
             vec![
                 Bind::Read(table),
@@ -127,7 +172,7 @@ impl Tiled {
                 Bind::Read(&bodies.buffer),
                 Bind::Write(&to.x),
                 Bind::Write(&to.p),
-                Bind::Read(shift),
+                Bind::Read(of_levels),
                 Bind::Write(found),
             ]
         };
@@ -137,7 +182,7 @@ impl Tiled {
     }
 
     pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: Bound<'_>) {
-        self.stage.rebind(gpu, &Tiled::groups(&self.table, bound));
+        self.stage.rebind(gpu, &Tiled::groups(&self.table, self.level.is_some(), bound));
     }
 
     /// Stores the aggregate of each vertex.
@@ -151,7 +196,10 @@ impl Tiled {
             gpu.write(&self.table, self.at.pins + size_of::<u32>() * plan.cloth.rest.len(), plan.pins);
         }
         if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
-            self.tiles.send_edges(gpu, &self.table, &plan.coefficients.edges);
+            self.tiles.send_edges(gpu, &self.table, 0, &plan.coefficients.edges);
+            if let (Some(of_level), [edges, ..]) = (&mut self.level, plan.coefficients.levels.as_slice()) {
+                of_level.send_edges(gpu, &self.table, self.at.level, edges);
+            }
             tethers::send(gpu, plan, &self.table, self.at.tethers);
             if self.bends {
                 gpu.write(&self.table, self.at.rows, &plan.coefficients.bending.rows);
@@ -160,7 +208,13 @@ impl Tiled {
         }
     }
 
-    /// Bytes that a substep reads: its tiles, and what bending reads besides.
+    /// Colors, which are processed one after another, and edges of a substep.
+    pub(crate) fn counts(&self) -> [usize; 2] {
+        let level = self.level.as_ref();
+        [self.tiles.colors + level.map_or(0, |level| level.colors), self.tiles.swept + level.map_or(0, |level| level.swept)]
+    }
+
+    /// Bytes that a substep reads: its tiles, and what bending and the level read besides.
     pub(crate) fn bytes(&self) -> usize {
         self.tiles.bytes() + self.at.end - self.at.rows
     }

@@ -1,0 +1,72 @@
+// A substep of one tile with a single coarse level, which the tile corrects itself: it also holds the aggregates of its
+// vertices and all others on which these depend through the colors of the level, in the memory that afterwards holds the
+// vertices. So the level takes no dispatch of its own, and the result is the same as if it did. Each vertex has an invocation
+// of its own, which fetches it before anything else.
+
+// The word of the table where the tiles of the level begin, which have the layout of those of vertices; the aggregates that
+// one has room for, the edges per color, the colors, and most aggregates of a tile's own vertices.
+override LEVEL_TABLE: u32 = 0u;
+override LEVEL_ROOM: u32 = 64u;
+override LEVEL_WIDTH: u32 = 64u;
+override LEVEL_COLORS: u32 = 6u;
+override CORRECTIONS: u32 = 64u;
+
+// Of the aggregates of the level.
+@group(1) @binding(6) var<storage, read> averages: array<Average>;
+
+// The correction of each aggregate of the tile's own vertices.
+var<workgroup> corrections: array<vec4f, CORRECTIONS>;
+
+fn aggregate_at(tile: u32, k: u32) -> u32 {
+    return table[LEVEL_TABLE + TILES + tile * LEVEL_ROOM + k];
+}
+
+fn edges_of_level(tile: u32) -> ColoredEdges {
+    let start = LEVEL_TABLE + TILES * (1u + 2u * LEVEL_ROOM) + 3u * LEVEL_WIDTH * LEVEL_COLORS * tile;
+    return ColoredEdges(start, LEVEL_WIDTH, LEVEL_COLORS);
+}
+
+@compute @workgroup_size(LANES)
+fn substep_of_corrected_tile(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let tile = group.x + group.y * groups.x;
+    if tile >= TILES {
+        return;
+    }
+    let edges_above = edges_of_level(tile);
+    let first_above = fetch_four(edges_above, 0u, lane);
+    let predicted = averages[aggregate_at(tile, min(lane, LEVEL_ROOM - 1u))].u;
+    let edges = edges_of(tile);
+    let first = fetch_four(edges, 0u, lane);
+    let own = own_vertices(tile);
+    let k = min(lane, ROOM - 1u);
+    let v = vertex_at(tile, k);
+    let label = label_at(tile, k);
+    let x_v = x[v];
+    var u_v = motion[v].xyz;
+    for (var k = lane; k < LEVEL_ROOM; k += LANES) {
+        let average = averages[aggregate_at(tile, k)];
+        tile_x[k] = average.x;
+        tile_u[k] = average.u;
+    }
+    if params.predicted == 0u {
+        u_v = free_displacement(v, x_v, u_v);
+    }
+    workgroupBarrier();
+    on_level = true;
+    sweep(edges_above, first_above, lane);
+    on_level = false;
+    if lane < CORRECTIONS {
+        corrections[lane] = tile_u[lane] - predicted;
+    }
+    workgroupBarrier();
+    if lane < ROOM {
+        tile_x[k] = x_v;
+        tile_u[k] = vec4f(u_v + corrections[label].xyz, 0.0);
+    }
+    workgroupBarrier();
+    sweep_and_move(tile, own, edges, first, lane);
+}
