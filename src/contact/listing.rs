@@ -1,0 +1,109 @@
+//! When pairs are listed: anew for all vertices, or around those that strayed from their paths; and what is not listed, because
+//! it crosses.
+
+use glam::{Vec3A, Vec4};
+
+use super::detection::Scene;
+use super::let_go::LetGo;
+use super::paths::Paths;
+use super::surface::Surface;
+use super::tree::Look;
+use super::{Path, SelfContact, Workers};
+use crate::kernels::integrate::xyz;
+use crate::options::Contact;
+use crate::simd::Width;
+
+/// Least distance that a vertex may stray from its path before it gets a new one, in units of the thickness.
+const LEAST_STRAY: f32 = 0.1;
+
+impl SelfContact {
+    /// Lets go of what crosses at the end of the substep because it is pinched.
+    pub(super) fn let_go_of_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
+        let SelfContact { options, surface, contacts, let_go, paths, meets_itself, .. } = self;
+        let pinched = contacts.pinched(x, u);
+        if !pinched.is_empty() {
+            let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
+            if let_go.follow(surface, &ends, *meets_itself, options.thickness, &pinched) {
+                paths.end();
+            }
+        }
+    }
+
+    /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
+    /// too many pairs, or if the state is not finite, which the end of the step reports.
+    pub(super) fn detect(&mut self, path: Path<'_>, moving: usize, is_free: bool, width: Width) -> bool {
+        let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
+        if !sum.is_finite() {
+            return false;
+        }
+        if self.led_may_cross && !self.may_cross {
+            self.may_cross = LetGo::led_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
+        }
+        let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
+        let is_known = !self.may_cross && self.let_go.crossings.is_empty();
+        let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
+        let mut strayed = std::mem::take(&mut self.detection.strayed);
+        let listed = if is_listed && self.paths.strayed(may_stray, is_free, &mut strayed) {
+            self.list_around(&strayed, path, is_free, width)
+        } else {
+            self.tally.detections += 1;
+            self.list_all(path, is_free, width)
+        };
+        self.detection.strayed = strayed;
+        if let Err(crowd) = listed {
+            (self.crowd, self.detection.is_fitted) = (crowd, false);
+            return false;
+        }
+        true
+    }
+
+    /// Lists all pairs, for new paths.
+    fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+        let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
+        let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
+        paths.adapt(path, lists_are, surface, LEAST_STRAY * options.thickness, is_free);
+        if bodies.are_still {
+            paths.stray[bodies.first..].fill(0.0);
+        }
+        paths.begin(path.x, path.u);
+        if std::mem::take(&mut self.may_cross) {
+            self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
+        } else {
+            self.let_go.follow(surface, path.x, self.meets_itself, options.thickness, &[]);
+        }
+        self.contacts.keep(lists, path.workers);
+        let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.workers, width);
+        bodies.are_known = bodies.are_still;
+        let let_go = &self.let_go;
+        self.contacts.forget();
+        detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| let_go.has(kind, first, pair))
+    }
+
+    /// Lists more pairs, around some vertices that get new paths.
+    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+        let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        if !detection.is_fitted {
+            detection.fit(scene(surface, *options, self.meets_itself, false, paths, path.workers, width), [of_cloth, of_bodies]);
+        }
+        paths.restart(strayed, path, surface, LEAST_STRAY * options.thickness, is_free);
+        bodies.are_known &= bodies.are_still;
+        let scene = scene(surface, *options, self.meets_itself, false, paths, path.workers, width);
+        detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)
+    }
+}
+
+/// The input of a detection along some paths.
+fn scene<'a>(
+    surface: &'a Surface,
+    options: Contact,
+    meets_itself: bool,
+    bodies_rest: bool,
+    paths: &'a Paths,
+    workers: Workers<'a>,
+    width: Width,
+) -> Scene<'a> {
+    let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers };
+    let look = Look { substeps: paths.ahead, margin: options.thickness };
+    Scene { surface, meets_itself, bodies_rest, path, look, width }
+}
