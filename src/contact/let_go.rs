@@ -96,7 +96,7 @@ impl LetGo {
         // For each vertex a bit for each side of the region that it is beyond. What has all of its vertices beyond the
         // same side is not there.
         let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
-        let beyond: Vec<u32> = x[cloth..].iter().map(beyond).collect();
+        let beyond: Vec<u32> = x.get(cloth..).unwrap_or_default().iter().map(beyond).collect();
         let is_there =
             |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize - cloth]) == 0;
         let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
