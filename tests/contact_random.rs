@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Tethers, Warning,
+    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Shape, Tethers, Warning,
 };
 use common::crossings::with_itself_and;
 use common::shapes::{ball, capsule, jittered, tube};
@@ -203,9 +203,20 @@ enum End {
     Pinched,
 }
 
+/// Whether a body of triangles reaches into another collider, or into cloth of this thickness (m) that lies on it.
+fn leave_no_room(colliders: &[Collider], thickness: f32) -> bool {
+    let vertices = colliders.iter().flat_map(|collider| match &collider.shape {
+        Shape::Mesh { mesh } => &mesh.positions[..],
+        _ => &[],
+    });
+    let others = || colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
+    vertices.into_iter().any(|&x| others().any(|other| other.distance(x) < thickness))
+}
+
 /// Plays a scene to the end, or to the first frame with a crossing.
 fn play(scene: &Scene, frames: u32) -> Result<End, String> {
     let mut cloth = Deformer::new(&scene.mesh, scene.options.clone()).map_err(|error| error.to_string())?;
+    let thickness = scene.options.contact.map_or(0.0, |contact| contact.thickness);
     for frame in 1..=frames {
         let attributes = (scene.motion)(frame);
         let report = cloth.step(FRAME, &attributes).map_err(|error| format!("frame {frame}: {error}"))?;
@@ -214,7 +225,7 @@ fn play(scene: &Scene, frames: u32) -> Result<End, String> {
         let [own, with] = with_itself_and(&attributes.colliders, &scene.mesh, x);
         match [own, with] {
             [0, 0] if !is_pinched => {}
-            [0, with] if is_pinched && with > 0 => return Ok(End::Pinched),
+            [0, with] if is_pinched && with > 0 && leave_no_room(&attributes.colliders, thickness) => return Ok(End::Pinched),
             _ => return Err(format!("frame {frame}: {own} crossings, {with} with the body; {:?}", report.warnings)),
         }
     }
@@ -276,6 +287,6 @@ fn nothing_crosses() {
         })
         .collect();
     assert!(4 * played.into_inner() >= 3 * cases, "too many scenes cross at the start");
-    assert!(100 * pinched.into_inner() <= cases + 100, "too many scenes are pinched");
+    assert!(100 * pinched.into_inner() <= cases, "too many scenes are pinched");
     assert!(failed.is_empty(), "{} of {cases}:\n{}", failed.len(), failed.join("\n"));
 }

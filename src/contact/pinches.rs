@@ -6,24 +6,24 @@
 //! no borders. But no pair moves through each other unless this happens, and then the volume that its corners span changes
 //! its sign.
 
-use glam::Vec4;
+use glam::Vec3A;
 
 use super::contacts::Contacts;
+use crate::kernels::integrate::xyz;
 
 impl Contacts {
-    /// The corners of pairs that may have moved through each other in the substep that begins at positions `x` (m) and
-    /// has the displacements `u` (m).
-    pub(super) fn pinched(&self, x: &[Vec4], u: &[Vec4]) -> Vec<u32> {
+    /// The corners of pairs that may have moved through each other in this substep, after truncation.
+    pub(super) fn pinched(&self) -> Vec<u32> {
         let passed = self.portions().iter().flat_map(|portion| &portion.passed);
-        let corners = passed.map(|corners| corners.map(|place| self.vertices[place as usize].index));
-        let start = |vertex: u32| x[vertex as usize];
-        let end = |vertex: u32| x[vertex as usize] + u[vertex as usize];
-        corners.filter(|&corners| volume(corners.map(start)) * volume(corners.map(end)) <= 0.0).flatten().collect()
+        let start = |place: u32| xyz(self.vertices[place as usize].x);
+        let end = |place: u32| start(place) + self.vertices[place as usize].push + xyz(self.u[place as usize]);
+        let pinched = passed.filter(|corners| volume(corners.map(start)) * volume(corners.map(end)) <= 0.0);
+        pinched.flatten().map(|&place| self.vertices[place as usize].index).collect()
     }
 }
 
 /// Six times the signed volume (m³) of a tetrahedron.
-fn volume(corners: [Vec4; 4]) -> f64 {
-    let [a, b, c, d] = corners.map(|corner| corner.truncate().as_dvec3());
+fn volume(corners: [Vec3A; 4]) -> f64 {
+    let [a, b, c, d] = corners.map(|corner| corner.as_dvec3());
     (b - a).cross(c - a).dot(d - a)
 }

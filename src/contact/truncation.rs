@@ -111,12 +111,12 @@ impl Loop for Shares<'_> {
                 }
             }
             let led = led_up - led_down;
-            let mut are_passed = 0;
+            let mut passed_by = zero;
             for k in 0..4 {
                 let along = if k < kind.first_side() { zero - led } else { led };
                 let height = heights[k] + along;
                 let share = L::select(zero.lt(is_led[k]), one, share_above(height, kept, towards[k]));
-                are_passed |= L::bits(L::select(zero.lt(is_led[k]), zero, height + kept).lt(zero));
+                passed_by = passed_by.max(L::select(zero.lt(is_led[k]), zero, zero - (height + kept)));
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let mut shares = [0.0; MAX_LANES];
@@ -128,7 +128,11 @@ impl Loop for Shares<'_> {
                     }
                 }
             }
-            passed.extend((0..L::LANES).filter(|lane| (are_passed & near) >> lane & 1 == 1).map(|lane| places[lane]));
+            let mut are_passed = L::bits(zero.lt(passed_by)) & near;
+            while are_passed != 0 {
+                passed.push(places[are_passed.trailing_zeros() as usize]);
+                are_passed &= are_passed - 1;
+            }
         }
     }
 }
