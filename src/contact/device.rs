@@ -35,6 +35,8 @@ pub(crate) struct OnDevice {
     may_cross: bool,
     pinched: Vec<u32>,
     thickness: f32,
+    /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
+    motions: Vec<[Vec4; 2]>,
 }
 
 /// The lists in the GPU's layout: the rows of the vertices, followed by those of the edges.
@@ -85,6 +87,7 @@ impl OnDevice {
             may_cross: true,
             pinched: Vec::new(),
             thickness,
+            motions: Vec::new(),
         };
         Some((kept, table))
     }
@@ -104,12 +107,18 @@ impl OnDevice {
 
     /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction; `None` if the
     /// device knows them already.
-    pub(crate) fn motions(&mut self, plan: &Plan<'_>) -> Option<Vec<[Vec4; 2]>> {
+    pub(crate) fn motions(&mut self, plan: &Plan<'_>) -> Option<&[[Vec4; 2]]> {
         if std::mem::replace(&mut self.bodies.are_known, self.bodies.are_still) {
             return None;
         }
-        let friction = plan.meshes.iter().flat_map(|body| body.to.positions.iter().map(|_| body.friction));
-        Some(motions(plan).zip(friction).map(|([from, by], friction)| [from.extend(friction), by.extend(0.0)]).collect())
+        self.motions.clear();
+        for body in plan.meshes {
+            let ways = body.from.positions.iter().zip(&body.to.positions);
+            let motion =
+                |(&from, &to): (&Vec3, &Vec3)| [(from - plan.cloth.origin).extend(body.friction), (to - from).extend(0.0)];
+            self.motions.extend(ways.map(motion));
+        }
+        Some(&self.motions)
     }
 
     /// The rotation in the first substep of pins and mesh colliders, if they turn as one: see [`Frame::columns`]. The center's

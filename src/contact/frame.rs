@@ -52,16 +52,17 @@ impl Frame {
     /// The common motion of what is led from outside and turns: pins and bodies, given by places and displacements (m).
     /// `None` if they do not turn as one, or if what is left of their motion has a range of more than the thickness (m).
     pub(super) fn of_led(led: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
-        let range = |of: &dyn Fn((Vec3A, Vec3A)) -> Vec3A| {
-            let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
-            led.clone().map(of).fold(nothing, |[low, high], by| [low.min(by), high.max(by)])
-        };
-        let [low, high] = range(&|(_, u)| u);
+        let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
+        let with = |[low, high]: [Vec3A; 2], by: Vec3A| [low.min(by), high.max(by)];
+        let (count, [low, high]) = led.clone().fold((0, nothing), |(count, range), (_, u)| (count + 1, with(range, u)));
         let apart = low.distance(high);
         // Also false if nothing is led.
         let may_turn = (high - low).max_element() > TURNS * thickness;
-        let turning = may_turn.then(|| Frame::turning(led.clone().step_by((led.clone().count() / FITTED).max(1))))?;
-        let [low, high] = range(&|(x, u)| u - turning.at(x));
+        if !may_turn {
+            return None;
+        }
+        let turning = Frame::fitted(led.clone(), count);
+        let [low, high] = led.fold(nothing, |range, (x, u)| with(range, u - turning.at(x)));
         let by = turning.by + (low + high) * 0.5;
         let left = low.distance(high);
         (left < thickness && left < LEFT * apart).then_some(Frame { by, ..turning })
@@ -72,6 +73,19 @@ impl Frame {
     pub(super) fn columns(&self) -> [Vec4; 5] {
         let Frame { turn, center, by } = self;
         [turn.x_axis, turn.y_axis, turn.z_axis, *center, *by].map(|column| column.extend(0.0))
+    }
+
+    /// The rigid motion that fits `count` points, of which at least [`FITTED`] are looked at, each at the same distance from the
+    /// last. They are visited once.
+    fn fitted(points: impl Iterator<Item = (Vec3A, Vec3A)>, count: usize) -> Frame {
+        let mut chosen = [(Vec3A::ZERO, Vec3A::ZERO); 2 * FITTED];
+        let (each, mut next, mut taken) = ((count / FITTED).max(1), 0, 0);
+        for (index, point) in points.enumerate() {
+            if index == next {
+                (chosen[taken], next, taken) = (point, next + each, taken + 1);
+            }
+        }
+        Frame::turning(chosen[..taken].iter().copied())
     }
 
     /// The rigid motion that fits the motion of some points; each has a place and a displacement (m).

@@ -23,14 +23,20 @@ pub(crate) struct Submission<'a> {
 
 impl<'a> Submission<'a> {
     pub(crate) fn new(gpu: &'a Gpu) -> Submission<'a> {
+        Submission::after(gpu, |_| ())
+    }
+
+    /// With copies before the dispatches.
+    fn after(gpu: &'a Gpu, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> Submission<'a> {
         let mut encoder = gpu.encoder();
+        copies(&mut encoder);
         let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
         Submission { gpu, encoder, pass, dispatches: 0, most: [FIRST, LONGEST] }
     }
 
-    /// For a step that is waited for.
-    pub(crate) fn in_portions(gpu: &'a Gpu) -> Submission<'a> {
-        Submission { most: [PORTIONS[0], 2 * PORTIONS[0]], ..Submission::new(gpu) }
+    /// For a step that is waited for, with copies before its dispatches.
+    pub(crate) fn in_portions(gpu: &'a Gpu, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> Submission<'a> {
+        Submission { most: [PORTIONS[0], 2 * PORTIONS[0]], ..Submission::after(gpu, copies) }
     }
 
     /// The pass, with room for some dispatches that must be in the same pass. Bindings may have to be set again.

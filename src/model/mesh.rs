@@ -45,7 +45,9 @@ impl Mesh {
 
     /// Whether both meshes have the same triangles and the same number of vertices.
     pub(crate) fn has_triangles_of(&self, other: &Mesh) -> bool {
-        std::ptr::eq(self, other) || self.positions.len() == other.positions.len() && self.triangles == other.triangles
+        // Numbers are compared many at a time, triangles one by one.
+        let has_same = || self.triangles.as_flattened() == other.triangles.as_flattened();
+        std::ptr::eq(self, other) || self.positions.len() == other.positions.len() && has_same()
     }
 
     /// The lowest and highest corner of the bounding box (m).

@@ -125,7 +125,6 @@ fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, 
     let held = (targets.is_empty() && !cloth.pinned.is_empty()).then_some(Vec3::ZERO);
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
-            let far = travel(&now.shape, &last.shape);
             let near = seen.map(|seen| {
                 let reach = STEPS_AHEAD as f32 * f32::from_bits(seen.fastest) * dt;
                 let [low, high] = [seen.low, seen.high].map(|bound| unordered(bound) + cloth.origin);
@@ -138,7 +137,9 @@ fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, 
                     (from.min(*to) - by).cmple(high).all() && (from.max(*to) + by).cmpge(low).all()
                 })
             };
-            is_near(cloth, now, far, f64::from(dt), seen).then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
+            // How far it moves takes longer to find out than the rest.
+            let may_touch = seen.is_none() || is_near(cloth, now, travel(&now.shape, &last.shape), f64::from(dt), seen);
+            may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,
     };

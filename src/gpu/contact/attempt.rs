@@ -47,13 +47,14 @@ impl GpuContact {
         }
     }
 
-    /// Saves the state to which the step may have to be rolled back.
-    fn keep(&self, gpu: &Gpu) {
-        let GpuContact { buffers, good, room, .. } = self;
-        let mut encoder = gpu.encoder();
+    /// Encodes a copy of the state to which the step may have to be rolled back, unless that was done.
+    pub(crate) fn keep(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        if std::mem::replace(&mut self.is_kept, true) {
+            return;
+        }
+        let GpuContact { buffers, good, room, .. } = &*self;
         encoder.copy_buffer_to_buffer(&buffers.tracks, 0, &good.tracks, 0, good.tracks.size());
-        self.copy_pairs(&mut encoder, (&buffers.pairs, *room), (&good.pairs, good.room), self.status.half);
-        gpu.queue().submit([encoder.finish()]);
+        self.copy_pairs(encoder, (&buffers.pairs, *room), (&good.pairs, good.room), self.status.half);
     }
 
     /// Rolls back to the saved state.
@@ -75,7 +76,7 @@ impl GpuContact {
         self.make_room(gpu, room, grown(self.space, space, most_space(gpu)));
         self.go_back(gpu);
         self.good = Good::new(gpu, &self.table, self.room);
-        self.keep(gpu);
+        self.is_kept = false;
     }
 
     /// Replaces the list by an empty one with room for this many pairs, and with this space for what detection compares.
@@ -92,14 +93,14 @@ impl GpuContact {
         }
     }
 
-    /// Starts a step: uploads the motion of mesh colliders, chooses the kernels of the first attempt, and saves the state.
+    /// Starts a step: uploads the motion of mesh colliders and chooses the kernels of the first attempt, which saves the state.
     pub(crate) fn begin(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
         if let Some(motions) = self.kept.motions(plan) {
-            gpu.write(&self.buffers.tracks, TRACK * self.table.vertices as usize, &motions);
+            gpu.write(&self.buffers.tracks, TRACK * self.table.vertices as usize, motions);
         }
         self.substeps = plan.substeps.len();
         self.course.begin(&self.status, self.substeps);
-        self.keep(gpu);
+        self.is_kept = false;
     }
 
     /// Waits for the result of an attempt, and rolls back unless it is good.

@@ -93,6 +93,8 @@ pub(crate) struct GpuContact {
     space: usize,
     buffers: Buffers,
     good: Good,
+    /// Whether that is the state at the start of this step.
+    is_kept: bool,
     /// `None` if the kernels must be bound to new buffers.
     stages: Option<Stages>,
     staging: wgpu::Buffer,
@@ -143,6 +145,7 @@ impl GpuContact {
             space: room,
             buffers,
             good,
+            is_kept: false,
             stages: None,
             staging,
             status,

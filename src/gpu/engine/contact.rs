@@ -137,7 +137,8 @@ impl GpuEngine {
         let GpuEngine { contact, forces, .. } = self;
         contact.iter_mut().for_each(|contact| contact.prepare(gpu, plan, forces));
         Gpu::refused()?;
-        let mut submission = Submission::in_portions(gpu);
+        let keep = |encoder: &mut wgpu::CommandEncoder| self.contact.iter_mut().for_each(|contact| contact.keep(encoder));
+        let mut submission = Submission::in_portions(gpu, keep);
         self.encode_substeps(&mut submission, swept, Some(plan));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
