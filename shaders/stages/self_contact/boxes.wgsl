@@ -75,6 +75,16 @@ fn box_of_feature(k: u32) -> Box {
     return box_of(place, place);
 }
 
+// The level of each tree with whose nodes a descent begins, unless the leaves are above it. It tests their children, so bounds
+// of the nodes down to this level are not needed.
+const FIRST_LEVEL: u32 = 6u;
+
+// The level of a tree that a descent begins with. Above the root of a tree without other levels is node 0, which is not in
+// the tree.
+fn first_level(depth: u32) -> u32 {
+    return min(FIRST_LEVEL, max(depth, 1u) - 1u);
+}
+
 // Number of leaves of the cloth.
 fn leaves() -> u32 {
     return 1u << about.depth;

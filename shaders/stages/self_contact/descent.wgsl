@@ -7,8 +7,6 @@ override LANES: u32 = 128u;
 // The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `UPRIGHT`:
 // `src/contact/tree/mod.rs`.
 const MOST_EXCESS: f32 = 0.6;
-// The level of each tree whose nodes a descent begins with, unless the leaves are above it.
-const FIRST_LEVEL: u32 = 6u;
 // Number of nodes that can be held. With the last `LEVELS` of these places left, one node is replaced by its children at a
 // time, which needs at most a place for each level.
 const HELD: u32 = 1024u;
@@ -56,12 +54,6 @@ fn is_after(leaf: u32, node: u32, level: u32) -> bool {
     // Either of two leaves could be after the other if half of all are between them.
     let is_tie = below == 0u && ahead == half && (node - leaves()) < leaf;
     return (ahead <= half && !is_tie) || ahead + (1u << below) > leaves();
-}
-
-// The level of a tree that a descent begins with. Above the root of a tree without other levels is node 0, which is not in
-// the tree.
-fn first_level(depth: u32) -> u32 {
-    return min(FIRST_LEVEL, max(depth, 1u) - 1u);
 }
 
 // Returns the number of nodes that are held.

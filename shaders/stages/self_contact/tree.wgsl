@@ -16,8 +16,10 @@ const LEAST_DISTANCE: f32 = 1e-12;
 
 // Number of invocations that bound a leaf.
 const PARTS: u32 = 4u;
+// Number of those of a workgroup that bounds leaves.
+override BOUNDERS: u32 = 128u;
 
-var<workgroup> below: array<Node, WORKGROUP>;
+var<workgroup> below: array<Node, 128>;
 
 fn join(a: Node, b: Node) -> Node {
     return Node(
@@ -92,7 +94,7 @@ fn bounds_of_part(leaf: u32, part: u32) -> Node {
 
 // Bounds the leaves, each by several invocations, and the levels above as far as all nodes below are in the same workgroup.
 // The workgroups for mesh colliders follow those for the cloth.
-@compute @workgroup_size(WORKGROUP)
+@compute @workgroup_size(BOUNDERS)
 fn bound(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -101,7 +103,7 @@ fn bound(
     if !looks_here(lane) {
         return;
     }
-    let each = WORKGROUP / PARTS;
+    let each = BOUNDERS / PARTS;
     let of_cloth = (leaves() + each - 1u) / each;
     let all = group.x + group.y * groups.x;
     let is_mesh = all >= of_cloth;
@@ -113,11 +115,11 @@ fn bound(
     }
     let depth = select(about.depth, about.mesh_depth, is_mesh);
     let to_leaf = firstTrailingBit(PARTS);
-    for (var width = 1u; width <= min(to_leaf + depth, firstTrailingBit(WORKGROUP)); width++) {
+    for (var width = 1u; width <= min(to_leaf + depth, firstTrailingBit(BOUNDERS)); width++) {
         // The level of the tree, counted from the leaves.
         let level = max(width, to_leaf) - to_leaf;
         let number = (first >> level) + lane;
-        let is_mine = lane < (WORKGROUP >> width);
+        let is_mine = lane < (BOUNDERS >> width);
         workgroupBarrier();
         var node: Node;
         if is_mine {
@@ -133,7 +135,7 @@ fn bound(
     }
 }
 
-// One workgroup for each tree bounds the remaining levels.
+// One workgroup for each tree bounds the remaining levels below that with which a descent begins.
 @compute @workgroup_size(LANES)
 fn refit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     if !looks_here(lane) {
@@ -142,7 +144,7 @@ fn refit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     let is_mesh = group.x > 0u;
     let tree = tree_of(is_mesh);
     let depth = select(about.depth, about.mesh_depth, is_mesh);
-    for (var level = depth - min(depth, firstTrailingBit(WORKGROUP / PARTS)); level > 0u; level--) {
+    for (var level = depth - min(depth, firstTrailingBit(BOUNDERS / PARTS)); level > first_level(depth) + 1u; level--) {
         let first = 1u << (level - 1u);
         for (var k = first + lane; k < 2u * first; k += LANES) {
             let node = tree.before + k;

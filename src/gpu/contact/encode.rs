@@ -3,9 +3,8 @@
 use super::GpuContact;
 use super::course::Response;
 use super::stages::Stages;
-use super::status::PARTS;
+use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::table::Table;
-use crate::gpu::stage::WORKGROUP;
 use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
@@ -23,6 +22,10 @@ const MOST_ITEMS: usize = 1 << 18;
 const COMPARERS: usize = 256;
 const MEASURERS: usize = 128;
 const FINDERS: usize = 256;
+/// And of the one that bounds leaves: `BOUNDERS` of `tree.wgsl`.
+const BOUNDERS: usize = 128;
+/// Levels below the root of the largest tree that `bound` bounds down to where a descent begins.
+const BOUND_AT_ONCE: u32 = FIRST_LEVEL + 1 + (BOUNDERS / PARTS).ilog2();
 /// Number of pairs that act from which workgroups collect their sums.
 pub(super) const MANY: u32 = 1 << 16;
 /// Limit on the invocations that only check that no pair is near, whose workgroups each compute the mean displacement.
@@ -79,13 +82,15 @@ impl GpuContact {
     }
 
     fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
-        let Table { vertices, depth, mesh_leaves, features, .. } = self.table;
+        let Table { vertices, depth, mesh_depth, mesh_leaves, features, .. } = self.table;
         stages.begin_paths.dispatch(pass, group, &[], vertices as usize);
         stages.prepare.dispatch(pass, group, &[], self.table.boxes().max(self.items(self.status.listed)));
         // Workgroups do not share the leaves of both trees.
-        let leaves = (1_usize << depth).next_multiple_of(WORKGROUP / PARTS) + mesh_leaves as usize;
-        stages.bound.dispatch(pass, group, &[], PARTS * leaves);
-        stages.refit.dispatch_workgroups(pass, group, &[], 1 + mesh_leaves.min(1) as usize);
+        let leaves = (1_usize << depth).next_multiple_of(BOUNDERS / PARTS) + mesh_leaves as usize;
+        stages.bound.dispatch_workgroups(pass, group, &[], (PARTS * leaves).div_ceil(BOUNDERS));
+        if depth.max(mesh_depth) > BOUND_AT_ONCE {
+            stages.refit.dispatch_workgroups(pass, group, &[], 1 + mesh_leaves.min(1) as usize);
+        }
         stages.descend.dispatch_workgroups(pass, group, &[], 1 << depth);
         let compared = (self.status.leaf_pairs as usize * features as usize).min(MOST_ITEMS) as u32;
         stages.compare.dispatch_workgroups(pass, group, &[], self.items(compared).div_ceil(COMPARERS));

@@ -161,6 +161,8 @@ pub(super) const BOX: usize = 48;
 pub(super) const NORMALS: usize = 32;
 /// Number of invocations that bound a leaf: `PARTS` of `tree.wgsl`.
 pub(crate) const PARTS: usize = 4;
+/// The level of the trees with which a descent begins: `FIRST_LEVEL` of `boxes.wgsl`.
+pub(crate) const FIRST_LEVEL: u32 = 6;
 pub(super) const NEAR: usize = 80;
 /// A unit of space for what detection compares: [`DETECTION`] tells of what.
 pub(super) const SPACE: usize = 80;
@@ -192,6 +194,6 @@ pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection may be due in every so many substeps, and in every so many of calm cloth.
 pub(crate) const SPACING: u32 = 5;
 pub(crate) const FAR_SPACING: u32 = 20;
-/// `MOST_OF_ALL`, `LEAF_PAIRS`, `CANDIDATES`, `FIRST_LEVEL`, `HELD`, `LEVELS`, `MET`, `MOST_MET`.
+/// `MOST_OF_ALL`, `LEAF_PAIRS`, `CANDIDATES`, `HELD`, `LEVELS`, `MET`, `MOST_MET`.
 #[cfg(test)]
-pub(crate) const DETECTION: [u32; 8] = [1 << 28, 2, 8, 6, 1024, 32, 64, 192];
+pub(crate) const DETECTION: [u32; 7] = [1 << 28, 2, 8, 1024, 32, 64, 192];
