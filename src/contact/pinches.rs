@@ -24,6 +24,6 @@ impl Contacts {
 
 /// Six times the signed volume (m³) of a tetrahedron.
 fn volume(corners: [Vec3A; 4]) -> f64 {
-    let [a, b, c, d] = corners.map(|corner| corner.as_dvec3());
+    let [a, b, c, d] = corners.map(Vec3A::as_dvec3);
     (b - a).cross(c - a).dot(d - a)
 }
