@@ -253,6 +253,7 @@ fn what_cannot_be_varied_is_refused() {
         ("[[vary]]\nkey = \"wind.speed\"\nvalues = [3]", &["s.toml:1", "`wind`"]),
         ("[[vary]]\nkey = \"cloth.2.scale\"\nvalues = [3]", &["s.toml:1", "`2`"]),
         ("[[vary]]\nkey = \"frames\"\nfirst = 1\ncount = 4000000", &["s.toml:1", "1000000"]),
+        ("[[vary]]\nkey = \"frames\"\nfirst = 1\ncount = 4000000000", &["s.toml:1", "1000000"]),
         ("[[vary]]\nkey = \"farmes\"\nvalues = [3]", &["farmes = 3", "unknown"]),
         ("[[vary]]\nkey = \"frames\"\nvalues = [3, 4]", &["--variant 9", "2 variants"]),
     ] {
@@ -262,6 +263,9 @@ fn what_cannot_be_varied_is_refused() {
         let output = run(&directory, &["--scene", "s.toml", "--variant", number]);
         println!("{vary:?} -> {}", stderr(&output).trim_end());
         fails(&output, 2, words);
+        if !vary.is_empty() && number == "1" {
+            fails(&run(&directory, &["--scene", "s.toml", "--list"]), 2, words);
+        }
     }
     let directory = sweep(1);
     for (arguments, word) in [

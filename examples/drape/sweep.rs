@@ -41,6 +41,11 @@ impl Sweep {
         let mut count: u64 = 1;
         for given in &file.vary {
             let Vary { key, values, first, count: numbers } = given.get_ref();
+            // Before the values are made: a count may be larger than memory.
+            count = count.saturating_mul(numbers.as_ref().map_or(values.len() as u64, |numbers| numbers.0.into()));
+            if count > MOST {
+                return Err(source.wrong_in(given, format_args!("more than {MOST} variants; give fewer values")));
+            }
             let values = match (values.is_empty(), first, numbers) {
                 (false, None, None) => values.clone(),
                 (true, first, Some(count)) => {
@@ -52,10 +57,13 @@ impl Sweep {
             if keys.iter().any(|(earlier, _)| earlier == key) {
                 return Err(source.wrong_in(given, format_args!("{key} is varied twice; name it once")));
             }
-            set(&mut table.clone(), key, &values[0]).map_err(|why| source.wrong_in(given, why))?;
-            count = count.saturating_mul(values.len() as u64);
-            if count > MOST {
-                return Err(source.wrong_in(given, format_args!("more than {MOST} variants; give fewer values")));
+            let mut varied = table.clone();
+            set(&mut varied, key, &values[0]).map_err(|why| source.wrong_in(given, why))?;
+            // A key that no scene has is wrong in every variant; a value may be wrong in one.
+            let varied = toml::to_string(&varied).map_err(|error| source.wrong_in(given, error))?;
+            match Source::parse(&path, varied, Some(format!("{key} = {}", values[0]))) {
+                Err(failure) if failure.message().contains("unknown field") => return Err(failure),
+                _ => {}
             }
             keys.push((key.clone(), values));
         }
