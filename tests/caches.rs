@@ -124,6 +124,13 @@ fn files_that_are_no_pc2_are_refused() {
     refused(&altered(20, f32::NAN.to_le_bytes()), "NaN");
     assert!(PointCacheReader::open(folder.path()).is_err());
     assert!(PointCacheReader::open(folder.path().join("missing")).unwrap_err().to_string().contains("missing"));
+    #[cfg(unix)]
+    {
+        // Opening a pipe that nobody writes to would never return.
+        let pipe = folder.path().join("pipe.pc2");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        assert!(PointCacheReader::open(&pipe).unwrap_err().to_string().contains("is no file"));
+    }
     // Positions are only checked when they are read.
     fs::write(&path, altered(32 + 12, f32::INFINITY.to_le_bytes())).unwrap();
     let (mut cache, mut read) = (PointCacheReader::open(&path).unwrap(), Vec::new());

@@ -109,6 +109,8 @@ fn only_the_same_run_is_resumed() {
     fails(&directory, &format!("{more} --pin top"), &["run.save", "pinned differs"]);
     fails(&directory, "--frames 3 --out other --resume run.save", &["run.save", "frame 4", "--frames is 3"]);
     fails(&directory, "--resume missing.save", &["missing.save", "--save"]);
+    #[cfg(unix)]
+    fails(&directory, "--resume /dev/zero", &["/dev/zero", "no file"]);
     fails(&directory, "--every 3", &["--save"]);
     fails(&directory, "--save run.save --format pc2", &["obj", "--format"]);
     let bytes = file(&directory, "run.save");

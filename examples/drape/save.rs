@@ -3,7 +3,7 @@
 //! The file is a line of JSON with the frame number and the statistics so far, followed by the bytes of the cloth's
 //! [`Snapshot`].
 
-use std::fs;
+use std::{fs, io};
 
 use cloth_deformer::{Deformer, Mesh, Snapshot};
 use serde::{Deserialize, Serialize};
@@ -50,7 +50,12 @@ pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Sa
     let outputs = &scene.outputs;
     let Some(path) = &outputs.resume else { return Ok(None) };
     let refuse = |why: &dyn std::fmt::Display| Failure::input(format_args!("--resume {}: {why}", path.display()));
-    let bytes = fs::read(path).map_err(|error| refuse(&format_args!("{error}; name a file written by --save")))?;
+    let unread = |error: io::Error| refuse(&format_args!("{error}; name a file written by --save"));
+    // A pipe or a device may never end.
+    if !fs::metadata(path).map_err(unread)?.is_file() {
+        return Err(refuse(&"it is no file; name a file written by --save"));
+    }
+    let bytes = fs::read(path).map_err(unread)?;
     let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
     let (head, snapshot) = bytes.split_at(end);
     let altered = || refuse(&"it was not written by --save, or was truncated or altered");

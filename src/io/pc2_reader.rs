@@ -1,6 +1,6 @@
 //! Reading PC2 point caches, sample by sample.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -80,14 +80,14 @@ impl PointCacheReader {
     pub fn open(path: impl AsRef<Path>) -> Result<PointCacheReader, Pc2ReadError> {
         let path = path.as_ref().to_path_buf();
         let refuse = |reason| Pc2ReadError::Read { file: path.clone(), reason };
-        let file = File::open(&path).map_err(refuse)?;
-        let found = file.metadata().map_err(refuse)?;
-        let mut file = BufReader::new(file);
-        let mut header = [0; HEADER];
+        let found = fs::metadata(&path).map_err(refuse)?;
         let content = |problem: String| Pc2ReadError::Content { file: path.clone(), problem };
+        // Opening a pipe waits until somebody writes to it.
         if !found.is_file() {
             return Err(content("is no file; copy what it gives to one".to_owned()));
         }
+        let mut file = BufReader::new(File::open(&path).map_err(refuse)?);
+        let mut header = [0; HEADER];
         if found.len() < HEADER as u64 || file.read_exact(&mut header).is_err() || !header.starts_with(b"POINTCACHE2\0") {
             return Err(content("is no PC2 file; it must begin with POINTCACHE2".to_owned()));
         }
