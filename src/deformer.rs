@@ -21,6 +21,7 @@ pub use snapshot::Snapshot;
 pub use untangle::Untangled;
 
 use std::collections::VecDeque;
+use std::mem;
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -84,11 +85,12 @@ pub struct Deformer {
     /// Time that substeps take, for [`Quality::Budget`].
     pace: Pace,
     still: Stillness,
-    /// What the motion is checked against: the state of that check now and after the current step, and the last bounds
-    /// on speed (m/s) and edge length (m).
+    /// What the motion is checked against: the state of that check now and after the current step, and the bounds on speed
+    /// (m/s) and edge length (m) of the last step and of the current one.
     watch: Watch,
     meeting: (Watch, Led),
     bounds: (f32, f32),
+    ahead: (f32, f32),
     buffers: PlanBuffers,
     /// Positions and velocities last returned to the caller, in the mesh's order.
     positions: Vec<Vec3>,
@@ -145,6 +147,7 @@ impl Deformer {
             watch,
             meeting: (watch, Led::default()),
             bounds: (f32::MAX, f32::MAX),
+            ahead: (f32::MAX, f32::MAX),
             buffers: PlanBuffers::default(),
             positions,
             velocities,
@@ -181,7 +184,9 @@ impl Deformer {
         let start = (!alone && matches!(self.options.quality, Quality::Budget(_))).then(Instant::now);
         let (engine, plan) = self.job(&taken, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
-        start.into_iter().for_each(|start| self.pace.note(start.elapsed().as_secs_f64(), taken.division.substeps));
+        if let (Some(start), Ok(_)) = (start, &stepped) {
+            self.pace.note(start.elapsed().as_secs_f64(), taken.division.substeps);
+        }
         self.stepped(stepped, taken, attributes)
     }
 
@@ -276,8 +281,8 @@ impl Deformer {
             Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
         self.meeting = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(taken.dt));
-        self.bounds = self.meeting.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
-        self.watch.tell(&mut plan.params, self.bounds);
+        self.ahead = self.meeting.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
+        self.watch.tell(&mut plan.params, self.ahead);
         (&mut self.engine, plan)
     }
 
@@ -288,7 +293,12 @@ impl Deformer {
         taken: Taken,
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
-        let seen = stepped.map_err(|failure| self.failed(failure))?;
+        let before = mem::replace(&mut self.bounds, self.ahead);
+        let seen = stepped.map_err(|failure| {
+            let error = self.failed(failure);
+            self.bounds = before;
+            error
+        })?;
         let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
@@ -299,8 +309,8 @@ impl Deformer {
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(dt, substeps, limited, self.meeting.1);
-        warnings.extend(self.contact_warnings(&taken, attributes));
+        let mut warnings = self.warnings(&taken, limited, self.meeting.1);
+        warnings.extend(self.contact_warnings(attributes));
         let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let contacts = self.engine.contact().map_or(0, |tally| tally.contacts);

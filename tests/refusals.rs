@@ -5,7 +5,7 @@ mod common;
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError,
+    Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError,
 };
 use common::FRAME;
 
@@ -67,6 +67,10 @@ fn options_are_checked() {
     refuse(Options { bending_scale: Some(vec![1.0; 8]), ..Options::default() }, &["bending_scale has 8", "9 vertices"]);
     refuse(Options { pinned: vec![0, 9], ..Options::default() }, &["pinned[1] = 9", "9 vertices"]);
     refuse(Options { pinned: vec![4, 0, 4], ..Options::default() }, &["pinned[2] = 4", "once"]);
+    for thickness in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e16] {
+        let contact = Some(Contact { thickness, ..Contact::default() });
+        refuse(Options { contact, ..Options::default() }, &["contact.thickness", &thickness.to_string(), "1e15 m"]);
+    }
     for quality in [
         Quality::Substeps(0),
         Quality::Substeps(u32::MAX),
@@ -90,21 +94,37 @@ fn steps_are_checked_and_leave_the_state(backend: Backend) {
     let options = Options { backend, pinned: vec![0, 2], ..Options::default() };
     let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
     deformer.step(FRAME, &Attributes::default()).unwrap();
-    let before = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
+    let before = deformer.snapshot().unwrap();
 
     for dt in [-1.0, f32::NAN, f32::INFINITY, 1e-45] {
         let error = deformer.step(dt, &Attributes::default()).unwrap_err();
         assert!(matches!(error, StepError::TimeStep { .. }), "dt = {dt}: {error}");
     }
     names(&deformer.step(1e9, &Attributes::default()).unwrap_err(), &["substeps", "65536", "shorter dt"]);
-    let bad = [f32::NAN, f32::INFINITY, -1.0];
+    let bad = [f32::NAN, f32::INFINITY, 1e16, -1.0];
     let mut refuse = |attributes: Attributes, parts: &[&str]| {
         names(&deformer.step(FRAME, &attributes).unwrap_err(), parts);
-        assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
+        assert_eq!(deformer.snapshot().unwrap(), before);
     };
     let base = Attributes::default;
     for x in bad {
         let value = x.to_string();
+        if x != -1.0 {
+            let nowhere = Vec3::new(0.0, x, 0.0);
+            let with =
+                |collider: Collider| Attributes { colliders: vec![Collider::sphere(Vec3::NEG_Y, 0.1), collider], ..base() };
+            refuse(Attributes { gravity: nowhere, ..base() }, &["gravity", &value, "1e15 m/s2"]);
+            refuse(Attributes { wind: nowhere, ..base() }, &["wind", &value, "1e15 m/s"]);
+            refuse(with(Collider::sphere(nowhere, 0.1)), &["colliders[1].center", &value, "1e15 m"]);
+            refuse(with(Collider::rounded_box(nowhere, Vec3::ONE, Quat::IDENTITY, 0.0)), &["colliders[1].center", &value]);
+            refuse(with(Collider::plane(nowhere, Vec3::Y)), &["colliders[1].point", &value]);
+            refuse(with(Collider::capsule(nowhere, Vec3::Y, 0.1)), &["colliders[1].a", &value]);
+            refuse(with(Collider::capsule(Vec3::ZERO, nowhere, 0.1)), &["colliders[1].b", &value]);
+            refuse(Attributes { pin_targets: Some(vec![Vec3::ZERO, nowhere]), ..base() }, &["pin_targets[1]", &value, "1e15 m"]);
+        }
+        if x == 1e16 {
+            continue;
+        }
         refuse(Attributes { air_density: x, ..base() }, &["air_density", &value]);
         refuse(Attributes { drag: x, ..base() }, &["drag", &value]);
         refuse(Attributes { lift: x, ..base() }, &["lift", &value]);
@@ -121,19 +141,11 @@ fn steps_are_checked_and_leave_the_state(backend: Backend) {
         refuse(with(Collider::sphere(Vec3::ZERO, 0.1).with_friction(x)), &["colliders[1].friction", &value]);
         if x != -1.0 {
             let nowhere = Vec3::new(0.0, x, 0.0);
-            refuse(Attributes { gravity: nowhere, ..base() }, &["gravity", &value]);
-            refuse(Attributes { wind: nowhere, ..base() }, &["wind", &value]);
-            refuse(with(Collider::sphere(nowhere, 0.1)), &["colliders[1].center", &value]);
-            refuse(with(Collider::rounded_box(nowhere, Vec3::ONE, Quat::IDENTITY, 0.0)), &["colliders[1].center", &value]);
             refuse(
                 with(Collider::rounded_box(Vec3::ZERO, Vec3::ONE, Quat::from_xyzw(0.0, x, 0.0, 1.0), 0.0)),
                 &["rotation", &value],
             );
-            refuse(with(Collider::plane(nowhere, Vec3::Y)), &["colliders[1].point", &value]);
             refuse(with(Collider::plane(Vec3::ZERO, nowhere)), &["colliders[1].normal", &value]);
-            refuse(with(Collider::capsule(nowhere, Vec3::Y, 0.1)), &["colliders[1].a", &value]);
-            refuse(with(Collider::capsule(Vec3::ZERO, nowhere, 0.1)), &["colliders[1].b", &value]);
-            refuse(Attributes { pin_targets: Some(vec![Vec3::ZERO, nowhere]), ..base() }, &["pin_targets[1]", &value]);
         }
     }
     let still = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0);
@@ -154,7 +166,7 @@ fn steps_are_checked_and_leave_the_state(backend: Backend) {
     names(&deformer.set_state(&nine, &still[..1]).unwrap_err(), &["velocities", "1 values"]);
     names(&deformer.set_state(&hole, &still).unwrap_err(), &["positions", "[7]", "NaN"]);
     names(&deformer.set_state(&nine, &[Vec3::splat(1e20); 9]).unwrap_err(), &["velocities", "[0]"]);
-    assert!(before.0 == deformer.positions().unwrap() && before.1 == deformer.velocities().unwrap());
+    assert_eq!(deformer.snapshot().unwrap(), before);
 
     // What was refused has no effect: the next step is that of a cloth that was never given it.
     let mut fresh = Deformer::new(&mesh, options).unwrap();

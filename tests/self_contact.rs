@@ -469,12 +469,14 @@ fn a_failed_step_leaves_no_trace() {
     for frame in 0..60 {
         contacts = one.step(FRAME, &scene.attributes).unwrap().contacts;
         if frame == 40 || frame == 50 {
-            let mut wild = Attributes { gravity: Vec3::splat(3e38), ..scene.attributes.clone() };
+            let mut wild = common::gale(&scene.attributes);
             if frame == 50 {
                 wild.colliders.push(Collider::mesh(Arc::new(Mesh::grid(3, 3, 1.0, 1.0))));
             }
+            let before = other.snapshot().unwrap();
             let error = other.step(FRAME, &wild).unwrap_err();
             assert!(matches!(error, StepError::Unstable { .. }), "{error}");
+            assert_eq!(other.snapshot().unwrap(), before, "frame {frame}");
         }
         other.step(FRAME, &scene.attributes).unwrap();
         assert_eq!(one.positions().unwrap(), other.positions().unwrap(), "frame {frame}");

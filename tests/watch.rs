@@ -5,7 +5,8 @@ mod common;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
-    Attributes, Backend, Collider, Deformer, Fabric, Instability, Levels, Mesh, Method, Options, Quality, StepError, Warning,
+    Attributes, Backend, Collider, Contact, Deformer, Fabric, Instability, Levels, Mesh, Method, Options, Quality, StepError,
+    Warning,
 };
 
 use common::{FRAME, top};
@@ -31,7 +32,7 @@ fn what_is_not_finite_is_named(backend: Backend) {
     for round in 0..2 {
         (0..3).for_each(|_| drop(deformer.step(FRAME, &Attributes::default()).unwrap()));
         let before = deformer.positions().unwrap().to_vec();
-        let thrown = Attributes { gravity: Vec3::splat(3e38), ..Attributes::default() };
+        let thrown = common::gale(&Attributes::default());
         let (_, error) = until_it_fails(&mut deformer, 1, |_| (FRAME, thrown.clone()));
         let StepError::Unstable { vertex, cause, frame, remedy } = &error else { panic!("{error}") };
         assert!(matches!(cause, Instability::NotFinite { vertex: v } if v == vertex && *v < 20), "{error}");
@@ -106,7 +107,7 @@ fn a_gpu_that_nobody_reads_says_so_late() {
         let mut deformer = Deformer::new(&Mesh::grid(n, n, 1.0, 1.0), options).unwrap();
         (0..2).for_each(|_| drop(deformer.step(FRAME, &Attributes::default()).unwrap()));
         let before = deformer.positions().unwrap().to_vec();
-        deformer.step(FRAME, &Attributes { gravity: Vec3::splat(3e38), ..Attributes::default() }).unwrap();
+        deformer.step(FRAME, &common::gale(&Attributes::default())).unwrap();
         let later = (0..24).find_map(|_| {
             deformer.wait().unwrap();
             deformer.step(FRAME, &Attributes::default()).err()
@@ -266,5 +267,25 @@ fn what_outruns_the_substeps_is_warned_of() {
         let mut put = scene(a + by * Vec3::Y, 0.0);
         put.colliders[1] = put.colliders[1].clone().teleported();
         assert_eq!(deformer.step(FRAME, &put).unwrap().warnings, [], "what is put there has no speed");
+    }
+}
+
+/// Contact follows half the range of the pins' velocities up to a third of the thickness per substep, and a step that is faster
+/// is forecast.
+#[test]
+fn what_outruns_contact_is_forecast() {
+    let mesh = Mesh::grid(9, 9, 1.0, 1.0);
+    let contact = Contact::default();
+    let options = Options { quality: Quality::Substeps(10), pinned: vec![8, 0], contact: Some(contact), ..Options::default() };
+    for ratio in [0.9, 1.1] {
+        let mut deformer = Deformer::new(&mesh, options.clone()).unwrap();
+        let by = 2.0 * ratio * 10.0 * contact.thickness / 3.0;
+        let targets = vec![mesh.positions[8] + by * Vec3::Y, mesh.positions[0]];
+        let scene = Attributes { pin_targets: Some(targets), ..Attributes::default() };
+        let forecast = deformer.forecast(FRAME, &scene).unwrap();
+        let warnings = deformer.step(FRAME, &scene).unwrap().warnings;
+        assert_eq!(forecast.warnings, warnings);
+        let outruns = warnings.iter().any(|warning| matches!(warning, Warning::ContactOutruns { .. }));
+        assert_eq!(outruns, ratio > 1.0, "{warnings:?}");
     }
 }

@@ -12,8 +12,8 @@ use crate::model::mesh::Mesh;
 impl Attributes {
     /// Checks every value; `pins` is the number of pinned vertices.
     pub(crate) fn validate(&self, pins: usize) -> Result<(), StepError> {
-        finite("gravity", self.gravity)?;
-        finite("wind", self.wind)?;
+        within("gravity", self.gravity, "m/s2")?;
+        within("wind", self.wind, "m/s")?;
         not_negative("air_density", self.air_density)?;
         not_negative("drag", self.drag)?;
         not_negative("lift", self.lift)?;
@@ -33,7 +33,7 @@ impl Attributes {
         if targets.len() != pins {
             return Err(StepError::PinTargets { given: targets.len(), pinned: pins });
         }
-        targets.iter().enumerate().try_for_each(|(slot, &target)| finite(format_args!("pin_targets[{slot}]"), target))
+        targets.iter().enumerate().try_for_each(|(slot, &target)| within(format_args!("pin_targets[{slot}]"), target, "m"))
     }
 }
 
@@ -47,11 +47,11 @@ impl Collider {
         not_negative(format_args!("colliders[{index}].friction"), self.friction)?;
         match self.shape {
             Shape::Sphere { center, radius } => {
-                finite(format_args!("colliders[{index}].center"), center)?;
+                within(format_args!("colliders[{index}].center"), center, "m")?;
                 positive(radius)
             }
             Shape::Plane { point, normal } => {
-                finite(format_args!("colliders[{index}].point"), point)?;
+                within(format_args!("colliders[{index}].point"), point, "m")?;
                 finite(format_args!("colliders[{index}].normal"), normal)?;
                 match normal.as_dvec3().try_normalize() {
                     Some(_) => Ok(()),
@@ -63,18 +63,18 @@ impl Collider {
                 }
             }
             Shape::Capsule { a, b, radius } => {
-                finite(format_args!("colliders[{index}].a"), a)?;
-                finite(format_args!("colliders[{index}].b"), b)?;
+                within(format_args!("colliders[{index}].a"), a, "m")?;
+                within(format_args!("colliders[{index}].b"), b, "m")?;
                 positive(radius)
             }
             Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
-                finite(format_args!("colliders[{index}].a"), a)?;
-                finite(format_args!("colliders[{index}].b"), b)?;
+                within(format_args!("colliders[{index}].a"), a, "m")?;
+                within(format_args!("colliders[{index}].b"), b, "m")?;
                 above_0("radius_a", radius_a)?;
                 above_0("radius_b", radius_b)
             }
             Shape::RoundedBox { center, half, rotation, radius } => {
-                finite(format_args!("colliders[{index}].center"), center)?;
+                within(format_args!("colliders[{index}].center"), center, "m")?;
                 ["half.x", "half.y", "half.z"]
                     .into_iter()
                     .zip(half.to_array())
@@ -97,12 +97,10 @@ impl Collider {
 
 fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
     let Mesh { positions, triangles } = mesh;
-    if triangles.is_empty() {
-        return Err(invalid(
-            format_args!("colliders[{index}].mesh"),
-            "a mesh without triangles",
-            "has no surface; give it one, or leave it out",
-        ));
+    // Corners, not areas: a body may shrink to a point for a while.
+    if triangles.iter().all(|[a, b, c]| a == b || b == c || c == a) {
+        let what = if triangles.is_empty() { "a mesh without triangles" } else { "a mesh without a triangle of three corners" };
+        return Err(invalid(format_args!("colliders[{index}].mesh"), what, "has no surface; give it one, or leave it out"));
     }
     if positions.len() > MAX_VERTICES {
         let remedy = format_args!("is more than {MAX_VERTICES}; split the mesh");
@@ -133,6 +131,12 @@ pub(crate) fn invalid(name: impl Display, value: impl Display, remedy: impl Disp
 
 fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
     if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite")) }
+}
+
+/// Checks that a vector is no larger than a position or a velocity may be: what is larger would move the cloth there.
+fn within(name: impl Display, value: Vec3, unit: &str) -> Result<(), StepError> {
+    let is_within = value.abs().cmple(Vec3::splat(MAX_POSITION)).all();
+    if is_within { Ok(()) } else { Err(invalid(name, value, format_args!("must be finite and within 1e15 {unit}"))) }
 }
 
 fn not_negative(name: impl Display, value: f32) -> Result<(), StepError> {

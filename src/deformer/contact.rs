@@ -41,8 +41,16 @@ impl Deformer {
         }
     }
 
-    /// The warnings of contact after a step.
-    pub(super) fn contact_warnings(&self, taken: &Taken, attributes: &Attributes) -> Vec<Warning> {
+    /// The warning that pins or meshes move faster than contact resolves in a step. Without contact their speed is not
+    /// looked at.
+    pub(super) fn contact_outruns(&self, taken: &Taken) -> Option<Warning> {
+        let thickness = self.options.contact.unwrap_or_default().thickness;
+        let (speed, resolved) = (taken.load.led_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));
+        (speed > 1.001 * resolved && !self.cloth.triangles.is_empty()).then_some(Warning::ContactOutruns { speed, resolved })
+    }
+
+    /// The warnings of what contact found in a step.
+    pub(super) fn contact_warnings(&self, attributes: &Attributes) -> Vec<Warning> {
         let mut warnings = Vec::new();
         if self.engine.contact().is_none() {
             return warnings;
@@ -56,11 +64,6 @@ impl Deformer {
                 attributes.colliders.iter().enumerate().filter(|(_, collider)| matches!(collider.shape, Shape::Mesh { .. }));
             let collider = meshes.map(|(index, _)| index).nth(first).unwrap_or_default();
             warnings.push(Warning::BodyCrossings { pairs: bodies.len(), collider });
-        }
-        let thickness = self.options.contact.unwrap_or_default().thickness;
-        let (speed, resolved) = (taken.load.led_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));
-        if speed > 1.001 * resolved {
-            warnings.push(Warning::ContactOutruns { speed, resolved });
         }
         warnings
     }

@@ -33,7 +33,8 @@ pub struct Forecast {
     /// no speed yet; when it swings through its lowest point it carries three times its static stress. 0 for springs,
     /// which stretch only as their stiffness says; NaN for relaxation, for which there is no law.
     pub strain: f32,
-    /// The warnings that the step will return.
+    /// The warnings that the step will return, except those of what shows only in its result: [`Warning::StrainMissed`],
+    /// [`Warning::Crossings`] and [`Warning::BodyCrossings`].
     pub warnings: Vec<Warning>,
 }
 
@@ -45,7 +46,8 @@ impl Deformer {
     /// # Errors
     /// As the checks of [`Deformer::step`]; a step of 0 s has no forecast and is an error too.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
-        let Taken { load, controller, division: Division { substeps, length }, levels, .. } = self.taken(dt, attributes)?;
+        let taken = self.taken(dt, attributes)?;
+        let Taken { load, controller, division: Division { substeps, length }, levels, .. } = taken;
         let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;
         let strain = match self.options.method {
             Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest),
@@ -55,7 +57,7 @@ impl Deformer {
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
         let (_, led) = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(dt));
-        let warnings = self.warnings(dt, substeps, limited, led);
+        let warnings = self.warnings(&taken, limited, led);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
@@ -71,9 +73,10 @@ impl Deformer {
         (Rates::new(&self.cloth, options).explicit() / FRAMES).ceil().min(f64::from(u32::MAX)) as u32
     }
 
-    /// The warnings of a step of this many substeps, with bending softened at `limited` vertices and pins and colliders
+    /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices and pins and colliders
     /// moved as in `led`.
-    pub(super) fn warnings(&self, dt: f32, substeps: u32, limited: usize, led: Led) -> Vec<Warning> {
+    pub(super) fn warnings(&self, taken: &Taken, limited: usize, led: Led) -> Vec<Warning> {
+        let &Taken { dt, division: Division { substeps, .. }, .. } = taken;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });
@@ -86,7 +89,7 @@ impl Deformer {
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: led.pin.0, speed, carried });
         let collider = outrun(led.collider.1).filter(|_| self.cloth.longest > 0.0);
         let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: led.collider.0, speed, carried });
-        [limited, needed, slivers, pin, collider].into_iter().flatten().collect()
+        [limited, needed, slivers, pin, collider, self.contact_outruns(taken)].into_iter().flatten().collect()
     }
 
     /// Translates a failure into the caller's terms: the mesh's vertex indices, units and a remedy.

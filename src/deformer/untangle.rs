@@ -12,19 +12,21 @@ use crate::model::mesh::Mesh;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Untangled {
-    /// Pairs of an edge and a triangle that crossed before, of the cloth and of mesh colliders.
+    /// Pairs of an edge and a triangle that crossed before, of the cloth and of mesh colliders. Cloth that is wholly inside a
+    /// closed mesh crosses nothing and is not counted here, but is moved out of it: see `farthest`.
     pub before: usize,
     /// Pairs that still cross.
     pub after: usize,
-    /// The largest distance (m) that a vertex was moved.
+    /// The largest distance (m) that a vertex was moved; 0 if nothing was changed.
     pub farthest: f32,
 }
 
 impl Deformer {
     /// Tries to separate cloth that crosses itself or mesh colliders in its present state, as garments are often
     /// modeled. Vertices are moved as little as necessary, velocities stay, pins stay where they are, and mesh
-    /// colliders are where the attributes place them. Vertices inside a closed mesh are moved out of it. Cloth that
-    /// crosses nothing stays as it is, bit for bit.
+    /// colliders are where the attributes place them. Vertices inside a closed mesh are moved out of it, each the nearest
+    /// way, which may stretch the edges between them to several times their length; the following steps draw them
+    /// together. Cloth that crosses nothing and is inside of nothing stays as it is, bit for bit.
     ///
     /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006). This is a
     /// local method, which may not find a way out: [`Untangled::after`] says what remains, and

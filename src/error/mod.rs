@@ -102,7 +102,7 @@ pub enum BuildError {
     /// The device is out of memory.
     #[error("no GPU for {backend}: out of memory ({reason}); free some memory, split the mesh, or ask for the CPU")]
     GpuMemory {
-        /// The driver's message.
+        /// The backend.
         backend: &'static str,
         /// The driver's message.
         reason: String,

@@ -1,7 +1,7 @@
 //! What options may be, as far as it does not depend on the mesh.
 
 use crate::error::BuildError;
-use crate::kernels::limits::MAX_SUBSTEPS;
+use crate::kernels::limits::{MAX_POSITION, MAX_SUBSTEPS};
 use crate::kernels::statistics::SLOW;
 use crate::options::{Contact, Method, Options, Quality};
 
@@ -36,8 +36,8 @@ impl Options {
             }
         }
         if let Some(Contact { thickness, friction }) = self.contact {
-            if !(thickness > 0.0 && thickness.is_finite()) {
-                return refuse("contact.thickness", thickness.to_string(), "must be finite and above 0 m");
+            if !(thickness > 0.0 && thickness <= MAX_POSITION) {
+                return refuse("contact.thickness", thickness.to_string(), "must be above 0 m and within 1e15 m");
             }
             if !(friction >= 0.0 && friction.is_finite()) {
                 return refuse("contact.friction", friction.to_string(), "must be finite and 0 or above");

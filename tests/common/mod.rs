@@ -19,6 +19,11 @@ use cloth_deformer::{Attributes, Backend, Deformer};
 /// The duration of a frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
 
+/// Attributes with a wind whose force exceeds single precision: no step can be taken with it.
+pub fn gale(attributes: &Attributes) -> Attributes {
+    Attributes { wind: Vec3::splat(1e15), air_density: 1e30, ..attributes.clone() }
+}
+
 /// Steps `frames` frames of 1/60 s.
 pub fn play(deformer: &mut Deformer, frames: u32, attributes: &Attributes) {
     for _ in 0..frames {
