@@ -325,6 +325,11 @@ fn a_scene_is_tuned() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("| setting |") && text.contains("Options {") && text.contains("method: Method::"), "{text}");
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "nothing is written");
+    let hung = SHEET.replace("gravity = [0, 0, 0]", "") + "pin = [{ vertices = [0, 1] }]\n";
+    let (_, output) = scene(&hung, &["--frames", "21", "--no-floor", "--tune", "0.00001%"]);
+    succeeds(&output);
+    let missed = String::from_utf8(output.stdout).unwrap();
+    assert!(missed.contains("No setting kept") && !text.contains("No setting kept"), "{missed}");
     for (arguments, words) in [
         (&["--tune", "10mm", "--fps", "30"][..], &["--tune", "60 frames per second"][..]),
         (&["--tune", "10mm", "--frames", "1"], &["frames", "at least 1"]),

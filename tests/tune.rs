@@ -44,6 +44,7 @@ fn what_is_chosen_is_as_far_off_as_it_says() {
         let tuned = tune(&mesh, &options, |_| Attributes::default(), 30, Tolerance::Position(tolerance)).unwrap();
         let off = apart(&truth, &play(&mesh, tuned.options.clone(), 30));
         let said = tuned.best.error.max(tuned.best.checked);
+        assert!(tuned.kept);
         println!("{tolerance} mm: {} is {off} mm off, {said} as it says", tuned.best.setting);
         assert!(!tuned.chaotic && tuned.trials.len() <= 20);
         assert!(said <= tolerance && off <= 1.05 * tolerance, "{off} mm off");
@@ -99,11 +100,20 @@ fn a_strain_is_kept_with_the_fewest_substeps() {
         (0..60).filter(is_beyond).count()
     };
     println!("{}", tuned.best.setting);
-    assert!(tuned.resolved.is_none() && tuned.best.error <= 0.03);
+    assert!(tuned.resolved.is_none() && tuned.best.error <= 0.03 && tuned.kept);
     assert_eq!(beyond(tuned.options.clone()), 0);
     // Half as many substeps miss it.
     let half = Quality::Substeps((tuned.best.substeps / 2.0) as u32);
     assert!(beyond(Options { quality: half, ..tuned.options }) > 0);
+}
+
+/// A tolerance that no run keeps: the one with the least error is returned, and is said to miss it.
+#[test]
+fn a_strain_that_nothing_keeps_is_said_to_be_missed() {
+    let (mesh, options) = hung(9, membrane());
+    let tuned = tune(&mesh, &options, |_| Attributes::default(), 10, Tolerance::Strain(1e-7)).unwrap();
+    assert!(!tuned.kept && tuned.best.error > tuned.allowed, "{} is more than {}", tuned.best.error, tuned.allowed);
+    assert!(tuned.trials.iter().all(|trial| trial.error.max(trial.checked) >= tuned.best.error.max(tuned.best.checked)));
 }
 
 #[test]

@@ -37,10 +37,16 @@ pub(crate) fn show(tuned: &Tuned, tolerance: Tolerance) {
         say(&format!("| {setting} | {substeps:.0} | {levels} | {error:.2} | {checked:.2} | {milliseconds:.2} |"));
     };
     tuned.trials.iter().for_each(row);
-    let Trial { setting, milliseconds, error, .. } = tuned.best;
+    let Trial { setting, milliseconds, error, checked, .. } = tuned.best;
     let times = tuned.resolved.map_or(String::new(), |resolved| {
         format!(", {:.1} times as fast as the resolved run", resolved.milliseconds / milliseconds)
     });
+    if !tuned.kept {
+        let [allowed, least] = [tuned.allowed, error.max(checked)].map(|error| scale * error);
+        say(&format!(
+            "\nNo setting kept the error within {allowed} {unit}; the least was {least} {unit}. Allow more. The setting of the least:"
+        ));
+    }
     say(&format!(
         "\nError {:.2} {unit} in {milliseconds:.2} ms per frame{times}:\n\n    Options {{ {setting}, ..options }}",
         scale * error

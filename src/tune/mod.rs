@@ -83,8 +83,11 @@ pub struct Term {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Tuned {
-    /// The cheapest run that kept the tolerance, also in the frames that verify it.
+    /// The cheapest run that kept the tolerance, also in the frames that verify it; if [`Tuned::kept`] is false, the run with
+    /// the least error in all frames.
     pub best: Trial,
+    /// Whether any run kept the tolerance. None does if it is smaller than what the substeps leave at their shortest.
+    pub kept: bool,
     /// The options of that run. [`Setting::attributes`] says whether the scene's air can be left out.
     pub options: Options,
     /// The error that a run was allowed, in the unit of the tolerance: less than it by what the reference is uncertain by, or

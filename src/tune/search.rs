@@ -232,14 +232,15 @@ impl<'a> Search<'a> {
     }
 
     /// The cheapest run that keeps the tolerance in the verifying frames too; if there is none, the one with the
-    /// smallest error.
+    /// smallest error in all frames.
     fn choose(self, Found { resolved, chaotic, terms, .. }: Found) -> Tuned {
         let verified = |trial: &&Trial| self.keeps(trial) && f64::from(trial.checked) <= self.tolerance;
-        let best = self.trials.iter().filter(verified).min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
-        let least = || self.trials.iter().min_by(|a, b| a.error.total_cmp(&b.error));
-        let best = *best.or_else(least).expect("at least one was tried");
-        let options = best.setting.options(self.scene.options);
-        Tuned { best, options, allowed: self.tolerance as f32, resolved, chaotic, terms, trials: self.trials }
+        let cheapest = self.trials.iter().filter(verified).min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
+        let in_all = |trial: &Trial| trial.error.max(trial.checked);
+        let least = || self.trials.iter().min_by(|a, b| in_all(a).total_cmp(&in_all(b)));
+        let best = *cheapest.or_else(least).expect("at least one was tried");
+        let (options, kept) = (best.setting.options(self.scene.options), cheapest.is_some());
+        Tuned { best, kept, options, allowed: self.tolerance as f32, resolved, chaotic, terms, trials: self.trials }
     }
 }
 
