@@ -1,5 +1,6 @@
 //! Writes an OBJ again with other positions and everything else as it was.
 
+use std::iter::repeat_n;
 use std::ops::Range;
 use std::path::Path;
 
@@ -61,9 +62,7 @@ impl ObjTemplate {
 
     fn new(bytes: Vec<u8>, file: Option<&Path>) -> Result<ObjTemplate, ObjError> {
         let mesh = parse(&String::from_utf8_lossy(&bytes), file)?;
-        // Bytes other than ASCII occur in names and comments. Replacing each with one byte keeps offsets in the text
-        // equal to offsets in the file.
-        let text: String = bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
+        let text = in_ascii(&bytes);
         let (mut vertices, mut texture, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mark = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         for words in statements(&text, mark) {
@@ -79,11 +78,9 @@ impl ObjTemplate {
             }
         }
         let polygons: Vec<Vec<u32>> = faces.iter().map(Face::vertices).collect();
-        // Unicode spaces separate words for the parser but not here, so the number of vertices may differ.
-        let is_plain = |place: &Range<usize>| bytes[place.clone()].is_ascii();
         let are_whole = polygons.iter().zip(&faces).all(|(polygon, face)| polygon.len() == face.corners.len());
-        if vertices.len() != mesh.positions.len() || !vertices.iter().all(is_plain) || !are_whole {
-            let reason = "its numbers are not separated by plain spaces".to_owned();
+        if vertices.len() != mesh.positions.len() || !are_whole {
+            let reason = "its statements were found in other places".to_owned();
             return Err(ObjError::Parser { file: file.map(Path::to_owned), reason });
         }
         let coordinate = |face: &Face<'_>, corner: &str| texture[face.named(corner, 1, texture.len())? as usize];
@@ -162,6 +159,22 @@ impl ObjTemplate {
         written.extend_from_slice(&self.bytes[end..]);
         Ok(written)
     }
+}
+
+/// The bytes with each character that is not ASCII replaced by as many bytes, so that places in the text are places in the
+/// file: spaces, which separate words for the parser too, by spaces, and all else, which occurs in names and comments, by `?`.
+fn in_ascii(bytes: &[u8]) -> String {
+    let mut text = String::with_capacity(bytes.len());
+    for chunk in bytes.utf8_chunks() {
+        for letter in chunk.valid().chars() {
+            match letter {
+                _ if letter.is_ascii() => text.push(letter),
+                _ => text.extend(repeat_n(if letter.is_whitespace() { ' ' } else { '?' }, letter.len_utf8())),
+            }
+        }
+        text.extend(repeat_n('?', chunk.invalid().len()));
+    }
+    text
 }
 
 /// The words of each `v`, `vt`, `vn` and `f` statement, with their places, from byte `from` on. As in the parser, only
