@@ -119,6 +119,14 @@ fn help_goes_to_stdout() {
 }
 
 #[test]
+fn the_version_goes_to_stdout() {
+    let directory = TempDir::new().unwrap();
+    let output = run(&directory, &["--version"]);
+    succeeds(&output);
+    assert_eq!(String::from_utf8_lossy(&output.stdout), format!("drape {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
 fn self_contact_is_told_in_the_report() {
     let directory = TempDir::new().unwrap();
     let pressed = |more: &[&str]| {
@@ -149,7 +157,11 @@ fn untangle_parts_a_start_before_frame_1() {
     succeeds(&plain);
     assert_eq!(bits(&frame_1().positions), bits(&mesh.positions));
     let before = crossings::crossings(&mesh, &mesh.positions).len();
-    assert!(before > 0 && stderr(&plain).contains(&format!("{before} edges pass through triangles")), "{}", stderr(&plain));
+    assert!(
+        before > 0 && stderr(&plain).contains(&format!("frame 2: {before} edges pass through triangles, the first")),
+        "{}",
+        stderr(&plain)
+    );
 
     let parted = run(&directory, &["strip.obj", "--frames", "2", "--self-contact", "--untangle"]);
     succeeds(&parted);
@@ -338,7 +350,9 @@ fn what_cannot_be_is_refused_in_one_line() {
         (&["--strain", "nan"], &["--strain", "finite"]),
         (&["--strain", "0"], &["--strain", "above 0"]),
         (&["--strain", "inf"], &["--strain", "finite"]),
-        (&["--fps", "0.01"], &["substeps"]),
+        (&["--fps", "0.01"], &["substeps", "--fps", "--strain"]),
+        (&["--fps", "1e30"], &["--fps", "at most"]),
+        (&["--gravity", "0,1e30,0"], &["gravity", "1e15 m/s2"]),
         (&["--iterations", "4"], &["--iterations", "relaxation"]),
         (&["--method", "relaxation", "--iterations", "0"], &["--iterations"]),
         (&["--method", "magic"], &["--method", "magic", "small-steps"]),

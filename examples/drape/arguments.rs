@@ -45,6 +45,7 @@ pub(crate) const FORMATS: [(&str, Format); 4] =
 #[derive(Debug, Clone, Parser)]
 #[command(
     name = "drape",
+    version,
     args_conflicts_with_subcommands = true,
     disable_help_subcommand = true,
     after_help = "\
@@ -269,12 +270,20 @@ fn not_negative(text: &str) -> Result<f32, String> {
     finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("it must be 0 or above".to_owned()) })
 }
 
-/// Frames a second: the step they leave must be a number too.
+/// Most frames a second: a step takes at least a nanosecond.
+const MOST_FPS: f32 = 1e9;
+
+/// Frames a second, between which a step must have a length that can be computed.
+pub(crate) fn check_rate(fps: f32) -> Result<f32, String> {
+    match (1.0 / fps).is_finite() {
+        true if fps <= MOST_FPS => Ok(fps),
+        true => Err(format!("a frame of 1/{fps} seconds is too short; give at most {MOST_FPS} frames a second")),
+        false => Err(format!("a frame of 1/{fps} seconds is not finite; give more frames a second")),
+    }
+}
+
 fn rate(text: &str) -> Result<f32, String> {
-    positive(text).and_then(|fps| {
-        let dt = 1.0 / fps;
-        if dt.is_finite() && dt > 0.0 { Ok(fps) } else { Err("a step of 1/FPS seconds is not finite".to_owned()) }
-    })
+    positive(text).and_then(check_rate)
 }
 
 fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {

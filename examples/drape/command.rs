@@ -92,12 +92,12 @@ pub(crate) fn warn(kind: &str, message: &str) {
     let _ = writeln!(io::stderr(), "{kind}: {}", line.join(" "));
 }
 
-/// The arguments of this process, or the help if the user asked for it. Errors become one line, without the usage that
+/// The arguments of this process, or the help or the version if the user asked for it. Errors become one line, without the usage that
 /// clap adds.
 pub(crate) fn read<Arguments: Parser>() -> Result<Result<Arguments, clap::Error>, Failure> {
     match Arguments::try_parse() {
         Ok(arguments) => Ok(Ok(arguments)),
-        Err(help) if help.kind() == ErrorKind::DisplayHelp => Ok(Err(help)),
+        Err(help) if matches!(help.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => Ok(Err(help)),
         Err(error) => {
             let text = error.to_string();
             let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();

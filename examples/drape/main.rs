@@ -68,8 +68,20 @@ impl Failure {
     }
 
     fn step(frame: i64, error: &StepError) -> Failure {
-        Failure::from(error).of(&if frame < 1 { format!("frame {frame}, in the preroll") } else { format!("frame {frame}") })
+        let failure = match error {
+            // In terms of the command line and of scenes instead of the library's.
+            StepError::TooManySubsteps { needed } => Failure::input(format_args!(
+                "it needs {needed} substeps (times iterations), more than 65536; give more frames a second (--fps), a larger --strain or fewer --substeps"
+            )),
+            _ => Failure::from(error),
+        };
+        failure.of(&named(frame))
     }
+}
+
+/// A frame in messages.
+fn named(frame: i64) -> String {
+    if frame < 1 { format!("frame {frame}, in the preroll") } else { format!("frame {frame}") }
 }
 
 /// Does what the arguments ask for.

@@ -14,6 +14,7 @@ use crate::{
     Failure,
     command::warn,
     frames::Frames,
+    named,
     output::{self, Output},
     preview::{self, Cell},
     report::{Frame, Report},
@@ -99,10 +100,11 @@ pub(crate) fn play(
             seconds = start.elapsed().as_secs_f64();
             counts = [done.substeps, done.contacts];
             for warning in done.warnings {
-                // Each kind only once: a limit exceeded in one frame is exceeded in most of the following ones.
+                // Each kind only once, with its first frame: a limit exceeded in one is exceeded in most of the following.
                 if !warned.contains(&mem::discriminant(&warning)) {
                     warned.push(mem::discriminant(&warning));
-                    progress.suspend(|| warn("warning", &describe(warning, 60.0 * dt)));
+                    let line = format!("{}: {}", named(frame), describe(warning, 60.0 * dt));
+                    progress.suspend(|| warn("warning", &line));
                 }
             }
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);

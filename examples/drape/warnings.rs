@@ -19,7 +19,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         }
         Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
             format!(
-                "{pairs} edges pass through triangles at the start of contact, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated"
+                "{pairs} edges pass through triangles, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated"
             )
         }
         Warning::StrainMissed { stretch, promised, cause } => {
@@ -27,11 +27,13 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
                 Cause::Pins => "by accelerated pins",
                 Cause::Collider => "by a fast collider",
                 Cause::Wind => "by the wind",
+                Cause::Slivers => "by edges a hundred times shorter than their triangles",
                 _ => "by its own motion",
             };
+            let remedy = if cause == Cause::Slivers { "merge their ends" } else { "move it more slowly" };
             let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
             format!(
-                "the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; move it more slowly, or ask for more --substeps"
+                "the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; {remedy}, or ask for more --substeps"
             )
         }
         Warning::PinOutruns { pin, speed, carried } => {
@@ -48,7 +50,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         Warning::BodyCrossings { pairs, collider } => {
             let number = collider + 1;
             format!(
-                "cloth and mesh colliders cross at the start of contact in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated"
+                "cloth and mesh colliders cross in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated"
             )
         }
         Warning::ContactOutruns { speed, resolved } => {

@@ -326,7 +326,7 @@ pub(crate) struct Output {
     pub(crate) folder: Option<PathBuf>,
     /// Formats of the frames, "obj", "pc2", "mdd" and "usda": one file per frame, or all frames in one file in that
     /// folder. "obj".
-    #[serde(deserialize_with = "maybe_list")]
+    #[serde(deserialize_with = "formats")]
     pub(crate) format: Option<Vec<FormatName>>,
     /// A PC2 point cache of all frames.
     pub(crate) pc2: Option<PathBuf>,
@@ -424,6 +424,14 @@ fn named<'de, T: Copy, D: Deserializer<'de>>(deserializer: D, table: &[(&str, T)
     let names = || table.iter().map(|&(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
     let found = table.iter().find(|&&(known, _)| known == name);
     found.map(|&(_, value)| Some(value)).ok_or_else(|| D::Error::custom(format_args!("\"{name}\" is none of {}", names())))
+}
+
+/// Parses the formats of the frames: without any, nothing would be written.
+fn formats<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<FormatName>>, D::Error> {
+    match maybe_list(deserializer)? {
+        Some(names) if names.is_empty() => Err(D::Error::custom("there is no format; name one, or leave it out for \"obj\"")),
+        names => Ok(names),
+    }
 }
 
 fn backend<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Backend>, D::Error> {

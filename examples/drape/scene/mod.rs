@@ -35,6 +35,9 @@ const OTHER_PICTURES: [&str; 10] = ["jpg", "jpeg", "gif", "webp", "bmp", "tif", 
 /// Most substeps per 1/60 s.
 const MOST_SUBSTEPS: u32 = 65536;
 
+/// Strongest gusts, relative to the wind.
+const MOST_STRENGTH: f32 = 1e6;
+
 /// Everything that a run needs.
 pub(crate) struct Scene {
     /// Name of the mesh in error messages.
@@ -174,6 +177,12 @@ fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>, timeline: Timeli
         && let Some(lift) = lift.filter(|lift| lift.0 > drag.map_or(Attributes::default().drag, |drag| drag.0))
     {
         return Err(source.wrong_in(wind, format_args!("lift = {} must not exceed drag", lift.0)));
+    }
+    if let Some((source, wind)) = given
+        && let Some(gusts) = wind.get_ref().gusts.as_ref().filter(|gusts| gusts.strength.0 > MOST_STRENGTH)
+    {
+        let what = format_args!("gusts.strength = {} must be at most {MOST_STRENGTH} times the wind", gusts.strength.0);
+        return Err(source.wrong_in(wind, what));
     }
     if let Some((source, wind)) = given
         && timeline.preroll == 0

@@ -6,7 +6,7 @@ use toml::Spanned;
 
 use super::file::{File, Source};
 use crate::Failure;
-use crate::arguments::Arguments;
+use crate::arguments::{Arguments, check_rate};
 
 /// Default number of frames, and frames per second.
 const FRAMES: u32 = 120;
@@ -94,15 +94,12 @@ impl Timeline {
     }
 }
 
-/// The number of frames per second. The length of a frame must be finite too.
+/// The number of frames per second.
 fn rate(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<f32, Failure> {
     let given = scene.and_then(|(source, file)| file.fps.as_ref().map(|fps: &Spanned<_>| (source, fps)));
     match (arguments.fps, given) {
         (Some(rate), _) => Ok(rate),
-        (None, Some((source, fps))) if !(1.0 / fps.get_ref().0).is_finite() => {
-            Err(source.wrong_in(fps, "a frame of 1/fps seconds is not finite; give more frames a second"))
-        }
-        (None, Some((_, fps))) => Ok(fps.get_ref().0),
+        (None, Some((source, fps))) => check_rate(fps.get_ref().0).map_err(|why| source.wrong_in(fps, why)),
         (None, None) => Ok(RATE),
     }
 }
