@@ -36,6 +36,7 @@ on_every_backend!(
     a_sheet_in_the_plane_of_a_table_lies_on_it,
     what_is_squeezed_stays_between,
     what_is_pinched_is_reported,
+    what_goes_through_completely_is_reported,
 );
 
 fn options(backend: Backend, substeps: u32, contact: bool) -> Options {
@@ -389,6 +390,26 @@ fn what_is_squeezed_stays_between(backend: Backend) {
         let crossed: usize = plates.iter().map(|plate| crossings_with(&sheet, cloth.positions().unwrap(), plate)).sum();
         assert_eq!(crossed, 0, "frame {frame}, with plates {} m apart", 2.0 * gap);
     }
+}
+
+/// A plate goes through a sheet that lies on another one, so fast that the whole sheet is on its other side at the end of a step and
+/// nothing crosses. That step reports it, and no other does.
+fn what_goes_through_completely_is_reported(backend: Backend) {
+    let (sheet, plate) = (Mesh::grid(10, 10, 0.2, 0.2), Mesh::grid(2, 2, 0.3, 0.3));
+    let mut cloth = Deformer::new(&sheet, options(backend, 20, true)).unwrap();
+    let mut told = 0;
+    for frame in 0..12_i32 {
+        let above = 0.085 - 0.01 * frame as f32;
+        let plates = [-0.006, above].map(|y| moved(&plate, |x| x + y * Vec3::Y));
+        let scene = Attributes { gravity: Vec3::ZERO, ..with(plates.iter().cloned().map(Collider::mesh).collect()) };
+        let report = cloth.step(FRAME, &scene).unwrap();
+        let x = cloth.positions().unwrap();
+        let crossed: usize = plates.iter().map(|plate| crossings_with(&sheet, x, plate)).sum();
+        let is_told = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
+        told += u32::from(is_told);
+        assert_eq!(is_told || told > 0, x.iter().any(|x| x.y > above) || crossed > 0, "frame {frame}");
+    }
+    assert!((1..3).contains(&told), "reported in {told} frames");
 }
 
 /// Two plates close on a sheet until they are past each other, and open again. Nothing can hold a sheet there: what crosses is

@@ -12,6 +12,7 @@ use super::let_go::LetGo;
 use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
+use super::pinches::Pinched;
 use super::rows::Rows;
 use super::surface::Surface;
 use super::table::Table;
@@ -21,6 +22,9 @@ use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
 
+/// `MARK` of `shared.wgsl`.
+pub(crate) const MARK: u32 = 1 << 31;
+
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
 pub(crate) struct OnDevice {
@@ -29,11 +33,11 @@ pub(crate) struct OnDevice {
     bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
-    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices that were `pinched` in the
-    /// last step.
+    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the pairs that were `pinched` in the last
+    /// step.
     let_go: LetGo,
     may_cross: bool,
-    pinched: Vec<u32>,
+    pinched: Vec<Pinched>,
     thickness: f32,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
@@ -189,14 +193,21 @@ impl OnDevice {
             let_go.find(surface, x, *meets_itself, *thickness);
             return true;
         }
-        let_go.follow(surface, x, *meets_itself, *thickness, &pinched)
+        let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
+        let_go.follow(surface, x, *meets_itself, *thickness, &vertices)
     }
 
-    /// Notes the corners of the pairs that may have moved through each other in a step; `None` if they are not known.
-    pub(crate) fn note_pinched(&mut self, corners: Option<&[[u32; 4]]>) {
-        self.may_cross |= corners.is_none();
+    /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them; `None` if they are not known.
+    pub(crate) fn note_pinched(&mut self, told: Option<&[[u32; 4]]>) {
+        self.may_cross |= told.is_none();
         self.pinched.clear();
-        self.pinched.extend(corners.into_iter().flatten().flatten());
+        self.pinched.extend(told.into_iter().flatten().map(|told| {
+            let [is_edge, is_through, ..] = told.map(|corner| corner & MARK != 0);
+            let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
+            Pinched { kind, corners: told.map(|corner| corner & !MARK), is_through }
+        }));
+        self.let_go.begin();
+        self.let_go.note(&self.pinched, &self.surface);
     }
 
     /// Whether there may be such pairs.

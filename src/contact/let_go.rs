@@ -6,7 +6,8 @@ use glam::{Vec3, Vec4};
 
 use super::apart::apart;
 use super::crossings::Features;
-use super::pairs::{Kind, Listed};
+use super::pairs::{Kind, Listed, crossing_of};
+use super::pinches::Pinched;
 use super::surface::Surface;
 use crate::options::Crossing;
 
@@ -18,6 +19,8 @@ const RINGS: usize = 2;
 pub(super) struct LetGo {
     /// Each an edge and a triangle, sorted.
     pub crossings: Vec<[u32; 2]>,
+    /// Those that have moved through each other in this step. They need not intersect any more.
+    through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
     pairs: [Vec<[u32; 2]>; 2],
 }
@@ -38,7 +41,7 @@ impl LetGo {
         if self.crossings.is_empty() && vertices.is_empty() {
             return false;
         }
-        let known = self.by_vertices(surface).flat_map(|([a, b], [c, d, e])| [a, b, c, d, e]);
+        let known = self.crossings.iter().map(|&pair| by_vertices(pair, surface)).flat_map(|([a, b], [c, d, e])| [a, b, c, d, e]);
         let mut near: BTreeSet<u32> = known.chain(vertices.iter().copied()).collect();
         let mut triangles = BTreeSet::new();
         for _ in 0..RINGS {
@@ -60,6 +63,17 @@ impl LetGo {
             self.take(found, surface);
         }
         are_new
+    }
+
+    /// Begins a step.
+    pub(super) fn begin(&mut self) {
+        self.through.clear();
+    }
+
+    /// Notes which of the pinched pairs have moved through each other.
+    pub(super) fn note(&mut self, pinched: &[Pinched], surface: &Surface) {
+        let through = pinched.iter().filter(|pair| pair.is_through);
+        self.through.extend(through.filter_map(|pair| crossing_of(surface, pair.kind, pair.corners)));
     }
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
@@ -124,23 +138,24 @@ impl LetGo {
         self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
     }
 
-    /// Intersections of the cloth with itself, given by vertices.
+    /// Intersections of the cloth with itself, given by vertices, and what has moved through itself in this step.
     pub(super) fn of_cloth(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
         let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
         let crossing = |(edge, triangle)| Crossing { edge, triangle };
-        self.by_vertices(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
+        self.all(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
     }
 
-    /// For each intersection of the cloth with a body: the index of the body.
+    /// The same of the cloth with bodies: the index of the body of each one.
     pub(super) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
         let owner = |vertex: u32| surface.owner[vertex as usize];
-        let owners = self.by_vertices(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
+        let owners = self.all(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
         owners.filter(|&owner| owner > 0).map(|owner| owner - 1)
     }
 
-    fn by_vertices(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
-        let Surface { edges, triangles, .. } = surface;
-        self.crossings.iter().map(|&[edge, triangle]| (edges[edge as usize], triangles[triangle as usize]))
+    /// All that intersects, or did in this step.
+    fn all(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
+        let through = self.through.iter().filter(|pair| !self.crossings.contains(pair));
+        self.crossings.iter().chain(through).map(|&pair| by_vertices(pair, surface))
     }
 
     #[cfg(feature = "gpu")]
@@ -153,6 +168,11 @@ impl LetGo {
         let pairs = &self.pairs[kind as usize];
         !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
     }
+}
+
+/// The vertices of an edge and of a triangle.
+fn by_vertices([edge, triangle]: [u32; 2], surface: &Surface) -> ([u32; 2], [u32; 3]) {
+    (surface.edges[edge as usize], surface.triangles[triangle as usize])
 }
 
 fn features<'a>(surface: &'a Surface, x: &'a [Vec4], thickness: f32) -> Features<'a> {

@@ -20,10 +20,12 @@ impl SelfContact {
     /// Lets go of what crosses at the end of the substep because it is pinched.
     pub(super) fn let_go_of_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
         let SelfContact { options, surface, contacts, let_go, paths, meets_itself, .. } = self;
-        let pinched = contacts.pinched();
+        let pinched = contacts.pinched(options.thickness);
         if !pinched.is_empty() {
+            let_go.note(&pinched, surface);
             let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
-            if let_go.follow(surface, &ends, *meets_itself, options.thickness, &pinched) {
+            let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
+            if let_go.follow(surface, &ends, *meets_itself, options.thickness, &vertices) {
                 paths.end();
             }
         }

@@ -76,6 +76,8 @@ use let_go::LetGo;
 use past::Kept;
 pub(crate) use past::Past;
 use paths::Paths;
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) use pinches::BISECTIONS;
 #[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;
 use rows::Rows;
@@ -87,7 +89,7 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 15] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("KEEP", crate::kernels::pair::KEEP),
     ("THIN", crate::kernels::pair::THIN),
@@ -102,6 +104,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 15] = [
     ("ACTING", near::ACTING),
     ("WARM", response::WARM),
     ("FARTHER", truncation::FARTHER),
+    ("MEETS", pinches::MEETS),
     ("NEAR", bodies::NEAR),
 ];
 /// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.
@@ -213,7 +216,8 @@ impl SelfContact {
         self.contacts.forget();
     }
 
-    /// Edges that pass through triangles of the cloth, as of the last detection, given by vertices.
+    /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step; given by
+    /// vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
         self.let_go.of_cloth(&self.surface)
     }
@@ -227,6 +231,7 @@ impl SelfContact {
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.crowd) = (Tally::default(), 0);
+        self.let_go.begin();
         self.keep();
         let jumped = self.bodies.begin(plan, self.options.friction);
         self.bodies.place(plan, self.options.thickness, x, u);

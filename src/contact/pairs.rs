@@ -2,7 +2,7 @@
 
 use super::surface::Surface;
 use crate::kernels::pair::{edge_edge, vertex_triangle};
-use crate::simd::{Registers, Vector};
+use crate::simd::{Lanes, Registers, Vector};
 
 /// The kinds of pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -59,9 +59,26 @@ pub(super) fn corners(surface: &Surface, kind: Kind, [first, second]: [u32; 2]) 
     }
 }
 
+/// An edge and a triangle that intersect once a pair with these corners has moved through each other: those of the pair, or
+/// beside them.
+pub(super) fn crossing_of(surface: &Surface, kind: Kind, [a, b, c, d]: [u32; 4]) -> Option<[u32; 2]> {
+    let triangle_of = |at: u32, has: &[u32]| {
+        let mut triangles = surface.at.of(at).iter().copied();
+        triangles.find(|&triangle| has.iter().all(|of| surface.triangles[triangle as usize].contains(of)))
+    };
+    let edge_of = |at: u32, has: &[u32]| {
+        let mut edges = surface.at.of(at).iter().flat_map(|&triangle| surface.sides[triangle as usize]);
+        edges.find(|&edge| has.iter().all(|of| surface.edges[edge as usize].contains(of)))
+    };
+    Some(match kind {
+        Kind::VertexTriangle => [edge_of(a, &[a])?, triangle_of(b, &[b, c, d])?],
+        Kind::EdgeEdge => [edge_of(a, &[a, b])?, triangle_of(c, &[c, d])?],
+    })
+}
+
 /// The weights of the closest points of pairs.
 #[inline(always)]
-pub(super) fn closest<L: Registers>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
+pub(super) fn closest<L: Lanes>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
     match kind {
         Kind::VertexTriangle => vertex_triangle(x),
         Kind::EdgeEdge => edge_edge(x),
@@ -70,7 +87,7 @@ pub(super) fn closest<L: Registers>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
 
 /// The vector between the closest points.
 #[inline(always)]
-pub(super) fn between<L: Registers>(weights: [L; 4], x: [Vector<L>; 4]) -> Vector<L> {
+pub(super) fn between<L: Lanes>(weights: [L; 4], x: [Vector<L>; 4]) -> Vector<L> {
     x[3].mul_add(weights[3], x[2].mul_add(weights[2], x[1].mul_add(weights[1], x[0] * weights[0])))
 }
 

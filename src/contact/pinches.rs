@@ -4,26 +4,74 @@
 //! Truncation cannot shorten what is led: where one side of a pair is led across the plane between the two, the plane moves
 //! along, and may pass a vertex that stays in place. Mostly it passes beside what the vertex belongs to, since planes have
 //! no borders. But no pair moves through each other unless this happens, and then the volume that its corners span changes
-//! its sign.
+//! its sign. It does move through if its features meet at that moment (Provot 1997, "Collision and self-collision handling in
+//! cloth model dedicated to design garments").
 
 use glam::Vec3A;
 
 use super::contacts::Contacts;
+use super::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
+use crate::simd::Vector;
+
+/// Features meet if they come closer than this multiple of the thickness.
+pub(super) const MEETS: f32 = 0.01;
+/// Bisections that find the moment at which four points are in a plane.
+pub(crate) const BISECTIONS: u32 = 20;
+
+/// A pair whose corners span a volume that has changed its sign in a substep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pinched {
+    pub kind: Kind,
+    /// By vertices.
+    pub corners: [u32; 4],
+    /// Whether it has moved through each other.
+    pub is_through: bool,
+}
 
 impl Contacts {
-    /// The corners of pairs that may have moved through each other in this substep, after truncation.
-    pub(super) fn pinched(&self) -> Vec<u32> {
-        let passed = self.portions().iter().flat_map(|portion| &portion.passed);
+    /// The pairs that are pinched in this substep, after truncation. Cloth is held apart by the thickness (m).
+    pub(super) fn pinched(&self, thickness: f32) -> Vec<Pinched> {
+        let passed = self.portions().iter().flat_map(|portion| portion.passed.iter().map(|&corners| (portion.kind, corners)));
         let start = |place: u32| xyz(self.vertices[place as usize].x);
         let end = |place: u32| start(place) + self.vertices[place as usize].push + xyz(self.u[place as usize]);
-        let pinched = passed.filter(|corners| volume(corners.map(start)) * volume(corners.map(end)) <= 0.0);
-        pinched.flatten().map(|&place| self.vertices[place as usize].index).collect()
+        let pinched = passed.filter_map(|(kind, places)| {
+            let (from, to) = (places.map(start), places.map(end));
+            let is_through = moves_through(kind, from, to, thickness)?;
+            Some(Pinched { kind, corners: places.map(|place| self.vertices[place as usize].index), is_through })
+        });
+        pinched.collect()
     }
 }
 
+/// Whether the features of a pair meet while its corners move straight from some positions (m) to others; `None` if the volume
+/// that the corners span keeps its sign.
+fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
+    let before = volume(from);
+    if before * volume(to) > 0.0 {
+        return None;
+    }
+    let at = |share: f32| std::array::from_fn(|k| from[k].lerp(to[k], share));
+    let [mut early, mut late] = [0.0, 1.0];
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (early + late);
+        if before * volume(at(middle)) > 0.0 {
+            early = middle;
+        } else {
+            late = middle;
+        }
+    }
+    let corners = at(late).map(|x| Vector { x: x.x, y: x.y, z: x.z });
+    let apart = between(closest(kind, corners), corners);
+    Some(apart.dot(apart).sqrt() < MEETS * thickness)
+}
+
 /// Six times the signed volume (m³) of a tetrahedron.
-fn volume(corners: [Vec3A; 4]) -> f64 {
-    let [a, b, c, d] = corners.map(Vec3A::as_dvec3);
+fn volume(corners: [Vec3A; 4]) -> f32 {
+    let [a, b, c, d] = corners;
     (b - a).cross(c - a).dot(d - a)
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/contact_pinches.rs"]
+mod tests;

@@ -150,6 +150,8 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("MET", Literal::U32(contact::DETECTION[5])),
         ("PINCHED", Literal::U32(contact::PINCHED as u32)),
         ("PASSED", Literal::U32(contact::PASSED as u32)),
+        ("MARK", Literal::U32(crate::contact::device::MARK)),
+        ("BISECTIONS", Literal::U32(crate::contact::BISECTIONS)),
         ("MOST_MET", Literal::U32(contact::DETECTION[6])),
     ];
     all.extend(of_contact);

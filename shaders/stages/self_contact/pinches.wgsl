@@ -5,22 +5,57 @@ fn volume(t: Four) -> f32 {
     return dot(cross(t.b - t.a, t.c - t.a), t.d - t.a);
 }
 
+// Features meet if they come closer than this multiple of the thickness.
+const MEETS: f32 = 0.01;
+// Bisections that find the moment at which four points are in a plane.
+const BISECTIONS: u32 = 20u;
+
+fn moved(start: Four, end: Four, share: f32) -> Four {
+    return Four(mix(start.a, end.a, share), mix(start.b, end.b, share), mix(start.c, end.c, share), mix(start.d, end.d, share));
+}
+
+// Whether the features of a pair, the volume of whose corners changes its sign, meet while these move straight.
+fn moves_through(is_edge: bool, start: Four, end: Four) -> bool {
+    let before = volume(start);
+    var early = 0.0;
+    var late = 1.0;
+    for (var k = 0u; k < BISECTIONS; k++) {
+        let middle = 0.5 * (early + late);
+        if before * volume(moved(start, end, middle)) > 0.0 {
+            early = middle;
+        } else {
+            late = middle;
+        }
+    }
+    let at = moved(start, end, late);
+    var weights: vec4f;
+    if is_edge {
+        weights = edge_edge(at);
+    } else {
+        weights = vertex_triangle(at);
+    }
+    return length(between(weights, at)) < MEETS * about.thickness;
+}
+
 // Where a vertex is at the end of the substep.
 fn end_of(v: u32) -> vec3f {
     return vertices[v].x.xyz + vertices[v].push.xyz + vertices[v].u.xyz;
 }
 
-// Finds the pairs that may have moved through each other, among those whose plane has passed a vertex.
+// Finds the pinched pairs among those whose plane has passed a vertex. The second corner of those that have moved through
+// each other is marked, and the first of two edges.
 @compute @workgroup_size(WORKGROUP)
 fn find_pinched(@builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&known.status.passed);
     for (var k = lane; k < min(count, PASSED); k += WORKGROUP) {
-        let v = known.passed[k];
+        let told = known.passed[k];
+        let v = told & vec4u(~MARK);
         let ends = Four(end_of(v.x), end_of(v.y), end_of(v.z), end_of(v.w));
         if volume(positions(v)) * volume(ends) <= 0.0 {
             let at = atomicAdd(&known.status.pinched, 1u);
             if at < PINCHED {
-                known.pinched[at] = v;
+                let is_through = moves_through((told.x & MARK) != 0u, positions(v), ends);
+                known.pinched[at] = vec4u(told.x, v.y | select(0u, MARK, is_through), v.z, v.w);
             }
         }
     }

@@ -324,7 +324,8 @@ fn cut_pair(n: Near) {
     if any(select(left + keeps, vec4f(), w == vec4f()) < vec4f()) {
         let at = atomicAdd(&known.status.passed, 1u);
         if at < PASSED {
-            known.passed[at] = n.corners;
+            let is_edge = n.listed >= with_vertices;
+            known.passed[at] = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
         }
     }
     cut_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));

@@ -173,6 +173,8 @@ struct Status {
 // of either, more than this many are said to be pinched.
 const PINCHED: u32 = 64u;
 const PASSED: u32 = 2048u;
+// Marks a vertex in these lists: the first of a pair of edges, and the second of a pair that has moved through each other.
+const MARK: u32 = 0x80000000u;
 
 // The status, and the corners of these pairs, followed by the workgroups' parts of a reduction over the cloth, and by
 // those over mesh colliders.
