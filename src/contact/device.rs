@@ -197,11 +197,11 @@ impl OnDevice {
         let_go.follow(surface, x, *meets_itself, *thickness, &vertices)
     }
 
-    /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them; `None` if they are not known.
-    pub(crate) fn note_pinched(&mut self, told: Option<&[[u32; 4]]>) {
-        self.may_cross |= told.is_none();
+    /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them, and whether these `are_all`.
+    pub(crate) fn note_pinched(&mut self, told: &[[u32; 4]], are_all: bool) {
+        self.may_cross |= !are_all;
         self.pinched.clear();
-        self.pinched.extend(told.into_iter().flatten().map(|told| {
+        self.pinched.extend(told.iter().map(|told| {
             let [is_edge, is_through, ..] = told.map(|corner| corner & MARK != 0);
             let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
             Pinched { kind, corners: told.map(|corner| corner & !MARK), is_through }

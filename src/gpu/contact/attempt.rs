@@ -116,7 +116,8 @@ impl GpuContact {
         }
         if !has(NO_ROOM | EARLY | CLOSE) {
             self.status = status.at_end(self.substeps);
-            self.kept.note_pinched(told.pinched());
+            let (pinched, are_all) = told.pinched();
+            self.kept.note_pinched(pinched, are_all);
             return Ok(Judgment::Good);
         }
         self.course.change(status.stopped, needed > 0);

@@ -80,9 +80,10 @@ pub(crate) struct Told {
 }
 
 impl Told {
-    /// The corners of pinched pairs; `None` if there are too many.
-    pub(super) fn pinched(&self) -> Option<&[[u32; 4]]> {
-        self.pinched.get(..self.status.pinched as usize)
+    /// The corners of pinched pairs, as far as there is room, and whether these are all.
+    pub(super) fn pinched(&self) -> (&[[u32; 4]], bool) {
+        let count = self.status.pinched as usize;
+        (&self.pinched[..count.min(PINCHED)], count <= PINCHED)
     }
 }
 
