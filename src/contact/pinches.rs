@@ -14,8 +14,9 @@ use super::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
 use crate::simd::Vector;
 
-/// Features meet if they come closer than this multiple of the thickness.
-pub(super) const MEETS: f32 = 0.01;
+/// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell on which
+/// side it is.
+pub(super) const MEETS: f32 = 1e-3;
 /// Bisections that find the moment at which four points are in a plane.
 pub(crate) const BISECTIONS: u32 = 20;
 
@@ -61,9 +62,15 @@ fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -
             late = middle;
         }
     }
-    let corners = at(late).map(|x| Vector { x: x.x, y: x.y, z: x.z });
+    let least = MEETS * thickness;
+    Some(distance(kind, at(late)) < least && least < distance(kind, from).min(distance(kind, to)))
+}
+
+/// The distance (m) between the features of a pair.
+fn distance(kind: Kind, corners: [Vec3A; 4]) -> f32 {
+    let corners = corners.map(|x| Vector { x: x.x, y: x.y, z: x.z });
     let apart = between(closest(kind, corners), corners);
-    Some(apart.dot(apart).sqrt() < MEETS * thickness)
+    apart.dot(apart).sqrt()
 }
 
 /// Six times the signed volume (m³) of a tetrahedron.

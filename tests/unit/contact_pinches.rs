@@ -22,6 +22,12 @@ fn a_vertex_moves_through_a_triangle_but_not_beside_it() {
     assert_eq!(falls(Vec3A::new(-0.001, 0.0, 0.3), 0.001), Some(false));
 }
 
+/// What touches from the beginning has no side.
+#[test]
+fn what_touches_does_not_move_through() {
+    assert_eq!(falls(Vec3A::new(0.3, -0.000_999, 0.3), 0.001), Some(false));
+}
+
 /// Whether an edge that moves down by 2 mm, from 1 mm above, meets another one that crosses it at a share of its length.
 fn crosses(share: f32) -> Option<bool> {
     let other = [Vec3A::new(share, 0.0, -0.5), Vec3A::new(share, 0.0, 0.5)];

@@ -5,8 +5,9 @@ fn volume(t: Four) -> f32 {
     return dot(cross(t.b - t.a, t.c - t.a), t.d - t.a);
 }
 
-// Features meet if they come closer than this multiple of the thickness.
-const MEETS: f32 = 0.01;
+// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell on which
+// side it is.
+const MEETS: f32 = 1e-3;
 // Bisections that find the moment at which four points are in a plane.
 const BISECTIONS: u32 = 20u;
 
@@ -27,14 +28,17 @@ fn moves_through(is_edge: bool, start: Four, end: Four) -> bool {
             late = middle;
         }
     }
-    let at = moved(start, end, late);
-    var weights: vec4f;
+    let least = MEETS * about.thickness;
+    let nearest = distance_of(is_edge, moved(start, end, late));
+    return nearest < least && least < min(distance_of(is_edge, start), distance_of(is_edge, end));
+}
+
+// The distance between the features of a pair [m].
+fn distance_of(is_edge: bool, at: Four) -> f32 {
     if is_edge {
-        weights = edge_edge(at);
-    } else {
-        weights = vertex_triangle(at);
+        return length(between(edge_edge(at), at));
     }
-    return length(between(weights, at)) < MEETS * about.thickness;
+    return length(between(vertex_triangle(at), at));
 }
 
 // Where a vertex is at the end of the substep.
