@@ -392,6 +392,39 @@ fn what_is_squeezed_stays_between(backend: Backend) {
     }
 }
 
+/// The most crossings with a plate that moves edge-on at so many m/s into a sheet that hangs from pins, in any frame, and whether each
+/// frame with crossings reports them.
+fn cut_by_a_plate(speed: f32) -> (usize, bool) {
+    let mut sheet = Mesh::grid(40, 40, 1.0, 1.0);
+    sheet.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, x.z, 0.0));
+    let sheet = jittered(sheet, 1);
+    let pinned = (0..).zip(&sheet.positions).filter(|(_, x)| x.y > 0.498).map(|(vertex, _)| vertex).collect();
+    let quality = Quality::default();
+    let options = Options { quality, fabric: Fabric::COTTON, pinned, ..options(Backend::Cpu, 20, true) };
+    let mut cloth = Deformer::new(&sheet, options).unwrap();
+    let plate = Mesh::grid(2, 2, 0.4, 0.4);
+    let (mut most, mut are_told) = (0, true);
+    for frame in 1..=(2.4 / (speed * FRAME)) as u32 {
+        let at = Vec3::new(0.003, 0.002, speed * FRAME * frame as f32 - 1.5);
+        let plate = moved(&plate, |x| x + at);
+        let report = cloth.step(FRAME, &with(vec![Collider::mesh(plate.clone())])).unwrap();
+        let crossed = crossings_with(&sheet, cloth.positions().unwrap(), &plate);
+        most = most.max(crossed);
+        let is_told = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
+        are_told &= is_told || crossed == 0;
+    }
+    (most, are_told)
+}
+
+/// A limit of the method. Motion is measured relative to the middle between the plate and the pins, so what truncation stops moves at
+/// half of the plate's speed.
+#[test]
+fn a_fast_plate_cuts_hung_cloth_edge_on() {
+    assert_eq!(cut_by_a_plate(10.0), (0, true));
+    let (most, are_told) = cut_by_a_plate(20.0);
+    assert!(most > 0 && are_told, "{most} crossings, reported: {are_told}");
+}
+
 /// A plate goes through a sheet that lies on another one, so fast that the sheet is on its other side at the end of the step and nothing
 /// crosses. The first step in which anything crosses or has gone through reports it.
 fn what_goes_through_completely_is_reported(backend: Backend) {

@@ -9,7 +9,7 @@ use super::frame::Frame;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::mesh::Mesh;
-use crate::step::plan::Plan;
+use crate::step::plan::{MeshBody, Plan};
 
 /// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
 /// largest extent.
@@ -153,6 +153,10 @@ pub(super) fn led_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> 
 /// For each vertex of the bodies its position at the start of a step (m, in local coordinates) and its displacement in
 /// the step (m).
 pub(super) fn motions(plan: &Plan<'_>) -> impl Iterator<Item = [Vec3; 2]> + Clone {
-    let vertices = plan.meshes.iter().flat_map(|body| body.from.positions.iter().zip(&body.to.positions));
-    vertices.map(|(&from, &to)| [from - plan.cloth.origin, to - from])
+    plan.meshes.iter().flat_map(|body| motions_of(body, plan.cloth.origin))
+}
+
+/// The same for the vertices of one body, in a loop that compilers vectorize. `origin` is that of the local coordinates (m).
+pub(super) fn motions_of(body: &MeshBody, origin: Vec3) -> impl Iterator<Item = [Vec3; 2]> + Clone {
+    body.from.positions.iter().zip(&body.to.positions).map(move |(&from, &to)| [from - origin, to - from])
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec3, Vec3A, Vec4};
 
 use super::Past;
-use super::bodies::{Bodies, led_pins, motions};
+use super::bodies::{Bodies, led_pins, motions, motions_of};
 use super::frame::Frame;
 use super::let_go::LetGo;
 use super::pairs::Kind;
@@ -33,11 +33,11 @@ pub(crate) struct OnDevice {
     bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
-    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the pairs that were `pinched` in the last
-    /// step.
+    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices of pairs that were
+    /// `pinched` in the last step.
     let_go: LetGo,
     may_cross: bool,
-    pinched: Vec<Pinched>,
+    pinched: Vec<u32>,
     thickness: f32,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
@@ -117,10 +117,8 @@ impl OnDevice {
         }
         self.motions.clear();
         for body in plan.meshes {
-            let ways = body.from.positions.iter().zip(&body.to.positions);
-            let motion =
-                |(&from, &to): (&Vec3, &Vec3)| [(from - plan.cloth.origin).extend(body.friction), (to - from).extend(0.0)];
-            self.motions.extend(ways.map(motion));
+            let motions = motions_of(body, plan.cloth.origin);
+            self.motions.extend(motions.map(|[from, by]| [from.extend(body.friction), by.extend(0.0)]));
         }
         Some(&self.motions)
     }
@@ -193,21 +191,21 @@ impl OnDevice {
             let_go.find(surface, x, *meets_itself, *thickness);
             return true;
         }
-        let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
-        let_go.follow(surface, x, *meets_itself, *thickness, &vertices)
+        let_go.follow(surface, x, *meets_itself, *thickness, &pinched)
     }
 
     /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them, and whether these `are_all`.
     pub(crate) fn note_pinched(&mut self, told: &[[u32; 4]], are_all: bool) {
         self.may_cross |= !are_all;
-        self.pinched.clear();
-        self.pinched.extend(told.iter().map(|told| {
+        let pinched = told.iter().map(|told| {
             let [is_edge, is_through, ..] = told.map(|corner| corner & MARK != 0);
             let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
             Pinched { kind, corners: told.map(|corner| corner & !MARK), is_through }
-        }));
+        });
+        let pinched: Vec<Pinched> = pinched.collect();
         self.let_go.begin();
-        self.let_go.note(&self.pinched, &self.surface);
+        self.let_go.note(&pinched, &self.surface);
+        self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
     /// Whether there may be such pairs.
