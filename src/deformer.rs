@@ -42,7 +42,7 @@ use crate::step::controller::{Caution, Controller};
 use crate::step::load::Load;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
-use crate::step::plan::{Plan, PlanBuffers};
+use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::{Division, FRAMES, Rates};
 use crate::step::watch::{Led, Watch};
 
@@ -273,12 +273,19 @@ impl Deformer {
     }
 
     /// The engine and the plan that it is to execute.
-    fn job<'a>(&'a mut self, taken: &Taken, attributes: &Attributes) -> (&'a mut Engine, Plan<'a>) {
+    fn job<'a>(&'a mut self, taken: &Taken, attributes: &'a Attributes) -> (&'a mut Engine, Plan<'a>) {
         let observed = self.is_observed();
         let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
-        let (levels, substeps) = (&self.hierarchy.levels, taken.division.substeps);
-        let plan =
-            Plan::new(&self.cloth, levels, &self.options, coefficients, &self.motion, substeps, attributes, &mut self.buffers);
+        let inputs = StepInputs {
+            cloth: &self.cloth,
+            levels: &self.hierarchy.levels,
+            options: &self.options,
+            coefficients,
+            motion: &self.motion,
+            substeps: taken.division.substeps,
+            attributes,
+        };
+        let plan = Plan::new(&inputs, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
         self.meeting = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(taken.dt));
         self.ahead = self.meeting.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);

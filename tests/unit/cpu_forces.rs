@@ -7,7 +7,7 @@ use crate::cpu::integrate::Integrator;
 use crate::model::cloth::Cloth;
 use crate::step::coefficients::Coefficients;
 use crate::step::motion::Motion;
-use crate::step::plan::PlanBuffers;
+use crate::step::plan::{PlanBuffers, StepInputs};
 use crate::step::substep_count::Length;
 use crate::{Attributes, Fabric, Mesh, Options};
 
@@ -166,7 +166,16 @@ fn every_width_predicts_as_the_oracle_does() {
             let plan_of = |options: &Options, attributes: &Attributes, check: &dyn Fn(&Plan<'_>)| {
                 let coefficients = Coefficients::new(&cloth, &[], options, Length::of(h));
                 let (mut lists, motion) = (PlanBuffers::default(), Motion::after(&cloth, &cloth.rest, h));
-                check(&Plan::new(&cloth, &[], options, &coefficients, &motion, 1, attributes, &mut lists));
+                let inputs = StepInputs {
+                    cloth: &cloth,
+                    levels: &[],
+                    options,
+                    coefficients: &coefficients,
+                    motion: &motion,
+                    substeps: 1,
+                    attributes,
+                };
+                check(&Plan::new(&inputs, &mut lists));
             };
             let most = |a: &[Vec4], b: &[Vec4]| {
                 a.iter()

@@ -5,7 +5,7 @@ use crate::model::cloth::Cloth;
 use crate::simd::aligned::AlignedVec;
 use crate::step::coefficients::Coefficients;
 use crate::step::motion::Motion;
-use crate::step::plan::PlanBuffers;
+use crate::step::plan::{PlanBuffers, StepInputs};
 use crate::step::substep_count::Length;
 use crate::{Attributes, Collider, Mesh, Options};
 
@@ -33,7 +33,16 @@ fn what_is_told_to_be_clear_is_clear() {
         let attributes = Attributes { colliders: vec![body.clone()], ..Attributes::default() };
         let (mut lists, motion) =
             (PlanBuffers::default(), Motion { colliders: vec![before], ..Motion::after(&cloth, &cloth.rest, h) });
-        let plan = Plan::new(&cloth, &[], &options, &coefficients, &motion, 2, &attributes, &mut lists);
+        let inputs = StepInputs {
+            cloth: &cloth,
+            levels: &[],
+            options: &options,
+            coefficients: &coefficients,
+            motion: &motion,
+            substeps: 2,
+            attributes: &attributes,
+        };
+        let plan = Plan::new(&inputs, &mut lists);
         let mut random = fastrand::Rng::with_seed(8);
         let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
         let count = cloth.rest.len();

@@ -9,7 +9,7 @@ use crate::model::cloth::Cloth;
 use crate::oracle;
 use crate::step::coefficients::Coefficients;
 use crate::step::motion::Motion;
-use crate::step::plan::PlanBuffers;
+use crate::step::plan::{PlanBuffers, StepInputs};
 use crate::step::substep_count::Length;
 use crate::{Attributes, Mesh, Options};
 
@@ -26,7 +26,16 @@ fn every_width_holds_as_the_oracle_does() {
     let targets = motion.pins.iter().map(|pin| *pin + cloth.origin + Vec3::new(0.03, 0.02, -0.01)).collect();
     let attributes = Attributes { pin_targets: Some(targets), ..Attributes::default() };
     let mut buffers = PlanBuffers::default();
-    let plan = Plan::new(&cloth, &[], &options, &coefficients, &motion, 4, &attributes, &mut buffers);
+    let inputs = StepInputs {
+        cloth: &cloth,
+        levels: &[],
+        options: &options,
+        coefficients: &coefficients,
+        motion: &motion,
+        substeps: 4,
+        attributes: &attributes,
+    };
+    let plan = Plan::new(&inputs, &mut buffers);
     let substep = &plan.substeps[2];
     let mut random = fastrand::Rng::with_seed(6);
     let mut vector = |size: f32| Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));

@@ -21,7 +21,7 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
 use crate::step::coefficients::Coefficients;
 use crate::step::motion::Motion;
-use crate::step::plan::{Plan, PlanBuffers};
+use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::Length;
 
 /// Duration of a step (s).
@@ -89,17 +89,17 @@ fn play_from(
             attributes.pin_targets = Some(motion.pins.iter().map(|&pin| pin + Vec3::new(0.01, 0.02, 0.0)).collect());
         }
         let mut buffers = PlanBuffers::default();
-        let plan = Plan::new(
+        let substeps = SUBSTEPS + u32::from(frame % 2);
+        let inputs = StepInputs {
             cloth,
-            &hierarchy.levels,
+            levels: &hierarchy.levels,
             options,
-            &coefficients,
-            &motion,
-            SUBSTEPS + u32::from(frame % 2),
-            &attributes,
-            &mut buffers,
-        );
-        engine.step(&plan).unwrap();
+            coefficients: &coefficients,
+            motion: &motion,
+            substeps,
+            attributes: &attributes,
+        };
+        engine.step(&Plan::new(&inputs, &mut buffers)).unwrap();
         if let Some(targets) = attributes.pin_targets {
             motion.pins = targets;
         }
@@ -287,7 +287,8 @@ fn each_of_a_crowd_is_one_dispatch() {
     let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
     let plans =
         scenes.iter().zip(&motions).zip(&mut buffers).map(|(((cloth, options, coefficients, attributes), motion), buffers)| {
-            Plan::new(cloth, &[], options, coefficients, motion, SUBSTEPS, attributes, buffers)
+            let inputs = StepInputs { cloth, levels: &[], options, coefficients, motion, substeps: SUBSTEPS, attributes };
+            Plan::new(&inputs, buffers)
         });
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
     assert!(GpuEngine::step_all(&mut jobs).is_empty());
@@ -425,7 +426,16 @@ fn a_failed_step_is_undone_on_every_path() {
         let mut step = |gravity: Vec3, read: bool| {
             let attributes = Attributes { gravity, ..Attributes::default() };
             let mut buffers = PlanBuffers::default();
-            engine.step(&Plan::new(&cloth, &[], &options, &coefficients, &motion, SUBSTEPS, &attributes, &mut buffers)).unwrap();
+            let inputs = StepInputs {
+                cloth: &cloth,
+                levels: &[],
+                options: &options,
+                coefficients: &coefficients,
+                motion: &motion,
+                substeps: SUBSTEPS,
+                attributes: &attributes,
+            };
+            engine.step(&Plan::new(&inputs, &mut buffers)).unwrap();
             let mut seen = Vec::new();
             let failed = read && engine.read(|x, _| seen = x.to_vec()).is_err();
             (seen, failed)

@@ -14,7 +14,7 @@ use crate::model::mesh::Mesh;
 use crate::options::Options;
 use crate::step::coefficients::Coefficients;
 use crate::step::motion::Motion;
-use crate::step::plan::{Plan, PlanBuffers};
+use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::Length;
 use crate::step::watch::TURNS;
 
@@ -52,7 +52,17 @@ impl Scene {
         let motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
         let attributes = Attributes::default();
         let mut buffers = PlanBuffers::default();
-        let plan = Plan::new(&self.cloth, &[], &self.options, &self.coefficients, &motion, SUBSTEPS, &attributes, &mut buffers);
+        let Scene { cloth, options, coefficients, .. } = self;
+        let inputs = StepInputs {
+            cloth,
+            levels: &[],
+            options,
+            coefficients,
+            motion: &motion,
+            substeps: SUBSTEPS,
+            attributes: &attributes,
+        };
+        let plan = Plan::new(&inputs, &mut buffers);
         let mut params = plan.params;
         bounds(&mut params);
         engine.step(&Plan { params, ..plan }).unwrap();

@@ -1,0 +1,81 @@
+//! Analytic colliders as the kernels take them.
+
+use glam::Vec3;
+
+use crate::attributes::{Collider, Shape};
+use crate::kernels::contact::{self, Body};
+use crate::model::cloth::Cloth;
+
+/// A collider as the kernels take it, in local coordinates, moving from `last` to `now` during the step. Round surfaces are enlarged by 1.2
+/// times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between its ends.
+pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
+    let &Cloth { origin, longest, .. } = cloth;
+    let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
+    // A sharp edge (radius 0) is not enlarged.
+    let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
+    // From the two ends with their radii, at the step's start and end. A sphere has the same end twice.
+    let round = |from: [(Vec3, f32); 2], to: [(Vec3, f32); 2]| {
+        let [from_radii, to_radii] = [from, to].map(|ends| ends.map(|(_, radius)| radius + sagitta(radius)));
+        let [from_taper, to_taper] = [from_radii, to_radii].map(|[a, b]| b - a);
+        Body {
+            a: from[0].0.to_array(),
+            radius: from_radii[0],
+            b: from[1].0.to_array(),
+            friction: now.friction,
+            a_travel: (to[0].0 - from[0].0).to_array(),
+            radius_travel: to_radii[0] - from_radii[0],
+            b_travel: (to[1].0 - from[1].0).to_array(),
+            kind: contact::ROUND,
+            c: [from_taper, 0.0, 0.0, 0.0],
+            c_travel: [to_taper - from_taper, 0.0, 0.0, 0.0],
+        }
+    };
+    match (shape, last) {
+        (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
+            round([(from, r0); 2], [(to, r1); 2])
+        }
+        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
+            round([(a0, r0), (b0, r0)], [(a, radius), (b, radius)])
+        }
+        (
+            Shape::TaperedCapsule { a, radius_a, b, radius_b },
+            Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
+        ) => round([(a0, ra0), (b0, rb0)], [(a, radius_a), (b, radius_b)]),
+        (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
+            // Without friction only a plane's motion along its normal has an effect. A rotation of the plane is applied
+            // at once.
+            Body {
+                a: from.to_array(),
+                b: normal.as_dvec3().normalize().as_vec3().to_array(),
+                friction: now.friction,
+                a_travel: (point - from).to_array(),
+                kind: contact::PLANE,
+                ..Body::default()
+            }
+        }
+        (
+            Shape::RoundedBox { center, half, rotation, radius },
+            Shape::RoundedBox { center: from, half: half0, rotation: rotation0, radius: radius0 },
+        ) => {
+            let [first, to] = [rotation0, rotation].map(|rotation| rotation.as_dquat().normalize());
+            // Each rotation has two quaternions; interpolate to the nearer one.
+            let to = if first.dot(to) < 0.0 { -to } else { to };
+            let (core0, core) = (half0 - radius0, half - radius);
+            let [edge0, edge] = [radius0, radius].map(|radius| radius + sagitta(radius));
+            Body {
+                a: from.to_array(),
+                radius: edge0,
+                b: core0.to_array(),
+                friction: now.friction,
+                a_travel: (center - from).to_array(),
+                radius_travel: edge - edge0,
+                b_travel: (core - core0).to_array(),
+                kind: contact::BOX,
+                c: first.as_quat().to_array(),
+                c_travel: (to - first).as_quat().to_array(),
+            }
+        }
+        // The kind of shape changed, so there is no motion to interpolate.
+        _ => moving(now, now, cloth),
+    }
+}
