@@ -41,6 +41,16 @@ pub(crate) enum Payload {
 impl Payload {
     const ALL: [Payload; 3] = [Payload::Positions, Payload::Displacements, Payload::Both];
 
+    /// What the forces of `plan` need. `shifts` tells whether positions may change by more than the displacements that
+    /// are sent.
+    pub(crate) fn needed(plan: &Plan<'_>, shifts: bool) -> Payload {
+        match (plan.wind || plan.bending && plan.damped(), shifts) {
+            (false, _) => Payload::Positions,
+            (true, true) => Payload::Both,
+            (true, false) => Payload::Displacements,
+        }
+    }
+
     pub(crate) fn has_positions(self) -> bool {
         self != Payload::Displacements
     }

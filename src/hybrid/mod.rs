@@ -30,19 +30,19 @@
 //! bare transfer, are in `benches/results/hybrid_h200.csv`.
 
 mod exchange;
+mod stages;
 
-use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
-use glam::{Vec3A, Vec4};
+use glam::Vec4;
 
-use crate::cpu::{Cpu, ExternalPrediction, SharedArray, State, Task};
+use crate::cpu::{Cpu, ExternalPrediction, SharedArray};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
 use crate::gpu::Forces;
 use crate::hybrid::exchange::{Exchange, Mapped, Payload};
-use crate::kernels::integrate::{predict_displacement, xyz};
+use crate::hybrid::stages::{ExchangedStep, Exchanges};
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Contact;
@@ -61,22 +61,11 @@ pub(crate) struct Hybrid {
     sent: Option<Payload>,
     /// Number of substeps for which the forces of an exchange are used.
     pub every: usize,
-    /// The substeps as the GPU sees them, one per exchange.
-    told: Vec<Substep>,
+    /// The substeps as the GPU sees them ([`stages::spans`]).
+    spans: Vec<Substep>,
     /// Why preparing a step failed. The objects built halfway must not be used by another step.
     broken: Option<GpuFault>,
     pub cpu: Cpu,
-}
-
-/// The exchanges of a step, which one thread at a time runs.
-struct Exchanges<'a> {
-    gpu: &'a Gpu,
-    forces: &'a Forces,
-    exchange: &'a mut Exchange,
-    /// The encoded commands of the next exchange.
-    next: Option<wgpu::CommandBuffer>,
-    /// Why exchanging failed, if it did.
-    failed: Option<GpuFault>,
 }
 
 impl Hybrid {
@@ -94,7 +83,7 @@ impl Hybrid {
                 mapped: None,
                 sent: None,
                 every: 1,
-                told: Vec::new(),
+                spans: Vec::new(),
                 broken: None,
                 cpu: Cpu::new(cloth),
             })
@@ -170,109 +159,50 @@ impl Hybrid {
     /// Runs a step with exchanges. `sent` is the part of its initial state that was already sent. Returns the part of
     /// the next step's that was.
     fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Payload>) -> Result<Payload, Failure> {
-        let Hybrid { gpu, forces, exchange, mapped, every, told, broken, cpu, .. } = self;
-        let (every, count) = ((*every).clamp(1, plan.substeps.len()), plan.substeps.len());
-        // The GPU computes the forces only; the CPU adds what carries over and moves the pins.
-        told.clear();
-        told.extend(plan.substeps.chunks(every).map(|run| {
-            let gain = run.iter().map(|substep| substep.gain).sum();
-            Substep { carry: 0.0, gain, ..run[0] }
-        }));
-        let alone = Plan { params: Params { pins: 0, ..plan.params }, substeps: told, pins: &[], ..*plan };
+        let Hybrid { gpu, forces, exchange, mapped, every, spans, broken, cpu, .. } = self;
+        let every = (*every).clamp(1, plan.substeps.len());
+        spans.clear();
+        spans.extend(stages::spans(plan.substeps, every));
+        // The CPU moves the pins.
+        let on_gpu = &Plan { params: Params { pins: 0, ..plan.params }, substeps: spans, pins: &[], ..*plan };
+        let complete = Payload::needed(plan, true);
+        let payload = Payload::needed(plan, every > 1 || !plan.bodies.is_empty());
 
-        let moving = plan.wind || plan.bending && plan.damped();
-        let payload = |complete: bool| match (moving, complete || every > 1 || !plan.bodies.is_empty()) {
-            (false, _) => Payload::Positions,
-            (true, true) => Payload::Both,
-            (true, false) => Payload::Displacements,
-        };
-        let complete = payload(true);
         let opened = gpu.checked(|| {
-            forces.prepare(gpu, &alone, false, None);
+            forces.prepare(gpu, on_gpu, false, None);
             Gpu::refused()?;
             let mapped = match mapped.take() {
                 Some(mapped) => mapped,
                 None => exchange.open(gpu)?,
             };
-            Ok((mapped, exchange.encode(gpu, forces, &alone, 0, complete)))
+            Ok((mapped, exchange.encode(gpu, forces, on_gpu, 0, complete)))
         });
         let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone())).map_err(Failure::Gpu)?;
-        // The mapped buffers, or none while the GPU has them. Only the exchange stage changes this, and no other task
-        // runs during it.
-        let mut slot = [Some(first)];
-        let slot = SharedArray::new(&mut slot);
-        let exchanges = Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None });
-        // Whether the state at the step's start is already in the outbox. Otherwise it is written before the first
-        // exchange.
-        let is_there = sent == Some(complete);
-        let fetch = |task: &Task, state: State<'_>, (): (), substep: usize| {
-            let slot = slot.within(task);
-            if substep == 0 && !is_there {
-                slot.show(0, |mapped| {
-                    let send = |i| mapped.iter().for_each(|m| m.send(task, Payload::Both, i, state.x.get(i), state.u.get(i)));
-                    (0..plan.cloth.rest.len()).for_each(send);
-                });
-            }
-            if substep.is_multiple_of(every) {
-                let next = substep / every + 1;
-                let next = (next < alone.substeps.len()).then_some((next, payload(false)));
-                slot.replace(0, None);
-                let exchanged = exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(&alone, next);
-                slot.replace(0, exchanged);
-            }
-        };
-        let predict = |task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize| {
-            let (gain, held) = (plan.substeps[substep].gain, alone.substeps[substep / every].gain);
-            let scale = if gain == held { 1.0 } else { gain / held };
-            let carry = Vec3A::splat(plan.substeps[substep].carry);
-            slot.within(task).show(0, |mapped| {
-                let Some(mapped) = mapped else { return };
-                let vertices = vertices.start as usize..vertices.end as usize;
-                for (i, &received) in vertices.clone().zip(&mapped.received()[vertices]) {
-                    let free = state.x.get(i).w > 0.0;
-                    let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
-                    let by = carried + Vec3A::from(received) * scale;
-                    state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
-                }
-            });
-        };
-        let moved = |task: &Task, state: State<'_>, vertices: &[Range<u32>], substep: usize| {
-            let last = substep + 1 == count;
-            if !last && !(substep + 1).is_multiple_of(every) {
-                return;
-            }
-            slot.within(task).show(0, |mapped| {
-                let Some(mapped) = mapped else { return };
-                for i in vertices.iter().flat_map(|range| range.start as usize..range.end as usize) {
-                    mapped.send(task, payload(last), i, state.x.get(i), state.u.get(i));
-                }
-            });
-        };
-        let stepped = cpu.step(plan, Some(&ExternalPrediction { exchange: &fetch, predict: &predict, moved: &moved }));
-        match exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
-            None => {
-                *mapped = slot.into_inner()[0].take();
-                stepped.map(|()| complete)
-            }
-            Some(reason) => {
-                cpu.revert();
-                Err(Failure::Gpu(reason))
-            }
-        }
-    }
-}
 
-impl Exchanges<'_> {
-    /// Runs one exchange and encodes the next one meanwhile. On failure nothing is mapped.
-    fn exchange(&mut self, plan: &Plan<'_>, next: Option<(usize, Payload)>) -> Option<Mapped> {
-        let Exchanges { gpu, forces, exchange, .. } = self;
-        let commands = self.next.take()?;
-        let done = gpu.checked(|| {
-            exchange.submit(gpu, commands);
-            self.next = next.map(|(index, payload)| exchange.encode(gpu, forces, plan, index, payload));
-            exchange.receive(gpu)
-        });
-        done.map_err(|reason| (self.next, self.failed) = (None, Some(reason))).ok()
+        let mut first = [Some(first)];
+        let step = ExchangedStep {
+            plan,
+            on_gpu,
+            every,
+            payload,
+            complete,
+            is_sent: sent == Some(complete),
+            mapped: SharedArray::new(&mut first),
+            exchanges: Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None }),
+        };
+        let stepped = cpu.step(
+            plan,
+            Some(&ExternalPrediction {
+                exchange: &|task, state, (), substep| step.exchange(task, state, substep),
+                predict: &|task, state, vertices, substep| step.predict(task, state, vertices, substep),
+                moved: &|task, state, vertices, substep| step.moved(task, state, vertices, substep),
+            }),
+        );
+        *mapped = step.finish().map_err(|reason| {
+            cpu.revert();
+            Failure::Gpu(reason)
+        })?;
+        stepped.map(|()| complete)
     }
 }
 

@@ -1,0 +1,123 @@
+//! What the hybrid engine does in the stages of the CPU's substeps.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use glam::{Vec3A, Vec4};
+
+use crate::cpu::{SharedArray, State, Task};
+use crate::device::Gpu;
+use crate::device::fault::GpuFault;
+use crate::gpu::Forces;
+use crate::hybrid::exchange::{Exchange, Mapped, Payload};
+use crate::kernels::integrate::{predict_displacement, xyz};
+use crate::kernels::params::Substep;
+use crate::step::plan::Plan;
+
+/// A step with exchanges, which the CPU's tasks share.
+pub(super) struct ExchangedStep<'a> {
+    pub plan: &'a Plan<'a>,
+    /// The step as the GPU sees it, whose substeps are [`spans`].
+    pub on_gpu: &'a Plan<'a>,
+    /// Number of substeps for which the forces of an exchange are used.
+    pub every: usize,
+    /// What is sent between two exchanges of the step.
+    pub payload: Payload,
+    /// What is sent at the step's start and end.
+    pub complete: Payload,
+    /// Whether the state at the step's start is already in the outbox.
+    pub is_sent: bool,
+    /// The mapped buffers, or none while the GPU has them. Only [`ExchangedStep::exchange`] changes this, and no other
+    /// task runs during it.
+    pub mapped: SharedArray<'a, Option<Mapped>>,
+    pub exchanges: Mutex<Exchanges<'a>>,
+}
+
+/// The exchanges of a step, which one thread at a time runs.
+pub(super) struct Exchanges<'a> {
+    pub gpu: &'a Gpu,
+    pub forces: &'a Forces,
+    pub exchange: &'a mut Exchange,
+    /// The encoded commands of the next exchange.
+    pub next: Option<wgpu::CommandBuffer>,
+    /// Why exchanging failed, if it did.
+    pub failed: Option<GpuFault>,
+}
+
+/// The substeps as the GPU sees them: one for each exchange. It computes only the displacements that the forces cause in
+/// all substeps that use them; the CPU adds what carries over.
+pub(super) fn spans(substeps: &[Substep], every: usize) -> impl Iterator<Item = Substep> {
+    substeps.chunks(every).map(|span| Substep { carry: 0.0, gain: span.iter().map(|substep| substep.gain).sum(), ..span[0] })
+}
+
+impl ExchangedStep<'_> {
+    /// Before a substep, while no other task runs: exchanges the state for the displacements that the forces cause.
+    pub(super) fn exchange(&self, task: &Task, state: State<'_>, substep: usize) {
+        let mapped = self.mapped.within(task);
+        if substep == 0 && !self.is_sent {
+            let vertices = 0..self.plan.cloth.rest.len();
+            mapped.show(0, |mapped| mapped.iter().for_each(|to| send(to, task, Payload::Both, state, vertices.clone())));
+        }
+        if substep.is_multiple_of(self.every) {
+            let next = substep / self.every + 1;
+            let next = (next < self.on_gpu.substeps.len()).then_some((next, self.payload));
+            mapped.replace(0, None);
+            let exchanged = self.exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(self.on_gpu, next);
+            mapped.replace(0, exchanged);
+        }
+    }
+
+    /// Predicts the displacements of a range of vertices: what carries over, and what the forces cause.
+    pub(super) fn predict(&self, task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize) {
+        let (gain, held) = (self.plan.substeps[substep].gain, self.on_gpu.substeps[substep / self.every].gain);
+        let scale = if gain == held { 1.0 } else { gain / held };
+        let carry = Vec3A::splat(self.plan.substeps[substep].carry);
+        self.mapped.within(task).show(0, |mapped| {
+            let Some(mapped) = mapped else { return };
+            let vertices = vertices.start as usize..vertices.end as usize;
+            for (i, &received) in vertices.clone().zip(&mapped.received()[vertices]) {
+                let free = state.x.get(i).w > 0.0;
+                let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
+                let by = carried + Vec3A::from(received) * scale;
+                state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
+            }
+        });
+    }
+
+    /// After vertices have been moved: sends their state if an exchange comes next.
+    pub(super) fn moved(&self, task: &Task, state: State<'_>, vertices: &[Range<u32>], substep: usize) {
+        let is_last = substep + 1 == self.plan.substeps.len();
+        if !is_last && !(substep + 1).is_multiple_of(self.every) {
+            return;
+        }
+        let payload = if is_last { self.complete } else { self.payload };
+        let vertices = vertices.iter().flat_map(|range| range.start as usize..range.end as usize);
+        self.mapped.within(task).show(0, |mapped| mapped.iter().for_each(|to| send(to, task, payload, state, vertices.clone())));
+    }
+
+    /// The mapped buffers after the step, or why exchanging failed.
+    pub(super) fn finish(self) -> Result<Option<Mapped>, GpuFault> {
+        match self.exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
+            None => Ok(self.mapped.into_inner()[0].take()),
+            Some(reason) => Err(reason),
+        }
+    }
+}
+
+fn send(to: &Mapped, task: &Task, payload: Payload, state: State<'_>, vertices: impl Iterator<Item = usize>) {
+    vertices.for_each(|vertex| to.send(task, payload, vertex, state.x.get(vertex), state.u.get(vertex)));
+}
+
+impl Exchanges<'_> {
+    /// Runs one exchange and encodes the next one meanwhile. On failure nothing is mapped.
+    fn exchange(&mut self, plan: &Plan<'_>, next: Option<(usize, Payload)>) -> Option<Mapped> {
+        let Exchanges { gpu, forces, exchange, .. } = self;
+        let commands = self.next.take()?;
+        let done = gpu.checked(|| {
+            exchange.submit(gpu, commands);
+            self.next = next.map(|(index, payload)| exchange.encode(gpu, forces, plan, index, payload));
+            exchange.receive(gpu)
+        });
+        done.map_err(|reason| (self.next, self.failed) = (None, Some(reason))).ok()
+    }
+}
