@@ -2,11 +2,9 @@
 // its own vertices, the workgroup holds the rings around them on which they depend through the passes. It recomputes those
 // without storing them; each stage covers one ring less than the one before.
 
-// Invocations of a workgroup, vertices with moments that a tile has room for, numbers of these, numbers of all vertices
-// that it holds, and whether there are several passes. How many says the last of them.
+// Invocations of a workgroup, numbers of all vertices that a tile holds, and whether there are several passes. How many says
+// the last of them.
 override LANES: u32 = 64u;
-override ROOM: u32 = 64u;
-override NUMBERS: u32 = 384u;
 override HELD: u32 = 384u;
 override FILTERED: bool = false;
 
@@ -19,7 +17,6 @@ override FILTERED: bool = false;
 // Of the aggregates of the finest level.
 @group(1) @binding(7) var<storage, read_write> averages: array<Average>;
 
-var<workgroup> numbers: array<f32, NUMBERS>;
 // The position and the last displacement of each vertex: a neighbor's would otherwise take two reads of memory, one
 // after the other.
 var<workgroup> held: array<f32, HELD>;
@@ -27,20 +24,6 @@ var<workgroup> held: array<f32, HELD>;
 // Where the tile's list of vertices and its slices start.
 var<private> list: u32;
 var<private> slices: u32;
-
-fn bend_room() -> u32 {
-    return ROOM;
-}
-
-fn bend_vector(at: u32) -> vec3f {
-    return vec3f(numbers[3u * at], numbers[3u * at + 1u], numbers[3u * at + 2u]);
-}
-
-fn set_bend_vector(at: u32, value: vec3f) {
-    numbers[3u * at] = value.x;
-    numbers[3u * at + 1u] = value.y;
-    numbers[3u * at + 2u] = value.z;
-}
 
 fn ring_slices() -> u32 {
     return slices;

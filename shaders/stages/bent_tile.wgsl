@@ -2,20 +2,14 @@
 // holds those whose moments act on them, and one more ring on which these moments depend. Each vertex has an invocation of its
 // own, which fetches its entries before anything else, because memory takes longer to answer than all of bending to compute.
 
-// Most vertices of a tile that are swept, and that have moments.
+// Most vertices of a tile that are swept.
 override FORCED: u32 = 64u;
-override BENT: u32 = 64u;
 // Most entries of a vertex.
 override RING: u32 = 8u;
-// Numbers of the moments: six for each vertex that has one.
-override MOMENTS: u32 = 384u;
 // The words of the table where the rows of all vertices begin, and the entries of each tile: for each entry of a vertex
 // the other vertices, then the forward coefficients, then the backward ones.
 override ROWS: u32 = 0u;
 override RINGS: u32 = 0u;
-
-// A moment and a couple for each vertex.
-var<workgroup> moments: array<f32, MOMENTS>;
 
 fn entry_stride() -> u32 {
     return BENT;
@@ -29,20 +23,6 @@ fn entries_of(tile: u32, k: u32) -> Entries {
 fn row_of(v: u32) -> BendRow {
     let row = vector_in_table(ROWS + 3u * v);
     return BendRow(row.x, row.y, row.z);
-}
-
-fn bend_room() -> u32 {
-    return BENT;
-}
-
-fn bend_vector(at: u32) -> vec3f {
-    return vec3f(moments[3u * at], moments[3u * at + 1u], moments[3u * at + 2u]);
-}
-
-fn set_bend_vector(at: u32, value: vec3f) {
-    moments[3u * at] = value.x;
-    moments[3u * at + 1u] = value.y;
-    moments[3u * at + 2u] = value.z;
 }
 
 fn bent_x(k: u32) -> vec3f {
@@ -59,7 +39,7 @@ fn substep_of_bent_tile(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = group.x + group.y * groups.x;
+    let tile = tile_of(group, groups);
     if tile >= TILES {
         return;
     }

@@ -32,7 +32,7 @@ fn substep_of_corrected_tile(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = group.x + group.y * groups.x;
+    let tile = tile_of(group, groups);
     if tile >= TILES {
         return;
     }

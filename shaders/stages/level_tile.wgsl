@@ -17,7 +17,7 @@ fn sweep_of_level_tile(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = group.x + group.y * groups.x;
+    let tile = tile_of(group, groups);
     if tile >= TILES {
         return;
     }

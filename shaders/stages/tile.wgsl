@@ -1,4 +1,4 @@
-// A substep of one tile in workgroup memory. Besides its own vertices, the workgroup holds a halo: all vertices on
+// A substep of one tile in workgroup memory: what plain, bent and corrected tiles share. Besides its own vertices, the workgroup holds a halo: all vertices on
 // which they depend through the colors of the sweep. It recomputes the halo without storing it. So no workgroup waits
 // for another, and the result is the same as if the colors were swept one after another over the whole cloth.
 
@@ -8,8 +8,6 @@
 @group(1) @binding(3) var<storage, read> bodies: array<Body>;
 @group(1) @binding(4) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> p_out: array<vec4f>;
-// The correction of each aggregate of the finest coarse level.
-@group(1) @binding(6) var<storage, read> shift: array<vec4f>;
 @group(1) @binding(7) var<storage, read_write> found: Found;
 
 // The word of the table where the pins begin: for each vertex its index among the pins, then the pins that follow
@@ -48,37 +46,6 @@ fn free_displacement(v: u32, x_v: vec4f, p_v: vec3f) -> vec3f {
         return pin_displacement(pin_of(v), x_v.xyz, substep);
     }
     return vec3f();
-}
-
-@compute @workgroup_size(LANES)
-fn substep_of_tile(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = group.x + group.y * groups.x;
-    if tile >= TILES {
-        return;
-    }
-    let edges = edges_of(tile);
-    let first = fetch_four(edges, 0u, lane);
-    let own = own_vertices(tile);
-    for (var k = lane; k < ROOM; k += LANES) {
-        let v = vertex_at(tile, k);
-        let x_v = x[v];
-        var u_v = motion[v].xyz;
-        var corrected = vec3f();
-        if params.levels != 0u {
-            corrected = shift[label_at(tile, k)].xyz;
-        }
-        if params.predicted == 0u {
-            u_v = free_displacement(v, x_v, u_v);
-        }
-        tile_x[k] = x_v;
-        tile_u[k] = vec4f(u_v + corrected, 0.0);
-    }
-    workgroupBarrier();
-    sweep_and_move(tile, own, edges, first, lane);
 }
 
 // Sweeps the edges of a tile, given the prefetched first ones, and moves its own vertices.

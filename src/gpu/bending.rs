@@ -169,8 +169,8 @@ impl Lists {
         let numbers = IN_TILE[usize::from(filtered)] / size_of::<f32>() * room;
         let constants = [
             ("LANES", lanes(gpu, room)),
-            ("ROOM", room),
-            ("NUMBERS", numbers),
+            ("BENT", room),
+            ("MOMENTS", numbers),
             ("HELD", HELD / size_of::<f32>() * longest),
             ("FILTERED", usize::from(filtered)),
         ];

@@ -46,40 +46,61 @@ const fn compressed(text: &str, code: &mut [u8]) -> usize {
     to
 }
 
-/// Those of contact of triangles are apart, because they share most of their files.
+/// Shaders by groups: the folder of their files, and the files that all of the group begin with.
 macro_rules! shaders {
-    (self_contact { $($part:ident: $($part_file:literal)+;)+ } $($name:ident: $($file:literal)+;)+) => {
-        $(pub(crate) const $name: Shader = Shader {
+    ($($folder:literal after $shared:tt { $($name:ident: $($file:literal)+;)+ })+) => {
+        $($(pub(crate) const $name: Shader = shader!($name, $shared, $($folder, $file;)+);)+)+
+
+        /// All shaders.
+        #[cfg(test)]
+        pub(crate) const ALL: &[Shader] = &[$($($name),+),+];
+    };
+}
+
+macro_rules! shader {
+    ($name:ident, ($($shared:literal)*), $($folder:literal, $file:literal;)+) => {
+        Shader {
             name: stringify!($name),
             source: &[
                 wgsl!("params.wgsl"),
                 wgsl!("stages/dispatch.wgsl"),
-                $(wgsl!($file, ".wgsl")),+
+                $(wgsl!($shared, ".wgsl"),)*
+                $(wgsl!($folder, $file, ".wgsl")),+
             ],
-        };)+
-
-        $(pub(crate) const $part: Shader = Shader {
-            name: stringify!($part),
-            source: &[
-                wgsl!("params.wgsl"),
-                wgsl!("stages/dispatch.wgsl"),
-                wgsl!("limits.wgsl"),
-                wgsl!("distance.wgsl"),
-                wgsl!("contact.wgsl"),
-                wgsl!("pair.wgsl"),
-                wgsl!("stages/self_contact/shared.wgsl"),
-                $(wgsl!("stages/self_contact/", $part_file, ".wgsl")),+
-            ],
-        };)+
-
-        /// All shaders.
-        #[cfg(test)]
-        pub(crate) const ALL: &[Shader] = &[$($name,)+ $($part),+];
+        }
     };
 }
 
 shaders! {
-    self_contact {
+    "" after () {
+        PREDICT: "integrate" "stages/predict";
+        BEND: "integrate" "bending" "stages/predict" "stages/bend";
+        BEND_TILE: "average" "integrate" "bending" "stages/predict" "stages/bend_ring" "stages/bend_in_workgroup"
+            "stages/bend_vectors" "stages/bend_tile";
+        WIND: "wind" "stages/wind";
+        SPRINGS: "distance" "spring" "stages/springs";
+        PROJECT: "distance" "stages/project";
+        CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
+        SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
+            "stages/watch" "stages/sweep" "stages/tiles" "stages/look" "stages/levels" "stages/tethers" "stages/move"
+            "stages/bend_ring" "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
+        COMMIT: "limits" "watch" "stages/watch" "stages/commit";
+        RESTRICT: "average" "integrate" "stages/motion" "stages/restrict";
+        LEVEL_TILE: "average" "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
+        LEVELS_IN_WORKGROUP: "average" "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
+        LEVELS_PER_COLOR: "average" "distance" "stages/levels_per_color";
+        STATISTICS: "limits" "statistics" "stages/statistics";
+        NORMALS: "normal" "stages/normals";
+        FOLLOW: "normal" "stages/follow";
+        EXCHANGE: "stages/exchange";
+    }
+    "" after ("integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep" "stages/tiles"
+        "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile") {
+        PLAIN_TILE: "stages/plain_tile";
+        BENT_TILE: "bending" "stages/bend_ring" "stages/bend_vectors" "stages/bent_tile";
+        CORRECTED_TILE: "average" "stages/corrected_tile";
+    }
+    "stages/self_contact/" after ("limits" "distance" "contact" "pair" "stages/self_contact/shared") {
         MEET: "mean" "meet";
         BODIES: "mean" "bodies";
         TREE: "boxes" "normals" "tree";
@@ -91,31 +112,4 @@ shaders! {
         FINISH: "finish";
         PINCHES: "pinches";
     }
-    PREDICT: "integrate" "stages/predict";
-    BEND: "integrate" "bending" "stages/predict" "stages/bend";
-    BEND_TILE: "average" "integrate" "bending" "stages/predict" "stages/bend_ring" "stages/bend_in_workgroup" "stages/bend_tile";
-    WIND: "wind" "stages/wind";
-    SPRINGS: "distance" "spring" "stages/springs";
-    PROJECT: "distance" "stages/project";
-    CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
-    TILE: "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
-        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile";
-    BENT_TILE: "integrate" "bending" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
-        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile" "stages/bend_ring"
-        "stages/bent_tile";
-    CORRECTED_TILE: "average" "integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep"
-        "stages/tiles" "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile"
-        "stages/corrected_tile";
-    SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
-        "stages/watch" "stages/sweep" "stages/tiles" "stages/look" "stages/levels" "stages/tethers" "stages/move"
-        "stages/bend_ring" "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
-    COMMIT: "limits" "watch" "stages/watch" "stages/commit";
-    RESTRICT: "average" "integrate" "stages/motion" "stages/restrict";
-    LEVEL_TILE: "average" "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
-    LEVELS_IN_WORKGROUP: "average" "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
-    LEVELS_PER_COLOR: "average" "distance" "stages/levels_per_color";
-    STATISTICS: "limits" "statistics" "stages/statistics";
-    NORMALS: "normal" "stages/normals";
-    FOLLOW: "normal" "stages/follow";
-    EXCHANGE: "stages/exchange";
 }

@@ -11,7 +11,6 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::device::Gpu;
-use crate::gpu::stage::lanes;
 use crate::kernels::distance::Edge;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
@@ -29,6 +28,8 @@ pub(crate) struct Tiles {
     /// and color, in [`Tiles::widest`] words each: the ends as pairs of places among the tile's vertices, the inverse
     /// lengths, and the inverse weights.
     pub table: Vec<u32>,
+    /// The number of vertices of each tile.
+    held: Vec<usize>,
     pub count: usize,
     pub colors: usize,
     /// Most vertices in a tile, and most edges of a color in a tile.
@@ -127,7 +128,8 @@ impl Tiles {
             }
         }
         let swept = tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).sum();
-        Tiles { table, count, colors, largest, widest, swept, edges, sources }
+        let held = tiles.iter().map(|tile| tile.vertices.len()).collect();
+        Tiles { table, held, count, colors, largest, widest, swept, edges, sources }
     }
 
     /// Most own vertices of a tile.
@@ -136,23 +138,21 @@ impl Tiles {
     }
 
     /// The vertices of each tile.
-    pub(crate) fn lists(&self) -> impl Iterator<Item = Vec<u32>> {
-        let lists = self.table[self.count..].chunks(self.largest.max(1)).take(self.count);
-        lists.map(|list| {
-            // Padded with the first one.
-            let length = list.iter().skip(1).position(|&vertex| vertex == list[0]).map_or(list.len(), |k| k + 1);
-            list[..length].to_vec()
-        })
+    pub(crate) fn lists(&self) -> impl Iterator<Item = &[u32]> {
+        let starts = (0..self.count).map(|tile| self.count + tile * self.largest);
+        starts.zip(&self.held).map(|(start, &held)| &self.table[start..start + held])
     }
 
     /// The same tiles with more vertices after those of each, and room for `room` in each. Labels are not kept.
-    pub(crate) fn with_lists(&self, lists: &[Vec<u32>], room: usize) -> Tiles {
+    pub(crate) fn with_lists(&self, lists: &[impl AsRef<[u32]>], room: usize) -> Tiles {
         let mut table = self.table[..self.count].to_vec();
-        lists.iter().for_each(|list| table.extend((0..room).map(|k| list.get(k).unwrap_or(&list[0]))));
+        let lists = || lists.iter().map(AsRef::as_ref);
+        lists().for_each(|list| table.extend((0..room).map(|k| list.get(k).unwrap_or(&list[0]))));
         table.resize(self.count * (1 + 2 * room), NO_EDGE);
         let edges = table.len();
         table.extend(&self.table[self.edges..]);
-        Tiles { table, largest: room, edges, sources: self.sources.clone(), ..*self }
+        let (held, sources) = (lists().map(<[u32]>::len).collect(), self.sources.clone());
+        Tiles { table, held, largest: room, edges, sources, ..*self }
     }
 
     /// Stores the aggregates of the vertices of each tile by their places in the tile of the same number of a level, whose own
@@ -203,16 +203,10 @@ impl Tiles {
         self.sources[3 * width * (k / width) + width + k % width] as usize
     }
 
-    /// The constants of `stages/tiles.wgsl`.
-    pub(crate) fn constants(&self, gpu: &Gpu) -> [(&'static str, f64); 5] {
-        [
-            ("LANES", lanes(gpu, self.widest)),
-            ("ROOM", self.largest),
-            ("WIDTH", self.widest),
-            ("COLORS", self.colors),
-            ("TILES", self.count),
-        ]
-        .map(|(name, value)| (name, value as f64))
+    /// The constants of `stages/tiles.wgsl`, with so many invocations per workgroup.
+    pub(crate) fn constants(&self, invocations: usize) -> [(&'static str, f64); 5] {
+        [("LANES", invocations), ("ROOM", self.largest), ("WIDTH", self.widest), ("COLORS", self.colors), ("TILES", self.count)]
+            .map(|(name, value)| (name, value as f64))
     }
 }
 

@@ -357,7 +357,7 @@ fn bent_tiles_hold_their_rings() {
             [0, 1, 2].map(|word| rings.table[((tile * rings.ring + index) * 3 + word) * rings.bent + k])
         };
         for (tile, (list, swept)) in tiles.lists().zip(plain.lists()).enumerate() {
-            assert_eq!(list[..swept.len()], swept, "tile {tile}");
+            assert_eq!(&list[..swept.len()], swept, "tile {tile}");
             assert!(swept.len() <= rings.swept && list.len() <= tiles.largest);
             let listed = |k: usize| {
                 (0..rings.ring)

@@ -13,7 +13,8 @@ pub(crate) const CLOSE: u32 = 16;
 /// Value of [`Status::since`] before the first detection.
 pub(super) const NEVER: f32 = -1.0;
 
-/// `Status` of `stages/self_contact/shared.wgsl`, which documents the fields.
+/// What the kernels keep from one dispatch to the next: `Status` of `stages/self_contact/shared.wgsl`, which documents the
+/// fields.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Status {
@@ -87,7 +88,7 @@ impl Told {
     }
 }
 
-/// `About` of `stages/self_contact/shared.wgsl`.
+/// What a step of contact is given: `About` of `stages/self_contact/shared.wgsl`, which documents the fields.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct About {

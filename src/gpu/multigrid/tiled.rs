@@ -48,7 +48,7 @@ impl TiledLevels {
             tiles.set_labels(label, starts[index] as u32);
             let table = gpu.filled("tiles of a level", &tiles.table);
             let bound = vec![Bind::Read(&table), Bind::Read(averages), Bind::Write(shift)];
-            let constants = [&tiles.constants(gpu)[..], &[("LEVEL", index as f64)]].concat();
+            let constants = [&tiles.constants(lanes(gpu, tiles.widest))[..], &[("LEVEL", index as f64)]].concat();
             let entry = Entry { shader: shaders::LEVEL_TILE, name: "sweep_of_level_tile", constants: &constants };
             let stage = Stage::new(gpu, uniforms, entry, &[bound]);
             in_tiles.push((tiles, table, stage));

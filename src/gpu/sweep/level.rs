@@ -12,8 +12,8 @@ const OF_CORRECTION: usize = 16;
 /// aggregates by their places in it. `None` if some tile would have no room, or more vertices than a workgroup has
 /// invocations.
 pub(crate) fn with_level(gpu: &Gpu, tiles: &Tiles, level: &Level) -> Option<(Tiles, Tiles)> {
-    let lists: Vec<Vec<u32>> = tiles.lists().collect();
-    let aggregates = |list: &Vec<u32>| {
+    let lists: Vec<&[u32]> = tiles.lists().collect();
+    let aggregates = |list: &&[u32]| {
         let mut labels: Vec<u32> = list.iter().map(|&vertex| level.label[vertex as usize]).collect();
         labels.sort_unstable();
         labels.dedup();

@@ -75,7 +75,7 @@ impl Surrounded {
 /// tile would have no room, or more vertices than a workgroup has invocations.
 pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>) -> Option<(Tiles, Rings)> {
     let mut place = vec![NO_PLACE; entries.spans.len()];
-    let parts: Vec<Surrounded> = tiles.lists().map(|list| Surrounded::new(list, entries, &mut place)).collect();
+    let parts: Vec<Surrounded> = tiles.lists().map(|list| Surrounded::new(list.to_vec(), entries, &mut place)).collect();
     let ring = entries.spans.iter().map(|span| (span.end - span.start) as usize).max()?;
     let [swept, bent] = [0, 1].map(|part| parts.iter().map(|tile| tile.ends[part]).max().unwrap_or(0));
     let room = parts.iter().map(|tile| tile.vertices.len()).max()?;

@@ -6,7 +6,7 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::LevelTable;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Sent, Stage};
+use crate::gpu::stage::{Bind, Sent, Stage, lanes};
 use crate::gpu::sweep::forces_in_workgroup::ForceTable;
 use crate::gpu::tethers;
 use crate::gpu::tiles::{TileSize, Tiles};
@@ -74,7 +74,8 @@ impl SingleWorkgroup {
         let coarse = LevelTable::constants(level_table.as_ref(), tiles.table.len());
         let vectors = [("VECTORS", tiles.largest.max(4 * aggregates) as f64), ("AHEAD", 0.0)];
         let at = [("TETHERS", (tethers / size_of::<u32>()) as f64)];
-        let constants = [&tiles.constants(gpu)[..], &coarse, &vectors, &at, &force_table.constants()].concat();
+        let constants =
+            [&tiles.constants(lanes(gpu, tiles.widest))[..], &coarse, &vectors, &at, &force_table.constants()].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
         let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);

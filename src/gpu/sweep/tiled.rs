@@ -26,8 +26,6 @@ pub(crate) struct Tiled {
     at: Places,
     /// The substep that the table's edges are computed for.
     length: Option<Length>,
-    /// Whether it bends the cloth.
-    bends: bool,
     /// The tiles of the level that it corrects by, if it does.
     pub level: Option<Tiles>,
     /// The groups of [`PING_PONG`] that predict, followed by those that read what the forces predicted.
@@ -95,31 +93,32 @@ impl Places {
 
 impl Tiled {
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, bound: Bound<'_>) -> Tiled {
-        Tiled::with(gpu, cloth, tiles, None, None, None, bound)
+        let invocations = lanes(gpu, tiles.widest);
+        Tiled::with(gpu, cloth, tiles, invocations, None, None, bound)
     }
 
     /// The same tiles with bending, for substeps that have that in a single pass and no levels. `None` if there is no
     /// room for the rings around the tiles.
     pub(crate) fn bent(&self, gpu: &Gpu, cloth: &Cloth, bound: Bound<'_>) -> Option<Tiled> {
         let (tiles, rings) = with_rings(gpu, &self.tiles, &cloth.bending().entries)?;
-        let most = Some(tiles.largest);
-        Some(Tiled::with(gpu, cloth, tiles, most, Some(&rings), None, bound))
+        let invocations = lanes(gpu, tiles.largest);
+        Some(Tiled::with(gpu, cloth, tiles, invocations, Some(&rings), None, bound))
     }
 
     /// The same tiles with the correction by the finest level, for substeps that have no other. `None` if there is no room for
     /// the aggregates around the tiles.
     pub(crate) fn corrected(&self, gpu: &Gpu, cloth: &Cloth, level: &Level, bound: Bound<'_>) -> Option<Tiled> {
         let (tiles, of_level) = with_level(gpu, &self.tiles, level)?;
-        let most = Some(self.tiles.largest);
-        Some(Tiled::with(gpu, cloth, tiles, most, None, Some(of_level), bound))
+        let invocations = lanes(gpu, self.tiles.largest);
+        Some(Tiled::with(gpu, cloth, tiles, invocations, None, Some(of_level), bound))
     }
 
-    /// With an invocation for each of `most` vertices, if that is given.
+    /// With so many `invocations` per workgroup.
     fn with(
         gpu: &Gpu,
         cloth: &Cloth,
         tiles: Tiles,
-        most: Option<usize>,
+        invocations: usize,
         rings: Option<&Rings>,
         level: Option<Tiles>,
         bound: Bound<'_>,
@@ -131,10 +130,9 @@ impl Tiled {
             gpu.write(&table, at.pins, &index_of_pins(cloth));
         }
         let word = |byte: usize| (byte / size_of::<u32>()) as f64;
-        let mut constants = tiles.constants(gpu).to_vec();
+        let mut constants = tiles.constants(invocations).to_vec();
         constants.extend([("TETHERS", word(at.tethers)), ("PINS", word(at.pins))]);
-        most.into_iter().for_each(|most| constants[0] = ("LANES", lanes(gpu, most) as f64));
-        let mut entry = Entry { shader: shaders::TILE, name: "substep_of_tile", constants: &[] };
+        let mut entry = Entry { shader: shaders::PLAIN_TILE, name: "substep_of_tile", constants: &[] };
         if let Some(Rings { table: entries, swept, bent, ring }) = rings {
             gpu.write(&table, at.rings, entries);
             entry = Entry { shader: shaders::BENT_TILE, name: "substep_of_bent_tile", ..entry };
@@ -157,7 +155,12 @@ impl Tiled {
         }
         let entry = Entry { constants: &constants, ..entry };
         let stage = Stage::new(gpu, &bound.forces.uniforms, entry, &Tiled::groups(&table, level.is_some(), bound));
-        Tiled { tiles, table, at, length: None, bends: rings.is_some(), level, stage }
+        Tiled { tiles, table, at, length: None, level, stage }
+    }
+
+    /// Whether it bends the cloth: its table has the rows of bending.
+    fn bends(&self) -> bool {
+        self.at.rows < self.at.rings
     }
 
     fn groups<'a>(table: &'a wgpu::Buffer, corrects: bool, bound: Bound<'a>) -> Vec<Vec<Bind<'a>>> {
@@ -201,7 +204,7 @@ impl Tiled {
                 of_level.send_edges(gpu, &self.table, self.at.level, edges);
             }
             tethers::send(gpu, plan, &self.table, self.at.tethers);
-            if self.bends {
+            if self.bends() {
                 gpu.write(&self.table, self.at.rows, &plan.coefficients.bending.rows);
             }
             self.length = Some(plan.coefficients.length);
@@ -222,7 +225,7 @@ impl Tiled {
     /// Encodes a substep, number `group` of [`PING_PONG`]. With bending, tiles always predict; otherwise unless the
     /// displacements are `predicted` already.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, group: usize, predicted: bool) {
-        let predicted = usize::from(predicted && !self.bends) * PING_PONG.len();
+        let predicted = usize::from(predicted && !self.bends()) * PING_PONG.len();
         self.stage.dispatch_workgroups(pass, group + predicted, &[], self.tiles.count);
     }
 }
