@@ -4,6 +4,9 @@ const RELAXATION: f32 = 1.7;
 const KEEP: f32 = 0.05;
 const THIN: f32 = 1e-6;
 const NARROW: f32 = 0.2;
+const SLACK: f32 = 0.01;
+const DEEP: f32 = 0.1;
+const WARM: f32 = 0.9;
 
 // The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
 // other).
@@ -157,9 +160,14 @@ fn kept(distance: f32, thickness: f32) -> f32 {
     return max(distance * KEEP, min(distance * 0.5, thickness * KEEP));
 }
 
-// The correction [m] of a pair that is too close by `depth` [m]: in proportion to it, and at most `most` [m].
+// The correction [m] of a pair that is too close by `depth` [m]: in proportion to what it is beyond the slack, and at most `most` [m].
 fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
-    return depth * (most / max(thickness, most));
+    return max(depth - thickness * SLACK, 0.0) * (most / max(thickness, most));
+}
+
+// The share of the last substep's multipliers with which a pair starts that is too close by `depth` [m].
+fn warm_share(depth: f32, thickness: f32) -> f32 {
+    return select(1.0, WARM, thickness * DEEP < depth);
 }
 
 // The share of a displacement toward a plane that keeps this distance.

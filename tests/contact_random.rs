@@ -254,13 +254,11 @@ fn what_turns_takes_along_what_touches_it_on_the_gpu() {
     take_along(Backend::Gpu, &[20122, 30691, 35476, 50132, 50350]);
 }
 
-/// Bodies that move through the floor, with cloth between them.
+/// A body that moves through the floor, with cloth between them.
 #[test]
 fn what_a_body_presses_on_the_floor_is_reported() {
-    for seed in [52335, 64821] {
-        let scene = scene(seed);
-        assert_eq!(play(&Scene { options: Options { backend: Backend::Cpu, ..scene.options }, ..scene }, 60), Ok(End::Pinched));
-    }
+    let scene = scene(52335);
+    assert_eq!(play(&Scene { options: Options { backend: Backend::Cpu, ..scene.options }, ..scene }, 60), Ok(End::Pinched));
 }
 
 fn number(name: &str, default: u64) -> u64 {

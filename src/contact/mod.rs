@@ -89,11 +89,14 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 18] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("KEEP", crate::kernels::pair::KEEP),
     ("THIN", crate::kernels::pair::THIN),
     ("NARROW", crate::kernels::pair::NARROW),
+    ("SLACK", crate::kernels::pair::SLACK),
+    ("DEEP", crate::kernels::pair::DEEP),
+    ("WARM", crate::kernels::pair::WARM),
     ("LASTS", paths::LASTS),
     ("KEEPS", paths::KEEPS),
     ("AHEAD_LEAST", paths::AHEAD[0]),
@@ -102,7 +105,6 @@ pub(crate) const IN_SHADERS: [(&str, f32); 16] = [
     ("UPRIGHT", normals::UPRIGHT),
     ("MOST_EXCESS", tree::MOST_EXCESS),
     ("ACTING", near::ACTING),
-    ("WARM", response::WARM),
     ("FARTHER", truncation::FARTHER),
     ("MEETS", pinches::MEETS),
     ("NEAR", bodies::NEAR),

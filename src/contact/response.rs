@@ -14,15 +14,13 @@ use super::vertices::Collide;
 use super::workers::Workers;
 use crate::kernels::contact::DEPENETRATION;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::{RELAXATION, impulse, separation, step_of_lambda};
+use crate::kernels::pair::{RELAXATION, impulse, separation, step_of_lambda, warm_share};
 use crate::kernels::params::Substep;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
 use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
 pub(crate) const ITERATIONS: usize = 4;
-/// Share of the last substep's multipliers with which this one starts.
-pub(super) const WARM: f32 = 0.9;
 
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
@@ -32,7 +30,7 @@ impl Contacts {
             return;
         }
         let most = DEPENETRATION * plan.params.h;
-        self.begin(WARM * scale, most, workers, width);
+        self.begin(scale, most, workers, width);
         self.give(plan, substep, true, workers, width);
         for _ in 0..ITERATIONS {
             self.step(workers, width);
@@ -119,6 +117,8 @@ impl Loop for Begin<'_> {
             let bound = (shares[0] + shares[1]) + (shares[2] + shares[3]);
             let is_held = zero.lt(bound);
             let rate = L::select(is_held, L::splat(RELAXATION) / bound, zero);
+            let (depth, thickness) = (number::<L>(&group.depth, first), number::<L>(&group.thickness, first));
+            let scale = scale * warm_share(depth, thickness);
             let (rub, press) = (vector::<L>(&group.rub, first) * scale, number::<L>(&group.press, first) * scale);
             let normal = vector::<L>(&group.block.normal, first);
             let along = normal.x * rub.x + normal.y * rub.y + normal.z * rub.z;
@@ -127,9 +127,7 @@ impl Loop for Begin<'_> {
             store(&mut group.rate[lanes.clone()], rate);
             store(&mut group.press[lanes], press);
             store_vector(&mut group.rub, first, rub);
-            let thickness: L = number(&group.thickness, first);
-            let depth = separation(number(&group.depth, first), thickness, most);
-            let push = normal * (depth * rate * L::splat(1.0 / RELAXATION));
+            let push = normal * (separation(depth, thickness, most) * rate * L::splat(1.0 / RELAXATION));
             store_vectors(impulse((rub, press), normal), impulses);
             store_vectors(push, pushes);
         }

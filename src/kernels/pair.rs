@@ -13,6 +13,12 @@ pub(crate) const RELAXATION: f32 = 1.7;
 /// [`kept`].
 pub(crate) const KEEP: f32 = 0.05;
 
+/// Share of the thickness by which a pair may be too close without being corrected: see [`separation`].
+pub(crate) const SLACK: f32 = 0.01;
+/// A pair that is too close by more than a share `DEEP` of its thickness starts with a share `WARM` of its multipliers: see [`warm_share`].
+pub(crate) const DEEP: f32 = 0.1;
+pub(crate) const WARM: f32 = 0.9;
+
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 pub(crate) const THIN: f32 = 1e-6;
 /// Pairs closer than this share of their thickness are so close that the direction between them is that of [`perpendicular`].
@@ -169,9 +175,21 @@ pub(crate) fn kept<L: Lanes>(distance: L, thickness: L) -> L {
 
 /// The correction (m) of a pair that is too close by `depth` (m), in a substep in which it may be `most` (m). It is
 /// proportional to the depth, so that cloth which is squeezed between two things comes to lie in the middle.
+///
+/// Pairs at rest lie within the slack. Corrected up to their thickness, a pair that moves by less than a micrometer would lose its
+/// multiplier as soon as there is a gap, fall until it has a new one, and be corrected again, without end.
 #[inline(always)]
 pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
-    depth * (most / thickness.max(most))
+    (depth - thickness * L::splat(SLACK)).max(L::splat(0.0)) * (most / thickness.max(most))
+}
+
+/// The share of the last substep's multipliers with which a pair starts that is too close by `depth` (m).
+///
+/// At rest that is all: where the iterations converge slowly, what is taken off would be left as a velocity. A pair that is deep does not
+/// rest. It may be squeezed by what leaves it no room, and its multipliers would grow until it is free and then throw it out.
+#[inline(always)]
+pub(crate) fn warm_share<L: Lanes>(depth: L, thickness: L) -> L {
+    L::select((thickness * L::splat(DEEP)).lt(depth), L::splat(WARM), L::splat(1.0))
 }
 
 /// The largest share of a displacement that may be taken. The displacement brings a vertex at `height` (m) above a

@@ -4,8 +4,6 @@
 // thickness is 2^23 of them, so sums may reach 256 thicknesses. Each iteration of the response is a dispatch over
 // pairs, followed by one over vertices that applies the sums.
 
-// Share of the last substep's multipliers with which this one starts.
-const WARM: f32 = 0.9;
 // How much farther contact may move a vertex than it was about to move, as a multiple of its reach.
 const FARTHER: f32 = 0.45;
 
@@ -143,7 +141,7 @@ fn warm_pair(k: u32) {
         return;
     }
     set_rate(k, RELAXATION / bound);
-    var held = n.lambda * (WARM * known.status.scale);
+    var held = n.lambda * (warm_share(max(n.thickness - n.distance, 0.0), n.thickness) * known.status.scale);
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
     set_lambda(k, held);
     give(n.corners, w, GIVEN, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
