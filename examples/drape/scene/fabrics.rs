@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use cloth_deformer::{Fabric, Mesh, Options};
 
-/// The material of a piece of the mesh.
+/// The material of a piece of the mesh. A scene has no inextensible fabrics.
 pub(super) struct Material {
     pub(super) fabric: Fabric,
     /// Number of the piece's vertices, which follow those of the pieces before it.
@@ -24,9 +24,6 @@ pub(super) fn combine(mesh: &Mesh, pieces: &[Material]) -> Result<Options, (usiz
     }
     let mut common = first;
     for (number, Material { fabric, .. }) in pieces.iter().enumerate() {
-        if fabric.stretch.is_infinite() != first.stretch.is_infinite() {
-            return Err((number, "it and the first cloth must both be inextensible, or neither"));
-        }
         if fabric.bending > 0.0 && common.bending > 0.0 && fabric.damping != common.damping {
             return Err((number, "its damping must be that of the other cloths; give `fabric = { preset = .., damping = .. }`"));
         }
@@ -37,6 +34,7 @@ pub(super) fn combine(mesh: &Mesh, pieces: &[Material]) -> Result<Options, (usiz
         common.bending = common.bending.max(fabric.bending);
     }
     let of_vertex: Vec<Fabric> = pieces.iter().flat_map(|piece| std::iter::repeat_n(piece.fabric, piece.vertices)).collect();
+    // Both are 0 if nothing bends.
     let ratio = |of: f32, common: f32| if of == common { 1.0 } else { of / common };
     let mut diagonals = HashMap::new();
     let mut first = 0;
@@ -84,8 +82,8 @@ pub(super) fn soft_diagonals(
     }
     match soft.is_empty() {
         true => Err(0.0),
-        false if f64::from(shear) <= most && stretch.is_finite() => Ok(soft),
-        false => Err(if stretch.is_finite() { most } else { 0.0 }),
+        false if f64::from(shear) <= most => Ok(soft),
+        false => Err(most),
     }
 }
 
