@@ -9,43 +9,15 @@ use std::f32::consts::PI;
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError, Warning,
+    Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError, Warning,
 };
+use common::contact_scene::{CLOTH, R, Scene, floor, fold};
 use common::crossings::{closest, crossings};
 use common::energy::{masses, momenta};
-use common::shapes::{ball, bent, jittered, sheets};
+use common::shapes::{ball, jittered, sheets};
 use common::{FRAME, play};
 
-/// A fabric that neither crumples immediately nor is as stiff as paper.
-const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
-/// Thickness (m).
-const R: f32 = 0.005;
-
-/// A falling cloth.
-struct Scene {
-    mesh: Mesh,
-    options: Options,
-    attributes: Attributes,
-    /// Initial positions (m), if they are not those of the rest shape.
-    start: Option<Vec<Vec3>>,
-}
-
 impl Scene {
-    fn new(mesh: Mesh, substeps: u32, colliders: Vec<Collider>) -> Scene {
-        let contact = Some(Contact { thickness: R, friction: 0.3 });
-        let quality = Quality::Substeps(substeps);
-        let options = Options { backend: Backend::Gpu, quality, fabric: CLOTH, contact, ..Options::default() };
-        Scene { mesh, options, attributes: Attributes { colliders, ..Attributes::default() }, start: None }
-    }
-
-    fn on(&self, backend: Backend) -> Deformer {
-        let mut deformer = Deformer::new(&self.mesh, Options { backend, ..self.options.clone() }).unwrap();
-        if let Some(start) = &self.start {
-            deformer.set_state(start, &vec![Vec3::ZERO; start.len()]).unwrap();
-        }
-        deformer
-    }
-
     /// Steps it on the GPU, where no frame may have an intersection, and on the CPU. Returns both at the end, with
     /// their mean strains.
     fn played(&self, frames: u32) -> ([Deformer; 2], [f32; 2]) {
@@ -70,17 +42,6 @@ impl Scene {
         println!("closest {apart:?} m, mean strain {strain:?}, tallies {:?}", both.each_ref().map(Deformer::contact_tally));
         (apart, strain, both)
     }
-}
-
-fn floor() -> Collider {
-    Collider::plane(Vec3::ZERO, Vec3::Y)
-}
-
-/// A sheet above a floor, bent so that one half is above the other; it falls shut.
-fn fold(n: u32) -> Scene {
-    let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
-    scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
-    scene
 }
 
 fn heap(n: u32) -> Scene {
@@ -132,7 +93,7 @@ fn whatever_else_the_scene_has() {
     scene.attributes.wind = Vec3::new(1.0, 0.0, 2.0);
     scene.attributes.air_density = 1.2;
     for (method, substeps) in [(Method::SmallSteps, 30), (Method::Relaxation { iterations: 5 }, 20)] {
-        let options = Options { method, quality: Quality::Substeps(substeps), ..scene.options.clone() };
+        let options = Options { backend: Backend::Gpu, method, quality: Quality::Substeps(substeps), ..scene.options.clone() };
         let mut deformer = Deformer::new(&scene.mesh, options).unwrap();
         let mut attributes = scene.attributes.clone();
         let mut contacts = 0;

@@ -13,46 +13,18 @@ use cloth_deformer::{
     Attributes, Backend, BuildError, Collider, Contact, Crossing, Deformer, Fabric, Levels, Mesh, Method, Options, Quality,
     StepError, Warning,
 };
+use common::contact_scene::{CLOTH, R, Scene, floor, fold};
 use common::crossings::{closest, crossings};
 use common::energy::{energy, masses, momenta};
-use common::shapes::{bent, jittered, sheets};
+use common::shapes::{jittered, sheets};
 use common::{FRAME, play, reference};
 
 on_every_backend!(sheets_that_start_in_one_another_part);
 
-/// A fabric that neither crumples at once nor is as stiff as paper.
-const CLOTH: Fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
-/// Thickness (m).
-const R: f32 = 0.005;
-
-/// A scene of falling cloth.
-struct Scene {
-    mesh: Mesh,
-    options: Options,
-    attributes: Attributes,
-    /// Initial positions (m), if they are not those of the rest shape.
-    start: Option<Vec<Vec3>>,
-}
-
 impl Scene {
-    fn new(mesh: Mesh, substeps: u32, colliders: Vec<Collider>) -> Scene {
-        let contact = Some(Contact { thickness: R, friction: 0.3 });
-        let quality = Quality::Substeps(substeps);
-        let options = Options { backend: Backend::Cpu, quality, fabric: CLOTH, contact, ..Options::default() };
-        Scene { mesh, options, attributes: Attributes { colliders, ..Attributes::default() }, start: None }
-    }
-
     fn without_contact(&self) -> Scene {
         let options = Options { contact: None, ..self.options.clone() };
         Scene { mesh: self.mesh.clone(), options, attributes: self.attributes.clone(), start: self.start.clone() }
-    }
-
-    fn deformer(&self) -> Deformer {
-        let mut deformer = Deformer::new(&self.mesh, self.options.clone()).unwrap();
-        if let Some(start) = &self.start {
-            deformer.set_state(start, &vec![Vec3::ZERO; start.len()]).unwrap();
-        }
-        deformer
     }
 
     /// The largest number of crossings in any of the frames checked, and the cloth at the end.
@@ -77,17 +49,6 @@ impl Scene {
         assert_eq!(with, 0, "crossings with contact");
         deformer
     }
-}
-
-fn floor() -> Collider {
-    Collider::plane(Vec3::ZERO, Vec3::Y)
-}
-
-/// A sheet above a floor, folded over so that one half lies above the other; it falls shut.
-fn fold(n: u32) -> Scene {
-    let mut scene = Scene::new(jittered(Mesh::grid(n, n, 1.0, 1.0), 1), 20, vec![floor()]);
-    scene.start = Some(scene.mesh.positions.iter().map(bent).collect());
-    scene
 }
 
 #[test]

@@ -7,14 +7,12 @@
 //! value in any frame. Crossings are edges through triangles, the most in any frame; `closest` is the least distance in any frame
 //! between a vertex and a triangle that it does not belong to.
 
-use std::time::Instant;
-
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Contact, Deformer, Fabric, Mesh, Options, Quality};
 use rapier3d::prelude as rapier;
 use rapier3d::prelude::{ColliderBuilder, SoftBodyBuilder, SpringCoefficients};
 
-use crate::{FRAME, Failure};
+use crate::{FRAME, Failure, Sheet, seconds};
 
 #[path = "../../tests/common/crossings.rs"]
 #[allow(dead_code, reason = "the tests use the rest")]
@@ -31,12 +29,6 @@ const SUBSTEPS: [u32; 7] = [3, 4, 5, 6, 8, 12, 20];
 /// Density (kg/m2) and friction of both cloths.
 const DENSITY: f32 = 0.2;
 const FRICTION: f32 = 0.3;
-
-trait Sheet {
-    /// Takes a step of 1/60 s.
-    fn step(&mut self) -> Result<(), Failure>;
-    fn positions(&mut self) -> Result<Vec<Vec3>, Failure>;
-}
 
 /// A sheet with the triangles that its crossings are counted with, and its results.
 struct Run {
@@ -96,13 +88,6 @@ pub(crate) fn run() -> Result<(), Failure> {
         }
     }
     Ok(())
-}
-
-/// The processor time (s) of this thread, where the system provides it, or else some time.
-fn seconds() -> f64 {
-    static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
-    let told = || std::fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse::<f64>().ok();
-    told().map_or_else(|| START.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
 }
 
 /// The mean, the 99th percentile and the largest strain of edges.

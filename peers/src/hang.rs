@@ -5,12 +5,11 @@
 //! cannot switch bending off, so the last column has cloth-deformer with bending. Strain is `max(0, l/l0 - 1)`,
 //! averaged over edges and over the frames 20, 40, .. 120.
 
-use std::time::Instant;
-
+use cloth_deformer::glam;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
 use rapier_cloth_core::{Cloth, ClothMaterial, ClothMesh, Solver, SolverSettings, Vec3};
 
-use crate::{FRAME, Failure};
+use crate::{FRAME, Failure, Sheet, seconds};
 
 /// Frames of a run, and interval of the samples.
 const FRAMES: usize = 120;
@@ -21,13 +20,6 @@ const TIMED: usize = 24;
 const SETTINGS: [(u32, usize); 3] = [(4, 8), (10, 4), (20, 4)];
 /// Numbers of substeps that cloth-deformer may take to match it.
 const SUBSTEPS: [u32; 14] = [3, 4, 6, 8, 11, 15, 20, 28, 40, 56, 80, 112, 160, 224];
-
-/// A hanging sheet.
-trait Sheet {
-    /// Takes a step of 1/60 s.
-    fn step(&mut self) -> Result<(), Failure>;
-    fn positions(&mut self) -> Result<Vec<[f32; 3]>, Failure>;
-}
 
 /// Results of two seconds.
 #[derive(Debug, Clone, Copy)]
@@ -82,11 +74,10 @@ fn compare(n: u32) -> Result<(), Failure> {
 fn play(n: u32, frames: usize, sheets: &mut [&mut dyn Sheet]) -> Result<Vec<Run>, Failure> {
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
     let edges = mesh.edges();
-    let rest: Vec<[f32; 3]> = mesh.positions.iter().map(|x| x.to_array()).collect();
-    let strain = |x: &[[f32; 3]]| {
+    let strain = |x: &[glam::Vec3]| {
         let stretch = |&[a, b]: &[u32; 2]| {
-            let length = |x: &[[f32; 3]]| distance(x[a as usize], x[b as usize]);
-            (length(x) / length(&rest) - 1.0).max(0.0)
+            let length = |x: &[glam::Vec3]| x[a as usize].as_dvec3().distance(x[b as usize].as_dvec3());
+            (length(x) / length(&mesh.positions) - 1.0).max(0.0)
         };
         edges.iter().map(stretch).sum::<f64>() / edges.len() as f64
     };
@@ -94,9 +85,9 @@ fn play(n: u32, frames: usize, sheets: &mut [&mut dyn Sheet]) -> Result<Vec<Run>
     let mut times = vec![Vec::new(); sheets.len()];
     for frame in 1..=frames {
         for ((sheet, run), times) in sheets.iter_mut().zip(&mut runs).zip(&mut times) {
-            let begin = Instant::now();
+            let begin = seconds();
             sheet.step()?;
-            times.push(begin.elapsed().as_secs_f64() * 1e3);
+            times.push(1e3 * (seconds() - begin));
             if frame % SAMPLE == 0 {
                 let x = sheet.positions()?;
                 run.strain += strain(&x) * SAMPLE as f64 / frames as f64;
@@ -116,15 +107,11 @@ fn play(n: u32, frames: usize, sheets: &mut [&mut dyn Sheet]) -> Result<Vec<Run>
     Ok(runs)
 }
 
-fn distance(a: [f32; 3], b: [f32; 3]) -> f64 {
-    (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
-}
-
 /// Depth of the center of the square (m), by the trapezoidal rule along both sides.
-fn center(n: u32, x: &[[f32; 3]]) -> f64 {
+fn center(n: u32, x: &[glam::Vec3]) -> f64 {
     let half = |k: u32| if k == 0 || k == n - 1 { 0.5 } else { 1.0 };
     let cells = f64::from((n - 1) * (n - 1));
-    (0..n * n).map(|v| -f64::from(x[v as usize][1]) * half(v / n) * half(v % n)).sum::<f64>() / cells
+    (0..n * n).map(|v| -f64::from(x[v as usize].y) * half(v / n) * half(v % n)).sum::<f64>() / cells
 }
 
 struct Ours(Deformer);
@@ -148,8 +135,8 @@ impl Sheet for Ours {
         Ok(())
     }
 
-    fn positions(&mut self) -> Result<Vec<[f32; 3]>, Failure> {
-        Ok(self.0.positions()?.iter().map(|x| x.to_array()).collect())
+    fn positions(&mut self) -> Result<Vec<glam::Vec3>, Failure> {
+        Ok(self.0.positions()?.to_vec())
     }
 }
 
@@ -181,7 +168,7 @@ impl Sheet for Peer {
         Ok(())
     }
 
-    fn positions(&mut self) -> Result<Vec<[f32; 3]>, Failure> {
-        Ok(self.cloth.positions().iter().map(|x| x.to_array()).collect())
+    fn positions(&mut self) -> Result<Vec<glam::Vec3>, Failure> {
+        Ok(self.cloth.positions().iter().map(|x| glam::Vec3::from_array(x.to_array())).collect())
     }
 }

@@ -2,6 +2,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
 pub mod chain;
+pub mod contact_scene;
 pub mod crossings;
 pub mod energy;
 pub mod hang;
