@@ -5,7 +5,7 @@
 @group(1) @binding(1) var<storage, read> p_made: array<vec4f>;
 @group(1) @binding(2) var<storage, read_write> x: array<vec4f>;
 @group(1) @binding(3) var<storage, read_write> p: array<vec4f>;
-@group(1) @binding(4) var<storage, read_write> found: Found;
+@group(1) @binding(4) var<storage, read_write> found: Defects;
 // The ends of each edge that is swept; an edge without stiffness is given one vertex twice, so that it is never too
 // long.
 @group(1) @binding(5) var<storage, read> ends: array<vec2u>;

@@ -11,7 +11,7 @@ override VECTORS: u32 = 64u;
 @group(1) @binding(5) var<storage, read_write> p: array<vec4f>;
 // Of vertices: positions and inverse masses, then, while the levels are swept, displacements; then what forces keep.
 @group(1) @binding(6) var<storage, read_write> state: array<vec4f>;
-@group(1) @binding(7) var<storage, read_write> found: Found;
+@group(1) @binding(7) var<storage, read_write> found: Defects;
 
 // Displacements of the vertices, and nothing beside: room for 4096 of them in 48 KiB. While the levels are swept it is
 // theirs: centers, displacements as corrected and as predicted, and inverse masses. Arrays of three numbers are not padded to

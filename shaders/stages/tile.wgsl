@@ -8,7 +8,7 @@
 @group(1) @binding(3) var<storage, read> bodies: array<Body>;
 @group(1) @binding(4) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(5) var<storage, read_write> p_out: array<vec4f>;
-@group(1) @binding(7) var<storage, read_write> found: Found;
+@group(1) @binding(7) var<storage, read_write> found: Defects;
 
 // The word of the table where the pins begin: for each vertex its index among the pins, then the pins that follow
 // targets.

@@ -10,7 +10,7 @@ const LEAST: u32 = 16u;
 const IN_TABLE: u32 = 0x80000000u;
 const IN_TILES: u32 = 0x40000000u;
 
-struct Found {
+struct Defects {
     // The first vertex out of bounds; NONE if there is none.
     lost: atomic<u32>,
     // The first of the checked edges that is too long; NONE if there is none.

@@ -6,7 +6,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage};
 use crate::gpu::state::State;
-use crate::gpu::watch::Found;
+use crate::gpu::watch::Defects;
 use crate::model::cloth::Cloth;
 use crate::step::watch::{LEAST, TURNS};
 
@@ -16,7 +16,7 @@ pub(crate) const DISPATCHES: usize = 2;
 /// The stages that check and commit, with a bind group for each state but the cloth's own.
 #[derive(Debug)]
 pub(crate) struct Commit {
-    /// A [`Found`].
+    /// A [`Defects`].
     pub found: wgpu::Buffer,
     /// Made by the first step that needs it, since the last substep of tiles checks the result itself.
     check: Option<Stage>,
@@ -25,7 +25,7 @@ pub(crate) struct Commit {
 
 impl Commit {
     pub(crate) fn new(gpu: &Gpu, forces: &Forces) -> Commit {
-        let found = gpu.buffer("found", size_of::<Found>() as u64);
+        let found = gpu.buffer("found", size_of::<Defects>() as u64);
         let State { x, p } = &forces.states[0];
         let keep = stage(gpu, forces, "commit", [Bind::Write(x), Bind::Write(p), Bind::Write(&found), Bind::Unused]);
         Commit { found, check: None, keep }
@@ -44,12 +44,12 @@ impl Commit {
 
     /// Resets the result of the check and the number of steps.
     pub(crate) fn begin(&self, gpu: &Gpu) {
-        gpu.write(&self.found, 0, &[Found::NOTHING]);
+        gpu.write(&self.found, 0, &[Defects::NOTHING]);
     }
 
     /// Resets a failure; keeps the number of steps.
-    pub(crate) fn go_on(&self, gpu: &Gpu, found: Found) {
-        gpu.write(&self.found, 0, &[Found { steps: found.steps, ..Found::NOTHING }]);
+    pub(crate) fn go_on(&self, gpu: &Gpu, found: Defects) {
+        gpu.write(&self.found, 0, &[Defects { steps: found.steps, ..Defects::NOTHING }]);
     }
 
     /// Encodes the commit of state number `made`, and its check unless it is already `checked`.

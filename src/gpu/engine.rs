@@ -26,7 +26,7 @@ use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{Bound, OnDemand, PerColor, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
-use crate::gpu::watch::{Found, Report};
+use crate::gpu::watch::{Defects, Report};
 use crate::kernels::contact::Body;
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
@@ -166,7 +166,7 @@ impl GpuEngine {
         *self = made;
         self.gpu.write(&self.forces.states[0].x, 0, x);
         self.gpu.write(&self.forces.states[0].p, 0, p);
-        self.commit.go_on(&self.gpu, Found { steps, ..Found::NOTHING });
+        self.commit.go_on(&self.gpu, Defects { steps, ..Defects::NOTHING });
         Ok(())
     }
 

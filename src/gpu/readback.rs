@@ -8,7 +8,7 @@ use glam::Vec4;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::state::State;
-use crate::gpu::watch::Found;
+use crate::gpu::watch::Defects;
 
 /// The progress of a request.
 const UNDER_WAY: u8 = 0;
@@ -43,9 +43,9 @@ impl Readback {
         state: &State,
         found: &wgpu::Buffer,
         look: impl FnOnce(&[Vec4], &[Vec4]),
-    ) -> Result<Found, GpuFault> {
+    ) -> Result<Defects, GpuFault> {
         gpu.read(&self.staging, &[&state.x, &state.p, found], |bytes| {
-            let (state, found) = bytes.split_at(bytes.len() - size_of::<Found>());
+            let (state, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
             let state: &[Vec4] = bytemuck::cast_slice(state);
             let (x, p) = state.split_at(state.len() / 2);
             look(x, p);
@@ -69,14 +69,14 @@ impl Readback {
     }
 
     /// Passes the requested positions to `look`, once, if they have arrived; returns the result of the steps' checks.
-    pub(crate) fn arrived(&mut self, gpu: &Gpu, look: impl FnOnce(&[Vec4])) -> Result<Option<Found>, GpuFault> {
+    pub(crate) fn arrived(&mut self, gpu: &Gpu, look: impl FnOnce(&[Vec4])) -> Result<Option<Defects>, GpuFault> {
         let Some(Request { staging, progress }) = &self.request else { return Ok(None) };
         gpu.poll(wgpu::PollType::Poll)?;
         let found = match progress.load(Ordering::Acquire) {
             UNDER_WAY => return Ok(None),
             ARRIVED => {
                 let bytes = staging.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
-                let (x, found) = bytes.split_at(bytes.len() - size_of::<Found>());
+                let (x, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
                 match bytemuck::try_cast_slice(x) {
                     Ok(x) => look(x),
                     // In a browser the mapped bytes may have any alignment.

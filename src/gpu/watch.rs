@@ -24,10 +24,10 @@ const UNDER_WAY: u8 = 1;
 const ARRIVED: u8 = 2;
 const LOST: u8 = 3;
 
-/// `Found` of `stages/watch.wgsl`.
+/// What the watch found out of bounds: `Defects` of `stages/watch.wgsl`, which documents the fields.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(crate) struct Found {
+pub(crate) struct Defects {
     pub lost: u32,
     pub long: u32,
     pub fast: u32,
@@ -37,13 +37,13 @@ pub(crate) struct Found {
     pub steps: u32,
 }
 
-impl Found {
+impl Defects {
     /// The state before the first step.
-    pub(crate) const NOTHING: Found = Found { lost: NONE, long: NONE, fast: NONE, energy: 0, hot: 0, stopped: 0, steps: 0 };
+    pub(crate) const NOTHING: Defects = Defects { lost: NONE, long: NONE, fast: NONE, energy: 0, hot: 0, stopped: 0, steps: 0 };
 
     /// The failure that the words report, if any; `edge` converts a marked place in a table to the cloth's edge.
     pub(crate) fn verdict(&self, edge: impl Fn(u32) -> usize) -> Result<(), Failure> {
-        let Found { lost, long, fast, hot, steps, .. } = *self;
+        let Defects { lost, long, fast, hot, steps, .. } = *self;
         let cause = match (lost, hot, long) {
             (NONE, 0, NONE) => return Ok(()),
             (NONE, 0, place) => Cause::Edge(edge(place)),
@@ -66,7 +66,7 @@ pub(crate) struct Report {
 
 impl Report {
     pub(crate) fn new(gpu: &Gpu) -> Report {
-        let staging = gpu.staging("found", size_of::<Found>() as u64);
+        let staging = gpu.staging("found", size_of::<Defects>() as u64);
         Report { staging, progress: Arc::new(AtomicU8::new(NOT_ASKED)), steps: 0 }
     }
 
@@ -98,7 +98,7 @@ impl Report {
     }
 
     /// The words, once, if they have arrived. A lost device does not send them any more.
-    pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Found>, GpuFault> {
+    pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Defects>, GpuFault> {
         match self.progress.load(Ordering::Acquire) {
             ARRIVED => {}
             LOST => return Err(gpu.unmapped("what steps found")),

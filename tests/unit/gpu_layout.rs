@@ -13,7 +13,7 @@ use crate::gpu::multigrid::{Average, Member};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
 use crate::gpu::tiles::NO_EDGE;
-use crate::gpu::watch::{Found, IN_TABLE, IN_TILES, NONE};
+use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES, NONE};
 use crate::kernels::bending::{BendEntry, BendPass, BendRow};
 use crate::kernels::contact::Body;
 use crate::kernels::distance::Edge;
@@ -44,7 +44,7 @@ fn structs() -> Vec<Layout> {
     vec![
         layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest, tethers, load, checks }),
         layout!(Substep { carry, gain, rate, start, end }),
-        layout!(Found { lost, long, fast, energy, hot, stopped, steps }),
+        layout!(Defects { lost, long, fast, energy, hot, stopped, steps }),
         layout!(Span { start, end }),
         layout!(Pin { origin, vertex, goal, padding }),
         layout!(BendRow { stiffness, tau, diagonal }),

@@ -8,7 +8,7 @@ use crate::error::failure::Failure;
 use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
 use crate::gpu::statistics::Counter;
 use crate::gpu::surface::{Normals, Surface};
-use crate::gpu::watch::{Found, IN_TABLE, IN_TILES};
+use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Contact;
@@ -41,7 +41,7 @@ impl GpuEngine {
         let GpuEngine { gpu, commit, counter, contact, .. } = self;
         gpu.checked(|| {
             let staging = gpu.staging("found", commit.found.size());
-            let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Found>)?;
+            let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Defects>)?;
             let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
             let contact = contact.as_ref().map(|contact| contact.past(gpu)).transpose()?;
             Ok(Past { steps: found.steps, untold, contact })
@@ -72,7 +72,7 @@ impl GpuEngine {
         });
         self.counter = counter.map_err(Failure::Gpu)?;
         self.put(x, p);
-        self.commit.go_on(&gpu, Found { steps: past.steps, ..Found::NOTHING });
+        self.commit.go_on(&gpu, Defects { steps: past.steps, ..Defects::NOTHING });
         self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
         Ok(true)
     }
@@ -97,7 +97,7 @@ impl GpuEngine {
     }
 
     /// Fails if the words report a failure.
-    fn verdict(&self, found: Found) -> Result<(), Failure> {
+    fn verdict(&self, found: Defects) -> Result<(), Failure> {
         found.verdict(|place| match (place & IN_TABLE != 0, &self.single_workgroup, &self.sweep) {
             (true, Some(single), _) => single.edge((place ^ IN_TABLE) as usize),
             (false, _, Sweep::Tiled(tiled)) if place & IN_TILES != 0 => tiled.tiles.edge((place ^ IN_TILES) as usize),
