@@ -19,7 +19,7 @@ use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::tasks::team::Team;
 use crate::cpu::tethers::Tethering;
 use crate::cpu::threads::ThreadChoice;
-use crate::cpu::watch::Found;
+use crate::cpu::watch::VertexWatch;
 use crate::error::failure::{Cause, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
@@ -288,7 +288,7 @@ impl Cpu {
         on: On<'_>,
     ) -> Option<Cause> {
         let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
-        let found = Found::nothing(&plan.params, x);
+        let found = VertexWatch::nothing(&plan.params, x);
         let Packed { forces, coarse, edges, tethers, schedules, partition, width, terms, .. } = packed;
         let schedule = &mut schedules[schedule];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));

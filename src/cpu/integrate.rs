@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A, Vec4};
 
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
-use crate::cpu::watch::Found;
+use crate::cpu::watch::VertexWatch;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::Substep;
@@ -25,7 +25,7 @@ pub(crate) struct Integrator<'a> {
     /// Positions and displacements at the step's start.
     pub good: [SharedArray<'a>; 2],
     /// Defects found in the state at the step's end.
-    pub found: Found,
+    pub found: VertexWatch,
     pub width: Width,
 }
 
@@ -166,7 +166,7 @@ impl Loop for Advance<'_> {
             Then::Wait | Then::Check => (L::splat(1.0), zero),
         };
         let fourth = zero.lt(L::repeat(Vec4::W));
-        let Found { center, distance, travel, .. } = &integrator.found;
+        let VertexWatch { center, distance, travel, .. } = &integrator.found;
         let (center, distance, travel) = (L::repeat(center.extend(0.0)), L::splat(*distance), L::splat(*travel));
         let mut first = self.vertices.start;
         while self.vertices.end - first >= L::LANES {

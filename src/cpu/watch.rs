@@ -21,7 +21,7 @@ const COMPONENT: f32 = 0.57;
 
 /// What the tasks of a step have found so far.
 #[derive(Debug)]
-pub(crate) struct Found {
+pub(crate) struct VertexWatch {
     /// Index of the first vertex out of bounds; `usize::MAX` if there is none.
     lost: AtomicUsize,
     /// Whether a vertex is so fast or so far away that energies and edges must be looked at.
@@ -33,13 +33,13 @@ pub(crate) struct Found {
     pub travel: f32,
 }
 
-impl Found {
+impl VertexWatch {
     /// Nothing yet, in a step from the positions `x` (m).
-    pub(crate) fn nothing(params: &Params, x: &[Vec4]) -> Found {
+    pub(crate) fn nothing(params: &Params, x: &[Vec4]) -> VertexWatch {
         let center = x.first().map_or(Vec3A::ZERO, |&x| xyz(x));
         // All within the cube are then within the bounds of positions, too.
         let within = MAX_POSITION - center.abs().max_element();
-        Found {
+        VertexWatch {
             lost: AtomicUsize::new(usize::MAX),
             is_suspicious: AtomicBool::new(false),
             center,

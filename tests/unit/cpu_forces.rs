@@ -124,7 +124,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
         each_tile(&|tile| forces.bend(&task, tile, substep));
     } else {
         let none: [&mut [Vec4]; 2] = [&mut [], &mut []];
-        let (good, found) = (none.map(SharedArray::new), crate::cpu::watch::Found::nothing(&plan.params, &[]));
+        let (good, found) = (none.map(SharedArray::new), crate::cpu::watch::VertexWatch::nothing(&plan.params, &[]));
         let integrator = Integrator { plan, x: &shared_x, u: &shared_u, good, found, width };
         each_tile(&|tile| integrator.fall(&task, tile, substep));
     }

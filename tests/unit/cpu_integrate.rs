@@ -56,7 +56,7 @@ fn what_is_told_to_be_clear_is_clear() {
             start.iter().enumerate().for_each(|(v, [at, by])| (x[v], u[v]) = (*at, *by));
             let (shared_x, shared_u, task) = (SharedArray::new(x.room()), SharedArray::new(u.room()), Task::alone());
             let good = [SharedArray::new(none.room()), SharedArray::new(&mut [])];
-            let found = Found::nothing(&plan.params, &cloth.rest);
+            let found = VertexWatch::nothing(&plan.params, &cloth.rest);
             let (x_view, u_view) = (&shared_x, &shared_u);
             let integrator =
                 Integrator { plan: &plan, x: x_view, u: u_view, good, found, width: width.unwrap_or(Width::detected()) };

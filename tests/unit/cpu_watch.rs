@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::Found;
+use super::VertexWatch;
 use crate::error::failure::Cause;
 use crate::kernels::integrate::xyz;
 use crate::kernels::limits::MAX_POSITION;
@@ -13,7 +13,7 @@ use crate::options::Options;
 
 /// What is found wrong after each vertex was checked.
 fn verdict(cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
-    let found = Found::nothing(params, &cloth.rest);
+    let found = VertexWatch::nothing(params, &cloth.rest);
     (0..).zip(x.iter().zip(u)).for_each(|(vertex, (&x, &u))| found.check(vertex, xyz(x), xyz(u)));
     found.verdict(cloth, params, step, x, u)
 }
