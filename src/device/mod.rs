@@ -29,7 +29,7 @@ struct Inner {
 }
 
 /// The device that all Deformers share, unless the caller gives one.
-struct Found {
+struct SharedDevice {
     gpu: Gpu,
     software: bool,
     lost: Arc<AtomicBool>,
@@ -38,8 +38,8 @@ struct Found {
 /// A browser runs GPU callbacks only between calls from JavaScript, so the crate can never wait for the device there.
 pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
 
-impl Found {
-    fn request() -> Result<Found, GpuFault> {
+impl SharedDevice {
+    fn request() -> Result<SharedDevice, GpuFault> {
         if IN_BROWSER {
             return Err("a browser provides devices asynchronously; request one and pass it as Options::gpu".into());
         }
@@ -66,7 +66,7 @@ impl Found {
         let flag = Arc::clone(&lost);
         device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
         let gpu = Gpu::new(device, queue, adapter.get_info().name);
-        Ok(Found { gpu, software: rank(&adapter) == 4, lost })
+        Ok(SharedDevice { gpu, software: rank(&adapter) == 4, lost })
     }
 }
 
@@ -113,10 +113,10 @@ impl Gpu {
     /// The device is requested once per program and shared, because drivers limit the number of devices. It is
     /// requested again if it was lost.
     pub(crate) fn shared(software: bool) -> Result<Gpu, GpuFault> {
-        static FOUND: Mutex<Option<Found>> = Mutex::new(None);
+        static FOUND: Mutex<Option<SharedDevice>> = Mutex::new(None);
         let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
         if found.as_ref().is_none_or(|found| found.lost.load(Ordering::Relaxed)) {
-            *found = Some(Found::request()?);
+            *found = Some(SharedDevice::request()?);
         }
         match found.as_ref() {
             Some(found) if software || !found.software => Ok(found.gpu.clone()),
