@@ -26,7 +26,7 @@ const OF_SPRINGS: f64 = 0.7;
 const TERMS: [&str; 3] = ["bending", "damping", "air"];
 
 /// What is known before the kinds of solvers are compared.
-struct Found {
+struct Baseline {
     resolved: Option<Trial>,
     chaotic: bool,
     terms: Vec<Term>,
@@ -78,7 +78,7 @@ impl<'a> Search<'a> {
             }
             Tolerance::Strain(strain) => {
                 self.descend_strain(plain, strain, count)?;
-                Found { resolved: None, chaotic: false, terms: Vec::new(), plain }
+                Baseline { resolved: None, chaotic: false, terms: Vec::new(), plain }
             }
         };
         self.try_other_kinds(found.plain, &cloth)?;
@@ -86,7 +86,7 @@ impl<'a> Search<'a> {
     }
 
     /// Makes both reference runs, decides how runs are compared, and drops the terms whose effect is too small.
-    fn look_at_position(&mut self, plain: Setting, count: u32) -> Result<Found, BuildError> {
+    fn look_at_position(&mut self, plain: Setting, count: u32) -> Result<Baseline, BuildError> {
         let resolved = Setting { levels: Levels::Off, ..plain.with_substeps(count) };
         let clip = self.scene.play(&resolved, 0.0)?;
         let again = self.scene.play(&resolved.with_substeps((AGAIN * f64::from(count)).ceil() as u32), NUDGE)?;
@@ -132,7 +132,7 @@ impl<'a> Search<'a> {
             plain.terms = [true; 3];
             terms.iter_mut().for_each(|(_, term)| term.dropped = false);
         }
-        Ok(Found {
+        Ok(Baseline {
             resolved: self.trials.first().copied(),
             chaotic,
             terms: terms.into_iter().map(|(_, term)| term).collect(),
@@ -233,7 +233,7 @@ impl<'a> Search<'a> {
 
     /// The cheapest run that keeps the tolerance in the verifying frames too; if there is none, the one with the
     /// smallest error in all frames.
-    fn choose(self, Found { resolved, chaotic, terms, .. }: Found) -> Tuned {
+    fn choose(self, Baseline { resolved, chaotic, terms, .. }: Baseline) -> Tuned {
         let verified = |trial: &&Trial| self.keeps(trial) && f64::from(trial.checked) <= self.tolerance;
         let cheapest = self.trials.iter().filter(verified).min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
         let in_all = |trial: &Trial| trial.error.max(trial.checked);
