@@ -26,19 +26,19 @@ const RELAX: u8 = Rule::Relax as u8;
 
 /// Corrects the edges of one piece, in their packed order.
 pub(crate) fn sweep(batches: &EdgeBatches, piece: usize, rule: Rule, x: View<'_>, u: View<'_>, width: Width) {
-    batches.of(piece).for_each(|batch| simd::run(width, Sweep { rule, batch, x, u }));
+    batches.of(piece).for_each(|batch| simd::run(width, SweepRows { rule, batch, x, u }));
 }
 
 /// Corrects a batch of rows in order. A row is as many edges as there are lanes, no two of which share a vertex.
 #[derive(Debug, Clone, Copy)]
-struct Sweep<'t> {
+struct SweepRows<'t> {
     rule: Rule,
     batch: Batch<'t>,
     x: View<'t>,
     u: View<'t>,
 }
 
-impl Loop for Sweep<'_> {
+impl Loop for SweepRows<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         match self.rule {
@@ -50,10 +50,10 @@ impl Loop for Sweep<'_> {
     }
 }
 
-impl Sweep<'_> {
+impl SweepRows<'_> {
     #[inline(always)]
     fn rows<L: Registers, const RULE: u8>(self) {
-        let Sweep { batch: Batch { ends, factors, at, mut first }, x, u, .. } = self;
+        let SweepRows { batch: Batch { ends, factors, at, mut first }, x, u, .. } = self;
         // These are plain loops because a closure passed to an iterator is compiled without the instruction set that is
         // enabled for this function.
         match ends {

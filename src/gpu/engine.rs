@@ -43,7 +43,7 @@ pub(crate) struct GpuEngine {
     gpu: Gpu,
     pub(crate) forces: Forces,
     bodies: Sent,
-    pub(crate) sweep: Sweep,
+    pub(crate) sweep: EdgeSweep,
     /// The tiles with bending, for substeps that have that in a single pass.
     pub(crate) bent: OnDemand,
     /// The tiles that correct by a single level.
@@ -77,7 +77,7 @@ pub(crate) struct GpuEngine {
 
 /// How the edges are swept in a substep, unless a single workgroup does the step.
 #[derive(Debug)]
-pub(crate) enum Sweep {
+pub(crate) enum EdgeSweep {
     PerColor(PerColor),
     Tiled(Tiled),
 }
@@ -116,9 +116,9 @@ impl GpuEngine {
             let sweep = match tiles.flatten() {
                 Some(tiles) => {
                     let bound = Bound { forces: &forces, bodies: &bodies, found: &commit.found, multigrid: None };
-                    Sweep::Tiled(Tiled::new(&gpu, cloth, tiles, bound))
+                    EdgeSweep::Tiled(Tiled::new(&gpu, cloth, tiles, bound))
                 }
-                None => Sweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
+                None => EdgeSweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
             };
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
             Ok(GpuEngine {
@@ -259,11 +259,11 @@ impl GpuEngine {
         let mut moved = false;
         if levels > 0 && path != Path::SingleWorkgroup {
             let multigrid = multigrid.get_or_insert_with(|| {
-                if let Sweep::Tiled(tiled) = sweep {
+                if let EdgeSweep::Tiled(tiled) = sweep {
                     tiled.set_labels(gpu, &plan.levels[0].label);
                 }
                 moved = true;
-                let room = matches!(sweep, Sweep::Tiled(_)).then_some(*room);
+                let room = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*room);
                 Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
             });
             multigrid.prepare(gpu, plan);
@@ -275,8 +275,8 @@ impl GpuEngine {
         let GpuEngine { gpu, forces, bodies, sweep, bent, corrected, multigrid, single_workgroup, commit, .. } = self;
         if bodies.send(gpu, plan.bodies_and_anchors) | moved {
             match sweep {
-                Sweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
-                Sweep::Tiled(tiled) => {
+                EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
+                EdgeSweep::Tiled(tiled) => {
                     let bound = Bound { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
                     let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
                     std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
@@ -288,8 +288,8 @@ impl GpuEngine {
         }
         match (path, sweep, single_workgroup) {
             (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
-            (_, Sweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
-            (_, Sweep::Tiled(tiled), _) => {
+            (_, EdgeSweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
+            (_, EdgeSweep::Tiled(tiled), _) => {
                 let more = if bends { bent.made_mut() } else { corrected.made_mut().filter(|_| corrects) };
                 more.unwrap_or(tiled).prepare(gpu, plan);
             }

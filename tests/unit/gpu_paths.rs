@@ -8,7 +8,7 @@ use crate::cpu::Cpu;
 use crate::device::Gpu;
 use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::bending::Bending;
-use crate::gpu::engine::{GpuEngine, Path, Sweep};
+use crate::gpu::engine::{EdgeSweep, GpuEngine, Path};
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::slices::SLICE;
 use crate::gpu::sweep::{OnDemand, with_rings};
@@ -151,7 +151,7 @@ fn every_path_agrees_with_the_cpu() {
             let paths = [(Path::PerColor, sizes[0]), (Path::Tiled, sizes[0]), (Path::Tiled, sizes[1]), (Path::Tiled, sizes[2])];
             for (path, size) in paths.into_iter().chain([(Path::SingleWorkgroup, sizes[0])]) {
                 let engine = GpuEngine::with_path(gpu.clone(), &cloth, method, path, size).unwrap();
-                let tiled = matches!(engine.sweep, Sweep::Tiled(_));
+                let tiled = matches!(engine.sweep, EdgeSweep::Tiled(_));
                 let may_be = path != Path::PerColor && method == Method::SmallSteps;
                 assert_eq!(tiled, may_be, "{name}: {path:?} {method:?}");
                 let mut engine = Engine::Gpu(Box::new(engine));

@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::{GpuEngine, Path, Sweep};
+use super::{EdgeSweep, GpuEngine, Path};
 use crate::gpu::commit;
 use crate::gpu::forces::Forces;
 use crate::gpu::stats::GpuStats;
@@ -18,11 +18,11 @@ impl GpuEngine {
             None => 0,
         } - usize::from(self.multigrid(plan).is_some() && self.forces.averages(&self.forced(plan)));
         match &self.sweep {
-            Sweep::Tiled(_) => {
+            EdgeSweep::Tiled(_) => {
                 let forced = self.forced(plan);
                 self.forces.dispatches(&forced) * forced.params.predicted as usize + levels + 1
             }
-            Sweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
+            EdgeSweep::PerColor(per_color) => self.forces.dispatches(plan) + levels + per_color.dispatches(plan),
         }
     }
 
@@ -43,12 +43,12 @@ impl GpuEngine {
         let forces = Forces::bytes(&forced);
         let (substep, rounds, edges) = match &self.sweep {
             // Vertices in halos are read more than once; each vertex is written once.
-            Sweep::Tiled(tiled) => {
+            EdgeSweep::Tiled(tiled) => {
                 let tiled = self.tiled(tiled, plan);
                 let [colors, edges] = tiled.counts();
                 (forces * forced.params.predicted as usize + tiled.bytes() + state, colors, edges)
             }
-            Sweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
+            EdgeSweep::PerColor(_) => (forces + PerColor::bytes(plan) + 2 * state, 0, 0),
         };
         let multigrid = self.multigrid(plan);
         let levels = plan.params.levels as usize;

@@ -1,6 +1,6 @@
 //! The commands of a step: its substeps, and its end.
 
-use super::{GpuEngine, Path, Sweep};
+use super::{EdgeSweep, GpuEngine, Path};
 use crate::gpu::commit;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
@@ -45,8 +45,8 @@ impl GpuEngine {
                 }
             }
             match &self.sweep {
-                Sweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
-                Sweep::PerColor(per_color) => {
+                EdgeSweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
+                EdgeSweep::PerColor(per_color) => {
                     multigrid.into_iter().for_each(|multigrid| multigrid.encode_correct(pass, plan));
                     per_color.encode(pass, plan, group);
                 }
@@ -73,7 +73,7 @@ impl GpuEngine {
 
     /// Whether the last substep checks the step's result.
     pub(super) fn is_checked(&self, plan: &Plan<'_>) -> bool {
-        plan.params.checks != 0 && matches!(self.sweep, Sweep::Tiled(_))
+        plan.params.checks != 0 && matches!(self.sweep, EdgeSweep::Tiled(_))
     }
 
     /// The statistics' kernels, if the step's are wanted.

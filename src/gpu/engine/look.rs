@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::{GpuEngine, Sweep};
+use super::{EdgeSweep, GpuEngine};
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
 use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
@@ -100,7 +100,7 @@ impl GpuEngine {
     fn verdict(&self, found: Defects) -> Result<(), Failure> {
         found.verdict(|place| match (place & IN_TABLE != 0, &self.single_workgroup, &self.sweep) {
             (true, Some(single), _) => single.edge((place ^ IN_TABLE) as usize),
-            (false, _, Sweep::Tiled(tiled)) if place & IN_TILES != 0 => tiled.tiles.edge((place ^ IN_TILES) as usize),
+            (false, _, EdgeSweep::Tiled(tiled)) if place & IN_TILES != 0 => tiled.tiles.edge((place ^ IN_TILES) as usize),
             _ => place as usize,
         })
     }

@@ -1,6 +1,6 @@
 //! Which way a step is done: color by color, in tiles, or in one workgroup; and what each way needs besides.
 
-use super::{GpuEngine, Sweep};
+use super::{EdgeSweep, GpuEngine};
 use crate::device::Gpu;
 use crate::gpu::sweep::{Bound, SingleWorkgroup, Tiled};
 use crate::gpu::tiles::{IN_TILE, TileSize};
@@ -65,7 +65,7 @@ impl GpuEngine {
     /// Prepares the tiles for steps with bending in a single pass.
     pub(super) fn make_bent(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, sweep, bent, commit, .. } = self;
-        if let Sweep::Tiled(tiled) = sweep {
+        if let EdgeSweep::Tiled(tiled) = sweep {
             let bound = Bound { forces, bodies, found: &commit.found, multigrid: None };
             bent.make(|| tiled.bent(gpu, plan.cloth, bound));
         }
@@ -75,7 +75,7 @@ impl GpuEngine {
     /// overlap less.
     pub(super) fn make_corrected(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, sweep, corrected, multigrid, room, commit, .. } = self;
-        if let (Sweep::Tiled(tiled), [level, ..], 1) = (sweep, plan.levels, plan.params.levels) {
+        if let (EdgeSweep::Tiled(tiled), [level, ..], 1) = (sweep, plan.levels, plan.params.levels) {
             let bound = Bound { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
             let fits = level.inverse_mass.len() <= *room;
             corrected.make(|| fits.then(|| tiled.corrected(gpu, plan.cloth, level, bound)).flatten());
@@ -104,7 +104,7 @@ impl GpuEngine {
         let forced = Plan { bending: plan.bending && !self.bends_in_tiles(plan), ..*plan };
         // The levels' averages include the pins' motion.
         let led = plan.params.levels > 0 && !plan.pins.is_empty();
-        let predicted = u32::from(!matches!(self.sweep, Sweep::Tiled(_)) || forced.has_forces() || led);
+        let predicted = u32::from(!matches!(self.sweep, EdgeSweep::Tiled(_)) || forced.has_forces() || led);
         Plan { params: Params { predicted, ..plan.params }, ..forced }
     }
 
@@ -124,8 +124,8 @@ impl GpuEngine {
             (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
                 Path::SingleWorkgroup
             }
-            (Sweep::Tiled(_), _) => Path::Tiled,
-            (Sweep::PerColor(_), _) => Path::PerColor,
+            (EdgeSweep::Tiled(_), _) => Path::Tiled,
+            (EdgeSweep::PerColor(_), _) => Path::PerColor,
         }
     }
 }

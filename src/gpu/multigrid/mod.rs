@@ -61,12 +61,12 @@ pub(crate) struct Multigrid {
     sent: Option<(Length, usize)>,
     restrict_vertices: Stage,
     restrict_aggregates: Stage,
-    sweep: Sweep,
+    sweep: LevelSweep,
 }
 
 /// How levels are swept.
 #[derive(Debug)]
-enum Sweep {
+enum LevelSweep {
     Tiled(TiledLevels),
     PerColor(LevelsPerColor),
 }
@@ -114,8 +114,8 @@ impl Multigrid {
         let buffers = [&averages, &shift];
         let tiled = room.and_then(|room| TiledLevels::new(gpu, levels, &rest, &starts, &forces.uniforms, room, buffers));
         let sweep = match tiled {
-            Some(tiled) => Sweep::Tiled(tiled),
-            None => Sweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
+            Some(tiled) => LevelSweep::Tiled(tiled),
+            None => LevelSweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
         };
         Multigrid { averages, shift, items, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
     }
@@ -124,8 +124,8 @@ impl Multigrid {
     #[cfg(test)]
     pub(crate) fn in_tiles(&self) -> Option<usize> {
         match &self.sweep {
-            Sweep::Tiled(tiled) => Some(tiled.in_tiles()),
-            Sweep::PerColor(_) => None,
+            LevelSweep::Tiled(tiled) => Some(tiled.in_tiles()),
+            LevelSweep::PerColor(_) => None,
         }
     }
 
@@ -135,16 +135,16 @@ impl Multigrid {
             return;
         }
         match &mut self.sweep {
-            Sweep::Tiled(tiled) => tiled.send_edges(gpu, &plan.coefficients.levels),
-            Sweep::PerColor(per_color) => per_color.send_edges(gpu, &self.starts, &plan.coefficients.levels),
+            LevelSweep::Tiled(tiled) => tiled.send_edges(gpu, &plan.coefficients.levels),
+            LevelSweep::PerColor(per_color) => per_color.send_edges(gpu, &self.starts, &plan.coefficients.levels),
         }
     }
 
     /// Bytes of a substep with this many levels, including those of coarser levels that are read along with them.
     pub(crate) fn bytes(&self, levels: usize) -> usize {
         let swept = match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.bytes(),
-            Sweep::PerColor(per_color) => per_color.bytes(),
+            LevelSweep::Tiled(tiled) => tiled.bytes(),
+            LevelSweep::PerColor(per_color) => per_color.bytes(),
         };
         // Members and what they are averaged from; the averages and their corrections.
         40 * self.items[levels - 1] + 48 * self.starts[levels] + swept
@@ -153,16 +153,16 @@ impl Multigrid {
     /// Colors inside dispatches, which are processed one after another, and edges, of a substep.
     pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
         match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.counts(levels),
-            Sweep::PerColor(_) => [0, 0],
+            LevelSweep::Tiled(tiled) => tiled.counts(levels),
+            LevelSweep::PerColor(_) => [0, 0],
         }
     }
 
     /// Dispatches of a substep, including that of [`Multigrid::encode_correct`].
     pub(crate) fn dispatches(&self, levels: usize) -> usize {
         match &self.sweep {
-            Sweep::Tiled(tiled) => 2 * tiled.dispatches(levels),
-            Sweep::PerColor(per_color) => levels + per_color.dispatches(levels),
+            LevelSweep::Tiled(tiled) => 2 * tiled.dispatches(levels),
+            LevelSweep::PerColor(per_color) => levels + per_color.dispatches(levels),
         }
     }
 
@@ -178,21 +178,21 @@ impl Multigrid {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let levels = plan.params.levels as usize;
         let averaged = match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.dispatches(levels),
-            Sweep::PerColor(_) => levels,
+            LevelSweep::Tiled(tiled) => tiled.dispatches(levels),
+            LevelSweep::PerColor(_) => levels,
         };
         for level in 1..averaged {
             self.restrict_aggregates.dispatch(pass, 0, &slot(level), EACH[1] * count(level));
         }
         match &self.sweep {
-            Sweep::Tiled(tiled) => tiled.encode(pass, levels),
-            Sweep::PerColor(per_color) => per_color.encode(pass, levels),
+            LevelSweep::Tiled(tiled) => tiled.encode(pass, levels),
+            LevelSweep::PerColor(per_color) => per_color.encode(pass, levels),
         }
     }
 
     /// Encodes adding the correction to the vertices, if the sweep does not do that itself.
     pub(crate) fn encode_correct(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>) {
-        if let Sweep::PerColor(per_color) = &self.sweep {
+        if let LevelSweep::PerColor(per_color) = &self.sweep {
             per_color.encode_correct(pass, plan.cloth.rest.len());
         }
     }
