@@ -13,7 +13,7 @@ use crate::options::Options;
 /// Length of a frame (s).
 const FRAME: f32 = 1.0 / 60.0;
 /// Number of frames that the search compares; as many others, in between, verify the result.
-pub(super) const LOOKS: usize = 12;
+pub(super) const COMPARED: usize = 12;
 
 /// The scene: the cloth, what acts on it in each frame, and the number of frames.
 pub(super) struct Scene<'a> {
@@ -25,7 +25,7 @@ pub(super) struct Scene<'a> {
 
 /// The state at one frame.
 #[derive(Debug, Clone)]
-pub(super) struct Look {
+pub(super) struct ClipFrame {
     pub positions: Vec<Vec3>,
     /// Root mean square speed (m/s).
     pub speed: f64,
@@ -35,7 +35,7 @@ pub(super) struct Look {
 #[derive(Debug, Clone)]
 pub(super) struct Clip {
     /// Frames for verification and frames for the search, alternately.
-    pub looks: Vec<Look>,
+    pub frames: Vec<ClipFrame>,
     /// For each frame, the stretch that 99 percent of the area did not exceed.
     pub stretch: Vec<f32>,
     /// Time per frame (ms): the mean number of substeps times the lower quartile of the time per substep, which leaves
@@ -58,12 +58,12 @@ impl Scene<'_> {
         }
     }
 
-    /// The frames whose states are compared: twice [`LOOKS`], or all if the scene has fewer.
-    fn looks(&self) -> Vec<u32> {
-        let count = 2 * LOOKS as u32;
-        let mut looks: Vec<u32> = (1..=count).map(|k| (self.frames * k).div_ceil(count)).collect();
-        looks.dedup();
-        looks
+    /// The frames whose states are compared: twice [`COMPARED`], or all if the scene has fewer.
+    fn compared_frames(&self) -> Vec<u32> {
+        let count = 2 * COMPARED as u32;
+        let mut frames: Vec<u32> = (1..=count).map(|k| (self.frames * k).div_ceil(count)).collect();
+        frames.dedup();
+        frames
     }
 
     /// Runs the scene with a setting. Each free vertex starts up to `nudge` (m) off in each coordinate.
@@ -73,8 +73,8 @@ impl Scene<'_> {
         if nudge > 0.0 {
             self.nudge(&mut cloth, nudge).map_err(failed(0))?;
         }
-        let looks = self.looks();
-        let mut clip = Clip { looks: Vec::new(), stretch: Vec::new(), milliseconds: 0.0, substeps: 0.0, levels: 0 };
+        let compared = self.compared_frames();
+        let mut clip = Clip { frames: Vec::new(), stretch: Vec::new(), milliseconds: 0.0, substeps: 0.0, levels: 0 };
         let mut times = Vec::new();
         for frame in 1..=self.frames {
             let attributes = setting.attributes((self.attributes)(frame));
@@ -85,9 +85,9 @@ impl Scene<'_> {
             clip.stretch.push(cloth.measure().map_err(failed(frame))?.stretch_share);
             clip.substeps += f64::from(report.substeps) / f64::from(self.frames);
             clip.levels = clip.levels.max(report.levels);
-            if looks.contains(&frame) {
+            if compared.contains(&frame) {
                 let speed = speed(cloth.velocities().map_err(failed(frame))?);
-                clip.looks.push(Look { positions: cloth.positions().map_err(failed(frame))?.to_vec(), speed });
+                clip.frames.push(ClipFrame { positions: cloth.positions().map_err(failed(frame))?.to_vec(), speed });
             }
         }
         times.sort_by(f64::total_cmp);
@@ -115,10 +115,10 @@ fn speed(velocities: &[Vec3]) -> f64 {
 
 impl Clip {
     /// The frames that the search compares, or those that verify the result.
-    pub(super) fn part(&self, checked: bool) -> impl Iterator<Item = &Look> {
+    pub(super) fn part(&self, checked: bool) -> impl Iterator<Item = &ClipFrame> {
         // The last frame is one that the search compares.
         let odd = usize::from(checked) ^ 1;
-        self.looks.iter().enumerate().filter(move |(index, _)| index % 2 == odd).map(|(_, look)| look)
+        self.frames.iter().enumerate().filter(move |(index, _)| index % 2 == odd).map(|(_, frame)| frame)
     }
 
     /// The stretch that at most one frame in a hundred exceeds.

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::clip::{Clip, Look};
+use super::clip::{Clip, ClipFrame};
 
 /// Time (s) by which a difference in speed is multiplied to count as a distance, where motions are compared by their
 /// statistics.
@@ -42,9 +42,9 @@ fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
 
 /// Distance (m) of two states as distributions: the coordinates along each axis are sorted before they are compared,
 /// and the difference in speed counts for [`COUNTED`] seconds.
-fn spread(a: &Look, b: &Look) -> f64 {
-    let sorted = |look: &Look, axis: usize| {
-        let mut values: Vec<f32> = look.positions.iter().map(|x| x[axis]).collect();
+fn spread(a: &ClipFrame, b: &ClipFrame) -> f64 {
+    let sorted = |frame: &ClipFrame, axis: usize| {
+        let mut values: Vec<f32> = frame.positions.iter().map(|x| x[axis]).collect();
         values.sort_by(f32::total_cmp);
         values
     };

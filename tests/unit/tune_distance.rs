@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn look(positions: &[Vec3], speed: f64) -> Look {
-    Look { positions: positions.to_vec(), speed }
+fn look(positions: &[Vec3], speed: f64) -> ClipFrame {
+    ClipFrame { positions: positions.to_vec(), speed }
 }
 
 #[test]
