@@ -4,7 +4,7 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, lanes, slot};
+use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, lanes, slot};
 use crate::gpu::state::{State, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
@@ -126,7 +126,7 @@ impl Bending {
 pub(super) struct Bound<'a> {
     pub states: &'a [State],
     pub u: &'a wgpu::Buffer,
-    pub uniforms: &'a Group,
+    pub uniforms: &'a BindGroup,
     pub pins: &'a Sent,
     pub level: Option<(&'a Level, &'a wgpu::Buffer)>,
 }

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Group, Stage};
+use crate::gpu::stage::{Bind, BindGroup, Stage};
 use crate::gpu::surface::Normals;
 use crate::model::cloth::Cloth;
 
@@ -32,7 +32,7 @@ pub struct BoundMesh {
     gpu: Gpu,
     normals: Normals,
     /// Empty, because the kernel takes all numbers from its buffers.
-    uniforms: Group,
+    uniforms: BindGroup,
     stage: Stage,
     vertices: usize,
 }
@@ -45,7 +45,7 @@ impl BoundMesh {
             let bound = gpu.filled("bound vertices", vertices);
             let size = (16 * vertices.len().max(1)) as u64;
             let positions = gpu.buffer_for("render mesh", size, wgpu::BufferUsages::VERTEX);
-            let uniforms = Group::new(gpu, &[]);
+            let uniforms = BindGroup::new(gpu, &[]);
             let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[] };
             let binds = vec![Bind::Read(&bound), Bind::Read(x), Bind::Read(&normals.surface.normals), Bind::Write(&positions)];
             let stage = Stage::new(gpu, &uniforms, entry, &[binds]);

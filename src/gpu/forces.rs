@@ -7,7 +7,7 @@ use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::bending::{Bending, Bound};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Group, SLOT, Sent, Stage, fill_slots, slot};
+use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::{State, bound_by_predict, stage};
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
@@ -23,7 +23,7 @@ pub(crate) struct Forces {
     /// Displacements of the current substep.
     pub u: wgpu::Buffer,
     /// [`Params`] and the current [`Substep`].
-    pub uniforms: Group,
+    pub uniforms: BindGroup,
     params: Sent,
     substeps: Sent,
     /// The substeps in the form in which they are uploaded.
@@ -178,6 +178,6 @@ impl Forces {
 }
 
 /// The bindings that all stages share: [`Params`], and the [`Substep`] that [`Forces::bind_substep`] selects.
-fn uniforms(gpu: &Gpu, params: &Sent, substeps: &Sent) -> Group {
-    Group::new(gpu, &[Bind::Uniform(&params.buffer), Bind::Dynamic(&substeps.buffer, size_of::<Substep>())])
+fn uniforms(gpu: &Gpu, params: &Sent, substeps: &Sent) -> BindGroup {
+    BindGroup::new(gpu, &[Bind::Uniform(&params.buffer), Bind::Dynamic(&substeps.buffer, size_of::<Substep>())])
 }

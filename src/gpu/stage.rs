@@ -98,20 +98,20 @@ impl<'a> Bind<'a> {
 
 /// A bind group and its layout.
 #[derive(Debug)]
-pub(crate) struct Group {
+pub(crate) struct BindGroup {
     layout: wgpu::BindGroupLayout,
     group: wgpu::BindGroup,
 }
 
-impl Group {
-    pub(crate) fn new(gpu: &Gpu, bound: &[Bind<'_>]) -> Group {
+impl BindGroup {
+    pub(crate) fn new(gpu: &Gpu, bound: &[Bind<'_>]) -> BindGroup {
         let numbered = || bound.iter().zip(0..);
         let entries: Vec<_> = numbered().filter_map(|(bind, number)| bind.layout(number)).collect();
         let layout = wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries };
         let layout = gpu.device().create_bind_group_layout(&layout);
         let entries: Vec<_> = numbered().filter_map(|(bind, number)| bind.entry(number)).collect();
         let group = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
-        Group { group: gpu.device().create_bind_group(&group), layout }
+        BindGroup { group: gpu.device().create_bind_group(&group), layout }
     }
 
     /// Sets the bind group as number `index`.
@@ -120,23 +120,23 @@ impl Group {
     }
 }
 
-/// A kernel and the buffers it works on. Group 0 holds the uniforms that all stages share, group 1 the stage's own
+/// A kernel and the buffers it works on. BindGroup 0 holds the uniforms that all stages share, group 1 the stage's own
 /// buffers. A stage has several groups of the same layout if the state moves between buffers.
 #[derive(Debug)]
 pub(crate) struct Stage {
     pipeline: wgpu::ComputePipeline,
-    groups: Vec<Group>,
+    groups: Vec<BindGroup>,
 }
 
 impl Stage {
-    pub(crate) fn new(gpu: &Gpu, uniforms: &Group, entry: Entry<'_>, bound: &[Vec<Bind<'_>>]) -> Stage {
-        let groups: Vec<Group> = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
+    pub(crate) fn new(gpu: &Gpu, uniforms: &BindGroup, entry: Entry<'_>, bound: &[Vec<Bind<'_>>]) -> Stage {
+        let groups: Vec<BindGroup> = bound.iter().map(|bound| BindGroup::new(gpu, bound)).collect();
         Stage { pipeline: gpu.pipeline(entry, [&uniforms.layout, &groups[0].layout]), groups }
     }
 
     /// Binds other buffers: as many groups, with the same layout.
     pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: &[Vec<Bind<'_>>]) {
-        self.groups = bound.iter().map(|bound| Group::new(gpu, bound)).collect();
+        self.groups = bound.iter().map(|bound| BindGroup::new(gpu, bound)).collect();
     }
 
     /// Dispatches an invocation for each of `items` items, with the stage's group number `group`.

@@ -1,7 +1,7 @@
 //! The cloth's state on the GPU, and how a step moves it between buffers.
 
 use crate::device::{Entry, Gpu, Shader};
-use crate::gpu::stage::{Bind, Group, Sent, Stage};
+use crate::gpu::stage::{Bind, BindGroup, Sent, Stage};
 
 /// Positions and displacements, one of each per vertex.
 #[derive(Debug, Clone)]
@@ -29,7 +29,7 @@ pub(crate) fn groups<'a>(states: &'a [State], bound: impl Fn(&'a State, &'a Stat
 /// A stage with a bind group for each state.
 pub(super) fn stage<'a>(
     gpu: &Gpu,
-    uniforms: &Group,
+    uniforms: &BindGroup,
     shader: Shader,
     name: &'static str,
     states: &'a [State],

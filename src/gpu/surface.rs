@@ -3,7 +3,7 @@
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Group, Stage};
+use crate::gpu::stage::{Bind, BindGroup, Stage};
 use crate::model::cloth::Cloth;
 
 /// The buffers of a cloth on the GPU, for a renderer on the same device: see
@@ -33,7 +33,7 @@ pub(crate) struct Normals {
     pub surface: Surface,
     vertices: usize,
     /// An empty group: the stage needs only its buffers.
-    uniforms: Group,
+    uniforms: BindGroup,
     stage: Stage,
 }
 
@@ -50,7 +50,7 @@ impl Normals {
         let around = gpu.filled("triangles around", &around.items);
         let bound =
             vec![Bind::Read(&indices), Bind::Read(&spans), Bind::Read(&around), Bind::Read(positions), Bind::Write(&normals)];
-        let uniforms = Group::new(gpu, &[]);
+        let uniforms = BindGroup::new(gpu, &[]);
         let entry = Entry { shader: shaders::NORMALS, name: "gather_normals", constants: &[] };
         let stage = Stage::new(gpu, &uniforms, entry, &[bound]);
         let surface = Surface { positions: positions.clone(), normals, indices, index_count: corners.len() as u32 };

@@ -6,7 +6,7 @@ use glam::Vec4;
 use crate::device::{Entry, Gpu};
 use crate::gpu::multigrid::level_table::LevelTable;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Group, Stage, lanes};
+use crate::gpu::stage::{Bind, BindGroup, Stage, lanes};
 use crate::gpu::tiles::{NO_EDGE, TileSize, Tiles};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
@@ -29,7 +29,7 @@ impl TiledLevels {
         levels: &[Level],
         rest: &[Vec<Vec4>],
         starts: &[usize],
-        uniforms: &Group,
+        uniforms: &BindGroup,
         room: usize,
         [averages, shift]: [&wgpu::Buffer; 2],
     ) -> Option<TiledLevels> {
