@@ -21,7 +21,7 @@ pub(super) const MIXED: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct Coarse {
     pub(super) levels: Vec<Aggregates>,
-    pub(super) states: Vec<State>,
+    pub(super) states: Vec<AggregateState>,
 }
 
 /// The aggregates of one level.
@@ -42,7 +42,7 @@ pub(super) struct Aggregates {
 
 /// The state of a level's aggregates within a substep.
 #[derive(Debug)]
-pub(super) struct State {
+pub(super) struct AggregateState {
     /// Centers of mass (m), w the inverse mass (1/kg).
     pub x: AlignedVec,
     /// Displacement (m): first the restricted one, and after the level's sweep the correction. The w component has no
@@ -128,7 +128,7 @@ impl Coarse {
             if index == self.levels.len() {
                 self.levels.push(Aggregates::new(level, width, threads));
                 let zero = AlignedVec::new(level.inverse_mass.len());
-                self.states.push(State { x: zero.clone(), change: zero.clone(), u: zero });
+                self.states.push(AggregateState { x: zero.clone(), change: zero.clone(), u: zero });
             }
             self.levels[index].pack(level, edges, width);
         }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use glam::Vec4;
 
-use crate::cpu::coarse::{Aggregates, Coarse, MIXED, Members, State};
+use crate::cpu::coarse::{AggregateState, Aggregates, Coarse, MIXED, Members};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
@@ -43,7 +43,7 @@ impl<'a> Correction<'a> {
     ) -> Correction<'a> {
         let mut states = coarse.states.iter_mut();
         let arrays = std::array::from_fn(|_| {
-            let State { x, change, u } = states.next()?;
+            let AggregateState { x, change, u } = states.next()?;
             Some(Arrays { x: SharedArray::new(x.room()), change: SharedArray::new(change.room()), u: SharedArray::new(u.room()) })
         });
         Correction { levels: &coarse.levels, fine: (x, u), arrays, rule, width }

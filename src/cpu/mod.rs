@@ -27,6 +27,6 @@ mod watch;
 
 pub(crate) use backend::Cpu;
 #[cfg(feature = "gpu")]
-pub(crate) use substep::{ExternalPrediction, State};
+pub(crate) use substep::{ExternalPrediction, StateView};
 #[cfg(feature = "gpu")]
 pub(crate) use tasks::shared::{MappedVectors, SharedArray, Task};

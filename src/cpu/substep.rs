@@ -16,16 +16,16 @@ use crate::step::plan::Plan;
 
 /// The state as one task sees it: positions and displacements.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct State<'t> {
+pub(crate) struct StateView<'t> {
     pub x: View<'t>,
     pub u: View<'t>,
 }
 
 /// A callback that is given a task, the state, what to work on, and the index of the substep within the step.
-type TaskLoop<'a, T> = dyn Fn(&Task, State<'_>, T, usize) + Sync + 'a;
+type TaskLoop<'a, T> = dyn Fn(&Task, StateView<'_>, T, usize) + Sync + 'a;
 
 /// A callback that is given the ranges of vertices that were just moved.
-type MovedLoop<'a> = dyn Fn(&Task, State<'_>, &[Range<u32>], usize) + Sync + 'a;
+type MovedLoop<'a> = dyn Fn(&Task, StateView<'_>, &[Range<u32>], usize) + Sync + 'a;
 
 /// Callbacks of an engine that predicts the displacements itself, as the hybrid engine does on the GPU.
 pub(crate) struct ExternalPrediction<'a> {
@@ -103,8 +103,8 @@ impl Stepper<'_> {
         }
     }
 
-    fn state<'t>(&'t self, task: &'t Task) -> State<'t> {
-        State { x: self.integrator.x.within(task), u: self.integrator.u.within(task) }
+    fn state<'t>(&'t self, task: &'t Task) -> StateView<'t> {
+        StateView { x: self.integrator.x.within(task), u: self.integrator.u.within(task) }
     }
 
     fn predict(&self, task: &Task, tile: Range<u32>, index: usize) {
@@ -124,7 +124,7 @@ impl Stepper<'_> {
 
     fn sweep(&self, task: &Task, round: usize, part: usize) {
         let Some(rule) = self.rule else { return };
-        let State { x, u } = self.state(task);
+        let StateView { x, u } = self.state(task);
         let Piece { vertices, touches, .. } = &self.partition.rounds[round][part];
         let worker = |&tile: &u32| tile as usize * self.workers / self.partition.tiles.len();
         // At a border between tiles of two workers, about half of the vertices are in the other core's cache.

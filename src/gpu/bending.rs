@@ -5,7 +5,7 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, lanes, slot};
-use crate::gpu::state::{State, bound_by_predict, stage};
+use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
 use crate::multigrid::hierarchy::Level;
@@ -124,7 +124,7 @@ impl Bending {
 /// the buffer of its averages, if that is wanted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bound<'a> {
-    pub states: &'a [State],
+    pub states: &'a [StateBuffers],
     pub u: &'a wgpu::Buffer,
     pub uniforms: &'a BindGroup,
     pub pins: &'a Sent,

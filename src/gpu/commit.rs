@@ -5,7 +5,7 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage};
-use crate::gpu::state::State;
+use crate::gpu::state::StateBuffers;
 use crate::gpu::watch::Defects;
 use crate::model::cloth::Cloth;
 use crate::step::watch::{LEAST, TURNS};
@@ -26,7 +26,7 @@ pub(crate) struct Commit {
 impl Commit {
     pub(crate) fn new(gpu: &Gpu, forces: &Forces) -> Commit {
         let found = gpu.buffer("found", size_of::<Defects>() as u64);
-        let State { x, p } = &forces.states[0];
+        let StateBuffers { x, p } = &forces.states[0];
         let keep = stage(gpu, forces, "commit", [Bind::Write(x), Bind::Write(p), Bind::Write(&found), Bind::Unused]);
         Commit { found, check: None, keep }
     }
@@ -66,7 +66,7 @@ impl Commit {
 /// A kernel of a commit, bound to each state but the cloth's own.
 fn stage(gpu: &Gpu, forces: &Forces, name: &'static str, others: [Bind<'_>; 4]) -> Stage {
     let [a, b, c, d] = others;
-    let bound = forces.states[1..].iter().map(|State { x, p }| vec![Bind::Read(x), Bind::Read(p), a, b, c, d]);
+    let bound = forces.states[1..].iter().map(|StateBuffers { x, p }| vec![Bind::Read(x), Bind::Read(p), a, b, c, d]);
     let bound: Vec<_> = bound.collect();
     Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::COMMIT, name, constants: &[] }, &bound)
 }

@@ -19,7 +19,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::readback::Readback;
 use crate::gpu::stage::Sent;
-use crate::gpu::state::State;
+use crate::gpu::state::StateBuffers;
 use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
@@ -105,7 +105,7 @@ impl GpuEngine {
         cloth: &Cloth,
         method: Method,
         (path, size): (Path, TileSize),
-        own: Option<State>,
+        own: Option<StateBuffers>,
     ) -> Result<GpuEngine, GpuFault> {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 2, own)?;

@@ -8,7 +8,7 @@ use crate::device::fault::GpuFault;
 use crate::gpu::bending::{Bending, Bound};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, slot};
-use crate::gpu::state::{State, bound_by_predict, stage};
+use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::Cloth;
@@ -19,7 +19,7 @@ use crate::step::plan::Plan;
 #[derive(Debug)]
 pub(crate) struct Forces {
     /// The cloth's own state, and those that the substeps of a step write in turn.
-    pub states: Vec<State>,
+    pub states: Vec<StateBuffers>,
     /// Displacements of the current substep.
     pub u: wgpu::Buffer,
     /// [`Params`] and the current [`Substep`].
@@ -41,7 +41,7 @@ pub(crate) struct Forces {
 
 impl Forces {
     /// Creates this many states in addition to the cloth's own, which may exist already.
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize, own: Option<State>) -> Result<Forces, GpuFault> {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize, own: Option<StateBuffers>) -> Result<Forces, GpuFault> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
         // The largest of the buffers that the cloth may need later: bending moments, springs, panels.
         gpu.meets(
@@ -51,10 +51,11 @@ impl Forces {
         let u = gpu.buffer("u", size);
         let own = own.unwrap_or_else(|| {
             let x = gpu.buffer_for("x", size, wgpu::BufferUsages::VERTEX);
-            State { x, p: gpu.buffer("p", size) }
+            StateBuffers { x, p: gpu.buffer("p", size) }
         });
         let mut states = vec![own];
-        states.extend((0..copies).map(|_| State { x: gpu.buffer("x of a copy", size), p: gpu.buffer("p of a copy", size) }));
+        states
+            .extend((0..copies).map(|_| StateBuffers { x: gpu.buffer("x of a copy", size), p: gpu.buffer("p of a copy", size) }));
         let params = Sent::uniform(gpu, "params", size_of::<Params>());
         let substeps = Sent::uniform(gpu, "substeps", SLOT);
         let all_substeps = Sent::storage(gpu, "all substeps", size_of::<Substep>());

@@ -7,7 +7,7 @@ use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
-use crate::gpu::state::State;
+use crate::gpu::state::StateBuffers;
 use crate::gpu::watch::Defects;
 
 /// The progress of a request.
@@ -31,7 +31,7 @@ struct Request {
 }
 
 impl Readback {
-    pub(crate) fn new(gpu: &Gpu, state: &State, found: &wgpu::Buffer) -> Readback {
+    pub(crate) fn new(gpu: &Gpu, state: &StateBuffers, found: &wgpu::Buffer) -> Readback {
         let size = state.x.size() + state.p.size() + found.size();
         Readback { staging: gpu.staging("state", size), request: None }
     }
@@ -40,7 +40,7 @@ impl Readback {
     pub(crate) fn read(
         &self,
         gpu: &Gpu,
-        state: &State,
+        state: &StateBuffers,
         found: &wgpu::Buffer,
         look: impl FnOnce(&[Vec4], &[Vec4]),
     ) -> Result<Defects, GpuFault> {

@@ -5,7 +5,7 @@ use crate::gpu::stage::{Bind, BindGroup, Sent, Stage};
 
 /// Positions and displacements, one of each per vertex.
 #[derive(Debug, Clone)]
-pub(crate) struct State {
+pub(crate) struct StateBuffers {
     /// Positions and inverse masses.
     pub x: wgpu::Buffer,
     /// Last displacements.
@@ -22,7 +22,10 @@ pub(crate) fn ping_pong(substep: usize) -> usize {
 }
 
 /// The bindings of a stage for each entry of [`PING_PONG`].
-pub(crate) fn groups<'a>(states: &'a [State], bound: impl Fn(&'a State, &'a State) -> Vec<Bind<'a>>) -> Vec<Vec<Bind<'a>>> {
+pub(crate) fn groups<'a>(
+    states: &'a [StateBuffers],
+    bound: impl Fn(&'a StateBuffers, &'a StateBuffers) -> Vec<Bind<'a>>,
+) -> Vec<Vec<Bind<'a>>> {
     PING_PONG.iter().map(|&[from, to]| bound(&states[from], &states[to])).collect()
 }
 
@@ -32,14 +35,14 @@ pub(super) fn stage<'a>(
     uniforms: &BindGroup,
     shader: Shader,
     name: &'static str,
-    states: &'a [State],
-    bound: impl Fn(&'a State) -> Vec<Bind<'a>>,
+    states: &'a [StateBuffers],
+    bound: impl Fn(&'a StateBuffers) -> Vec<Bind<'a>>,
 ) -> Stage {
     let bound: Vec<_> = states.iter().map(bound).collect();
     Stage::new(gpu, uniforms, Entry { shader, name, constants: &[] }, &bound)
 }
 
 /// The bindings of `stages/predict.wgsl`.
-pub(super) fn bound_by_predict<'a>(state: &'a State, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
+pub(super) fn bound_by_predict<'a>(state: &'a StateBuffers, u: &'a wgpu::Buffer, pins: &'a Sent) -> Vec<Bind<'a>> {
     vec![Bind::Read(&state.x), Bind::Read(&state.p), Bind::Write(u), Bind::Read(&pins.buffer)]
 }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{Vec3A, Vec4};
 
-use crate::cpu::{SharedArray, State, Task};
+use crate::cpu::{SharedArray, StateView, Task};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::Forces;
@@ -52,7 +52,7 @@ pub(super) fn spans(substeps: &[Substep], every: usize) -> impl Iterator<Item = 
 
 impl ExchangedStep<'_> {
     /// Before a substep, while no other task runs: exchanges the state for the displacements that the forces cause.
-    pub(super) fn exchange(&self, task: &Task, state: State<'_>, substep: usize) {
+    pub(super) fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize) {
         let mapped = self.mapped.within(task);
         if substep == 0 && !self.is_sent {
             let vertices = 0..self.plan.cloth.rest.len();
@@ -68,7 +68,7 @@ impl ExchangedStep<'_> {
     }
 
     /// Predicts the displacements of a range of vertices: what carries over, and what the forces cause.
-    pub(super) fn predict(&self, task: &Task, state: State<'_>, vertices: Range<u32>, substep: usize) {
+    pub(super) fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize) {
         let (gain, held) = (self.plan.substeps[substep].gain, self.on_gpu.substeps[substep / self.every].gain);
         let scale = if gain == held { 1.0 } else { gain / held };
         let carry = Vec3A::splat(self.plan.substeps[substep].carry);
@@ -85,7 +85,7 @@ impl ExchangedStep<'_> {
     }
 
     /// After vertices have been moved: sends their state if an exchange comes next.
-    pub(super) fn moved(&self, task: &Task, state: State<'_>, vertices: &[Range<u32>], substep: usize) {
+    pub(super) fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize) {
         let is_last = substep + 1 == self.plan.substeps.len();
         if !is_last && !(substep + 1).is_multiple_of(self.every) {
             return;
@@ -104,7 +104,7 @@ impl ExchangedStep<'_> {
     }
 }
 
-fn send(to: &Mapped, task: &Task, payload: Payload, state: State<'_>, vertices: impl Iterator<Item = usize>) {
+fn send(to: &Mapped, task: &Task, payload: Payload, state: StateView<'_>, vertices: impl Iterator<Item = usize>) {
     vertices.for_each(|vertex| to.send(task, payload, vertex, state.x.get(vertex), state.u.get(vertex)));
 }
 

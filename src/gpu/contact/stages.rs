@@ -5,7 +5,7 @@ use crate::device::{Entry, Gpu, Shader};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Stage};
-use crate::gpu::state::{State, groups};
+use crate::gpu::state::{StateBuffers, groups};
 
 /// Bindings of `stages/self_contact/shared.wgsl` that only some kernels use.
 const TABLE: usize = 1;
@@ -106,7 +106,7 @@ impl Stages {
 }
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
-fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a State, to: &'a State) -> Vec<Bind<'a>> {
+fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &'a StateBuffers) -> Vec<Bind<'a>> {
     let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes, normals } =
         buffers;
     let all = [

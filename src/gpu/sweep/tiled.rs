@@ -6,7 +6,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, Sent, Stage, lanes};
-use crate::gpu::state::{PING_PONG, State, groups};
+use crate::gpu::state::{PING_PONG, StateBuffers, groups};
 use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
@@ -167,7 +167,7 @@ impl Tiled {
         let Bound { forces, bodies, found, multigrid } = bound;
         // Without levels another buffer is bound, which is not read.
         let of_levels = multigrid.map_or(&forces.u, |levels| if corrects { &levels.averages } else { &levels.shift });
-        let bound = |from: &'a State, to: &'a State, motion: &'a wgpu::Buffer| {
+        let bound = |from: &'a StateBuffers, to: &'a StateBuffers, motion: &'a wgpu::Buffer| {
             vec![
                 Bind::Read(table),
                 Bind::Read(&from.x),
