@@ -120,7 +120,7 @@ impl BindGroup {
     }
 }
 
-/// A kernel and the buffers it works on. BindGroup 0 holds the uniforms that all stages share, group 1 the stage's own
+/// A kernel and the buffers it works on. Group 0 holds the uniforms that all stages share, group 1 the stage's own
 /// buffers. A stage has several groups of the same layout if the state moves between buffers.
 #[derive(Debug)]
 pub(crate) struct Stage {

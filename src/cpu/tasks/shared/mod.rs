@@ -260,16 +260,16 @@ pub(crate) struct Fork {
     is_lent: AtomicBool,
     count: AtomicUsize,
     /// The state of each piece, in cache lines of its own.
-    pieces: [Piece; MOST_PIECES],
+    pieces: [PieceState; MOST_PIECES],
 }
 
 #[derive(Debug)]
 #[repr(align(128))]
-struct Piece(AtomicU8);
+struct PieceState(AtomicU8);
 
 impl Fork {
     pub(crate) fn new() -> Fork {
-        let pieces = [const { Piece(AtomicU8::new(FREE)) }; MOST_PIECES];
+        let pieces = [const { PieceState(AtomicU8::new(FREE)) }; MOST_PIECES];
         Fork { work: AtomicPtr::default(), is_lent: AtomicBool::new(false), count: AtomicUsize::new(0), pieces }
     }
 
@@ -323,7 +323,7 @@ struct Returned<'a>(&'a Fork);
 impl Drop for Returned<'_> {
     fn drop(&mut self) {
         let count = self.0.count.load(Ordering::Relaxed);
-        for Piece(state) in &self.0.pieces[..count] {
+        for PieceState(state) in &self.0.pieces[..count] {
             // An exchange takes long even if it fails.
             if state.load(Ordering::Relaxed) == OFFERED {
                 _ = state.compare_exchange(OFFERED, FREE, Ordering::Relaxed, Ordering::Relaxed);

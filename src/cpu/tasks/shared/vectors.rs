@@ -177,21 +177,21 @@ impl<'p, L: Registers, const EACH: usize> RowsOf<'p, L, EACH> {
 
 /// Vectors at arbitrary indices: register `k` holds those of lanes `k`, `k + 4` ...
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Listed<'t, L> {
+pub(crate) struct VectorsAt<'t, L> {
     view: View<'t>,
     /// One index per lane, all inside.
     places: &'t [u32],
     lanes: PhantomData<L>,
 }
 
-impl<L: Registers> Listed<'_, L> {
+impl<L: Registers> VectorsAt<'_, L> {
     #[inline(always)]
     fn of_lane(&self, lane: usize) -> u32 {
         self.places[if lane < L::LANES { lane } else { 0 }]
     }
 }
 
-impl<L: Registers> Four<L> for Listed<'_, L> {
+impl<L: Registers> Four<L> for VectorsAt<'_, L> {
     #[inline(always)]
     fn get(&self, k: usize) -> L {
         let vector = |lane: usize| self.view.vector(self.of_lane(lane));
@@ -224,8 +224,8 @@ impl<'p> Gathered<'p> {
 
     /// One vector per lane, from position `first` of the list on.
     #[inline(always)]
-    pub(crate) fn row<L: Registers>(self, first: usize) -> Listed<'p, L> {
-        Listed { view: self.view, places: &self.places[first..first + L::LANES], lanes: PhantomData }
+    pub(crate) fn row<L: Registers>(self, first: usize) -> VectorsAt<'p, L> {
+        VectorsAt { view: self.view, places: &self.places[first..first + L::LANES], lanes: PhantomData }
     }
 
     /// The same, transposed to structure of arrays (all x, all y, all z).
