@@ -16,7 +16,7 @@ use super::candidates::{Candidates, TRIANGLES};
 use super::measure::Measure;
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
-use super::rows::{Found, Rows};
+use super::rows::{FoundPairs, Rows};
 use super::surface::{Leaves, Surface};
 use super::tree::{Look, Tree, Walk};
 use super::workers::Workers;
@@ -37,7 +37,7 @@ const CROWD: [usize; 2] = [100_000, 512];
 struct Finding {
     /// Candidates of each kind: first and second feature.
     near: [Vec<[u32; 2]>; 2],
-    found: [Found; 2],
+    found: [FoundPairs; 2],
 }
 
 /// Buffers that are reused between detections.
@@ -172,7 +172,7 @@ impl Detection {
                     let (trees, is_own) = ([cloth, other], std::ptr::eq(cloth, other));
                     simd::run(scene.width, Candidates { surface, look, boxes, trees, is_own, leaves, near });
                     for kind in Kind::ALL {
-                        let Found { pairs: listed, ranges: of } = &mut found[kind as usize];
+                        let FoundPairs { pairs: listed, ranges: of } = &mut found[kind as usize];
                         listed.clear();
                         let near = &near[kind as usize];
                         simd::run(scene.width, Measure { surface, look, middle, u: path.u, kind, near, listed });

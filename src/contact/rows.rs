@@ -22,12 +22,12 @@ pub(super) struct Rows {
 
 /// The pairs that a task of detection found, each with its row, and the ranges of rows that they are in.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct FoundPairs {
     pub pairs: Vec<(u32, Listed)>,
     pub ranges: u64,
 }
 
-impl Found {
+impl FoundPairs {
     /// The pairs in the rows of a range, in order.
     fn within(&self, ranges: Ranges, range: usize) -> impl Iterator<Item = &(u32, Listed)> {
         let pairs = if self.ranges >> range & 1 == 0 { &[] } else { &*self.pairs };
@@ -53,7 +53,7 @@ impl Rows {
     }
 
     /// Replaces the pairs by those that tasks found, in order, with the multipliers of pairs that were listed before.
-    pub(super) fn fill<'a, I: Iterator<Item = &'a Found>>(
+    pub(super) fn fill<'a, I: Iterator<Item = &'a FoundPairs>>(
         &mut self,
         rows: usize,
         ranges: Ranges,
@@ -156,7 +156,7 @@ struct Filling<'a, F> {
     before: Option<&'a Rows>,
 }
 
-impl<'a, I: Iterator<Item = &'a Found>, F: Fn() -> I + Sync> Filling<'_, F> {
+impl<'a, I: Iterator<Item = &'a FoundPairs>, F: Fn() -> I + Sync> Filling<'_, F> {
     /// Fills a range.
     fn fill(&self, range: usize, part: Part<'_>) {
         let Part { first, starts, pairs, lambda } = part;
