@@ -63,10 +63,10 @@ impl Boxes {
     /// The boxes from `first` on, at most `count` and at most one per lane, enlarged by `by`. Only those count that then
     /// touch `place`.
     #[inline(always)]
-    pub(super) fn group<L: Registers>(&self, first: usize, count: usize, place: [Vec3A; 2], by: Vec3A) -> Group<L> {
+    pub(super) fn group<L: Registers>(&self, first: usize, count: usize, place: [Vec3A; 2], by: Vec3A) -> BoxLanes<L> {
         let lanes = first..first + L::LANES;
         let by = [L::splat(by.x), L::splat(by.y), L::splat(by.z)];
-        let mut group = Group { low: by, high: by, lanes: (1_u32 << count.min(L::LANES)) - 1 };
+        let mut group = BoxLanes { low: by, high: by, lanes: (1_u32 << count.min(L::LANES)) - 1 };
         for (axis, by) in by.into_iter().enumerate() {
             group.low[axis] = L::from_slice(&self.low[axis][lanes.clone()]) - by;
             group.high[axis] = L::from_slice(&self.high[axis][lanes.clone()]) + by;
@@ -77,14 +77,14 @@ impl Boxes {
 }
 
 /// Boxes in lanes, to be compared with many others.
-pub(super) struct Group<L> {
+pub(super) struct BoxLanes<L> {
     low: [L; 3],
     high: [L; 3],
     /// Those that count, one bit each.
     pub lanes: u32,
 }
 
-impl<L: Registers> Group<L> {
+impl<L: Registers> BoxLanes<L> {
     /// Which of them touch a box, as one bit each.
     #[inline(always)]
     pub(super) fn touching(&self, [low, high]: [[f32; 3]; 2]) -> u32 {
