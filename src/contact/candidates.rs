@@ -6,7 +6,7 @@ use glam::Vec3A;
 
 use super::boxes::Boxes;
 use super::surface::Surface;
-use super::tree::{Look, Tree};
+use super::tree::{DetectionScope, Tree};
 use crate::simd::{Loop, Registers};
 
 /// Indices of the features' boxes.
@@ -19,7 +19,7 @@ pub(super) const BESIDE: u32 = 1 << 31;
 /// Finds pairs of features of two leaves, or of one, whose boxes are within reach.
 pub(super) struct Candidates<'a> {
     pub surface: &'a Surface,
-    pub look: Look,
+    pub scope: DetectionScope,
     pub boxes: &'a [Boxes; 3],
     pub trees: [&'a Tree; 2],
     /// Whether both trees are the same.
@@ -31,15 +31,15 @@ pub(super) struct Candidates<'a> {
 impl Loop for Candidates<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Candidates { surface, look, boxes, trees: [cloth, others], is_own, leaves, near } = self;
+        let Candidates { surface, scope, boxes, trees: [cloth, others], is_own, leaves, near } = self;
         let [vertex_triangle, edge_edge] = near;
         for &[a, b] in leaves {
             let (one, other) = (cloth.leaf(a), others.leaf(b));
-            let reach = one.reach(other, look.margin, look.substeps);
+            let reach = one.reach(other, scope.thickness, scope.substeps);
             let (of_a, of_b) = (&cloth.leaves, &others.leaves);
             let [a, b] = [a as usize, b as usize];
             let is_one = is_own && a == b;
-            let mark = if is_own && cloth.are_beside([a, b], 2.0 * look.margin) { BESIDE } else { 0 };
+            let mark = if is_own && cloth.are_beside([a, b], 2.0 * scope.thickness) { BESIDE } else { 0 };
             let within = Within { places: [one.place, other.place], reach, mark };
             pierce::<L>(surface, boxes, [of_a.vertices_of(a), of_b.triangles_of(b)], within, vertex_triangle);
             if !is_one {

@@ -18,7 +18,7 @@ use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::rows::{FoundPairs, Rows};
 use super::surface::{Leaves, Surface};
-use super::tree::{Look, Tree, Walk};
+use super::tree::{DetectionScope, Tree, Walk};
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd::{self, Width};
@@ -67,7 +67,7 @@ pub(super) struct Scene<'a> {
     /// Whether bodies are where they were at the last detection.
     pub bodies_rest: bool,
     pub path: Path<'a>,
-    pub look: Look,
+    pub scope: DetectionScope,
     pub width: Width,
 }
 
@@ -99,9 +99,9 @@ impl Detection {
         [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
     ) -> Result<(), usize> {
-        let Scene { surface, path, look, .. } = scene;
+        let Scene { surface, path, scope, .. } = scene;
         for &vertex in strayed {
-            self.middle[vertex as usize] = midpoint(path, look, vertex as usize);
+            self.middle[vertex as usize] = midpoint(path, scope, vertex as usize);
         }
         let (of_cloth, of_bodies) = strayed.split_at(strayed.partition_point(|&vertex| surface.owner[vertex as usize] == 0));
         for (tree, vertices) in [(&mut *cloth, of_cloth), (&mut *bodies, of_bodies)] {
@@ -109,7 +109,7 @@ impl Detection {
             for leaf in tree.moved() {
                 self.bound_leaf(surface, &tree.leaves, leaf);
             }
-            tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, look.substeps);
+            tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, scope.substeps);
         }
         let tasks = self.find(scene, [cloth, bodies], false, |_, _, _| false)?;
         for (kind, lists) in lists.iter_mut().enumerate() {
@@ -120,15 +120,15 @@ impl Detection {
 
     /// Fits all bounds to the paths.
     pub(super) fn fit(&mut self, scene: Scene<'_>, trees: [&mut Tree; 2]) {
-        let Scene { surface, path, look, .. } = scene;
+        let Scene { surface, path, scope, .. } = scene;
         self.middle.resize(path.x.len(), Vec4::ZERO);
         path.workers.chunks(&mut self.middle, GROUP, |first, middle| {
-            (first..).zip(middle).for_each(|(vertex, y)| *y = midpoint(path, look, vertex));
+            (first..).zip(middle).for_each(|(vertex, y)| *y = midpoint(path, scope, vertex));
         });
         for (tree, rests) in trees.into_iter().zip([false, scene.bodies_rest]) {
             if !rests {
                 self.bound(&scene, tree.leaves.all());
-                tree.refit(surface, &self.boxes[TRIANGLES], path, look.substeps);
+                tree.refit(surface, &self.boxes[TRIANGLES], path, scope.substeps);
             }
         }
         self.is_fitted = true;
@@ -142,9 +142,9 @@ impl Detection {
         all: bool,
         is_let_go: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<usize, usize> {
-        let Scene { surface, path, look, .. } = scene;
+        let Scene { surface, path, scope, .. } = scene;
         let workers = if all { path.workers } else { Workers::ALONE };
-        let walk = Walk { look, all, workers };
+        let walk = Walk { scope, all, workers };
         let [own, across] = &mut self.leaves;
         own.clear();
         across.clear();
@@ -170,12 +170,12 @@ impl Detection {
                 for (Finding { near, found }, leaves) in findings.iter_mut().zip(leaves.chunks(GRAIN)) {
                     near.iter_mut().for_each(Vec::clear);
                     let (trees, is_own) = ([cloth, other], std::ptr::eq(cloth, other));
-                    simd::run(scene.width, Candidates { surface, look, boxes, trees, is_own, leaves, near });
+                    simd::run(scene.width, Candidates { surface, scope, boxes, trees, is_own, leaves, near });
                     for kind in Kind::ALL {
                         let FoundPairs { pairs: listed, ranges: of } = &mut found[kind as usize];
                         listed.clear();
                         let near = &near[kind as usize];
-                        simd::run(scene.width, Measure { surface, look, middle, u: path.u, kind, near, listed });
+                        simd::run(scene.width, Measure { surface, scope, middle, u: path.u, kind, near, listed });
                         listed.retain(|(row, pair)| !is_let_go(kind, *row, pair));
                         *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
                     }
@@ -216,8 +216,8 @@ fn ranges(scene: &Scene<'_>) -> [Ranges; 2] {
 }
 
 /// The midpoint of a vertex's path (m); w is the distance that it may stray from it.
-fn midpoint(path: Path<'_>, look: Look, vertex: usize) -> Vec4 {
-    (path.x[vertex] + path.u[vertex] * (0.5 * look.substeps)).with_w(path.stray[vertex])
+fn midpoint(path: Path<'_>, scope: DetectionScope, vertex: usize) -> Vec4 {
+    (path.x[vertex] + path.u[vertex] * (0.5 * scope.substeps)).with_w(path.stray[vertex])
 }
 
 /// The box around everything that some vertices may stray to from the midpoints of their paths.

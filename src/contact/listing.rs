@@ -7,7 +7,7 @@ use super::detection::Scene;
 use super::let_go::LetGo;
 use super::paths::Paths;
 use super::surface::Surface;
-use super::tree::Look;
+use super::tree::DetectionScope;
 use super::{Path, SelfContact, Workers};
 use crate::kernels::integrate::xyz;
 use crate::options::Contact;
@@ -106,6 +106,6 @@ fn scene<'a>(
     width: Width,
 ) -> Scene<'a> {
     let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers };
-    let look = Look { substeps: paths.ahead, margin: options.thickness };
-    Scene { surface, meets_itself, bodies_rest, path, look, width }
+    let scope = DetectionScope { substeps: paths.ahead, thickness: options.thickness };
+    Scene { surface, meets_itself, bodies_rest, path, scope, width }
 }

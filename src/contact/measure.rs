@@ -6,13 +6,13 @@ use super::candidates::BESIDE;
 use super::lanes::{corners_of, store, whole_corners_of};
 use super::pairs::{Kind, Listed, between, closest, corners, square};
 use super::surface::Surface;
-use super::tree::Look;
+use super::tree::DetectionScope;
 use crate::simd::{Loop, MAX_LANES, Registers};
 
 /// Lists the candidates that are close enough.
 pub(super) struct Measure<'a> {
     pub surface: &'a Surface,
-    pub look: Look,
+    pub scope: DetectionScope,
     /// Midpoints of the vertices' paths (m); w is the distance that they may stray from them.
     pub middle: &'a [Vec4],
     pub u: &'a [Vec4],
@@ -24,9 +24,9 @@ pub(super) struct Measure<'a> {
 impl Loop for Measure<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Measure { surface, look, middle, u, kind, near, listed } = self;
-        let thickness = look.margin;
-        let half = L::splat(0.5 * look.substeps);
+        let Measure { surface, scope, middle, u, kind, near, listed } = self;
+        let thickness = scope.thickness;
+        let half = L::splat(0.5 * scope.substeps);
         for group in near.chunks(L::LANES) {
             let of = |[first, second]: [u32; 2]| corners(surface, kind, [first, second & !BESIDE]);
             let mut places = [of(group[0]); MAX_LANES];

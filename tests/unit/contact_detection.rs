@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A, Vec4};
 use super::super::paths::Paths;
 use super::super::rows::Rows;
 use super::super::surface::Surface;
-use super::super::tree::{Look, Tree};
+use super::super::tree::{DetectionScope, Tree};
 use super::super::workers::Workers;
 use super::{Detection, Path, Scene};
 use crate::model::cloth::Cloth;
@@ -57,8 +57,8 @@ impl Folded {
     fn detect(&mut self, around: Option<&[u32]>) {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
         let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers: Workers::ALONE };
-        let look = Look { substeps: paths.ahead, margin: THICKNESS };
-        let scene = Scene { surface, meets_itself: true, bodies_rest: false, path, look, width: Width::detected() };
+        let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
+        let scene = Scene { surface, meets_itself: true, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
             None => detection.run(scene, [of_cloth, of_bodies], lists, |_, _, _| false).unwrap(),
             Some(vertices) => {

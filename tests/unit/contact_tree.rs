@@ -6,7 +6,7 @@ use super::super::Path;
 use super::super::boxes::Boxes;
 use super::super::surface::Surface;
 use super::super::workers::Workers;
-use super::{Look, Tree, Walk};
+use super::{DetectionScope, Tree, Walk};
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -22,8 +22,8 @@ fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
         [a.min(b).min(c), a.max(b).max(c)]
     });
     tree.refit(surface, &boxes, path, 6.0);
-    let look = Look { substeps: 6.0, margin: 0.005 };
-    tree.walk(Walk { look, all: true, workers: Workers::ALONE }, &mut found);
+    let scope = DetectionScope { substeps: 6.0, thickness: 0.005 };
+    tree.walk(Walk { scope, all: true, workers: Workers::ALONE }, &mut found);
     found.into_iter().filter(|[a, b]| a == b).map(|[leaf, _]| leaf).collect()
 }
 

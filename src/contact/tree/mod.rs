@@ -47,24 +47,24 @@ impl Bounds {
         }
     }
 
-    /// The distance (m) along each axis within which two nodes may contain a pair to list. `margin` (m) is the
-    /// thickness.
-    pub(super) fn reach(&self, other: &Bounds, margin: f32, substeps: f32) -> Vec3A {
+    /// The distance (m) along each axis within which two nodes may contain a pair to list: the thickness (m), and by how
+    /// much they may approach each other in half of the substeps.
+    pub(super) fn reach(&self, other: &Bounds, thickness: f32, substeps: f32) -> Vec3A {
         let relative = (self.step[1] - other.step[0]).max(other.step[1] - self.step[0]).max(Vec3A::ZERO);
-        relative * (0.5 * substeps) + margin
+        relative * (0.5 * substeps) + thickness
     }
 
-    fn is_apart(&self, other: &Bounds, margin: f32, substeps: f32) -> bool {
+    fn is_apart(&self, other: &Bounds, thickness: f32, substeps: f32) -> bool {
         let gap = (self.place[0] - other.place[1]).max(other.place[0] - self.place[1]);
-        gap.cmpgt(self.reach(other, margin, substeps)).any()
+        gap.cmpgt(self.reach(other, thickness, substeps)).any()
     }
 }
 
-/// The number of substeps that detection covers, and the thickness (m).
+/// What detection covers: a number of substeps, and pairs within the thickness (m).
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look {
+pub(super) struct DetectionScope {
     pub substeps: f32,
-    pub margin: f32,
+    pub thickness: f32,
 }
 
 #[derive(Debug)]

@@ -5,7 +5,7 @@
 
 use super::super::workers::Workers;
 use super::refit::MOVED;
-use super::{Look, MOST_EXCESS, Tree, are_upright};
+use super::{DetectionScope, MOST_EXCESS, Tree, are_upright};
 
 /// Levels that are traversed before the rest is divided into tasks.
 const SHARED_LEVELS: u32 = 5;
@@ -13,7 +13,7 @@ const SHARED_LEVELS: u32 = 5;
 /// What a walk finds.
 #[derive(Clone, Copy)]
 pub(in super::super) struct Walk<'a> {
-    pub look: Look,
+    pub scope: DetectionScope,
     /// Whether it finds all pairs, or only those that may be new.
     pub all: bool,
     pub workers: Workers<'a>,
@@ -30,11 +30,11 @@ impl Tree {
         let top = if is_shared { SHARED_LEVELS.min(self.depth) } else { self.depth };
         let mut frontier = std::mem::take(&mut self.frontier);
         frontier.clear();
-        self.descend(([1, 1], walk.all), top, walk.look, &mut frontier);
+        self.descend(([1, 1], walk.all), top, walk.scope, &mut frontier);
         let first = 1 << self.depth;
         if top < self.depth {
             let mut found = std::mem::take(&mut self.found);
-            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend(pair, self.depth, walk.look, found);
+            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend(pair, self.depth, walk.scope, found);
             finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - first], leaves);
             self.found = found;
         } else {
@@ -50,11 +50,11 @@ impl Tree {
         let levels = if is_shared { SHARED_LEVELS } else { u32::MAX };
         let mut frontier = std::mem::take(&mut self.frontier);
         frontier.clear();
-        self.descend_across(other, ([1, 1], walk.all), levels, walk.look, &mut frontier);
+        self.descend_across(other, ([1, 1], walk.all), levels, walk.scope, &mut frontier);
         let (first, other_first) = (1 << self.depth, 1 << other.depth);
         if is_shared {
             let mut found = std::mem::take(&mut self.found);
-            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend_across(other, pair, u32::MAX, walk.look, found);
+            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend_across(other, pair, u32::MAX, walk.scope, found);
             finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - other_first], leaves);
             self.found = found;
         } else {
@@ -64,10 +64,10 @@ impl Tree {
     }
 
     /// Pairs of nodes of two trees that may meet, at most `levels` below the given pair.
-    fn descend_across(&self, other: &Tree, (pair, all): Pair, levels: u32, look: Look, found: &mut Vec<Pair>) {
+    fn descend_across(&self, other: &Tree, (pair, all): Pair, levels: u32, scope: DetectionScope, found: &mut Vec<Pair>) {
         let [a, b] = pair;
         let is_new = || (self.marks[a as usize] | other.marks[b as usize]) & MOVED != 0;
-        if !all && !is_new() || self.nodes[a as usize].is_apart(&other.nodes[b as usize], look.margin, look.substeps) {
+        if !all && !is_new() || self.nodes[a as usize].is_apart(&other.nodes[b as usize], scope.thickness, scope.substeps) {
             return;
         }
         let (is_leaf, is_other_leaf) = (a >> self.depth != 0, b >> other.depth != 0);
@@ -77,17 +77,17 @@ impl Tree {
         let children = |node: u32, is_leaf: bool| if is_leaf { node..node + 1 } else { 2 * node..2 * node + 2 };
         for a in children(a, is_leaf) {
             for b in children(b, is_other_leaf) {
-                self.descend_across(other, ([a, b], all), levels - 1, look, found);
+                self.descend_across(other, ([a, b], all), levels - 1, scope, found);
             }
         }
     }
 
     /// Pairs of nodes on `level` that may meet, below the given pair.
-    fn descend(&self, (pair, mut all): Pair, level: u32, look: Look, found: &mut Vec<Pair>) {
+    fn descend(&self, (pair, mut all): Pair, level: u32, scope: DetectionScope, found: &mut Vec<Pair>) {
         let [a, b] = pair;
         let marks = || self.marks[a as usize] | self.marks[b as usize];
         let here = a.ilog2();
-        if !all && marks() == 0 || self.is_clear(pair, here, look) {
+        if !all && marks() == 0 || self.is_clear(pair, here, scope) {
             return;
         }
         all = all || self.was_upright(pair, here);
@@ -99,15 +99,15 @@ impl Tree {
         }
         let [a0, a1, b0, b1] = [2 * a, 2 * a + 1, 2 * b, 2 * b + 1];
         let pairs: &[[u32; 2]] = if a == b { &[[a0, a0], [a1, a1], [a0, a1]] } else { &[[a0, b0], [a0, b1], [a1, b0], [a1, b1]] };
-        pairs.iter().for_each(|&pair| self.descend((pair, all), level, look, found));
+        pairs.iter().for_each(|&pair| self.descend((pair, all), level, scope, found));
     }
 
     /// Whether two nodes, or a node and itself, certainly do not meet. Besides distance, it uses that connected cloth
     /// whose normals are all within a cone, and which is nearly flat, does not meet itself. The normals include those of all
     /// triangles around the nodes' vertices: without one of them a node has a notch, whose sides meet if it turns over.
-    fn is_clear(&self, [a, b]: [u32; 2], level: u32, look: Look) -> bool {
+    fn is_clear(&self, [a, b]: [u32; 2], level: u32, scope: DetectionScope) -> bool {
         let (one, other) = (&self.nodes[a as usize], &self.nodes[b as usize]);
-        a != b && one.is_apart(other, look.margin, look.substeps)
+        a != b && one.is_apart(other, scope.thickness, scope.substeps)
             || self.is_flat([a, b], level) && are_upright(one.join(other).normal)
     }
 
