@@ -20,17 +20,17 @@ pub(super) fn patch(vertex: u32) -> usize {
 
 /// How the vertices of a patch move, relative to common motions.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Motion {
+pub(super) struct PatchMotion {
     /// Bounds of their displacements (m) since the last substep.
     pub moved: [Vec3A; 2],
     /// How far (m) they are about to move at most.
     pub travel: f32,
 }
 
-impl Motion {
-    pub(super) const NONE: Motion = Motion { moved: [Vec3A::INFINITY, Vec3A::NEG_INFINITY], travel: 0.0 };
+impl PatchMotion {
+    pub(super) const NONE: PatchMotion = PatchMotion { moved: [Vec3A::INFINITY, Vec3A::NEG_INFINITY], travel: 0.0 };
 
-    pub(super) fn join(&mut self, other: &Motion) {
+    pub(super) fn join(&mut self, other: &PatchMotion) {
         let ([low, high], [other_low, other_high]) = (self.moved, other.moved);
         self.moved = [low.min(other_low), high.max(other_high)];
         self.travel = self.travel.max(other.travel);
@@ -49,7 +49,7 @@ pub(super) struct Clock {
 
 impl Clock {
     /// Advances given the motions of the vertices on either side of the pairs.
-    fn advance(&mut self, [one, other]: [Motion; 2], most_push: f32, thickness: f32) {
+    fn advance(&mut self, [one, other]: [PatchMotion; 2], most_push: f32, thickness: f32) {
         let travel = one.travel + other.travel + 2.0 * most_push;
         let ([low, high], [other_low, other_high]) = (one.moved, other.moved);
         self.now += (high.max(other_high) - low.min(other_low)).max(Vec3A::ZERO).length();
@@ -110,11 +110,11 @@ impl Bunches {
 
     /// Advances the clocks by what the vertices of each patch have moved since the last substep. Corrections of positions are at
     /// most `most_push` (m) long, and the thickness is in m, too.
-    pub(super) fn advance(&mut self, motions: &[Motion], most_push: f32, thickness: f32) {
+    pub(super) fn advance(&mut self, motions: &[PatchMotion], most_push: f32, thickness: f32) {
         let mut first = 0;
         for (clock, ends) in self.clocks.iter_mut().zip(&self.ends) {
             let sides = ends.map(|end| {
-                let mut all = Motion::NONE;
+                let mut all = PatchMotion::NONE;
                 for &patch in &self.patches[std::mem::replace(&mut first, end as usize)..end as usize] {
                     all.join(&motions[patch as usize]);
                 }

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicU32;
 use glam::{Vec3A, Vec4};
 
 use super::acting::{Acting, for_groups};
-use super::clocks::{Motion, patch};
+use super::clocks::{PatchMotion, patch};
 use super::corners::SLICE;
 use super::frame::Frame;
 use super::near::{Find, Look};
@@ -35,7 +35,7 @@ pub(super) struct Contacts {
     /// The thickness (m) of each pair.
     pub thickness: [Vec<f32>; 2],
     /// How the vertices of each patch move.
-    pub motions: Vec<Motion>,
+    pub motions: Vec<PatchMotion>,
     /// The common motion in the last substep, and the coefficients of friction.
     frame: Frame,
     friction: Vec<f32>,
@@ -126,7 +126,7 @@ impl Contacts {
         start.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
             let mut state = vertices.iter_mut().zip(x.iter_mut().zip(u));
             for order in order.chunk_by(|&a, &b| patch(a) == patch(b)) {
-                let mut all = Motion::NONE;
+                let mut all = PatchMotion::NONE;
                 for (&index, (vertex, (x, u))) in order.iter().zip(state.by_ref()) {
                     let of = index as usize;
                     let moved = xyz(start.x[of]) - xyz(*x) - common.at(xyz(*x));
@@ -137,7 +137,7 @@ impl Contacts {
                     let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                     let travel = (xyz(*u) + push - base).length();
                     *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of] };
-                    all.join(&Motion { moved: if is_known { [moved; 2] } else { Motion::NONE.moved }, travel: x.w });
+                    all.join(&PatchMotion { moved: if is_known { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
                 }
                 motions[patch(order[0]) - first] = all;
             }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec4;
 
-use super::clocks::{Motion, PATCH};
+use super::clocks::{PATCH, PatchMotion};
 use super::contacts::{Contacts, GRAIN};
 use super::pairs::Kind;
 use super::portions::{PORTION, Portion};
@@ -21,7 +21,7 @@ impl Contacts {
         let Contacts { order, place, corners, due, thickness, motions, x, .. } = self;
         place.resize_with(vertices, AtomicU32::default);
         place.iter_mut().for_each(|place| *place.get_mut() = 0);
-        motions.resize(vertices.div_ceil(PATCH), Motion::NONE);
+        motions.resize(vertices.div_ceil(PATCH), PatchMotion::NONE);
         for rows in lists {
             let part = workers.part(rows.pairs.len(), GRAIN);
             workers.each(rows.pairs.chunks(part), |pairs| {

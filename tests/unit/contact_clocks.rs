@@ -36,9 +36,9 @@ fn no_distance_shrinks_by_more_than_the_clock_tells() {
             let patches = VERTICES.div_ceil(PATCH);
             let of_patch: Vec<Vec3A> = (0..patches).map(|_| vector(&mut random, 0.002)).collect();
             u = (0..VERTICES).map(|vertex| of_patch[vertex / PATCH] + vector(&mut random, 0.0002)).collect();
-            let mut motions = vec![Motion::NONE; patches];
+            let mut motions = vec![PatchMotion::NONE; patches];
             for vertex in 0..VERTICES {
-                let motion = Motion { moved: [moved[vertex]; 2], travel: u[vertex].length() };
+                let motion = PatchMotion { moved: [moved[vertex]; 2], travel: u[vertex].length() };
                 motions[patch(vertex as u32)].join(&motion);
             }
             // Some whole bunches, and pairs that fill one up.
