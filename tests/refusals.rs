@@ -71,6 +71,27 @@ fn options_are_checked() {
         let contact = Some(Contact { thickness, ..Contact::default() });
         refuse(Options { contact, ..Options::default() }, &["contact.thickness", &thickness.to_string(), "1e15 m"]);
     }
+    // On both sides of the bounds that depend on the cloth: its size is 1 m, with as many as 64 x 64 vertices.
+    let contact = |thickness| Options { contact: Some(Contact { thickness, ..Contact::default() }), ..Options::default() };
+    refuse(contact(0.9e-4), &["contact.thickness = 0.00009 m on cloth 1 m across", "at least 0.0001", "choose more"]);
+    refuse(contact(0.51), &["contact.thickness = 0.51 m on cloth 1 m across", "at most half", "choose less"]);
+    refuse(contact(1e6), &["contact.thickness = 1000000 m", "at most half"]);
+    let fine = Mesh::grid(64, 64, 1.0, 1.0);
+    let error = build(&fine, contact(0.18)).unwrap_err();
+    names(&error, &["contact.thickness = 0.18 m, within which a vertex has about", "choose less, or a coarser mesh"]);
+    for (mesh, thickness) in [(&grid, 1.01e-4), (&grid, 0.5), (&fine, 1.01e-4), (&fine, 0.12)] {
+        let mut cloth = build(mesh, contact(thickness)).unwrap();
+        cloth.step(FRAME, &Attributes::default()).unwrap();
+        assert!(cloth.positions().unwrap().iter().all(|x| x.is_finite()));
+    }
+    // Whatever is built can be stepped, for any thickness on cloth of any size.
+    for (size, thickness) in (-6..=6).flat_map(|size| (-37..=15).map(move |thickness| (size, thickness))) {
+        let [size, thickness] = [size, thickness].map(|exponent| 10.0_f32.powi(exponent));
+        match build(&Mesh::grid(5, 5, size, size), contact(thickness)) {
+            Ok(mut cloth) => assert!(cloth.step(1e-3, &Attributes::default()).is_ok(), "{thickness} m on {size} m"),
+            Err(error) => names(&error, &["contact.thickness", "m across"]),
+        }
+    }
     for quality in [
         Quality::Substeps(0),
         Quality::Substeps(u32::MAX),

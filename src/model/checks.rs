@@ -29,6 +29,39 @@ pub(crate) fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
     Ok(())
 }
 
+/// Bounds on the thickness of contact as shares of the cloth's size. Below the first, rounding of positions is as much as what
+/// contact leaves between cloth that touches, and heaps cross at any number of substeps.
+const THICKNESS: [f64; 2] = [1e-4, 0.5];
+/// What contact may compare: so many vertices within the thickness of each, or so many pairs of such vertices in all, each of
+/// which takes about 350 bytes.
+const NEAR: usize = 16;
+const PAIRS: usize = 1 << 20;
+/// Number of vertices around which they are counted.
+const SAMPLES: usize = 32;
+
+/// Checks the thickness (m) of contact on cloth at rest (m) whose size is `extent` (m).
+pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Result<(), BuildError> {
+    let refuse = |value: String, remedy| Err(BuildError::Value { name: "contact.thickness".to_owned(), value, remedy });
+    let on_cloth = || format!("{thickness} m on cloth {} m across", extent as f32);
+    let [least, most] = THICKNESS.map(|share| share * extent);
+    if f64::from(thickness) < least {
+        let remedy = "must be at least 0.0001 of that, since positions in single precision keep no smaller distance; choose more";
+        return refuse(on_cloth(), remedy);
+    }
+    if f64::from(thickness) > most && extent > 0.0 {
+        return refuse(on_cloth(), "must be at most half of that; choose less");
+    }
+    // The golden ratio spreads the samples evenly; a stride might follow the border of a grid.
+    let places = (0..SAMPLES).map(|k| ((k as f64 * 0.618_034).fract() * rest.len() as f64) as usize);
+    let near = |center: Vec3| rest.iter().filter(|x| x.distance_squared(center) < thickness * thickness).count();
+    let near = places.map(|place| near(rest[place])).sum::<usize>() / SAMPLES;
+    if near > NEAR && near * rest.len() > PAIRS {
+        let value = format!("{thickness} m, within which a vertex has about {near} others");
+        return refuse(value, "all these are compared; choose less, or a coarser mesh");
+    }
+    Ok(())
+}
+
 /// Checks the options for a mesh with so many vertices and edges.
 pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) -> Result<(), BuildError> {
     let value = |name: &str, value: f32, holds: bool, remedy: &'static str| match holds {

@@ -14,7 +14,7 @@ use crate::kernels::spring::Spring;
 use crate::kernels::statistics::StrainGauge;
 use crate::kernels::wind::Panel;
 use crate::model::bending::Bending;
-use crate::model::checks::{check_mesh, check_options};
+use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
@@ -113,6 +113,9 @@ impl Cloth {
         let [low, high] = bounds(mesh_edges.iter().flatten().map(|&vertex| &rest[rank[vertex as usize] as usize]));
         let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let extent = extents.max_element();
+        if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
+            check_thickness(&rest, extent, contact.thickness)?;
+        }
         let longest = mesh_edges.iter().map(|ends| {
             let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
             a.distance(b)
