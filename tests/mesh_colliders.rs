@@ -27,6 +27,7 @@ fn moved(mesh: &Mesh, to: impl Fn(Vec3) -> Vec3) -> Arc<Mesh> {
 on_every_backend!(
     a_ball_of_triangles_holds_like_a_ball,
     a_fast_capsule_comes_through_nothing,
+    a_fast_plate_does_not_cut_hung_cloth,
     an_open_patch_holds_on_both_sides,
     friction_follows_the_body,
     a_ball_that_spins_drags_what_lies_on_it,
@@ -420,37 +421,35 @@ fn what_is_squeezed_stays_between(backend: Backend) {
     }
 }
 
-/// The most crossings with a plate that moves edge-on at so many m/s into a sheet that hangs from pins, in any frame, and whether each
-/// frame with crossings reports them.
-fn cut_by_a_plate(speed: f32) -> (usize, bool) {
+/// A plate moves edge-on at so many m/s into a sheet that hangs from pins. Nothing crosses, however far the plate moves in a substep:
+/// what is in its way goes along with it.
+fn a_plate_does_not_cut_hung_cloth(backend: Backend, speed: f32, substeps: u32) {
     let mut sheet = Mesh::grid(40, 40, 1.0, 1.0);
     sheet.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, x.z, 0.0));
     let sheet = jittered(sheet, 1);
     let pinned = (0..).zip(&sheet.positions).filter(|(_, x)| x.y > 0.498).map(|(vertex, _)| vertex).collect();
-    let quality = Quality::default();
-    let options = Options { quality, fabric: Fabric::COTTON, pinned, ..options(Backend::Cpu, 20, true) };
+    let options = Options { fabric: Fabric::COTTON, pinned, ..options(backend, substeps, true) };
     let mut cloth = Deformer::new(&sheet, options).unwrap();
     let plate = Mesh::grid(2, 2, 0.4, 0.4);
-    let (mut most, mut are_told) = (0, true);
     for frame in 1..=(2.4 / (speed * FRAME)) as u32 {
         let at = Vec3::new(0.003, 0.002, speed * FRAME * frame as f32 - 1.5);
         let plate = moved(&plate, |x| x + at);
         let report = cloth.step(FRAME, &with(vec![Collider::mesh(plate.clone())])).unwrap();
         let crossed = crossings_with(&sheet, cloth.positions().unwrap(), &plate);
-        most = most.max(crossed);
-        let is_told = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
-        are_told &= is_told || crossed == 0;
+        let are_told = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
+        assert!(crossed == 0 && !are_told, "frame {frame} at {speed} m/s, {substeps} substeps: {crossed} crossings");
     }
-    (most, are_told)
 }
 
-/// A limit of the method. Motion is measured relative to the middle between the plate and the pins, so what truncation stops moves at
-/// half of the plate's speed.
+fn a_fast_plate_does_not_cut_hung_cloth(backend: Backend) {
+    a_plate_does_not_cut_hung_cloth(backend, 20.0, 20);
+}
+
 #[test]
-fn a_fast_plate_cuts_hung_cloth_edge_on() {
-    assert_eq!(cut_by_a_plate(10.0), (0, true));
-    let (most, are_told) = cut_by_a_plate(20.0);
-    assert!(most > 0 && are_told, "{most} crossings, reported: {are_told}");
+fn plates_of_any_speed_do_not_cut_hung_cloth() {
+    for (speed, substeps) in [(10.0, 20), (10.0, 50), (20.0, 100), (30.0, 50), (40.0, 20), (40.0, 200)] {
+        a_plate_does_not_cut_hung_cloth(Backend::Cpu, speed, substeps);
+    }
 }
 
 /// A plate goes through a sheet that lies on another one, so fast that the sheet is on its other side at the end of the step and nothing
@@ -462,14 +461,16 @@ fn what_goes_through_completely_is_reported(backend: Backend) {
     let mut is_told = false;
     for frame in 1..32_i32 {
         let above = 1.0 - 0.025 * frame as f32;
-        let plates = [0.3, above].map(|y| moved(&plate, |x| x + y * Vec3::Y));
+        let plates = [0.31, above].map(|y| moved(&plate, |x| x + y * Vec3::Y));
         let mut colliders: Vec<Collider> = plates.iter().cloned().map(Collider::mesh).collect();
         colliders.push(Collider::plane(Vec3::ZERO, Vec3::Y));
         let report = cloth.step(FRAME, &with(colliders)).unwrap();
         is_told |= report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
         let x = cloth.positions().unwrap();
         let crossed: usize = plates.iter().map(|plate| crossings_with(&sheet, x, plate)).sum();
-        assert_eq!(is_told, crossed > 0 || x.iter().any(|x| x.y > above), "frame {frame}: {crossed} crossings");
+        // It may be on the other side of either plate.
+        let is_past = x.iter().any(|x| x.y > above || x.y < 0.31);
+        assert_eq!(is_told, crossed > 0 || is_past, "frame {frame}: {crossed} crossings");
     }
     assert!(is_told);
 }
@@ -479,7 +480,7 @@ fn what_goes_through_completely_is_reported(backend: Backend) {
 fn what_is_pinched_is_reported(backend: Backend) {
     let (sheet, plate) = (jittered(Mesh::grid(10, 10, 0.2, 0.2), 1), jittered(Mesh::grid(5, 5, 0.3, 0.3), 2));
     let mut cloth = Deformer::new(&sheet, options(backend, 20, true)).unwrap();
-    let mut pinched = 0;
+    let (mut pinched, mut sides) = (0, Vec::new());
     for frame in 0..50_i32 {
         // From 15 mm to -5 mm, and back.
         let gap = 0.001 * ((frame - 20).abs().min(20) - 5) as f32;
@@ -488,11 +489,17 @@ fn what_is_pinched_is_reported(backend: Backend) {
         let report = cloth.step(FRAME, &scene).unwrap();
         let is_told = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
         let crossed: usize = plates.iter().map(|plate| crossings_with(&sheet, cloth.positions().unwrap(), plate)).sum();
-        pinched += u32::from(crossed > 0);
+        pinched += u32::from(is_told);
         assert!(crossed == 0 || frame >= 15, "frame {frame}: {crossed} crossings, with plates 2 mm apart");
-        assert_eq!(is_told, crossed > 0, "frame {frame}: {crossed} crossings");
+        // What has gone through completely in this step crosses nothing at its end.
+        let now: Vec<[bool; 2]> = cloth.positions().unwrap().iter().map(|x| [x.y > gap, x.y > -gap]).collect();
+        let is_through = now != std::mem::replace(&mut sides, now.clone());
+        assert!(
+            if crossed > 0 { is_told } else { !is_told || is_through },
+            "frame {frame}: {crossed} crossings, reported: {is_told}"
+        );
         let fastest = cloth.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
         assert!(fastest < 3.0, "frame {frame}: {fastest} m/s");
     }
-    assert!(pinched > 3, "the plates crossed the sheet");
+    assert!(pinched > 0, "the plates went through the sheet");
 }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicU32;
 
-use glam::{Vec3A, Vec4};
+use glam::{DVec3, Vec3A, Vec4};
 
 use super::acting::{Acting, for_groups};
 use super::clocks::{PatchMotion, patch};
@@ -16,7 +16,9 @@ use super::rows::Rows;
 use super::start::{Start, Vertex};
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
+use crate::kernels::params::Substep;
 use crate::simd;
+use crate::step::plan::Plan;
 
 /// Least number of vertices that are worth a part of a loop.
 pub(super) const GRAIN: usize = 32;
@@ -37,7 +39,7 @@ pub(super) struct Contacts {
     /// How the vertices of each patch move.
     pub motions: Vec<PatchMotion>,
     /// The common motion in the last substep, and the coefficients of friction.
-    frame: Frame,
+    pub frame: Frame,
     friction: Vec<f32>,
     /// The portions of the lists, one list after the other. Those beyond `used` are left from longer lists.
     pub portions: Vec<Portion>,
@@ -45,10 +47,12 @@ pub(super) struct Contacts {
     pub vertices: Vec<Vertex>,
     /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole. The w of a
     /// position is the length of that displacement at the start, negative if the vertex was not listed in the last substep;
-    /// that of the last is 1 if the vertex is led.
+    /// that of the last is 1 if the vertex is led or taken along.
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
     pub by: Vec<Vec4>,
+    /// The vertices that are taken along in this substep, as places.
+    pub carried: Vec<u32>,
     /// The share of its displacement that truncation leaves each vertex.
     pub shares: Vec<f32>,
     /// The active pairs.
@@ -56,8 +60,32 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
+    /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`. Returns the
+    /// momentum (kg m) that truncation removes, or how far (m) vertices would have to be taken along if that is more than
+    /// [`Start::carries`]: then nothing is held, and this must be called again.
+    pub(super) fn hold_apart(
+        &mut self,
+        lists: &mut [Rows; 2],
+        start: Start<'_>,
+        plan: &Plan<'_>,
+        substep: &Substep,
+        scale: f32,
+    ) -> Result<DVec3, f32> {
+        let (threads, mass) = ((start.workers, start.width), &plan.cloth.mass);
+        self.gather(lists, start);
+        if !self.has_near() {
+            return Ok(DVec3::ZERO);
+        }
+        self.respond(plan, substep, scale, start.workers, start.width);
+        let mut lost = self.truncate(mass, start.workers, start.width);
+        if start.may_carry {
+            self.carry(start.carries, start.thickness, mass, &mut lost, threads)?;
+        }
+        Ok(lost)
+    }
+
     /// Finds the near pairs of the lists, in order, and the active ones among them.
-    pub(super) fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>) {
+    fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>) {
         if self.friction != start.friction {
             self.keep(lists, start.workers);
             self.forget();
@@ -69,6 +97,7 @@ impl Contacts {
         } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
             self.number_more(lists, start.workers);
         }
+        self.carried.clear();
         self.copy(start);
         let ranges = Ranges::of(self.order.len(), SLICE, start.workers);
         let is_known = is_known & (ranges == std::mem::replace(&mut self.acting.ranges, ranges));
@@ -133,9 +162,10 @@ impl Contacts {
                     let is_known = x.w >= 0.0;
                     let base = start.frame.at(xyz(start.x[of]));
                     *u = start.u[of].with_w(0.0);
-                    *x = start.x[of].with_w((xyz(*u) - base).length());
+                    let least = if start.x[of].w > 0.0 { start.carries } else { 0.0 };
+                    *x = start.x[of].with_w((xyz(*u) - base).length().max(least));
                     let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
-                    let travel = (xyz(*u) + push - base).length();
+                    let travel = (xyz(*u) + push - base).length().max(least);
                     *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of] };
                     all.join(&PatchMotion { moved: if is_known { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
                 }

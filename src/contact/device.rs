@@ -208,6 +208,11 @@ impl OnDevice {
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
+    /// Whether vertices may be taken along with what runs over them.
+    pub(crate) fn may_carry(&self) -> bool {
+        self.let_go.crossings.is_empty()
+    }
+
     /// Whether there may be such pairs.
     pub(crate) fn is_pinched(&self) -> bool {
         self.may_cross || !self.pinched.is_empty()

@@ -17,6 +17,7 @@ mod apart;
 mod bodies;
 mod boxes;
 mod candidates;
+mod carry;
 mod clocks;
 mod contacts;
 mod contours;
@@ -69,6 +70,8 @@ use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
+#[cfg(feature = "gpu")]
+pub(crate) use carry::ROUNDS;
 use contacts::Contacts;
 use detection::Detection;
 use frame::Frame;
@@ -89,7 +92,7 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 18] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("KEEP", crate::kernels::pair::KEEP),
     ("THIN", crate::kernels::pair::THIN),
@@ -107,6 +110,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 18] = [
     ("ACTING", near::ACTING),
     ("FARTHER", truncation::FARTHER),
     ("MEETS", pinches::MEETS),
+    ("CLOSER", carry::CLOSER),
     ("NEAR", bodies::NEAR),
 ];
 /// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.
@@ -160,6 +164,8 @@ pub(crate) struct SelfContact {
     /// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
     push: Vec<Vec4>,
     most_push: f32,
+    /// How far (m) vertices may be taken along in this step, besides the common motion.
+    carries: f32,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
     /// The number of pairs of leaves if there were too many to test; 0 otherwise.
@@ -192,6 +198,7 @@ impl SelfContact {
             led_may_cross: false,
             push: Vec::new(),
             most_push: 0.0,
+            carries: 0.0,
             h: 0.0,
             crowd: 0,
             tally: Tally::default(),
@@ -232,7 +239,7 @@ impl SelfContact {
 
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
-        (self.tally, self.crowd) = (Tally::default(), 0);
+        (self.tally, self.crowd, self.carries) = (Tally::default(), 0, 0.0);
         self.let_go.begin();
         self.keep();
         let jumped = self.bodies.begin(plan, self.options.friction);
@@ -282,14 +289,22 @@ impl SelfContact {
             let thickness = self.options.thickness;
             let workers = workers.for_items(self.tally.listed as usize, PAIRS);
             let push = if self.most_push > 0.0 { &*self.push } else { &[] };
-            let start = Start { x, u, push, most_push: self.most_push, frame, surface, thickness, friction, workers, width };
+            let (most_push, carries) = (self.most_push, self.carries);
+            let may_carry = self.let_go.crossings.is_empty();
+            let mut start =
+                Start { x, u, push, most_push, frame, carries, may_carry, surface, thickness, friction, workers, width };
             let h = plan.params.h;
             let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
             self.h = h;
-            self.contacts.gather(&mut self.lists, start);
+            let lost = loop {
+                match self.contacts.hold_apart(&mut self.lists, start, plan, substep, scale) {
+                    Ok(lost) => break lost,
+                    // Now the near pairs are found for cloth that is taken along so far.
+                    Err(travel) => start.carries = travel,
+                }
+            };
+            self.carries = start.carries;
             if self.contacts.has_near() {
-                self.contacts.respond(plan, substep, scale, workers, width);
-                let lost = self.contacts.truncate(frame, &plan.cloth.mass, workers, width);
                 self.contacts.finish(x, u, push, workers);
                 // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
                 if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {

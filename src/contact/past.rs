@@ -107,6 +107,7 @@ impl SelfContact {
             contacts: _,
             push: _,
             most_push: _,
+            carries: _,
             crowd: _,
             tally: _,
             kept: _,

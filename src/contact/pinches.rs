@@ -33,21 +33,33 @@ pub(super) struct Pinched {
 impl Contacts {
     /// The pairs that are pinched in this substep, after truncation. Cloth is held apart by the thickness (m).
     pub(super) fn pinched(&self, thickness: f32) -> Vec<Pinched> {
-        let passed = self.portions().iter().flat_map(|portion| portion.passed.iter().map(|&corners| (portion.kind, corners)));
-        let start = |place: u32| xyz(self.vertices[place as usize].x);
-        let end = |place: u32| start(place) + self.vertices[place as usize].push + xyz(self.u[place as usize]);
-        let pinched = passed.filter_map(|(kind, places)| {
-            let (from, to) = (places.map(start), places.map(end));
+        let pinched = self.passed().filter_map(|(kind, places)| {
+            let (from, to) = (places.map(|place| self.start(place)), places.map(|place| self.end(place)));
             let is_through = moves_through(kind, from, to, thickness)?;
             Some(Pinched { kind, corners: places.map(|place| self.vertices[place as usize].index), is_through })
         });
         pinched.collect()
     }
+
+    /// The pairs whose plane has passed a vertex: their kind and their corners, as places among the vertices of listed pairs.
+    pub(super) fn passed(&self) -> impl Iterator<Item = (Kind, [u32; 4])> {
+        self.portions().iter().flat_map(|portion| portion.passed.iter().map(|&corners| (portion.kind, corners)))
+    }
+
+    /// Where a vertex is at the start of the substep (m).
+    pub(super) fn start(&self, place: u32) -> Vec3A {
+        xyz(self.vertices[place as usize].x)
+    }
+
+    /// Where it is at the end (m).
+    pub(super) fn end(&self, place: u32) -> Vec3A {
+        self.start(place) + self.vertices[place as usize].push + xyz(self.u[place as usize])
+    }
 }
 
 /// Whether the features of a pair meet while its corners move straight from some positions (m) to others; `None` if the volume
 /// that the corners span keeps its sign.
-fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
+pub(super) fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
     let before = volume(from);
     if before * volume(to) > 0.0 {
         return None;
@@ -67,7 +79,7 @@ fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -
 }
 
 /// The distance (m) between the features of a pair.
-fn distance(kind: Kind, corners: [Vec3A; 4]) -> f32 {
+pub(super) fn distance(kind: Kind, corners: [Vec3A; 4]) -> f32 {
     let corners = corners.map(|x| Vector { x: x.x, y: x.y, z: x.z });
     let apart = between(closest(kind, corners), corners);
     apart.dot(apart).sqrt()

@@ -41,6 +41,10 @@ pub(super) struct Start<'a> {
     /// The length of the longest of them (m).
     pub most_push: f32,
     pub frame: Frame,
+    /// How far (m) vertices may move besides the common motion when they are taken along.
+    pub carries: f32,
+    /// Whether they may be at all.
+    pub may_carry: bool,
     pub surface: &'a Surface,
     /// The thickness (m) of pairs that are not closer at rest.
     pub thickness: f32,

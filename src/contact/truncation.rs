@@ -7,13 +7,12 @@
 //! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
 //! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
 //!
-//! What is led from outside cannot be shortened, so a plane moves with it. Where it passes a vertex, cloth may be pinched
-//! ([`pinches`](super::pinches)).
+//! What is led from outside cannot be shortened, so a plane moves with it. Where it passes a vertex, this may have to go along
+//! ([`carry`](super::carry)), or cloth is pinched ([`pinches`](super::pinches)).
 
 use glam::{DVec3, Vec4};
 
 use super::contacts::{Contacts, GRAIN};
-use super::frame::Frame;
 use super::lanes::{number, store, vector, whole_corners_of};
 use super::portions::Portion;
 use super::workers::Workers;
@@ -26,10 +25,9 @@ use crate::simd::{self, Loop, MAX_LANES, Registers, Width};
 pub(super) const FARTHER: f32 = 0.45;
 
 impl Contacts {
-    /// Shortens the displacements of vertices; `frame` is the common motion. Returns the momentum (kg m) that
-    /// this removes.
-    pub(super) fn truncate(&mut self, frame: Frame, mass: &[f32], workers: Workers<'_>, width: Width) -> DVec3 {
-        let Contacts { portions, used, vertices, u, by, shares, .. } = self;
+    /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes.
+    pub(super) fn truncate(&mut self, mass: &[f32], workers: Workers<'_>, width: Width) -> DVec3 {
+        let Contacts { portions, used, vertices, u, by, shares, carried, frame, .. } = self;
         let part = workers.part(vertices.len(), GRAIN);
         shares.resize(vertices.len(), 1.0);
         let parts = vertices.chunks(part).zip(by.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
@@ -41,6 +39,9 @@ impl Contacts {
                 *by = frame.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
         });
+        for place in carried.iter().map(|&place| place as usize) {
+            (by[place].w, shares[place]) = (1.0, 1.0);
+        }
         let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
@@ -102,7 +103,7 @@ impl Loop for Shares<'_> {
                 let side = if is_first { one } else { L::splat(-1.0) };
                 heights[k] = number(&block.heights[k], first);
                 towards[k] = (zero - side) * normal.dot(by[k]);
-                // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
+                // Vertices that are led or taken along are never shortened. Where one moves across the plane, the plane moves with it.
                 let out = (kept - (heights[k] - towards[k])).max(zero) * is_led[k];
                 if is_first {
                     led_down = led_down.max(out);
@@ -111,12 +112,13 @@ impl Loop for Shares<'_> {
                 }
             }
             let led = led_up - led_down;
-            let mut passed_by = zero;
+            // Two led sides may also be led into each other.
+            let mut passed_by = (led_up + led_down - kept - kept).max(zero);
             for k in 0..4 {
                 let along = if k < kind.first_side() { zero - led } else { led };
                 let height = heights[k] + along;
                 let share = L::select(zero.lt(is_led[k]), one, share_above(height, kept, towards[k]));
-                passed_by = passed_by.max(L::select(zero.lt(is_led[k]), zero, zero - (height + kept)));
+                passed_by = passed_by.max(L::select(zero.lt(is_led[k]), zero, zero - height));
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let mut shares = [0.0; MAX_LANES];

@@ -110,6 +110,6 @@ shaders! {
         NEAR: "mean" "pairs" "near";
         RESPONSE: "pairs" "response";
         FINISH: "finish";
-        PINCHES: "pinches";
+        CARRY: "pinches" "carry";
     }
 }

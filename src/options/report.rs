@@ -128,7 +128,7 @@ pub enum Warning {
         carried: f32,
     },
     /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so
-    /// that they may pass through cloth that is caught between them. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up
+    /// that they may pass through cloth that is caught between them. What only one of them hits goes along with it. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up
     /// to 256 per 1/60 s for this), increase [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
     ContactOutruns {
         /// The largest speed (m/s) of any of them relative to the midpoint of the range of their velocities. A velocity

@@ -1,6 +1,9 @@
 // The end of contact in a substep: applies the shares of truncation and updates the positions, then returns the lost
 // momentum to the cloth as a whole.
 
+// Whether displacements were truncated once more in this substep.
+override AGAIN: bool = false;
+
 var<workgroup> lost: array<vec3f, WORKGROUP>;
 
 @compute @workgroup_size(WORKGROUP)
@@ -12,21 +15,25 @@ fn finish(
 ) {
     let i = item(id, groups);
     var mine = vec3f();
-    let is_touched = !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u;
-    if i < about.vertices && is_touched && vertices[i].x.w > 0.0 {
+    let is_new = !AGAIN || known.status.carried > 0u;
+    let is_touched = is_new && !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u;
+    if i < about.vertices && is_touched && vertices[i].x.w != 0.0 {
+        // That of a vertex that is taken along is negative.
+        let w = abs(vertices[i].x.w);
         var u = vertices[i].u.xyz;
         var push = vertices[i].push.xyz;
         let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
         if share < 1.0 {
             let base = known.status.mean + by_turning(vertices[i].x.xyz);
             let after = base + (u - base) * share;
-            mine = (u - after) / vertices[i].x.w;
+            mine = (u - after) / w;
             u = after;
             push *= share;
-            vertices[i].u = vec4f(u, vertices[i].x.w);
+            vertices[i].u = vec4f(u, w);
             vertices[i].push = vec4f(push, 0.0);
+            vertices[i].way = vec4f(vertices[i].way.xyz * share, vertices[i].way.w);
         }
-        x_out[i] = vec4f(vertices[i].x.xyz + push + u, vertices[i].x.w);
+        x_out[i] = vec4f(vertices[i].x.xyz + push + u, w);
         p_out[i] = vec4f(u, params.h);
     }
     if i < about.vertices && is_touched {

@@ -21,12 +21,14 @@ struct Closest {
 fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
     let corners = pair.corners;
     let at = positions(corners);
-    let travel = vec4f(
+    // What is taken along may move farther.
+    let least = about.carries * max(about.carries, 0.0);
+    let travel = max(vec4f(least), vec4f(
         square(u.a - mean - by_turning(at.a)),
         square(u.b - mean - by_turning(at.b)),
         square(u.c - mean - by_turning(at.c)),
         square(u.d - mean - by_turning(at.d)),
-    );
+    ));
     var weights: vec4f;
     var most: vec2f;
     if is_edge {

@@ -45,29 +45,3 @@ fn distance_of(is_edge: bool, at: Four) -> f32 {
 fn end_of(v: u32) -> vec3f {
     return vertices[v].x.xyz + vertices[v].push.xyz + vertices[v].u.xyz;
 }
-
-// Finds the pinched pairs among those whose plane has passed a vertex. The second corner of those that have moved through
-// each other is marked, and the first of two edges.
-@compute @workgroup_size(WORKGROUP)
-fn find_pinched(@builtin(local_invocation_index) lane: u32) {
-    let count = atomicLoad(&known.status.passed);
-    for (var k = lane; k < min(count, PASSED); k += WORKGROUP) {
-        let told = known.passed[k];
-        let v = told & vec4u(~MARK);
-        let ends = Four(end_of(v.x), end_of(v.y), end_of(v.z), end_of(v.w));
-        if volume(positions(v)) * volume(ends) <= 0.0 {
-            let at = atomicAdd(&known.status.pinched, 1u);
-            if at < PINCHED {
-                let is_through = moves_through((told.x & MARK) != 0u, positions(v), ends);
-                known.pinched[at] = vec4u(told.x, v.y | select(0u, MARK, is_through), v.z, v.w);
-            }
-        }
-    }
-    workgroupBarrier();
-    if lane == 0u {
-        atomicStore(&known.status.passed, 0u);
-        if count > PASSED {
-            atomicMax(&known.status.pinched, PINCHED + 1u);
-        }
-    }
-}

@@ -10,6 +10,8 @@ const FARTHER: f32 = 0.45;
 // Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
 // some time even if there is little to add.
 override COLLECTS: bool = false;
+// Whether displacements are truncated once more in a substep, because vertices were taken along.
+override AGAIN: bool = false;
 // Number of vertices for which a workgroup collects, and of places at which one is looked for.
 const PLACES: u32 = 256u;
 const PROBES: u32 = 8u;
@@ -245,7 +247,7 @@ fn take_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups)
     if i >= about.vertices || is_idle() {
         return;
     }
-    vertices[i].way.w = length(way_with(i, vertices[i].push.xyz));
+    vertices[i].way.w = max(length(way_with(i, vertices[i].push.xyz)), about.carries);
     take_sums(i);
 }
 
@@ -275,12 +277,7 @@ fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) 
     }
 }
 
-// How far a vertex moves relative to the common motion, with a correction.
-fn way_with(v: u32, push: vec3f) -> vec3f {
-    return vertices[v].u.xyz + push - known.status.mean - by_turning(vertices[v].x.xyz);
-}
-
-// The same after the response. Vertices of mesh colliders are not corrected.
+// How far a vertex moves relative to the common motion, after the response. Vertices of mesh colliders are not corrected.
 fn way_of(v: u32) -> vec3f {
     if v >= about.vertices {
         return without_turning(way_with(v, vec3f()));
@@ -311,15 +308,15 @@ fn cut_pair(n: Near) {
         dot(n.normal, way_of(n.corners.z)),
         dot(n.normal, way_of(n.corners.w)),
     );
-    // Led vertices are never shortened. Where one moves across the plane, the plane moves with it.
+    // Vertices that are led or taken along are never shortened. Where one moves across the plane, the plane moves with it.
     let w = vec4f(a.w, b.w, c.w, d.w);
-    let out = select(vec4f(), max(keeps - (heights - towards), vec4f()), w == vec4f());
-    let down = out * firsts;
-    let up = out * (1.0 - firsts);
-    let led = max(max(up.x, up.y), max(up.z, up.w)) - max(max(down.x, down.y), max(down.z, down.w));
-    let left = heights - sides * led;
-    // The plane, and what led it, may have moved past a vertex that stays in place.
-    if any(select(left + keeps, vec4f(), w == vec4f()) < vec4f()) {
+    let is_led = w <= vec4f();
+    let out = select(vec4f(), max(keeps - (heights - towards), vec4f()), is_led);
+    let down = most_of(out * firsts);
+    let up = most_of(out * (1.0 - firsts));
+    let left = heights - sides * (up - down);
+    // The plane, and what led it, may have moved past a vertex that stays in place, or two led sides into each other.
+    if any(select(left, vec4f(), is_led) < vec4f()) || up + down > 2.0 * keeps {
         let at = atomicAdd(&known.status.passed, 1u);
         if at < PASSED {
             let is_edge = n.listed >= with_vertices;
@@ -330,6 +327,10 @@ fn cut_pair(n: Near) {
     cut_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
     cut_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));
     cut_vertex(n.corners.w, w.w, share_above(left.w, keeps, towards.w));
+}
+
+fn most_of(v: vec4f) -> f32 {
+    return max(max(v.x, v.y), max(v.z, v.w));
 }
 
 fn cut_vertex(v: u32, w: f32, share: f32) {
@@ -347,7 +348,8 @@ fn cut(
 ) {
     let acting = acting_pairs(lane);
     if lane == 0u {
-        total = select(acting + atomicLoad(&known.status.near), 0u, is_idle());
+        let skips = is_idle() || (AGAIN && known.status.carried == 0u);
+        total = select(acting + atomicLoad(&known.status.near), 0u, skips);
         with_vertices = atomicLoad(&known.status.with_vertices);
         atomicStore(&pressing, 0u);
     }
@@ -357,7 +359,7 @@ fn cut(
         let acts = k < acting;
         let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
         cut_pair(n);
-        if acts {
+        if acts && !AGAIN {
             pairs[place(n.listed)].lambda = n.lambda;
             mine += u32(n.lambda.w > 0.0);
         }

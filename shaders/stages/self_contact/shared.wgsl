@@ -49,6 +49,8 @@ struct About {
     features: u32,
     // In every so many substeps detection may be due.
     spacing: u32,
+    // How far vertices may move besides the common motion when they are taken along [m]; below 0: they may not be.
+    carries: f32,
     // The rotation in the first substep, less the identity and by columns, of what is led, if it turns as one (otherwise 0); its
     // center [m], and the center's displacement in the step [m].
     turn_x: vec4f,
@@ -167,12 +169,16 @@ struct Status {
     // Number of pairs of this substep whose plane has passed a vertex, and of those of this step that are pinched.
     passed: atomic<u32>,
     pinched: atomic<u32>,
+    // Number of vertices that were taken along just now; as bits, how far they would have to be [m] besides the common motion, at
+    // most, if the step stopped for that reason.
+    carried: u32,
+    led_travel: atomic<u32>,
 }
 
 // There is room for so many pairs that are pinched, and for so many whose plane has passed a vertex. If there are more
 // of either, more than this many are said to be pinched.
 const PINCHED: u32 = 64u;
-const PASSED: u32 = 2048u;
+const PASSED: u32 = 16384u;
 // Marks a vertex in these lists: the first of a pair of edges, and the second of a pair that has moved through each other.
 const MARK: u32 = 0x80000000u;
 
@@ -207,6 +213,7 @@ const NOT_FINITE: u32 = 2u;
 const CROWDED: u32 = 4u;
 const EARLY: u32 = 8u;
 const CLOSE: u32 = 16u;
+const RUN_OVER: u32 = 32u;
 
 // Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections; and
 // the bits of the share that truncation leaves.
@@ -243,6 +250,11 @@ fn by_turning(x: vec3f) -> vec3f {
 // A displacement as it appears in what turns with the common motion.
 fn without_turning(by: vec3f) -> vec3f {
     return by + vec3f(dot(about.turn_x.xyz, by), dot(about.turn_y.xyz, by), dot(about.turn_z.xyz, by));
+}
+
+// How far a vertex moves relative to the common motion, with a correction.
+fn way_with(v: u32, push: vec3f) -> vec3f {
+    return vertices[v].u.xyz + push - known.status.mean - by_turning(vertices[v].x.xyz);
 }
 
 fn has_stopped() -> bool {

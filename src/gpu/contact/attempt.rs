@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, SPACE, Status, TRACK, Told};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, TRACK, Told};
 use super::{Good, GpuContact};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
@@ -100,7 +100,7 @@ impl GpuContact {
         }
         self.substeps = plan.substeps.len();
         self.course.begin(&self.status, self.substeps);
-        self.is_kept = false;
+        (self.is_kept, self.carries) = (false, 0.0);
     }
 
     /// Waits for the result of an attempt, and rolls back unless it is good.
@@ -114,13 +114,15 @@ impl GpuContact {
             self.forget();
             return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
         }
-        if !has(NO_ROOM | EARLY | CLOSE) {
+        if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
             let (pinched, are_all) = told.pinched();
             self.kept.note_pinched(pinched, are_all);
             return Ok(Judgment::Good);
         }
         self.course.change(status.stopped, needed > 0);
+        // The common motion differs a little from substep to substep.
+        self.carries = self.carries.max(1.25 * f32::from_bits(status.led_travel));
         if needed > self.room || space > self.space {
             self.grow(gpu, needed, space);
         } else {

@@ -9,6 +9,8 @@ use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
 const ITERATIONS: usize = crate::contact::ITERATIONS;
+/// How many times more vertices may be taken along.
+const ROUNDS: usize = crate::contact::ROUNDS;
 /// Dispatches of a detection, with the decision whether it is due, and of the response.
 const OF_DETECTION: usize = 8;
 /// Dispatches at the start of a step with mesh colliders.
@@ -41,6 +43,7 @@ impl GpuContact {
             + match self.course.response {
                 Response::None => 0,
                 Response::Glance => 1,
+                Response::Full if self.carries > 0.0 => OF_RESPONSE + 3 * ROUNDS,
                 Response::Full => OF_RESPONSE,
             }
     }
@@ -112,6 +115,12 @@ impl GpuContact {
         }
         stages.cut.dispatch(pass, group, &[], items);
         stages.finish.dispatch(pass, group, &[], vertices);
+        let [carry, cut, finish] = &stages.carry;
+        for _ in 0..if self.carries > 0.0 { ROUNDS } else { 0 } {
+            carry.dispatch_workgroups(pass, group, &[], 1);
+            cut.dispatch(pass, group, &[], items);
+            finish.dispatch(pass, group, &[], vertices);
+        }
         if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() && plan.meshes.is_empty() {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }

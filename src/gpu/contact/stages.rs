@@ -54,6 +54,8 @@ pub(super) struct Stages {
     pub take_last: Stage,
     pub cut: Stage,
     pub finish: Stage,
+    /// Used as often as vertices may be taken along in a substep: `carry`, and `cut` and `finish` once more.
+    pub carry: [Stage; 3],
     pub give_back: Stage,
     /// Used if anything is led.
     pub find_pinched: Stage,
@@ -73,6 +75,7 @@ impl Stages {
         let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, COMMON];
         let of_vertices = [VERTICES, SUMS, COMMON, BODIES];
         let by_meet = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
+        let by_finish = [VERTICES, SUMS, COMMON, X_OUT, P_OUT];
         Stages {
             start: has_meshes.then(|| {
                 let bound_meshes = stage(shaders::BODIES, "bound_meshes", &[TRACKS, COMMON]);
@@ -98,9 +101,14 @@ impl Stages {
             take: stage(shaders::RESPONSE, "take", &of_vertices),
             take_last: stage(shaders::RESPONSE, "take_last", &[VERTICES, SUMS, COMMON, BODIES, TABLE]),
             cut: stage(shaders::RESPONSE, "cut", &of_pairs),
-            finish: stage(shaders::FINISH, "finish", &[VERTICES, SUMS, COMMON, X_OUT, P_OUT]),
+            finish: stage(shaders::FINISH, "finish", &by_finish),
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, COMMON, X_OUT, P_OUT]),
-            find_pinched: stage(shaders::PINCHES, "find_pinched", &[VERTICES, COMMON]),
+            carry: [
+                stage(shaders::CARRY, "carry", &[VERTICES, SUMS, COMMON]),
+                told(shaders::RESPONSE, "cut", &of_pairs, &[("AGAIN", 1.0)]),
+                told(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
+            ],
+            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, COMMON]),
         }
     }
 }

@@ -10,6 +10,7 @@ pub(crate) const NOT_FINITE: u32 = 2;
 pub(crate) const CROWDED: u32 = 4;
 pub(crate) const EARLY: u32 = 8;
 pub(crate) const CLOSE: u32 = 16;
+pub(crate) const RUN_OVER: u32 = 32;
 /// Value of [`Status::since`] before the first detection.
 pub(super) const NEVER: f32 = -1.0;
 
@@ -49,7 +50,9 @@ pub(crate) struct Status {
     pub acted: u32,
     pub passed: u32,
     pub pinched: u32,
-    pub padding: [u32; 3],
+    pub carried: u32,
+    pub led_travel: u32,
+    pub padding: u32,
 }
 
 impl Status {
@@ -124,6 +127,8 @@ pub(crate) struct About {
     pub box_edges: u32,
     pub features: u32,
     pub spacing: u32,
+    pub carries: f32,
+    pub padding: [u32; 3],
     pub turn_x: Vec4,
     pub turn_y: Vec4,
     pub turn_z: Vec4,
@@ -153,7 +158,7 @@ pub(crate) struct Track {
 
 /// `PINCHED` and `PASSED` of `shared.wgsl`, and the bytes of `Known` before its parts.
 pub(crate) const PINCHED: usize = 64;
-pub(crate) const PASSED: usize = 2048;
+pub(crate) const PASSED: usize = 16_384;
 pub(super) const KNOWN: usize = size_of::<Told>() + PASSED * size_of::<[u32; 4]>();
 /// Sizes in bytes of structs that only the shaders access.
 pub(super) const VERTEX: usize = 64;

@@ -1,0 +1,159 @@
+// Cloth that goes along with what runs over it.
+
+// A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
+const CLOSER: f32 = 0.5;
+
+// Number of vertices that are taken along.
+var<workgroup> carried: atomic<u32>;
+
+// Which corners of a pair are to go along with a led vertex; none if all are led.
+struct RunOver {
+    leader: u32,
+    followers: vec4<bool>,
+}
+
+// A pair whose plane has passed a vertex: whether it is one of two edges, its vertices, where they start and end, and whether it has
+// moved through each other.
+struct Passed {
+    is_edge: bool,
+    v: vec4u,
+    start: Four,
+    end: Four,
+    is_flat: bool,
+    is_through: bool,
+}
+
+fn passed_pair(told: vec4u) -> Passed {
+    let is_edge = (told.x & MARK) != 0u;
+    let v = told & vec4u(~MARK);
+    let start = positions(v);
+    let end = Four(end_of(v.x), end_of(v.y), end_of(v.z), end_of(v.w));
+    let is_flat = volume(start) * volume(end) <= 0.0;
+    var is_through = false;
+    if is_flat {
+        is_through = moves_through(is_edge, start, end);
+    }
+    return Passed(is_edge, v, start, end, is_flat, is_through);
+}
+
+fn is_run_over(pair: Passed) -> bool {
+    if pair.is_through {
+        return true;
+    }
+    let after = distance_of(pair.is_edge, pair.end);
+    return after < KEEP * about.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
+}
+
+// Finds out whether a pair is run over, and what follows what. A corner without a weight is not where the pair is closest.
+fn run_over(pair: Passed) -> RunOver {
+    if about.carries < 0.0 || !is_run_over(pair) {
+        return RunOver(NONE, vec4<bool>());
+    }
+    let is_edge = pair.is_edge;
+    let v = pair.v;
+    let start = pair.start;
+    var weights = vertex_triangle(start);
+    if is_edge {
+        weights = edge_edge(start);
+    }
+    let apart = between(weights, start);
+    let is_first = vec4<bool>(true, is_edge, false, false);
+    let is_led = vec4f(vertices[v.x].x.w, vertices[v.y].x.w, vertices[v.z].x.w, vertices[v.w].x.w) <= vec4f();
+    let may_follow = weights != vec4f() & !is_led;
+    var found = RunOver(NONE, vec4<bool>());
+    var most = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let followers = may_follow & (is_first != vec4<bool>(is_first[k]));
+        if is_led[k] && any(followers) {
+            let towards = dot(vertices[v[k]].u.xyz, select(apart, -apart, is_first[k]));
+            if found.leader == NONE || towards > most {
+                found = RunOver(v[k], followers);
+                most = towards;
+            }
+        }
+    }
+    return found;
+}
+
+// Stops the step if near pairs were not found for vertices that are taken along as far as this one is led.
+fn stop_if_far(leader: u32) {
+    if leader != NONE {
+        let travel = length(way_with(leader, vec3f()));
+        if travel > about.carries {
+            atomicMax(&known.status.led_travel, bitcast<u32>(travel));
+            atomicOr(&known.status.stopped, RUN_OVER);
+        }
+    }
+}
+
+// Takes vertices of pairs along, after truncation. If several pairs want to take a vertex along, the highest leader does.
+@compute @workgroup_size(WORKGROUP)
+fn carry(@builtin(local_invocation_index) lane: u32) {
+    let count = atomicLoad(&known.status.passed);
+    // Otherwise it depends on the order of invocations which pairs are told.
+    let told = select(count, 0u, count > PASSED || has_stopped());
+    for (var k = lane; k < told; k += WORKGROUP) {
+        let found = run_over(passed_pair(known.passed[k]));
+        stop_if_far(found.leader);
+        for (var c = 0u; c < 4u; c++) {
+            if found.followers[c] {
+                atomicMax(&sums[SUMS * (known.passed[k][c] & ~MARK) + WEIGHT], i32(found.leader + 1u));
+            }
+        }
+    }
+    storageBarrier();
+    for (var k = lane; k < told; k += WORKGROUP) {
+        for (var c = 0u; c < 4u; c++) {
+            take_along(known.passed[k][c] & ~MARK);
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        let all = atomicLoad(&carried);
+        known.status.carried = all;
+        if all > 0u {
+            atomicStore(&known.status.passed, 0u);
+        }
+    }
+}
+
+// Takes a vertex along with its leader, if it has one. Until the end of the substep its inverse mass is negative.
+fn take_along(v: u32) {
+    if v >= about.vertices {
+        return;
+    }
+    let leader = atomicExchange(&sums[SUMS * v + WEIGHT], 0);
+    if leader > 0 {
+        vertices[v].x.w = -abs(vertices[v].x.w);
+        vertices[v].u = vec4f(vertices[u32(leader) - 1u].u.xyz, vertices[v].u.w);
+        vertices[v].push = vec4f();
+        vertices[v].way = vec4f(without_turning(way_with(v, vec3f())), vertices[v].way.w);
+        atomicAdd(&carried, 1u);
+    }
+}
+
+// Finds the pinched pairs among those whose plane has passed a vertex. The second corner of those that have moved through
+// each other is marked, and the first of two edges.
+@compute @workgroup_size(WORKGROUP)
+fn find_pinched(@builtin(local_invocation_index) lane: u32) {
+    let count = atomicLoad(&known.status.passed);
+    for (var k = lane; k < min(count, PASSED); k += WORKGROUP) {
+        let pair = passed_pair(known.passed[k]);
+        if about.carries == 0.0 && count <= PASSED {
+            stop_if_far(run_over(pair).leader);
+        }
+        if pair.is_flat {
+            let at = atomicAdd(&known.status.pinched, 1u);
+            if at < PINCHED {
+                known.pinched[at] = vec4u(known.passed[k].x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
+            }
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        atomicStore(&known.status.passed, 0u);
+        if count > PASSED {
+            atomicMax(&known.status.pinched, PINCHED + 1u);
+        }
+    }
+}
