@@ -150,7 +150,6 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("LEVELS", Literal::U32(contact::DETECTION[4])),
         ("MET", Literal::U32(contact::DETECTION[5])),
         ("PINCHED", Literal::U32(contact::PINCHED as u32)),
-        ("PASSED", Literal::U32(contact::PASSED as u32)),
         ("MARK", Literal::U32(crate::contact::device::MARK)),
         ("BISECTIONS", Literal::U32(crate::contact::BISECTIONS)),
         ("MOST_MET", Literal::U32(contact::DETECTION[6])),

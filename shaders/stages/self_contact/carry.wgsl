@@ -3,6 +3,8 @@
 // A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
 const CLOSER: f32 = 0.5;
 
+override LANES: u32 = 256u;
+
 // Number of vertices that are taken along.
 var<workgroup> carried: atomic<u32>;
 
@@ -87,24 +89,23 @@ fn stop_if_far(leader: u32) {
 }
 
 // Takes vertices of pairs along, after truncation. If several pairs want to take a vertex along, the highest leader does.
-@compute @workgroup_size(WORKGROUP)
+@compute @workgroup_size(LANES)
 fn carry(@builtin(local_invocation_index) lane: u32) {
-    let count = atomicLoad(&known.status.passed);
-    // Otherwise it depends on the order of invocations which pairs are told.
-    let told = select(count, 0u, count > PASSED || has_stopped());
-    for (var k = lane; k < told; k += WORKGROUP) {
-        let found = run_over(passed_pair(known.passed[k]));
+    let count = select(atomicLoad(&known.status.passed), 0u, has_stopped());
+    for (var k = lane; k < count; k += LANES) {
+        let told = pairs[place_of_passed(k)].corners;
+        let found = run_over(passed_pair(told));
         stop_if_far(found.leader);
         for (var c = 0u; c < 4u; c++) {
             if found.followers[c] {
-                atomicMax(&sums[SUMS * (known.passed[k][c] & ~MARK) + WEIGHT], i32(found.leader + 1u));
+                atomicMax(&sums[SUMS * (told[c] & ~MARK) + WEIGHT], i32(found.leader + 1u));
             }
         }
     }
     storageBarrier();
-    for (var k = lane; k < told; k += WORKGROUP) {
+    for (var k = lane; k < count; k += LANES) {
         for (var c = 0u; c < 4u; c++) {
-            take_along(known.passed[k][c] & ~MARK);
+            take_along(pairs[place_of_passed(k)].corners[c] & ~MARK);
         }
     }
     workgroupBarrier();
@@ -134,26 +135,24 @@ fn take_along(v: u32) {
 
 // Finds the pinched pairs among those whose plane has passed a vertex. The second corner of those that have moved through
 // each other is marked, and the first of two edges.
-@compute @workgroup_size(WORKGROUP)
+@compute @workgroup_size(LANES)
 fn find_pinched(@builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&known.status.passed);
-    for (var k = lane; k < min(count, PASSED); k += WORKGROUP) {
-        let pair = passed_pair(known.passed[k]);
-        if about.carries == 0.0 && count <= PASSED {
+    for (var k = lane; k < count; k += LANES) {
+        let told = pairs[place_of_passed(k)].corners;
+        let pair = passed_pair(told);
+        if about.carries == 0.0 {
             stop_if_far(run_over(pair).leader);
         }
         if pair.is_flat {
             let at = atomicAdd(&known.status.pinched, 1u);
             if at < PINCHED {
-                known.pinched[at] = vec4u(known.passed[k].x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
+                known.pinched[at] = vec4u(told.x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
             }
         }
     }
     workgroupBarrier();
     if lane == 0u {
         atomicStore(&known.status.passed, 0u);
-        if count > PASSED {
-            atomicMax(&known.status.pinched, PINCHED + 1u);
-        }
     }
 }

@@ -318,10 +318,8 @@ fn cut_pair(n: Near) {
     // The plane, and what led it, may have moved past a vertex that stays in place, or two led sides into each other.
     if any(select(left, vec4f(), is_led) < vec4f()) || up + down > 2.0 * keeps {
         let at = atomicAdd(&known.status.passed, 1u);
-        if at < PASSED {
-            let is_edge = n.listed >= with_vertices;
-            known.passed[at] = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
-        }
+        let is_edge = n.listed >= with_vertices;
+        pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
     }
     cut_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
     cut_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));

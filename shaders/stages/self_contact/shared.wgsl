@@ -175,19 +175,17 @@ struct Status {
     led_travel: atomic<u32>,
 }
 
-// There is room for so many pairs that are pinched, and for so many whose plane has passed a vertex. If there are more
-// of either, more than this many are said to be pinched.
+// There is room for so many pairs that are pinched. There may be more.
 const PINCHED: u32 = 64u;
-const PASSED: u32 = 16384u;
-// Marks a vertex in these lists: the first of a pair of edges, and the second of a pair that has moved through each other.
+// Marks a vertex of a pair that is pinched, or whose plane has passed a vertex: the first of a pair of edges, and the second of a
+// pair that has moved through each other.
 const MARK: u32 = 0x80000000u;
 
-// The status, and the corners of these pairs, followed by the workgroups' parts of a reduction over the cloth, and by
+// The status, and the corners of pinched pairs, followed by the workgroups' parts of a reduction over the cloth, and by
 // those over mesh colliders.
 struct Known {
     status: Status,
     pinched: array<vec4u, PINCHED>,
-    passed: array<vec4u, PASSED>,
     parts: array<Part>,
 }
 
@@ -229,6 +227,12 @@ const UNIT_LENGTH: f32 = 8388608.0;
 // The number in the list of a near pair: see `near_at`.
 fn listed_at(k: u32) -> u32 {
     return near[4u * about.room + k].z;
+}
+
+// The place among the listed pairs at which the corners of a pair are told whose plane has passed a vertex: in the half of the list
+// that only detection needs, so that there is room for all.
+fn place_of_passed(k: u32) -> u32 {
+    return (1u - known.status.half) * about.room + k;
 }
 
 // Whether nothing is led.

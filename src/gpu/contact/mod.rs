@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use course::{Course, Response};
 use encode::MANY;
 use stages::Stages;
-use status::{About, BOX, KNOWN, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
+use status::{About, BOX, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -128,7 +128,7 @@ impl GpuContact {
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR.max(SPACE) * room),
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
-            common: buffer("status of contact", KNOWN + PART * groups),
+            common: buffer("status of contact", size_of::<Told>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * table.boxes()),

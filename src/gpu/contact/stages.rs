@@ -104,11 +104,11 @@ impl Stages {
             finish: stage(shaders::FINISH, "finish", &by_finish),
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, COMMON, X_OUT, P_OUT]),
             carry: [
-                stage(shaders::CARRY, "carry", &[VERTICES, SUMS, COMMON]),
+                stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, COMMON]),
                 told(shaders::RESPONSE, "cut", &of_pairs, &[("AGAIN", 1.0)]),
                 told(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
             ],
-            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, COMMON]),
+            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, COMMON]),
         }
     }
 }

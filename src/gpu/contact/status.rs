@@ -156,10 +156,8 @@ pub(crate) struct Track {
     pub by: Vec4,
 }
 
-/// `PINCHED` and `PASSED` of `shared.wgsl`, and the bytes of `Known` before its parts.
+/// `PINCHED` of `shared.wgsl`.
 pub(crate) const PINCHED: usize = 64;
-pub(crate) const PASSED: usize = 16_384;
-pub(super) const KNOWN: usize = size_of::<Told>() + PASSED * size_of::<[u32; 4]>();
 /// Sizes in bytes of structs that only the shaders access.
 pub(super) const VERTEX: usize = 64;
 pub(super) const TRACK: usize = 32;
