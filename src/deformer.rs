@@ -242,6 +242,7 @@ impl Deformer {
         attributes.validate(self.cloth.pinned.len())?;
         self.motion.check(&attributes.colliders)?;
         let thickness = self.contact_thickness(attributes)?;
+        thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
         let trades = self.trades_levels(attributes);
         let controller = self.controlled(dt, &load, if trades { Caution::LATE } else { Caution::USUAL });

@@ -3,7 +3,9 @@
 #[macro_use]
 mod common;
 
-use cloth_deformer::glam::{Quat, Vec3};
+use std::sync::Arc;
+
+use cloth_deformer::glam::{Affine3A, Quat, Vec3};
 use cloth_deformer::{
     Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError,
 };
@@ -79,6 +81,8 @@ fn options_are_checked() {
     let fine = Mesh::grid(64, 64, 1.0, 1.0);
     let error = build(&fine, contact(0.18)).unwrap_err();
     names(&error, &["contact.thickness = 0.18 m, within which a vertex has about", "choose less, or a coarser mesh"]);
+    let small = Mesh::grid(64, 64, 0.01, 0.01);
+    names(&build(&small, contact(0.005)).unwrap_err(), &["contact.thickness = 0.005 m", "choose less, or a coarser mesh"]);
     for (mesh, thickness) in [(&grid, 1.01e-4), (&grid, 0.5), (&fine, 1.01e-4), (&fine, 0.12)] {
         let mut cloth = build(mesh, contact(thickness)).unwrap();
         cloth.step(FRAME, &Attributes::default()).unwrap();
@@ -108,7 +112,11 @@ fn options_are_checked() {
     refuse(Options { method: Method::Springs, fabric: rigid, ..Options::default() }, &["fabric.stretch", "SmallSteps"]);
 }
 
-on_every_backend!(steps_are_checked_and_leave_the_state);
+on_every_backend!(
+    steps_are_checked_and_leave_the_state,
+    contact_refuses_leads_across_a_thousand_cloths,
+    contact_refuses_a_cloth_in_one_place,
+);
 
 fn steps_are_checked_and_leave_the_state(backend: Backend) {
     let mesh = Mesh::grid(3, 3, 1.0, 1.0);
@@ -196,6 +204,113 @@ fn steps_are_checked_and_leave_the_state(backend: Backend) {
         deformer.step(FRAME, &Attributes::default()).unwrap();
     }
     assert_eq!(deformer.positions().unwrap(), fresh.positions().unwrap());
+}
+
+/// A cloth of 8 x 8 vertices whose size is 1 m from corner to corner, with contact.
+fn napkin(backend: Backend, pinned: Vec<u32>) -> Deformer {
+    let mesh = Mesh::grid(8, 8, 0.8, 0.6);
+    let contact = Some(Contact::default());
+    Deformer::new(&mesh, Options { backend, contact, pinned, quality: Quality::Substeps(4), ..Options::default() }).unwrap()
+}
+
+fn contact_refuses_leads_across_a_thousand_cloths(backend: Backend) {
+    let mut cloth = napkin(backend, vec![0, 7]);
+    let pins = [0, 7].map(|vertex| Mesh::grid(8, 8, 0.8, 0.6).positions[vertex]);
+    let led = |far: f32| Attributes { pin_targets: Some(vec![pins[0], pins[1] + Vec3::X * far]), ..Attributes::default() };
+    cloth.step(FRAME, &led(0.0)).unwrap();
+    let before = cloth.snapshot().unwrap();
+    for far in [1001.0, 1e7, 1e14] {
+        let error = cloth.step(FRAME, &led(far)).unwrap_err();
+        names(&error, &["pin_targets[1]", "m from where", "1000 times", "size of 1 m", "Deformer::warp"]);
+        assert_eq!(cloth.snapshot().unwrap(), before);
+    }
+    cloth.step(FRAME, &led(999.0)).unwrap();
+    // A teleport is no motion.
+    cloth.reset();
+    let away = 1e4 * Vec3::X;
+    cloth.warp(Affine3A::from_translation(away)).unwrap();
+    cloth.step(FRAME, &Attributes { pin_targets: Some(pins.map(|pin| pin + away).to_vec()), ..Attributes::default() }).unwrap();
+
+    let mut cloth = napkin(backend, Vec::new());
+    let body = |far: f32, teleported: bool| {
+        let mut mesh = Mesh::grid(4, 4, 1.0, 1.0);
+        mesh.positions.iter_mut().for_each(|x| x.y += far - 2.0);
+        let colliders = vec![Collider::sphere(5.0 * Vec3::X, 0.1), Collider { teleported, ..Collider::mesh(Arc::new(mesh)) }];
+        Attributes { colliders, ..Attributes::default() }
+    };
+    cloth.step(FRAME, &body(0.0, false)).unwrap();
+    let before = cloth.snapshot().unwrap();
+    for far in [1001.0, 1e7, 1e14] {
+        let error = cloth.step(FRAME, &body(far, false)).unwrap_err();
+        names(&error, &["colliders[1].mesh", "1000 times the cloth's size of 1 m", "say that it was teleported"]);
+        assert_eq!(cloth.snapshot().unwrap(), before);
+    }
+    cloth.step(FRAME, &body(-999.0, false)).unwrap();
+    cloth.step(FRAME, &body(1e6, true)).unwrap();
+}
+
+/// All pairs of a cloth of 32 x 32 vertices are six million, and more than contact lists. Those of 16 x 16 are not.
+fn contact_refuses_a_cloth_in_one_place(backend: Backend) {
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut vectors = |count: usize, size: f32| -> Vec<Vec3> {
+        (0..count).map(|_| size * (Vec3::new(random.f32(), random.f32(), random.f32()) - 0.5)).collect()
+    };
+    for side in [32_u32, 16] {
+        let mesh = Mesh::grid(side, side, 1.0, 1.0);
+        let count = mesh.positions.len();
+        let options = Options { backend, contact: Some(Contact::default()), quality: Quality::Substeps(2), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let still = vec![Vec3::ZERO; count];
+        let starts = [
+            ("in one point", still.clone(), still.clone()),
+            ("in 1 mm", vectors(count, 1e-3), still.clone()),
+            ("bursting", mesh.positions.clone(), vectors(count, 1e7)),
+        ];
+        for (name, x, v) in starts {
+            cloth.set_state(&x, &v).unwrap();
+            match cloth.step(FRAME, &Attributes::default()) {
+                Err(error) if side == 32 => {
+                    names(&error, &["contact", "as if the whole cloth were in one place", "spread it out"]);
+                    assert!(cloth.positions().unwrap() == x && cloth.velocities().unwrap() == v, "{name}: another state");
+                }
+                stepped => assert!(side == 16 && stepped.is_ok(), "{side} x {side} vertices {name}: {stepped:?}"),
+            }
+        }
+        // Faster than single precision resolves, all of it the same way.
+        cloth.set_state(&mesh.positions, &vec![-1e14 * Vec3::Y; count]).unwrap();
+        let _either = cloth.step(FRAME, &Attributes::default());
+        cloth.reset();
+        cloth.step(FRAME, &Attributes::default()).unwrap();
+    }
+}
+
+/// The thickness that mesh colliders have without `Options::contact` is compared with the cloth, too.
+#[test]
+fn mesh_colliders_too_thick_for_the_cloth_are_refused() {
+    let attributes = Attributes {
+        colliders: vec![Collider::sphere(5.0 * Vec3::X, 0.1), Collider::mesh(Arc::new(Mesh::grid(4, 4, 0.01, 0.01)))],
+        ..Attributes::default()
+    };
+    for (size, contact) in [(0.0099, None), (0.0101, None), (0.003, Some(Contact { thickness: 1e-3, ..Contact::default() }))] {
+        let mut mesh = Mesh::grid(8, 8, size, size);
+        mesh.positions.iter_mut().for_each(|x| x.y += 0.02);
+        let mut cloth = build(&mesh, Options { contact, ..Options::default() }).unwrap();
+        let before = cloth.snapshot().unwrap();
+        match cloth.step(FRAME, &attributes) {
+            Err(error) if size == 0.0099 => {
+                names(&error, &["colliders[1].mesh", "0.005 m", "half of the cloth's 0.0099 m", "Options::contact"]);
+                assert_eq!(cloth.snapshot().unwrap(), before);
+            }
+            stepped => assert!(size != 0.0099 && stepped.is_ok(), "{size} m: {stepped:?}"),
+        }
+    }
+    // A mesh of which every vertex is near every other of the cloth.
+    let mesh = Mesh::grid(32, 32, 0.011, 0.011);
+    let mut cloth = build(&mesh, Options::default()).unwrap();
+    let mut below = mesh.clone();
+    below.positions.iter_mut().for_each(|x| *x = 0.3 * *x - 0.001 * Vec3::Y);
+    let error = cloth.step(FRAME, &Attributes { colliders: vec![Collider::mesh(Arc::new(below))], ..Attributes::default() });
+    names(&error.unwrap_err(), &["contact", "spread it out"]);
 }
 
 /// A hostile number.

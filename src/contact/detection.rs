@@ -7,6 +7,7 @@
 //! dropped.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{Vec3A, Vec4};
 
@@ -31,6 +32,14 @@ const GROUP: usize = 256;
 /// Limit on the number of pairs of leaves: this many, plus this many per leaf. A heap has tens per leaf; a cloth in a
 /// single point has all pairs.
 const CROWD: [usize; 2] = [100_000, 512];
+/// Limit on the number of listed pairs, each of which takes about 230 bytes: this many, plus this many per vertex. A cloth at rest
+/// whose thickness is the largest that is allowed has a million, a twisted one 400 per vertex.
+const LISTED: [usize; 2] = [1 << 21, 256];
+
+/// The largest number of pairs that are listed of so many vertices.
+pub(crate) fn most_listed(vertices: usize) -> usize {
+    LISTED[0] + LISTED[1] * vertices
+}
 
 /// The buffers of a task.
 #[derive(Debug, Default)]
@@ -163,11 +172,15 @@ impl Detection {
         let (findings, left) = self.findings[..tasks].split_at_mut(own.len().div_ceil(GRAIN));
         let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
         let ranges = ranges(&scene);
+        let (listed_in_all, most) = (AtomicUsize::new(0), most_listed(path.x.len()));
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
             let part = path.workers.small_part(findings.len(), 1);
             let parts = findings.chunks_mut(part).zip(leaves.chunks(part * GRAIN));
             path.workers.each(parts, |(findings, leaves)| {
                 for (Finding { near, found }, leaves) in findings.iter_mut().zip(leaves.chunks(GRAIN)) {
+                    if listed_in_all.load(Ordering::Relaxed) > most {
+                        return;
+                    }
                     near.iter_mut().for_each(Vec::clear);
                     let (trees, is_own) = ([cloth, other], std::ptr::eq(cloth, other));
                     simd::run(scene.width, Candidates { surface, scope, boxes, trees, is_own, leaves, near });
@@ -178,11 +191,13 @@ impl Detection {
                         simd::run(scene.width, Measure { surface, scope, middle, u: path.u, kind, near, listed });
                         listed.retain(|(row, pair)| !is_let_go(kind, *row, pair));
                         *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
+                        listed_in_all.fetch_add(listed.len(), Ordering::Relaxed);
                     }
                 }
             });
         }
-        Ok(tasks)
+        // Whether there are too many does not depend on the order in which threads count them.
+        if listed_in_all.into_inner() > most { Err(pairs) } else { Ok(tasks) }
     }
 
     /// Computes the boxes of some triangles, edges and vertices.

@@ -74,6 +74,8 @@ use bodies::Bodies;
 pub(crate) use carry::ROUNDS;
 use contacts::Contacts;
 use detection::Detection;
+#[cfg(feature = "gpu")]
+pub(crate) use detection::most_listed;
 use frame::Frame;
 use let_go::LetGo;
 use past::Kept;

@@ -66,6 +66,9 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
             let is_flat = contour.iter().all(|&(crossing, _)| std::mem::take(&mut flat[crossing]));
             if is_flat && contour.iter().any(|&(crossing, _)| !is_touch[crossing]) {
                 let moved = self.part(contour.iter().map(|&(crossing, side)| (found[crossing], side > 0.0)).collect());
+                if moved.is_empty() {
+                    continue;
+                }
                 let is_moved = |vertices: &[u32]| vertices.iter().any(|vertex| moved.contains_key(vertex));
                 for (is_touch, &crossing) in is_touch.iter_mut().zip(&found) {
                     let (ends, corners) = self.vertices(crossing);
@@ -106,6 +109,9 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
 
     /// Moves one side of a contour out of the other. Returns the moved vertices, none if that is impossible.
     fn part(&mut self, contour: Vec<Move>) -> BTreeMap<u32, DVec3> {
+        if self.room == 0 {
+            return BTreeMap::new();
+        }
         // First the side that is moved in front of the other: see `Features::in_general_position`.
         let (ends, corners) = self.vertices(contour[0].0);
         let is_first = (corners[0] as usize) >= self.features.of_cloth
@@ -141,8 +147,9 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
             let [edges, triangles] = [self.features.edges.len(), self.features.triangles.len()];
             self.room = self.room.saturating_sub(edges + triangles);
             let mut room = self.room;
-            moves = self.hit(&moved, &x, &mut room)?;
+            let hit = self.hit(&moved, &x, &mut room);
             self.room = room;
+            moves = hit?;
             if moves.is_empty() {
                 return Some((moved, x));
             }

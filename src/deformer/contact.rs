@@ -1,20 +1,25 @@
 //! Requirements of triangle contact on a step, and its warnings.
 
+use std::fmt;
+
 use super::{Deformer, Taken};
-#[cfg(feature = "gpu")]
-use crate::attributes::invalid;
-use crate::attributes::{Attributes, Shape};
+use crate::attributes::{Attributes, Collider, Shape, invalid};
 #[cfg(feature = "gpu")]
 use crate::device::IN_BROWSER;
 use crate::error::StepError;
+use crate::model::checks::MOST_THICKNESS;
 #[cfg(feature = "gpu")]
 use crate::options::Backend;
 use crate::options::{Contact, Quality, Warning};
+use crate::step::load::travel;
 use crate::step::substep_count::FRAMES;
 
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
 /// through.
 const SUBSTEPS: f64 = 3.0;
+/// Farthest that pins and mesh colliders may be led in a step, in units of the cloth's size. Even in the most substeps that
+/// contact raises a step to, they then pass all of the cloth in each, and contact compares everything with everything.
+const FARTHEST: f64 = 1000.0;
 /// Most substeps per 1/60 s that contact may raise a step to.
 const MOST: f64 = 256.0;
 
@@ -22,7 +27,7 @@ impl Deformer {
     /// The contact thickness (m), or `None` if no triangles can touch in a step.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "only a GPU in a browser has no contact"))]
     pub(super) fn contact_thickness(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
-        let mesh = attributes.colliders.iter().position(|collider| matches!(collider.shape, Shape::Mesh { .. }));
+        let mesh = mesh_colliders(attributes).next();
         #[cfg(feature = "gpu")]
         if let (Some(index), Backend::Gpu, true) = (mesh, self.backend(), IN_BROWSER) {
             let remedy = "must wait for the GPU in each step, which a browser does not allow; use Backend::Cpu";
@@ -30,6 +35,48 @@ impl Deformer {
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
         Ok(contact.map(|contact| f64::from(contact.thickness)))
+    }
+
+    /// Checks that contact of this thickness (m) can hold the cloth, and follow the pins and mesh colliders.
+    pub(super) fn check_contact(&self, attributes: &Attributes, thickness: f64) -> Result<(), StepError> {
+        let Deformer { cloth, motion, .. } = self;
+        if cloth.triangles.is_empty() {
+            return Ok(());
+        }
+        let across = cloth.extent as f32;
+        // A thickness that was chosen was compared with the cloth when the cloth was made.
+        if let (Some(index), true) =
+            (mesh_colliders(attributes).next(), across > 0.0 && thickness > MOST_THICKNESS * cloth.extent)
+        {
+            let remedy = format!(
+                "is kept {} m away, which must be at most half of the cloth's {across} m; make the cloth with Options::contact",
+                thickness as f32
+            );
+            return Err(invalid(format_args!("colliders[{index}].mesh"), "a mesh", remedy));
+        }
+        let size = cloth.extents.length().max(thickness);
+        let check = |name: fmt::Arguments<'_>, value: &dyn fmt::Display, way: f64, remedy: &str| match way > FARTHEST * size {
+            true => Err(invalid(
+                name,
+                value,
+                format_args!(
+                    "is {} m from where it was before the step, more than {FARTHEST} times the cloth's size of {} m; lead it there in more steps, or {remedy}",
+                    way as f32, size as f32
+                ),
+            )),
+            false => Ok(()),
+        };
+        for (slot, (&to, &from)) in attributes.pin_targets.iter().flatten().zip(&motion.pins).enumerate() {
+            let way = (to - cloth.origin).as_dvec3().distance(from.as_dvec3());
+            check(format_args!("pin_targets[{slot}]"), &to, way, "move the whole cloth with Deformer::warp")?;
+        }
+        for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
+            if matches!(now.shape, Shape::Mesh { .. }) {
+                let way = travel(&now.shape, &last.shape);
+                check(format_args!("colliders[{index}].mesh"), &"a vertex", way, "say that it was teleported")?;
+            }
+        }
+        Ok(())
     }
 
     /// Substeps per second that contact needs while pins and meshes move at `speed` (m/s); 0 if the quality fixes the
@@ -60,11 +107,15 @@ impl Deformer {
             warnings.push(Warning::Crossings { pairs: crossings.len(), first: first.named(&self.cloth.order) });
         }
         if let Some(&first) = bodies.first() {
-            let meshes =
-                attributes.colliders.iter().enumerate().filter(|(_, collider)| matches!(collider.shape, Shape::Mesh { .. }));
-            let collider = meshes.map(|(index, _)| index).nth(first).unwrap_or_default();
+            let collider = mesh_colliders(attributes).nth(first).unwrap_or_default();
             warnings.push(Warning::BodyCrossings { pairs: bodies.len(), collider });
         }
         warnings
     }
+}
+
+/// The indices of mesh colliders.
+fn mesh_colliders(attributes: &Attributes) -> impl Iterator<Item = usize> {
+    let is_mesh = |collider: &Collider| matches!(collider.shape, Shape::Mesh { .. });
+    (0..).zip(&attributes.colliders).filter(move |(_, collider)| is_mesh(collider)).map(|(index, _)| index)
 }

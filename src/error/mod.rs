@@ -211,9 +211,9 @@ pub enum StepError {
         /// The device's value of that limit.
         allowed: u64,
     },
-    /// So much of the cloth is in one place that contact cannot process all candidate pairs.
+    /// So much of the cloth is in one place, or moves through it, that contact cannot process all candidate pairs.
     #[error(
-        "contact: {pairs} pairs of groups of triangles are close to each other, as if the whole cloth were in one place; spread it out, or lower contact.thickness"
+        "contact: {pairs} pairs of groups of triangles are close to each other, as if the whole cloth were in one place, or moved by more than its size in a substep; spread it out, slow it down, or lower contact.thickness"
     )]
     Crowded {
         /// Number of candidate pairs of groups of a few triangles each.

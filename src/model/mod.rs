@@ -2,7 +2,7 @@
 //! tethers.
 
 pub(crate) mod bending;
-mod checks;
+pub(crate) mod checks;
 pub(crate) mod cloth;
 pub(crate) mod coloring;
 pub(crate) mod csr;

@@ -9,12 +9,20 @@ var<workgroup> first_listed: array<u32, 2>;
 var<workgroup> with_triangles: u32;
 
 
+// Whether a pair is in the sorted list of those of its kind.
 fn is_let_go(is_edge: bool, row: u32, other: u32) -> bool {
     let one = select(row, row - about.all_vertices, is_edge);
-    let first = select(0u, about.let_go, is_edge);
-    for (var k = first; k < first + select(about.let_go, about.let_go_of_edges, is_edge); k++) {
-        if all(let_go[k] == vec2u(one, other)) {
+    var low = select(0u, about.let_go, is_edge);
+    var high = low + select(about.let_go, about.let_go_of_edges, is_edge);
+    while low < high {
+        let middle = (low + high) / 2u;
+        let pair = let_go[middle];
+        if pair.x < one || (pair.x == one && pair.y < other) {
+            low = middle + 1u;
+        } else if pair.x == one && pair.y == other {
             return true;
+        } else {
+            high = middle;
         }
     }
     return false;

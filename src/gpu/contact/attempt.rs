@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, TRACK, Told};
 use super::{Good, GpuContact};
+use crate::contact::most_listed;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
@@ -72,8 +73,9 @@ impl GpuContact {
     pub(super) fn grow(&mut self, gpu: &Gpu, needed: usize, space: usize) {
         let grown =
             |now, needed: usize, most| if needed > now { (2 * needed).next_multiple_of(WORKGROUP).min(most) } else { now };
-        let room = grown(self.room, needed, most_room(gpu));
-        self.make_room(gpu, room, grown(self.space, space, most_space(gpu)));
+        let [most_room, most_space] = self.most(gpu);
+        let room = grown(self.room, needed, most_room);
+        self.make_room(gpu, room, grown(self.space, space, most_space));
         self.go_back(gpu);
         self.good = Good::new(gpu, &self.table, self.room);
         self.is_kept = false;
@@ -109,7 +111,8 @@ impl GpuContact {
         let status = told.status;
         let (needed, space) = (status.needed as usize, status.space_needed as usize);
         let has = |reason| status.stopped & reason != 0;
-        if has(CROWDED) || needed > most_room(gpu) || space > most_space(gpu) {
+        let [most_room, most_space] = self.most(gpu);
+        if has(CROWDED) || needed > most_room || space > most_space {
             self.go_back(gpu);
             self.forget();
             return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
@@ -131,18 +134,15 @@ impl GpuContact {
         Ok(Judgment::Again)
     }
 
+    /// The largest number of pairs to have room for, in both halves of the list, and the largest space for what detection compares:
+    /// as much as the CPU lists, if the device allows it.
+    fn most(&self, gpu: &Gpu) -> [usize; 2] {
+        let most = most_listed(self.table.vertices as usize);
+        [2 * size_of::<Listed>(), SPACE].map(|bytes| most.min(gpu.most_table_bytes() / bytes))
+    }
+
     /// Encodes a copy of the status after the step's commands.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.copy_buffer_to_buffer(&self.buffers.common, 0, &self.staging, 0, size_of::<Told>() as u64);
     }
-}
-
-/// The largest number of pairs that the device allows room for, in both halves of the list.
-fn most_room(gpu: &Gpu) -> usize {
-    gpu.most_table_bytes() / (2 * size_of::<Listed>())
-}
-
-/// The largest space that it allows for what detection compares.
-fn most_space(gpu: &Gpu) -> usize {
-    gpu.most_table_bytes() / SPACE
 }
