@@ -215,6 +215,34 @@ pin = [{ color = [1, 0, 0] }]
     assert_eq!(faces.last(), Some(&[4, 6, 5]));
 }
 
+/// A mesh may come through a pipe, from which it can be read only once, also if its pins have colors. A sweep reads it again.
+#[cfg(unix)]
+#[test]
+fn a_mesh_may_be_a_pipe() {
+    let directory = TempDir::new().unwrap();
+    let pipe = directory.path().join("pipe.obj");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let text = "[[cloth]]\nmesh = \"pipe.obj\"\npin = [{ color = [1, 0, 0] }]\n";
+    fs::write(directory.path().join("s.toml"), text).unwrap();
+    std::thread::spawn(move || {
+        // A second reader gets nothing; without one, the thread waits here until the tests are over.
+        for obj in ["v 0 0 0 1 0 0\nv 1 0 0 0 0 1\nv 1 0 1 1 0 0 # red\nf 1 2 3\n", ""] {
+            fs::write(&pipe, obj).unwrap();
+        }
+    });
+    succeeds(&run(&directory, &["--scene", "s.toml", "--frames", "4", "--quiet"]));
+    let (first, last) = (frame(&directory, 1), frame(&directory, 4));
+    assert_eq!((0..3).filter(|&vertex| first[vertex] == last[vertex]).collect::<Vec<_>>(), [0, 2]);
+
+    fs::write(directory.path().join("s.toml"), format!("{text}[[vary]]\nkey = \"cloth.1.fabric\"\nvalues = [\"silk\"]\n"))
+        .unwrap();
+    fails(
+        &run(&directory, &["--scene", "s.toml", "--frames", "4", "--variant", "1", "--quiet"]),
+        2,
+        &["pipe.obj", "is a pipe", "give a file"],
+    );
+}
+
 /// Two cloths of one scene, of silk and of denim, move as each does in a scene of its own.
 #[test]
 fn cloths_have_fabrics_of_their_own() {

@@ -15,7 +15,7 @@ use crate::output::Outputs;
 use crate::play::play;
 use crate::receipt::{Figures, Inputs, Receipt, hash, input_files, lanes};
 use crate::scene::Scene;
-use crate::scene::file::{Source, Vary};
+use crate::scene::file::{File, Source, Vary};
 
 /// Most variants of a sweep.
 const MOST: u64 = 1_000_000;
@@ -116,6 +116,7 @@ impl Sweep {
         let said = values.iter().map(|(key, value)| format!("{key} = {value}")).collect::<Vec<_>>().join(", ");
         let scene_hash = hash(text.as_bytes());
         let (source, file) = Source::parse(&self.path, text, Some(said))?;
+        check_files(arguments, &source, &file)?;
         let mut scene = Scene::of(arguments, Some((&source, &file)))?;
 
         // The scene file itself is covered by its hash, which does not depend on other variants.
@@ -240,4 +241,15 @@ fn remove(folder: &Path) -> Result<(), Failure> {
 
 fn failed(path: &Path, error: std::io::Error) -> Failure {
     Failure::input(format_args!("{}: {error}", path.display()))
+}
+
+/// Checks that the meshes can be read again: each variant reads them, and its receipt has their hashes.
+fn check_files(arguments: &Arguments, source: &Source, file: &File) -> Result<(), Failure> {
+    let of_cloths = file.cloth.iter().filter_map(|cloth| cloth.get_ref().mesh.as_ref());
+    let of_colliders = file.collider.iter().filter_map(|collider| collider.get_ref().mesh.as_ref());
+    let in_scene = of_cloths.chain(of_colliders).map(|mesh| source.beside(mesh.get_ref()));
+    let is_pipe = |path: &PathBuf| fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir());
+    let message =
+        |path: PathBuf| format!("{}: it is a pipe, and each variant reads its meshes again; give a file", path.display());
+    arguments.mesh.iter().cloned().chain(in_scene).find(is_pipe).map_or(Ok(()), |path| Err(Failure::input(message(path))))
 }

@@ -1,9 +1,7 @@
 //! Pins of a scene file: the vertices of a cloth that they hold, and how they move.
 
-use std::path::Path;
-
-use cloth_deformer::Mesh;
 use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Mesh, ObjTemplate};
 use toml::Spanned;
 
 use super::colliders::turn;
@@ -40,13 +38,13 @@ impl Group {
     }
 
     /// Reads a pin of a cloth. `piece` is the cloth's own mesh, already placed; its first vertex has the index `first`
-    /// in the combined mesh; `obj` is the file that it was read from.
+    /// in the combined mesh; `obj` is what it was read from.
     pub(super) fn read(
         source: &Source,
         number: usize,
         given: &Spanned<file::Pin>,
         piece: &Mesh,
-        obj: Option<&Path>,
+        obj: Option<&ObjTemplate>,
         first: u32,
         timeline: Timeline,
     ) -> Result<Group, Failure> {
@@ -115,10 +113,10 @@ impl Group {
     }
 }
 
-/// Vertices of an OBJ file that have a color: `v x y z r g b`, or with one more number, a weight before the color or an
-/// opacity after it.
-fn colored(obj: &Path, color: Vec3) -> Result<Vec<u32>, Failure> {
-    let text = std::fs::read(obj).map_err(|error| Failure::input(format_args!("{}: {error}", obj.display())))?;
+/// Vertices of an OBJ that have a color: `v x y z r g b`, or with one more number, a weight before the color or an
+/// opacity after it. Its text comes from the template, since a pipe can be read only once.
+fn colored(obj: &ObjTemplate, color: Vec3) -> Result<Vec<u32>, Failure> {
+    let text = obj.write(&obj.mesh().positions).map_err(Failure::input)?;
     let text = String::from_utf8_lossy(&text);
     let vertices = text.lines().filter_map(|line| line.trim_start().strip_prefix("v ").or(line.trim_start().strip_prefix("v\t")));
     let has_color = |line: &str| {
