@@ -156,7 +156,7 @@ impl Binding {
                 return Err(BindError::Index { triangle, index, vertices });
             }
         }
-        let tree = Tree::new(cloth).ok_or(BindError::NoSurface)?;
+        let tree = TriangleTree::new(cloth).ok_or(BindError::NoSurface)?;
         let normals = normals(&cloth.triangles, &cloth.positions);
         let extent = tree.nodes.first().map_or(0.0, |root| (root.high - root.low).max_element());
         let (mut feet, mut heights, mut farthest) = (Vec::new(), Vec::new(), 0.0_f32);
@@ -269,7 +269,7 @@ struct Near {
 }
 
 /// A tree of bounding boxes over the triangles that have an area.
-struct Tree<'a> {
+struct TriangleTree<'a> {
     positions: &'a [Vec3],
     triangles: Vec<[u32; 3]>,
     /// The root first; children come after their parents.
@@ -284,9 +284,9 @@ struct Node {
     is_leaf: bool,
 }
 
-impl<'a> Tree<'a> {
+impl<'a> TriangleTree<'a> {
     /// `None` if no triangle has an area.
-    fn new(cloth: &'a Mesh) -> Option<Tree<'a>> {
+    fn new(cloth: &'a Mesh) -> Option<TriangleTree<'a>> {
         let positions = &cloth.positions;
         let has_area = |corners: &&[u32; 3]| {
             let [a, b, c] = corners.map(|corner| positions[corner as usize].as_dvec3());
@@ -294,7 +294,7 @@ impl<'a> Tree<'a> {
             (b - a).cross(c - a).length() > 1e-6 * longest
         };
         let triangles: Vec<[u32; 3]> = cloth.triangles.iter().filter(has_area).copied().collect();
-        let mut tree = Tree { positions, triangles, nodes: Vec::new() };
+        let mut tree = TriangleTree { positions, triangles, nodes: Vec::new() };
         let all = 0..tree.triangles.len();
         tree.nodes.push(tree.node(all.clone()));
         tree.split(0, all.clone());

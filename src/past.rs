@@ -12,7 +12,7 @@ pub(crate) struct Past {
     /// Statistics of steps that a GPU has taken and not returned yet.
     pub untold: Vec<Statistics>,
     /// State of the cloth's contact with itself.
-    pub contact: Option<contact::Past>,
+    pub contact: Option<contact::ContactPast>,
 }
 
 recorded!(Past { steps, untold, contact });

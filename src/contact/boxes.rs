@@ -63,16 +63,16 @@ impl Boxes {
     /// The boxes from `first` on, at most `count` and at most one per lane, enlarged by `by`. Only those count that then
     /// touch `place`.
     #[inline(always)]
-    pub(super) fn group<L: Registers>(&self, first: usize, count: usize, place: [Vec3A; 2], by: Vec3A) -> BoxLanes<L> {
+    pub(super) fn in_lanes<L: Registers>(&self, first: usize, count: usize, place: [Vec3A; 2], by: Vec3A) -> BoxLanes<L> {
         let lanes = first..first + L::LANES;
         let by = [L::splat(by.x), L::splat(by.y), L::splat(by.z)];
-        let mut group = BoxLanes { low: by, high: by, lanes: (1_u32 << count.min(L::LANES)) - 1 };
+        let mut boxes = BoxLanes { low: by, high: by, lanes: (1_u32 << count.min(L::LANES)) - 1 };
         for (axis, by) in by.into_iter().enumerate() {
-            group.low[axis] = L::from_slice(&self.low[axis][lanes.clone()]) - by;
-            group.high[axis] = L::from_slice(&self.high[axis][lanes.clone()]) + by;
+            boxes.low[axis] = L::from_slice(&self.low[axis][lanes.clone()]) - by;
+            boxes.high[axis] = L::from_slice(&self.high[axis][lanes.clone()]) + by;
         }
-        group.lanes = group.touching([place[0].to_array(), place[1].to_array()]);
-        group
+        boxes.lanes = boxes.touching([place[0].to_array(), place[1].to_array()]);
+        boxes
     }
 }
 

@@ -70,16 +70,16 @@ fn pierce<L: Registers>(
     near: &mut Vec<[u32; 2]>,
 ) {
     for first in triangles.clone().step_by(L::LANES) {
-        let group = boxes[TRIANGLES].group::<L>(first, triangles.end - first, places[0], reach);
-        if group.lanes == 0 {
+        let in_lanes = boxes[TRIANGLES].in_lanes::<L>(first, triangles.end - first, places[0], reach);
+        if in_lanes.lanes == 0 {
             continue;
         }
         for some in vertices.clone().step_by(L::LANES) {
-            let mut left = boxes[VERTICES].group::<L>(some, vertices.end - some, places[1], reach).lanes;
+            let mut left = boxes[VERTICES].in_lanes::<L>(some, vertices.end - some, places[1], reach).lanes;
             while left != 0 {
                 let item = some + left.trailing_zeros() as usize;
                 left &= left - 1;
-                let (vertex, mut found) = (surface.order[item], group.touching(boxes[VERTICES].bounds(item)));
+                let (vertex, mut found) = (surface.order[item], in_lanes.touching(boxes[VERTICES].bounds(item)));
                 while found != 0 {
                     let triangle = first + found.trailing_zeros() as usize;
                     found &= found - 1;
@@ -103,16 +103,16 @@ fn meet<L: Registers>(
     near: &mut Vec<[u32; 2]>,
 ) {
     for first in others.clone().step_by(L::LANES) {
-        let group = boxes.group::<L>(first, others.end - first, places[0], reach);
-        if group.lanes == 0 {
+        let in_lanes = boxes.in_lanes::<L>(first, others.end - first, places[0], reach);
+        if in_lanes.lanes == 0 {
             continue;
         }
         for some in edges.clone().step_by(L::LANES) {
-            let mut left = boxes.group::<L>(some, edges.end - some, places[1], reach).lanes;
+            let mut left = boxes.in_lanes::<L>(some, edges.end - some, places[1], reach).lanes;
             while left != 0 {
                 let edge = some + left.trailing_zeros() as usize;
                 left &= left - 1;
-                let ([i, j], mut found) = (surface.edges[edge], group.touching(boxes.bounds(edge)));
+                let ([i, j], mut found) = (surface.edges[edge], in_lanes.touching(boxes.bounds(edge)));
                 if is_one {
                     // Within the same edges each pair is visited once.
                     found &= u32::MAX.checked_shl((edge + 1).saturating_sub(first) as u32).unwrap_or(0);

@@ -8,7 +8,7 @@ use super::acting::{Acting, for_groups};
 use super::clocks::{PatchMotion, patch};
 use super::corners::SLICE;
 use super::frame::Frame;
-use super::near::{Find, Look};
+use super::near::{Find, FindAgain};
 use super::pairs::{Kind, Listed};
 use super::portions::{PORTION, Portion};
 use super::ranges::Ranges;
@@ -109,7 +109,7 @@ impl Contacts {
             acting.number(portions);
         }
         for_groups(portions, (&mut acting.weights, &mut []), start.workers, &|kind, _, groups, weights, _: &mut [()]| {
-            simd::run(start.width, Look { kind, groups, weights, x, u, most_push: start.most_push });
+            simd::run(start.width, FindAgain { kind, groups, weights, x, u, most_push: start.most_push });
         });
         acting.weigh(portions, have_changed, vertices, start.workers);
     }
@@ -183,7 +183,7 @@ impl Contacts {
         let mut portions = &mut portions[..*used];
         let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
             let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
-            Piece { portions, pairs, corners: &[], thickness: &[], lambda, due: &mut [] }
+            ListSlice { portions, pairs, corners: &[], thickness: &[], lambda, due: &mut [] }
         });
         for (of, (corners, (thickness, due))) in left.iter_mut().zip(corners.iter().zip(thickness.iter().zip(due))) {
             (of.corners, of.thickness, of.due) = (corners, thickness, due);
@@ -194,19 +194,21 @@ impl Contacts {
             left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
         });
         start.workers.each(parts, |parts| {
-            parts.into_iter().flat_map(Piece::portions).for_each(|Piece { portions, pairs, corners, thickness, lambda, due }| {
-                let (portion, most_push) = (&mut portions[0], start.most_push);
-                portion.bunches.take(portion.kind, pairs, motions.len());
-                portion.bunches.advance(motions, start.most_push, start.thickness);
-                simd::run(start.width, Find { corners, thickness, x, u, due, most_push, portion });
-                if !portion.joining.is_empty() || !is_known {
-                    portion.join((pairs, corners), lambda, due, friction, ranges);
-                }
-                if !is_known {
-                    // Pairs that do not act have no multipliers.
-                    lambda.fill(Vec4::ZERO);
-                }
-            });
+            parts.into_iter().flat_map(ListSlice::portions).for_each(
+                |ListSlice { portions, pairs, corners, thickness, lambda, due }| {
+                    let (portion, most_push) = (&mut portions[0], start.most_push);
+                    portion.bunches.take(portion.kind, pairs, motions.len());
+                    portion.bunches.advance(motions, start.most_push, start.thickness);
+                    simd::run(start.width, Find { corners, thickness, x, u, due, most_push, portion });
+                    if !portion.joining.is_empty() || !is_known {
+                        portion.join((pairs, corners), lambda, due, friction, ranges);
+                    }
+                    if !is_known {
+                        // Pairs that do not act have no multipliers.
+                        lambda.fill(Vec4::ZERO);
+                    }
+                },
+            );
         });
     }
 
@@ -262,7 +264,7 @@ impl Contacts {
 }
 
 /// Consecutive portions of a list, and what is in them of the arrays that have an item for each pair.
-struct Piece<'a> {
+struct ListSlice<'a> {
     portions: &'a mut [Portion],
     pairs: &'a [Listed],
     corners: &'a [[u32; 4]],
@@ -271,12 +273,12 @@ struct Piece<'a> {
     due: &'a mut [f32],
 }
 
-impl<'a> Piece<'a> {
+impl<'a> ListSlice<'a> {
     /// Takes at most so many portions off the front.
-    fn take(&mut self, portions: usize) -> Piece<'a> {
+    fn take(&mut self, portions: usize) -> ListSlice<'a> {
         let portions = portions.min(self.portions.len());
         let pairs = (portions * PORTION).min(self.pairs.len());
-        Piece {
+        ListSlice {
             portions: self.portions.split_off_mut(..portions).unwrap_or_default(),
             pairs: self.pairs.split_off(..pairs).unwrap_or_default(),
             corners: self.corners.split_off(..pairs).unwrap_or_default(),
@@ -287,7 +289,7 @@ impl<'a> Piece<'a> {
     }
 
     /// The portions one by one.
-    fn portions(mut self) -> impl Iterator<Item = Piece<'a>> {
+    fn portions(mut self) -> impl Iterator<Item = ListSlice<'a>> {
         std::iter::from_fn(move || (!self.portions.is_empty()).then(|| self.take(1)))
     }
 }

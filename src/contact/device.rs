@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec3A, Vec4};
 
-use super::Past;
+use super::ContactPast;
 use super::bodies::{Bodies, led_pins, motions, motions_of};
 use super::frame::Frame;
 use super::let_go::LetGo;
@@ -244,7 +244,7 @@ impl OnDevice {
     }
 
     /// Converts the state to the form that both backends save.
-    pub(crate) fn past(&self, lists: &DeviceLists) -> Past {
+    pub(crate) fn past(&self, lists: &DeviceLists) -> ContactPast {
         let rows = |kind: Kind| {
             let rows = self.rows_of(kind, lists.starts.len());
             let starts = lists.starts.get(rows).unwrap_or_default();
@@ -260,7 +260,7 @@ impl OnDevice {
         };
         let DeviceLists { from, by, ahead, since, h, .. } = lists;
         let stray = from.iter().map(|from| from.w).collect();
-        Past {
+        ContactPast {
             bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
             paths: Paths { from: from.clone(), by: by.clone(), stray, ahead: *ahead, since: *since, renewed: 0 },
@@ -280,8 +280,8 @@ impl OnDevice {
 
     /// Converts a saved state to the GPU's layout. Returns `None`, and changes nothing, if the state cannot belong to
     /// this cloth.
-    pub(crate) fn resume(&mut self, past: &Past) -> Option<DeviceLists> {
-        let Past { bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
+    pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<DeviceLists> {
+        let ContactPast { bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
         let Paths { from, by, stray, ahead, since, renewed: _ } = paths;
         let surface = &self.surface;
         let crosses =

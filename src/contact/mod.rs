@@ -78,8 +78,8 @@ use detection::Detection;
 pub(crate) use detection::most_listed;
 use frame::Frame;
 use let_go::LetGo;
+pub(crate) use past::ContactPast;
 use past::Kept;
-pub(crate) use past::Past;
 use paths::Paths;
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) use pinches::BISECTIONS;

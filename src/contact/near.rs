@@ -163,7 +163,7 @@ impl Loop for Find<'_> {
 }
 
 /// Looks at the pairs that have acted since they were listed. Those that do not act now lose their multipliers.
-pub(super) struct Look<'a> {
+pub(super) struct FindAgain<'a> {
     pub kind: Kind,
     pub groups: &'a mut [Group],
     /// The weights of their corners, none if a pair does not act.
@@ -173,10 +173,10 @@ pub(super) struct Look<'a> {
     pub most_push: f32,
 }
 
-impl Loop for Look<'_> {
+impl Loop for FindAgain<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Look { kind, groups, weights, x, u, most_push } = self;
+        let FindAgain { kind, groups, weights, x, u, most_push } = self;
         let (zero, most_push) = (L::splat(0.0), L::splat(2.0 * most_push));
         for (group, to) in groups.iter_mut().zip(weights) {
             group.block.near = 0;

@@ -16,7 +16,7 @@ use crate::record::recorded;
 
 /// The saved state: everything that the next substep depends on.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Past {
+pub(crate) struct ContactPast {
     /// The positions of the bodies at the end of the last step.
     pub bodies: Vec<Arc<Mesh>>,
     pub(super) lists: [ListedRows; 2],
@@ -36,10 +36,10 @@ pub(super) struct ListedRows {
     pub lambda: Vec<Vec4>,
 }
 
-recorded!(Past { bodies, lists, paths, crossings, may_cross, h });
+recorded!(ContactPast { bodies, lists, paths, crossings, may_cross, h });
 recorded!(ListedRows { starts, later, others, thickness, lambda });
 
-impl Past {
+impl ContactPast {
     /// Applies a rigid motion of the whole cloth.
     pub(crate) fn warp(&mut self, rigid: &Rigid) {
         self.paths.warp(rigid);
@@ -89,7 +89,7 @@ impl SelfContact {
         (self.detection.is_fitted, self.may_cross, self.h) = (false, *may_cross, *h);
     }
 
-    pub(crate) fn past(&self) -> Past {
+    pub(crate) fn past(&self) -> ContactPast {
         let SelfContact {
             bodies,
             lists,
@@ -119,7 +119,7 @@ impl SelfContact {
             thickness: rows.pairs.iter().map(|pair| pair.thickness).collect(),
             lambda: rows.lambda.clone(),
         };
-        Past {
+        ContactPast {
             bodies: bodies.last.clone(),
             lists: [rows(&lists[0]), rows(&lists[1])],
             paths: paths.clone(),
@@ -130,7 +130,7 @@ impl SelfContact {
     }
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
-    pub(crate) fn resume(&mut self, past: &Past) -> bool {
+    pub(crate) fn resume(&mut self, past: &ContactPast) -> bool {
         let kinds = [Kind::VertexTriangle, Kind::EdgeEdge];
         let (vertices, surface) = (self.surface.piece.len(), &self.surface);
         let counts = [[vertices, surface.triangles.len()], [surface.edges.len(); 2]];

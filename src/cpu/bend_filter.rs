@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use crate::cpu::force_batches::{RingBatches, Rings};
+use crate::cpu::force_batches::{RingBatches, RingLanes};
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::bending::{BendPass, next_moment};
 use crate::simd::aligned::AlignedVec;
@@ -54,8 +54,8 @@ impl FilterArrays {
 
 impl Filter<'_> {
     /// Pass number `pass` over the moments `moments` as one task sees it; none if the scene has fewer passes.
-    pub(crate) fn pass<'t>(&'t self, task: &'t Task, moments: View<'t>, pass: usize) -> Option<Pass<'t>> {
-        Some(Pass {
+    pub(crate) fn pass<'t>(&'t self, task: &'t Task, moments: View<'t>, pass: usize) -> Option<FilterPass<'t>> {
+        Some(FilterPass {
             moments,
             curvatures: self.curvatures.within(task),
             changes: self.changes.within(task),
@@ -68,7 +68,7 @@ impl Filter<'_> {
 
 /// One pass of the filter, as a task sees it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pass<'t> {
+pub(crate) struct FilterPass<'t> {
     moments: View<'t>,
     curvatures: View<'t>,
     changes: View<'t>,
@@ -77,7 +77,7 @@ pub(crate) struct Pass<'t> {
     numbers: &'t BendPass,
 }
 
-impl Pass<'_> {
+impl FilterPass<'_> {
     /// Runs the first pass over a group of rows with curvature normal `y`. `resisted` is the damping part of the
     /// moments.
     #[inline(always)]
@@ -96,16 +96,16 @@ impl Pass<'_> {
 pub(crate) struct TrialDisplacements<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,
-    pub pass: Pass<'t>,
+    pub pass: FilterPass<'t>,
 }
 
 impl Loop for TrialDisplacements<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let TrialDisplacements { rings, pass: Pass { moments, trials, numbers, .. }, .. } = self;
+        let TrialDisplacements { rings, pass: FilterPass { moments, trials, numbers, .. }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
-            let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
+            let RingLanes { diagonal, inverse_mass, .. } = rings.group::<L>(group);
             let mut force = moments.vectors(first) * diagonal;
             for near in rings.neighbors(group) {
                 force = rings.gather(moments, near).mul_add(rings.backward(near), force);
@@ -119,13 +119,13 @@ impl Loop for TrialDisplacements<'_> {
 pub(crate) struct FilterMoments<'t> {
     pub rings: &'t RingBatches,
     pub groups: Range<usize>,
-    pub pass: Pass<'t>,
+    pub pass: FilterPass<'t>,
 }
 
 impl Loop for FilterMoments<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let FilterMoments { rings, pass: Pass { moments, curvatures, changes, trials, resisted, numbers }, .. } = self;
+        let FilterMoments { rings, pass: FilterPass { moments, curvatures, changes, trials, resisted, numbers }, .. } = self;
         for group in self.groups {
             let first = group * L::LANES;
             let own = trials.vectors::<L>(first);

@@ -33,7 +33,7 @@ struct RowRange {
 
 /// Consecutive rows with the same layout, as the sweep processes them.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Batch<'a> {
+pub(crate) struct EdgeBatch<'a> {
     pub ends: Ends,
     /// For each row, one value per lane: the inverse rest length (1/m), then for each end the edge's `inverse_weight`
     /// times that end's inverse mass, which is its share of the correction.
@@ -59,7 +59,7 @@ pub(crate) struct EndLists {
 #[derive(Debug, Default)]
 pub(crate) struct EdgeBatches {
     lanes: usize,
-    /// The values that [`Batch::factors`] are slices of.
+    /// The values that [`EdgeBatch::factors`] are slices of.
     factors: AlignedVec,
     /// For each lane of each row, the index of its edge. [`NO_SHARE`] is added where the lane has no share.
     places: Vec<u32>,
@@ -157,9 +157,9 @@ impl EdgeBatches {
     }
 
     /// The batches of one piece, in order.
-    pub(crate) fn of(&self, piece: usize) -> impl Iterator<Item = Batch<'_>> {
+    pub(crate) fn of(&self, piece: usize) -> impl Iterator<Item = EdgeBatch<'_>> {
         let row = 3 * self.lanes;
-        self.batches[self.of[piece].clone()].iter().map(move |batch| Batch {
+        self.batches[self.of[piece].clone()].iter().map(move |batch| EdgeBatch {
             ends: batch.ends,
             factors: &bytemuck::cast_slice(&self.factors)[row * batch.rows.start..row * batch.rows.end],
             at: &self.at,

@@ -38,7 +38,7 @@ enum Neighbors {
 
 /// The row values of a group of vertices.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Rings<L> {
+pub(crate) struct RingLanes<L> {
     pub stiffness: L,
     /// Stiffness times the retardation time.
     pub damping: L,
@@ -88,9 +88,9 @@ impl RingBatches {
     }
 
     #[inline(always)]
-    pub(crate) fn group<L: Registers>(&self, group: usize) -> Rings<L> {
+    pub(crate) fn group<L: Registers>(&self, group: usize) -> RingLanes<L> {
         let number = |kind: usize| numbers(&self.rows, 4 * group + kind);
-        Rings { stiffness: number(0), damping: number(1), diagonal: number(2), inverse_mass: number(3) }
+        RingLanes { stiffness: number(0), damping: number(1), diagonal: number(2), inverse_mass: number(3) }
     }
 
     /// The items of `neighbors` that belong to a group. Each holds one neighbor per lane.

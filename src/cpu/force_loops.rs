@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::cpu::bend_filter::Pass;
-use crate::cpu::force_batches::{PanelBatches, RingBatches, Rings};
+use crate::cpu::bend_filter::FilterPass;
+use crate::cpu::force_batches::{PanelBatches, RingBatches, RingLanes};
 use crate::cpu::tasks::shared::View;
 use crate::kernels::bending::{Ring, bend_moment, couple_of};
 use crate::kernels::params::{Params, Substep};
@@ -17,7 +17,7 @@ pub(super) struct BendMoments<'t> {
     pub x: View<'t>,
     pub moments: View<'t>,
     /// The first pass of the filter, if the filter is used.
-    pub filter: Option<Pass<'t>>,
+    pub filter: Option<FilterPass<'t>>,
 }
 
 impl Loop for BendMoments<'_> {
@@ -48,7 +48,7 @@ pub(super) struct DampedMoments<'t> {
     pub moments: View<'t>,
     pub couples: View<'t>,
     /// The first pass of the filter, if the filter is used.
-    pub filter: Option<Pass<'t>>,
+    pub filter: Option<FilterPass<'t>>,
     /// Converts displacements to velocities (1/s).
     pub rate: f32,
 }
@@ -60,7 +60,7 @@ impl Loop for DampedMoments<'_> {
         let (rate, zero) = (L::splat(self.rate), L::splat(0.0));
         for group in self.groups {
             let first = group * L::LANES;
-            let Rings { stiffness, damping, .. } = rings.group::<L>(group);
+            let RingLanes { stiffness, damping, .. } = rings.group::<L>(group);
             let (center, own) = (x.vectors::<L>(first), u.vectors::<L>(first));
             let mut ring = Ring::empty();
             for near in rings.neighbors(group) {
@@ -98,7 +98,7 @@ impl Loop for BendForces<'_> {
         let fall = Vector::splat(self.params.acceleration) * L::splat(substep.gain);
         for group in self.groups {
             let first = group * L::LANES;
-            let Rings { diagonal, inverse_mass, .. } = rings.group::<L>(group);
+            let RingLanes { diagonal, inverse_mass, .. } = rings.group::<L>(group);
             let mut force = moments.vectors(first) * (zero - diagonal);
             if let Some(couples) = couples {
                 let (center, own) = (x.vectors::<L>(first), couples.vectors::<L>(first));

@@ -1,9 +1,9 @@
 //! The Gauss-Seidel sweep over the edges: as many edges at once as there are SIMD lanes.
 
-use crate::cpu::edge_batches::{Batch, EdgeBatches, Ends};
+use crate::cpu::edge_batches::{EdgeBatch, EdgeBatches, Ends};
 use crate::cpu::tasks::shared::View;
 use crate::cpu::tasks::shared::vectors::Four;
-use crate::kernels::distance::{self, Correction};
+use crate::kernels::distance::{self, EdgeCorrection};
 use crate::simd::{self, Loop, Registers, Vector, Width};
 
 /// Which kernel corrects the edges.
@@ -33,7 +33,7 @@ pub(crate) fn sweep(batches: &EdgeBatches, piece: usize, rule: Rule, x: View<'_>
 #[derive(Debug, Clone, Copy)]
 struct SweepRows<'t> {
     rule: Rule,
-    batch: Batch<'t>,
+    batch: EdgeBatch<'t>,
     x: View<'t>,
     u: View<'t>,
 }
@@ -53,7 +53,7 @@ impl Loop for SweepRows<'_> {
 impl SweepRows<'_> {
     #[inline(always)]
     fn rows<L: Registers, const RULE: u8>(self) {
-        let SweepRows { batch: Batch { ends, factors, at, mut first }, x, u, .. } = self;
+        let SweepRows { batch: EdgeBatch { ends, factors, at, mut first }, x, u, .. } = self;
         // These are plain loops because a closure passed to an iterator is compiled without the instruction set that is
         // enabled for this function.
         match ends {
@@ -98,7 +98,7 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: i
         ends[k] = u.get(k);
         (d0[k], du[k]) = (x_a - x_b, ends[k][0] - ends[k][1]);
     }
-    let Correction { scale, at_start } = rule::<L, RULE>(L::transpose(d0), L::transpose(du), inverse_rest);
+    let EdgeCorrection { scale, at_start } = rule::<L, RULE>(L::transpose(d0), L::transpose(du), inverse_rest);
     if RULE == RELAX || !L::all(at_start) {
         let at_start = L::spread_mask(at_start);
         for k in 0..4 {
@@ -117,7 +117,7 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: i
 }
 
 #[inline(always)]
-fn rule<L: Registers, const RULE: u8>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
+fn rule<L: Registers, const RULE: u8>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
         PROJECT_COARSE => distance::project_coarse(d0, du, inverse_rest),

@@ -61,7 +61,7 @@ impl Bending {
     }
 
     /// Prepares for a plan; with tiles if `tiled` and the cloth is small enough for them to be faster.
-    pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, tiled: bool) {
+    pub(super) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, tiled: bool) {
         let wanted = Some((plan.coefficients.length, bound.level.is_some()));
         if std::mem::replace(&mut self.prepared, wanted) == wanted {
             return;
@@ -123,7 +123,7 @@ impl Bending {
 /// Resources of the kernels: the states, the displacements, the uniforms and the pins, and the level that they average with
 /// the buffer of its averages, if that is wanted.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bound<'a> {
+pub(super) struct BendingInputs<'a> {
     pub states: &'a [StateBuffers],
     pub u: &'a wgpu::Buffer,
     pub uniforms: &'a BindGroup,
@@ -142,7 +142,7 @@ struct Lists {
 
 impl Lists {
     /// Creates kernels for `count` passes.
-    fn kernels(&self, gpu: &Gpu, plan: &Plan<'_>, bound: Bound<'_>, count: usize, tiled: bool) -> Kernels {
+    fn kernels(&self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Kernels {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
         let room = gpu.workgroup_memory() / (in_vertex + HELD);
@@ -162,7 +162,7 @@ impl Lists {
 
     /// The room of a tile is rounded up, so that tiles of similar size share a kernel and changes of the substep rarely
     /// compile one. It is not all of the memory, because a multiprocessor could then hold only one tile at a time.
-    fn in_tiles(&self, gpu: &Gpu, bound: Bound<'_>, tiles: &BendTiles, most: usize, filtered: bool) -> Kernels {
+    fn in_tiles(&self, gpu: &Gpu, bound: BendingInputs<'_>, tiles: &BendTiles, most: usize, filtered: bool) -> Kernels {
         let room = tiles.largest.next_multiple_of(ROOMS).min(most);
         let table = gpu.filled("bend tiles", &tiles.table);
         let longest = tiles.longest.next_multiple_of(ROOMS).min(most);
@@ -190,7 +190,7 @@ impl Lists {
         Kernels::Tiles(Stage::new(gpu, bound.uniforms, entry, &groups), tiles.count, bound.level.is_some())
     }
 
-    fn apart(&self, gpu: &Gpu, Bound { states, u, uniforms, pins, .. }: Bound<'_>, count: usize) -> Kernels {
+    fn apart(&self, gpu: &Gpu, BendingInputs { states, u, uniforms, pins, .. }: BendingInputs<'_>, count: usize) -> Kernels {
         let moments = gpu.buffer("moments", if count > 1 { 6 } else { 2 } * u.size());
         let lists = [&self.bound()[..], &[Bind::Write(&moments)]].concat();
         let bend_pass = [Bind::Dynamic(&self.passes, size_of::<BendPass>())];

@@ -24,7 +24,7 @@ use crate::gpu::statistics::Counter;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
-use crate::gpu::sweep::{Bound, OnDemand, PerColor, SingleWorkgroup, Tiled};
+use crate::gpu::sweep::{OnDemand, PerColor, SingleWorkgroup, SweepInputs, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::gpu::watch::{Defects, Report};
 use crate::kernels::contact::Body;
@@ -115,7 +115,7 @@ impl GpuEngine {
             let commit = Commit::new(&gpu, &forces);
             let sweep = match tiles.flatten() {
                 Some(tiles) => {
-                    let bound = Bound { forces: &forces, bodies: &bodies, found: &commit.found, multigrid: None };
+                    let bound = SweepInputs { forces: &forces, bodies: &bodies, found: &commit.found, multigrid: None };
                     EdgeSweep::Tiled(Tiled::new(&gpu, cloth, tiles, bound))
                 }
                 None => EdgeSweep::PerColor(PerColor::new(&gpu, cloth, &forces, &bodies)),
@@ -277,7 +277,7 @@ impl GpuEngine {
             match sweep {
                 EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
                 EdgeSweep::Tiled(tiled) => {
-                    let bound = Bound { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
+                    let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
                     let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
                     std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
                 }

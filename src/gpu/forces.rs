@@ -5,7 +5,7 @@ use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
-use crate::gpu::bending::{Bending, Bound};
+use crate::gpu::bending::{Bending, BendingInputs};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
@@ -103,7 +103,7 @@ impl Forces {
             // Wind and pins that follow targets move vertices after bending.
             let last = !plan.wind && plan.pins.is_empty();
             let level = plan.levels.first().zip(averages).filter(|_| last && plan.params.levels > 0);
-            let bound = Bound { states, u, uniforms, pins, level };
+            let bound = BendingInputs { states, u, uniforms, pins, level };
             self.bending.get_or_insert_with(|| Bending::new(gpu, plan)).prepare(gpu, plan, bound, *bend_in_tiles);
         }
         if plan.wind {

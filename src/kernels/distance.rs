@@ -31,7 +31,7 @@ pub(crate) const LEAST_LENGTH: f32 = 1e-12;
 /// The correction of an edge. Its impulse is `-scale * inverse_weight * direction`: add `w_a` times that to `u_a` and
 /// subtract `w_b` times it from `u_b`.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Correction<L: Lanes> {
+pub(crate) struct EdgeCorrection<L: Lanes> {
     /// The excess length relative to the length of the direction vector.
     pub scale: L,
     /// Where set, the direction is `d0`, the edge vector at the substep's start; elsewhere it is `d0 + du`, the current
@@ -51,13 +51,13 @@ pub(crate) struct Correction<L: Lanes> {
 /// case needs no square root, and the rest length cancels. Without the second polynomial the edge would be stiffer by a
 /// share equal to its strain, at any number of substeps.
 #[inline(always)]
-pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
+pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     project::<L, false>(d0, du, inverse_rest)
 }
 
 /// The correction of a coarse edge that only pulls: the centers of aggregates may come arbitrarily close.
 #[inline(always)]
-pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
+pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     project::<L, true>(d0, du, inverse_rest)
 }
 
@@ -69,7 +69,7 @@ pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_res
 /// [`SLACK_BAND`] and derives from a potential. It acts as a small bending resistance, so it is used only for cloth
 /// without bending stiffness of its own.
 #[inline(always)]
-pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
+pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let mut correction = project::<L, false>(d0, du, inverse_rest);
     let d = d0 + du;
@@ -82,16 +82,16 @@ pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 /// The correction of an edge along its current direction. For an edge without compliance this is Jakobsen's relaxation
 /// (2001).
 #[inline(always)]
-pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
+pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     let nowhere = L::splat(0.0).lt(L::splat(0.0));
     let (d, one) = (d0 + du, L::splat(1.0));
     let length = d.dot(d).sqrt().max(L::splat(LEAST_LENGTH));
-    Correction { scale: one - one / (inverse_rest * length), at_start: nowhere }
+    EdgeCorrection { scale: one - one / (inverse_rest * length), at_start: nowhere }
 }
 
 /// [`project_edge`], or with `PULL` [`project_coarse`].
 #[inline(always)]
-fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Correction<L> {
+fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     let zero = L::splat(0.0);
     let d = d0 + du;
     let less_one = L::splat(-1.0);
@@ -115,7 +115,7 @@ fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_res
     if PULL {
         scale = L::select(slack, zero, scale);
     }
-    Correction { scale, at_start }
+    EdgeCorrection { scale, at_start }
 }
 
 /// `(l - l0)/l0` of an edge with `r = (l/l0)² - 1`, within 1.3e-4 of it where `|r|` is less than [`STRETCH_GUARD`]: the

@@ -45,7 +45,7 @@ impl On<'_> {
 /// The tasks of a kind of step and their dependencies. Built once, run many times.
 #[derive(Debug, Default)]
 pub(crate) struct Graph {
-    passes: Vec<Pass>,
+    passes: Vec<PassRange>,
     /// Number of passes that run in the first turn only, before all others.
     once: usize,
     /// For each task, the places that it waits at, and how many earlier tasks must be done there in the first turn.
@@ -86,7 +86,7 @@ pub(crate) struct PassTasks {
 }
 
 #[derive(Debug, Clone)]
-struct Pass {
+struct PassRange {
     tasks: Range<usize>,
     follows: bool,
 }
@@ -143,7 +143,7 @@ impl Graph {
             for (task, places) in (first as u32..).zip(&touches) {
                 places.iter().for_each(|&place| tasks_at[place as usize].push(task));
             }
-            graph.passes.push(Pass { tasks: first..first + touches.len(), follows });
+            graph.passes.push(PassRange { tasks: first..first + touches.len(), follows });
         }
         let first_turn = graph.passes.get(once).map_or(graph.count_starts.len() - 1, |pass| pass.tasks.start) as u32;
         graph.each_turn = tasks_at.iter().map(|tasks| tasks.iter().filter(|&&task| task >= first_turn).count()).collect();

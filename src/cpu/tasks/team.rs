@@ -62,7 +62,7 @@ impl Team {
         }
         // While this thread waits for a loop, it may take one of its own jobs.
         let _busy = Busy::begin();
-        let _over = Over(&self.is_over);
+        let _over = EndGuard(&self.is_over);
         work(self)
     }
 
@@ -125,9 +125,9 @@ impl Drop for Busy {
 }
 
 /// Ends the others' search, after a panic too.
-struct Over<'a>(&'a AtomicBool);
+struct EndGuard<'a>(&'a AtomicBool);
 
-impl Drop for Over<'_> {
+impl Drop for EndGuard<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }

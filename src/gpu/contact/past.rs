@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use super::GpuContact;
 use super::status::{Listed, NEVER, Status, TRACK, Track};
-use crate::contact::Past;
+use crate::contact::ContactPast;
 use crate::contact::device::{DeviceLists, DevicePair};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 
 impl GpuContact {
     /// Reads the state. Waits for the GPU.
-    pub(crate) fn past(&self, gpu: &Gpu) -> Result<Past, GpuFault> {
+    pub(crate) fn past(&self, gpu: &Gpu) -> Result<ContactPast, GpuFault> {
         let Status { half, since, ahead, h, listed, .. } = self.status;
         if since < 0.0 && listed == 0 {
             return Ok(self.kept.past(&DeviceLists { h, ..DeviceLists::default() }));
@@ -50,7 +50,7 @@ impl GpuContact {
     }
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
-    pub(crate) fn resume(&mut self, gpu: &Gpu, past: &Past) -> bool {
+    pub(crate) fn resume(&mut self, gpu: &Gpu, past: &ContactPast) -> bool {
         let Some(lists) = self.kept.resume(past) else { return false };
         let DeviceLists { starts, pairs, from, by, ahead, since, h } = lists;
         if pairs.len() > self.room {

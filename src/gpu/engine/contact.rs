@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::GpuEngine;
-use crate::contact::Past;
+use crate::contact::ContactPast;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
@@ -62,7 +62,7 @@ impl GpuEngine {
         &mut self,
         cloth: &Cloth,
         options: Option<Contact>,
-        past: Option<&Past>,
+        past: Option<&ContactPast>,
     ) -> Result<bool, GpuFault> {
         let meshes = past.into_iter().flat_map(|past| &past.bodies).collect::<Vec<_>>();
         let replaced = self.prepare_contact(cloth, options, meshes.into_iter())?;

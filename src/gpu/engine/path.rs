@@ -2,7 +2,7 @@
 
 use super::{EdgeSweep, GpuEngine};
 use crate::device::Gpu;
-use crate::gpu::sweep::{Bound, SingleWorkgroup, Tiled};
+use crate::gpu::sweep::{SingleWorkgroup, SweepInputs, Tiled};
 use crate::gpu::tiles::{IN_TILE, TileSize};
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
@@ -66,7 +66,7 @@ impl GpuEngine {
     pub(super) fn make_bent(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, sweep, bent, commit, .. } = self;
         if let EdgeSweep::Tiled(tiled) = sweep {
-            let bound = Bound { forces, bodies, found: &commit.found, multigrid: None };
+            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: None };
             bent.make(|| tiled.bent(gpu, plan.cloth, bound));
         }
     }
@@ -76,7 +76,7 @@ impl GpuEngine {
     pub(super) fn make_corrected(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, sweep, corrected, multigrid, room, commit, .. } = self;
         if let (EdgeSweep::Tiled(tiled), [level, ..], 1) = (sweep, plan.levels, plan.params.levels) {
-            let bound = Bound { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
+            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
             let fits = level.inverse_mass.len() <= *room;
             corrected.make(|| fits.then(|| tiled.corrected(gpu, plan.cloth, level, bound)).flatten());
         }

@@ -12,4 +12,4 @@ pub(crate) use per_color::PerColor;
 #[cfg(test)]
 pub(crate) use rings::with_rings;
 pub(crate) use single_workgroup::SingleWorkgroup;
-pub(crate) use tiled::{Bound, OnDemand, Tiled};
+pub(crate) use tiled::{OnDemand, SweepInputs, Tiled};

@@ -59,7 +59,7 @@ impl OnDemand {
 
 /// The buffers that tiles work on besides their table.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Bound<'a> {
+pub(crate) struct SweepInputs<'a> {
     pub forces: &'a Forces,
     pub bodies: &'a Sent,
     pub found: &'a wgpu::Buffer,
@@ -92,14 +92,14 @@ impl Places {
 }
 
 impl Tiled {
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, bound: Bound<'_>) -> Tiled {
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, tiles: Tiles, bound: SweepInputs<'_>) -> Tiled {
         let invocations = lanes(gpu, tiles.widest);
         Tiled::with(gpu, cloth, tiles, invocations, None, None, bound)
     }
 
     /// The same tiles with bending, for substeps that have that in a single pass and no levels. `None` if there is no
     /// room for the rings around the tiles.
-    pub(crate) fn bent(&self, gpu: &Gpu, cloth: &Cloth, bound: Bound<'_>) -> Option<Tiled> {
+    pub(crate) fn bent(&self, gpu: &Gpu, cloth: &Cloth, bound: SweepInputs<'_>) -> Option<Tiled> {
         let (tiles, rings) = with_rings(gpu, &self.tiles, &cloth.bending().entries)?;
         let invocations = lanes(gpu, tiles.largest);
         Some(Tiled::with(gpu, cloth, tiles, invocations, Some(&rings), None, bound))
@@ -107,7 +107,7 @@ impl Tiled {
 
     /// The same tiles with the correction by the finest level, for substeps that have no other. `None` if there is no room for
     /// the aggregates around the tiles.
-    pub(crate) fn corrected(&self, gpu: &Gpu, cloth: &Cloth, level: &Level, bound: Bound<'_>) -> Option<Tiled> {
+    pub(crate) fn corrected(&self, gpu: &Gpu, cloth: &Cloth, level: &Level, bound: SweepInputs<'_>) -> Option<Tiled> {
         let (tiles, of_level) = with_level(gpu, &self.tiles, level)?;
         let invocations = lanes(gpu, self.tiles.largest);
         Some(Tiled::with(gpu, cloth, tiles, invocations, None, Some(of_level), bound))
@@ -121,7 +121,7 @@ impl Tiled {
         invocations: usize,
         rings: Option<&Rings>,
         level: Option<Tiles>,
-        bound: Bound<'_>,
+        bound: SweepInputs<'_>,
     ) -> Tiled {
         let at = Places::new(cloth, &tiles, rings, level.as_ref());
         let table = gpu.buffer("tiles", at.end as u64);
@@ -163,8 +163,8 @@ impl Tiled {
         self.at.rows < self.at.rings
     }
 
-    fn groups<'a>(table: &'a wgpu::Buffer, corrects: bool, bound: Bound<'a>) -> Vec<Vec<Bind<'a>>> {
-        let Bound { forces, bodies, found, multigrid } = bound;
+    fn groups<'a>(table: &'a wgpu::Buffer, corrects: bool, bound: SweepInputs<'a>) -> Vec<Vec<Bind<'a>>> {
+        let SweepInputs { forces, bodies, found, multigrid } = bound;
         // Without levels another buffer is bound, which is not read.
         let of_levels = multigrid.map_or(&forces.u, |levels| if corrects { &levels.averages } else { &levels.shift });
         let bound = |from: &'a StateBuffers, to: &'a StateBuffers, motion: &'a wgpu::Buffer| {
@@ -184,7 +184,7 @@ impl Tiled {
         bound_by_all
     }
 
-    pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: Bound<'_>) {
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, bound: SweepInputs<'_>) {
         self.stage.rebind(gpu, &Tiled::groups(&self.table, self.level.is_some(), bound));
     }
 
