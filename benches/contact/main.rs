@@ -3,12 +3,19 @@
 //! ```text
 //! cargo bench --bench contact            # one thread; -- 2 for two; -- heap for the scenes of that name
 //! cargo bench --bench contact -- gpu     # on the GPU; -- gpu twist for the scenes of that name
+//! cargo bench --bench contact -- default # with the default quality instead of the scene's own number of substeps
 //! ```
+//!
+//! Each scene is played once more, untimed, for its errors: the largest stretch of 99 % of the area and of any edge in any
+//! timed frame, and the crossings that are counted in double precision in every fifth.
 //!
 //! Each scene is played with contact and without, a frame of each in turn, so that other load on the machine slows
 //! both. One thread is timed by its CPU time where the system provides it (Linux). The motion without contact soon
 //! differs from that with it, but the cost of a step hardly depends on the motion, so the two are compared.
 
+#[allow(dead_code, unreachable_pub, reason = "the tests count with all of this")]
+#[path = "../../tests/common/crossings.rs"]
+mod crossings;
 mod scenes;
 
 use std::time::Instant;
@@ -16,6 +23,7 @@ use std::time::Instant;
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Contact, Deformer, Fabric, Options, Quality};
 
+use crossings::with_itself_and;
 use scenes::{Scene, large, scenes};
 
 const FRAME: f32 = 1.0 / 60.0;
@@ -28,11 +36,19 @@ fn seconds(start: Instant) -> f64 {
     alone.then(told).flatten().map_or_else(|| start.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
 }
 
+/// How the scenes are played.
+#[derive(Clone, Copy)]
+struct Play {
+    backend: Backend,
+    /// With the default quality instead of the scene's own number of substeps.
+    by_default: bool,
+}
+
 /// The cloth of a scene in its initial state.
-fn cloth(scene: &Scene, backend: Backend, contact: Option<Contact>) -> Deformer {
+fn cloth(scene: &Scene, Play { backend, by_default }: Play, contact: Option<Contact>) -> Deformer {
     let options = Options {
         backend,
-        quality: Quality::Substeps(scene.substeps),
+        quality: if by_default { Quality::default() } else { Quality::Substeps(scene.substeps) },
         fabric: Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 },
         pinned: scene.pinned.clone(),
         contact,
@@ -70,8 +86,41 @@ impl Cost {
     }
 }
 
-fn timed(scene: &Scene) -> Cost {
-    let mut cloths = [Some(Contact::default()), None].map(|contact| cloth(scene, Backend::Cpu, contact));
+/// How accurate the timed frames with contact are.
+#[derive(Default)]
+struct Errors {
+    /// Mean number of substeps of a frame.
+    substeps: f64,
+    /// The largest stretch of 99 % of the area, and of any edge.
+    stretch: f32,
+    worst: f32,
+    /// The most crossings of the cloth with itself and with bodies.
+    crossings: usize,
+}
+
+/// The errors of a scene, which does the same when it is played again.
+fn errors(scene: &Scene, play: Play) -> Errors {
+    let (mut cloth, mut errors) = (cloth(scene, play, Some(Contact::default())), Errors::default());
+    for frame in 0..scene.frames[0] + scene.frames[1] {
+        let attributes = attributes(scene, frame, true);
+        let report = cloth.step(FRAME, &attributes).expect("the step succeeds");
+        if frame >= scene.frames[0] {
+            errors.substeps += f64::from(report.substeps) / f64::from(scene.frames[1]);
+            let measure = cloth.measure().expect("the device is there");
+            errors.stretch = errors.stretch.max(measure.stretch_share);
+            errors.worst = errors.worst.max(measure.max_strain);
+            if (frame - scene.frames[0]) % 5 == 4 {
+                let positions = cloth.positions().expect("the device is there");
+                let found = with_itself_and(&attributes.colliders, &scene.mesh, positions);
+                errors.crossings = errors.crossings.max(found.iter().sum());
+            }
+        }
+    }
+    errors
+}
+
+fn timed(scene: &Scene, play: Play) -> Cost {
+    let mut cloths = [Some(Contact::default()), None].map(|contact| cloth(scene, play, contact));
     let (mut cost, start) = (Cost::default(), Instant::now());
     for frame in 0..scene.frames[0] + scene.frames[1] {
         for (index, cloth) in cloths.iter_mut().enumerate() {
@@ -92,9 +141,9 @@ fn timed(scene: &Scene) -> Cost {
 
 /// Works the GPU for half a second, because an idle one has a low clock: without this, what was played first took four times
 /// as long for the first 0.3 s.
-fn warm_up(scene: &Scene) {
+fn warm_up(scene: &Scene, play: Play) {
     let still = Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
-    let (mut cloth, start) = (cloth(scene, Backend::Gpu, None), Instant::now());
+    let (mut cloth, start) = (cloth(scene, play, None), Instant::now());
     while start.elapsed().as_secs_f64() < 0.5 {
         cloth.step(FRAME, &still).expect("the step succeeds");
         cloth.positions().expect("the GPU is there");
@@ -102,17 +151,17 @@ fn warm_up(scene: &Scene) {
 }
 
 /// The same on the GPU, with contact first and then without, so that steps can be prepared while the GPU works.
-fn timed_on_gpu(scene: &Scene) -> Cost {
+fn timed_on_gpu(scene: &Scene, play: Play) -> Cost {
     let mut cost = Cost::default();
     cost.times = [Some(Contact::default()), None].map(|contact| {
-        let mut cloth = cloth(scene, Backend::Gpu, contact);
+        let mut cloth = cloth(scene, play, contact);
         let frames = 0..scene.frames[0] + scene.frames[1];
         let attributes: Vec<Attributes> = frames.clone().map(|frame| attributes(scene, frame, contact.is_some())).collect();
         let mut start = Instant::now();
         for (frame, attributes) in frames.zip(&attributes) {
             if frame == scene.frames[0] {
                 cloth.positions().expect("the GPU is there");
-                warm_up(scene);
+                warm_up(scene, play);
                 start = Instant::now();
             }
             let begin = Instant::now();
@@ -123,32 +172,31 @@ fn timed_on_gpu(scene: &Scene) -> Cost {
             }
         }
         cloth.positions().expect("the GPU is there");
-        let time = 1e3 * start.elapsed().as_secs_f64() / f64::from(scene.frames[1]);
-        let crossings = cloth.crossings().expect("the GPU is there").len();
-        if contact.is_some() && crossings > 0 {
-            println!("{}: {crossings} crossings", scene.name);
-        }
-        time
+        1e3 * start.elapsed().as_secs_f64() / f64::from(scene.frames[1])
     });
     cost
 }
 
 fn main() {
-    let words = || std::env::args().skip(1);
-    let on_gpu = words().any(|word| word == "gpu");
-    let threads = words().find_map(|word| word.parse().ok()).unwrap_or(1);
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let is_said = |word: &str| words.iter().any(|said| said == word);
+    let (on_gpu, by_default) = (is_said("gpu"), is_said("default"));
+    let play = Play { backend: if on_gpu { Backend::Gpu } else { Backend::Cpu }, by_default };
+    let threads = words.iter().find_map(|word| word.parse().ok()).unwrap_or(1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let processor = if on_gpu { "GPU".to_owned() } else { format!("{threads} thread(s)") };
     println!(
-        "| {processor}, ms a frame | without | with | ratio | longest | pairs that press, near, listed | detections a frame |"
+        "| {processor}, ms a frame | without | with | ratio | longest | substeps | stretch of 99 %, of the worst edge | crossings \
+         | pairs that press, near, listed | detections a frame |"
     );
-    println!("|---|---|---|---|---|---|---|");
-    let named = words().find(|word| word.starts_with(char::is_alphabetic) && word != "gpu").unwrap_or_default();
-    for scene in if on_gpu { large() } else { scenes() }.iter().filter(|scene| scene.name.contains(&named)) {
-        let timed = || if on_gpu { timed_on_gpu(scene) } else { timed(scene) };
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    let is_name = |word: &&String| word.starts_with(char::is_alphabetic) && !["gpu", "default"].contains(&word.as_str());
+    let named = words.iter().find(is_name).map_or("", String::as_str);
+    for scene in if on_gpu { large() } else { scenes() }.iter().filter(|scene| scene.name.contains(named)) {
+        let timed = || if on_gpu { timed_on_gpu(scene, play) } else { timed(scene, play) };
         let Cost { times: [with, without], longest, tally: [press, _, listed, near], detections } = pool.install(timed);
-        let ratio = with / without;
-        let pairs = format!("{press}, {near}, {listed}");
-        println!("| {} | {without:.2} | {with:.2} | {ratio:.2} | {longest:.2} | {pairs} | {detections:.1} |", scene.name);
+        let Errors { substeps, stretch, worst, crossings } = pool.install(|| errors(scene, play));
+        print!("| {} | {without:.2} | {with:.2} | {:.2} | {longest:.2} | {substeps:.0} ", scene.name, with / without);
+        println!("| {stretch:.4}, {worst:.3} | {crossings} | {press}, {near}, {listed} | {detections:.1} |");
     }
 }

@@ -14,8 +14,11 @@ pub fn crossings(mesh: &Mesh, x: &[Vec3]) -> Vec<([u32; 2], [u32; 3])> {
     for &[a, b, c] in &mesh.triangles {
         edges.extend([[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]));
     }
-    let longest = edges.iter().map(|&[i, j]| at(i).distance(at(j))).fold(0.0, f64::max).max(1e-9);
-    let cell = |p: DVec3| (p / longest).floor().to_array().map(|c| c as i32);
+    let lengths = || edges.iter().map(|&[i, j]| at(i).distance(at(j)));
+    let (mean, longest) = (lengths().sum::<f64>() / edges.len() as f64, lengths().fold(0.0, f64::max));
+    // Few long edges, as those of a capsule, do not make all cells large.
+    let width = mean.max(0.01 * longest).max(1e-9);
+    let cell = |p: DVec3| (p / width).floor().to_array().map(|c| c as i32);
     // For each cell of a grid, the triangles whose bounding boxes meet it.
     let mut cells: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
     for (index, t) in mesh.triangles.iter().enumerate() {
