@@ -5,8 +5,8 @@ const KEEP: f32 = 0.05;
 const THIN: f32 = 1e-6;
 const NARROW: f32 = 0.2;
 const SLACK: f32 = 0.01;
-const DEEP: f32 = 0.1;
-const WARM: f32 = 0.9;
+const DEEP: f32 = 0.2;
+const UNWINDING: f32 = 0.125;
 
 // The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
 // other).
@@ -167,7 +167,7 @@ fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
 
 // The share of the last substep's multipliers with which a pair starts that is too close by `depth` [m].
 fn warm_share(depth: f32, thickness: f32) -> f32 {
-    return select(1.0, WARM, thickness * DEEP < depth);
+    return 1.0 - max(depth - thickness * DEEP, 0.0) * (UNWINDING / thickness);
 }
 
 // The share of a displacement toward a plane that keeps this distance.

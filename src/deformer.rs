@@ -244,7 +244,7 @@ impl Deformer {
         let thickness = self.contact_thickness(attributes)?;
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
-        let trades = self.trades_levels(attributes);
+        let trades = thickness.is_none() && self.trades_levels(attributes);
         let controller = self.controlled(dt, &load, if trades { Caution::LATE } else { Caution::USUAL });
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.led_speed)));

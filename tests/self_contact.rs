@@ -19,7 +19,7 @@ use common::energy::{energy, masses, momenta};
 use common::shapes::{jittered, sheets};
 use common::{FRAME, play, reference};
 
-on_every_backend!(sheets_that_start_in_one_another_part);
+on_every_backend!(sheets_that_start_in_one_another_part, tall_stacks_stand_with_few_substeps);
 
 impl Scene {
     fn without_contact(&self) -> Scene {
@@ -99,6 +99,28 @@ fn a_stack_stands() {
     let v = deformer.velocities().unwrap();
     let rms = (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt();
     assert!(rms < 0.01, "it stands still: {rms} m/s");
+}
+
+/// Ten sheets fall on each other with six substeps and come to rest about a thickness apart, although their impact compresses them.
+fn tall_stacks_stand_with_few_substeps(backend: Backend) {
+    let (layers, n) = (10, 10);
+    let mut scene = Scene::new(sheets(layers, n, 0.3, 0.008), 6, vec![floor()]);
+    scene.options.backend = backend;
+    let (most, mut cloth) = scene.played(75, 15);
+    assert_eq!(most, 0, "crossings");
+    let v = cloth.velocities().unwrap();
+    let rms = (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt();
+    let heights: Vec<f32> = cloth
+        .positions()
+        .unwrap()
+        .chunks((n * n) as usize)
+        .map(|x| x.iter().map(|x| x.y).sum::<f32>() / x.len() as f32)
+        .collect();
+    println!("{rms} m/s, {heights:?}");
+    assert!(rms < 0.0015, "it comes to rest: {rms} m/s");
+    for layer in heights.windows(2) {
+        assert!((layer[1] - layer[0] - R).abs() < 0.1 * R, "sheets {} m apart", layer[1] - layer[0]);
+    }
 }
 
 #[test]

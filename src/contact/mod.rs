@@ -101,7 +101,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("NARROW", crate::kernels::pair::NARROW),
     ("SLACK", crate::kernels::pair::SLACK),
     ("DEEP", crate::kernels::pair::DEEP),
-    ("WARM", crate::kernels::pair::WARM),
+    ("UNWINDING", crate::kernels::pair::UNWINDING),
     ("LASTS", paths::LASTS),
     ("KEEPS", paths::KEEPS),
     ("AHEAD_LEAST", paths::AHEAD[0]),

@@ -111,9 +111,9 @@ pub enum Levels {
     /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, if
     /// a mesh of fewer than 1000 vertices has at least an eighth of the substeps that would, or if the wind's pressure
     /// is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into small wrinkles.
-    /// With [`Quality::Strain`] or [`Quality::Hold`] on [`Backend::Gpu`], also none below 8192 vertices, where levels take
-    /// longer than the additional substeps that keep the same bound without them, and from there on none coarser than the
-    /// first with at most 4096 aggregates: they take time and save no substeps.
+    /// With [`Quality::Strain`] or [`Quality::Hold`] on [`Backend::Gpu`], also none below 8192 vertices unless triangles may
+    /// touch, because levels take longer there than the additional substeps that keep the same bound without them, and from
+    /// there on none coarser than the first with at most 4096 aggregates: they take time and save no substeps.
     #[default]
     Auto,
     /// No levels are built or run.
