@@ -130,6 +130,29 @@ struct Path<'a> {
     workers: Workers<'a>,
 }
 
+/// A substep, and what works on it.
+#[derive(Clone, Copy)]
+struct Now<'a> {
+    plan: &'a Plan<'a>,
+    substep: &'a Substep,
+    workers: Workers<'a>,
+    width: Width,
+}
+
+/// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
+#[derive(Debug, Default)]
+struct Pushes {
+    of: Vec<Vec4>,
+    most: f32,
+}
+
+impl Pushes {
+    /// Those of all vertices; none if no collider pushes.
+    fn of_vertices(&self) -> &[Vec4] {
+        if self.most > 0.0 { &self.of } else { &[] }
+    }
+}
+
 /// Counts for the report of a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Tally {
@@ -163,9 +186,7 @@ pub(crate) struct SelfContact {
     may_cross: bool,
     /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
     led_may_cross: bool,
-    /// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
-    push: Vec<Vec4>,
-    most_push: f32,
+    push: Pushes,
     /// How far (m) vertices may be taken along in this step, besides the common motion.
     carries: f32,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
@@ -198,8 +219,7 @@ impl SelfContact {
             let_go: LetGo::default(),
             may_cross: true,
             led_may_cross: false,
-            push: Vec::new(),
-            most_push: 0.0,
+            push: Pushes::default(),
             carries: 0.0,
             h: 0.0,
             crowd: 0,
@@ -255,7 +275,7 @@ impl SelfContact {
     }
 
     /// Resolves contact in one substep, with colliders, bodies and the cloth itself. Changes the displacements `u` (m),
-    /// and the positions `x` (m) by the corrections that are to add no velocity.
+    /// and the positions `x` (m) by the corrections that are to add no velocity. Does nothing more once there are too many pairs.
     pub(crate) fn resolve(
         &mut self,
         plan: &Plan<'_>,
@@ -268,56 +288,85 @@ impl SelfContact {
         if self.crowd > 0 {
             return;
         }
+        let now = Now { plan, substep, workers, width };
         self.bodies.lead(plan, substep, x, u);
+        self.part_touches(x);
+        self.meet_colliders(now, x, u);
+        let frame = self.bodies.frame(plan, x, u, self.options.thickness);
+        if !self.list(now, x, u, frame.is_none()) {
+            return;
+        }
+        (self.tally.near, self.tally.contacts) = (0, 0);
+        if self.tally.listed > 0 {
+            self.hold_apart(now, x, u, frame);
+        }
+        // Otherwise those of all vertices were added with what holds pairs apart.
+        if self.tally.near == 0 {
+            let push = self.push.of_vertices();
+            x.iter_mut().zip(push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
+        }
+    }
+
+    /// Moves apart what touches exactly, once after the state was replaced.
+    fn part_touches(&self, x: &mut [Vec4]) {
         if self.may_cross && self.paths.since.is_none() {
             let moved = LetGo::part_touches(&self.surface, x, self.meets_itself, self.options.thickness);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
-        self.meet_colliders(plan, substep, x, u, workers, width);
-        let frame = self.bodies.frame(plan, x, u, self.options.thickness);
-        let is_free = frame.is_none();
+    }
+
+    /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
+    /// impossible: see [`SelfContact::detect`].
+    fn list(&mut self, Now { workers, width, .. }: Now<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
         let path = Path { x, u, stray: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let may_stray = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
         if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, moving, is_free, width) {
-            return;
+            return false;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);
-        (self.tally.near, self.tally.contacts) = (0, 0);
         self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
-        if self.tally.listed > 0 {
-            let frame = frame.unwrap_or_else(|| Frame::of(mean(&plan.cloth.mass, u)));
-            let (surface, friction) = (&self.surface, &*self.bodies.friction);
-            let thickness = self.options.thickness;
-            let workers = workers.for_items(self.tally.listed as usize, PAIRS);
-            let push = if self.most_push > 0.0 { &*self.push } else { &[] };
-            let (most_push, carries) = (self.most_push, self.carries);
-            let may_carry = self.let_go.crossings.is_empty();
-            let mut start =
-                Start { x, u, push, most_push, frame, carries, may_carry, surface, thickness, friction, workers, width };
-            let h = plan.params.h;
-            let scale = if self.h > 0.0 { (h / self.h).powi(2) } else { 0.0 };
-            self.h = h;
-            let lost = loop {
-                match self.contacts.hold_apart(&mut self.lists, start, plan, substep, scale) {
-                    Ok(lost) => break lost,
-                    // Now the near pairs are found for cloth that is taken along so far.
-                    Err(travel) => start.carries = travel,
-                }
-            };
-            self.carries = start.carries;
-            if self.contacts.has_near() {
-                self.contacts.finish(x, u, push, workers);
-                // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
-                if lost != DVec3::ZERO && is_free && plan.bodies.is_empty() {
-                    give_back(&plan.cloth.mass, lost, u, workers);
-                }
-                [self.tally.near, self.tally.contacts] = self.contacts.counts();
-                self.let_go_of_pinched(x, u);
+        true
+    }
+
+    /// Holds the listed pairs apart that come near. They move relative to `frame`; without one the cloth is free, and they move
+    /// relative to its mean motion.
+    fn hold_apart(&mut self, now: Now<'_>, x: &mut [Vec4], u: &mut [Vec4], frame: Option<Frame>) {
+        let Now { plan, substep, width, .. } = now;
+        let workers = now.workers.for_items(self.tally.listed as usize, PAIRS);
+        let scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
+        self.h = plan.params.h;
+        let push = self.push.of_vertices();
+        let mut start = Start {
+            x,
+            u,
+            push,
+            most_push: self.push.most,
+            frame: frame.unwrap_or_else(|| Frame::of(mean(&plan.cloth.mass, u))),
+            carries: self.carries,
+            may_carry: self.let_go.crossings.is_empty(),
+            surface: &self.surface,
+            thickness: self.options.thickness,
+            friction: &self.bodies.friction,
+            workers,
+            width,
+        };
+        let lost = loop {
+            match self.contacts.hold_apart(&mut self.lists, start, plan, substep, scale) {
+                Ok(lost) => break lost,
+                // Now the near pairs are found for cloth that is taken along so far.
+                Err(travel) => start.carries = travel,
             }
-        }
-        if self.tally.near == 0 && self.most_push > 0.0 {
-            x.iter_mut().zip(&self.push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
+        };
+        self.carries = start.carries;
+        if self.contacts.has_near() {
+            self.contacts.finish(x, u, push, workers);
+            // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
+            if lost != DVec3::ZERO && frame.is_none() && plan.bodies.is_empty() {
+                give_back(&plan.cloth.mass, lost, u, workers);
+            }
+            [self.tally.near, self.tally.contacts] = self.contacts.counts();
+            self.let_go_of_pinched(x, u);
         }
     }
 
@@ -327,32 +376,25 @@ impl SelfContact {
     }
 
     /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.
-    fn meet_colliders(
-        &mut self,
-        plan: &Plan<'_>,
-        substep: &Substep,
-        x: &[Vec4],
-        u: &mut [Vec4],
-        workers: Workers<'_>,
-        width: Width,
-    ) {
-        let was_pushed = std::mem::take(&mut self.most_push) > 0.0;
+    fn meet_colliders(&mut self, Now { plan, substep, workers, width }: Now<'_>, x: &[Vec4], u: &mut [Vec4]) {
+        let Pushes { of, most } = &mut self.push;
+        let was_pushed = std::mem::take(most) > 0.0;
         if plan.bodies.is_empty() {
-            self.push.clear();
+            of.clear();
             return;
         }
         let cloth = self.bodies.first;
-        self.push.resize(x.len(), Vec4::ZERO);
-        let (most, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES));
+        of.resize(x.len(), Vec4::ZERO);
+        let (farthest, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES));
         let part = workers.part(cloth, GRAIN);
         let state = x[..cloth].chunks(part).zip(u[..cloth].chunks_mut(part));
-        workers.each(state.zip(self.push[..cloth].chunks_mut(part)), |((x, u), push)| {
+        workers.each(state.zip(of[..cloth].chunks_mut(part)), |((x, u), push)| {
             if was_pushed {
                 push.fill(Vec4::ZERO);
             }
-            simd::run(width, Meet { plan, substep, x, u, push, most: &most });
+            simd::run(width, Meet { plan, substep, x, u, push, most: &farthest });
         });
-        self.most_push = f32::from_bits(most.into_inner()).sqrt();
+        *most = f32::from_bits(farthest.into_inner()).sqrt();
     }
 }
 

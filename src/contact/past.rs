@@ -106,7 +106,6 @@ impl SelfContact {
             detection: _,
             contacts: _,
             push: _,
-            most_push: _,
             carries: _,
             crowd: _,
             tally: _,
