@@ -78,6 +78,12 @@ fn a_sheet_dropped_on_its_edge_makes_a_heap() {
     assert_eq!(scene.played(50, 1).0, 0, "crossings at 6 substeps");
 }
 
+/// The root mean square of the vertices' speeds (m/s).
+fn rms_speed(cloth: &mut Deformer) -> f32 {
+    let v = cloth.velocities().unwrap();
+    (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt()
+}
+
 #[test]
 fn a_stack_stands() {
     let layers = 6;
@@ -96,8 +102,7 @@ fn a_stack_stands() {
     let (_, mut collapsed) = scene.without_contact().played(60, 60);
     let x = collapsed.positions().unwrap();
     assert!(height(x, layers as usize - 1) - height(x, 0) < 0.1 * R, "without contact it collapses");
-    let v = deformer.velocities().unwrap();
-    let rms = (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt();
+    let rms = rms_speed(&mut deformer);
     assert!(rms < 0.01, "it stands still: {rms} m/s");
 }
 
@@ -108,8 +113,7 @@ fn tall_stacks_stand_with_few_substeps(backend: Backend) {
     scene.options.backend = backend;
     let (most, mut cloth) = scene.played(75, 15);
     assert_eq!(most, 0, "crossings");
-    let v = cloth.velocities().unwrap();
-    let rms = (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt();
+    let rms = rms_speed(&mut cloth);
     let heights: Vec<f32> = cloth
         .positions()
         .unwrap()

@@ -6,12 +6,12 @@
 //! cargo bench --bench contact -- default # with the default quality instead of the scene's own number of substeps
 //! ```
 //!
-//! Each scene is played once more, untimed, for its errors: the largest stretch of 99 % of the area and of any edge in any
-//! timed frame, and the crossings that are counted in double precision in every fifth.
-//!
 //! Each scene is played with contact and without, a frame of each in turn, so that other load on the machine slows
 //! both. One thread is timed by its CPU time where the system provides it (Linux). The motion without contact soon
 //! differs from that with it, but the cost of a step hardly depends on the motion, so the two are compared.
+//!
+//! Each scene is played once more, untimed, for its errors: the largest stretch of 99 % of the area and of any edge in any
+//! timed frame, and the crossings that are counted in double precision in every fifth.
 
 #[allow(dead_code, unreachable_pub, reason = "the tests count with all of this")]
 #[path = "../../tests/common/crossings.rs"]
