@@ -7,13 +7,15 @@ mod common;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Levels, Mesh, Options, Quality, Sleep, StepReport, Warning,
+    Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Sleep, StepReport,
+    Warning,
 };
 use common::energy::{energy, masses};
 use common::{FRAME, rms, top};
 
 on_every_backend!(
     reports_are_of_the_motion,
+    reports_with_contact_are_of_the_same_step,
     any_step_can_be_asked_for_again,
     a_bound_takes_the_levels_that_pay,
     a_settled_cloth_sleeps_and_wakes,
@@ -82,9 +84,17 @@ fn a_promise_is_kept_for_few_substeps() {
 
 /// The reported stretch is the measured one, of the same step or, on the GPU, of three steps before.
 fn reports_are_of_the_motion(backend: Backend) {
-    let late = if backend == Backend::Gpu { 3 } else { 0 };
+    are_of_the_motion(backend, None, if backend == Backend::Gpu { 3 } else { 0 });
+}
+
+/// A step with contact waits for the GPU anyway.
+fn reports_with_contact_are_of_the_same_step(backend: Backend) {
+    are_of_the_motion(backend, Some(Contact::default()), 0);
+}
+
+fn are_of_the_motion(backend: Backend, contact: Option<Contact>, late: u32) {
     let (_, mesh, options, script) = scenes(backend).swap_remove(1);
-    let options = Options { quality: Quality::Hold { stretch: 0.05, share: 0.99 }, ..options };
+    let options = Options { quality: Quality::Hold { stretch: 0.05, share: 0.99 }, contact, ..options };
     let mut deformer = Deformer::new(&mesh, options).unwrap();
     let mut measured = Vec::new();
     for frame in 1..=24 {

@@ -43,8 +43,9 @@ struct UnderWay {
 }
 
 impl Counter {
-    /// Number of steps by which statistics are late. As many steps may be queued before one waits for another. The
-    /// number is constant, so that a motion can be repeated, except in a browser, which cannot wait.
+    /// Number of steps by which statistics are late, unless the engine waits for each step anyway. As many steps may be queued
+    /// before one waits for another. The number is constant, so that a motion can be repeated, except in a browser, which
+    /// cannot wait.
     pub(crate) const LATE: usize = 3;
 
     pub(crate) fn new(gpu: &Gpu, forces: &Forces, gauges: &[StrainGauge]) -> Counter {
@@ -71,9 +72,9 @@ impl Counter {
         self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MOST_WORKGROUPS));
     }
 
-    /// Requests the statistics after everything submitted, and returns those of three steps before. Waits for that step
-    /// if necessary.
-    pub(crate) fn send_for(&mut self, gpu: &Gpu) -> Result<Option<Statistics>, GpuFault> {
+    /// Requests the statistics after everything submitted. Returns the oldest that have not been returned if they are from
+    /// [`Counter::LATE`] steps before, or from any step if the engine `waits` for each step; waits for them if necessary.
+    pub(crate) fn send_for(&mut self, gpu: &Gpu, waits: bool) -> Result<Option<Statistics>, GpuFault> {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
         let submission = gpu.copy_to(&staging, &[&self.counted]);
@@ -81,7 +82,8 @@ impl Counter {
         let told = Arc::clone(&mapped);
         staging.map_async(wgpu::MapMode::Read, .., move |result| told.store(result.is_ok(), Ordering::Release));
         self.untold.push_back(Untold::UnderWay(UnderWay { staging, submission, mapped }));
-        if self.untold.len() <= Counter::LATE || IN_BROWSER && !self.is_here(gpu)? {
+        let late = if waits { 0 } else { Counter::LATE };
+        if self.untold.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);
         }
         let Some(oldest) = self.untold.pop_front() else { return Ok(None) };

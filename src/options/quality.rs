@@ -19,7 +19,7 @@ pub enum Quality {
     /// [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
     ///
     /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step
-    /// never waits for one that was submitted shortly before. Pass [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to
+    /// never waits for one that was submitted shortly before, except with contact of triangles, where it waits anyway. Pass [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to
     /// [`Quality::Substeps`] to repeat a step bit for bit; on the GPU also [`StepReport::levels`](crate::StepReport::levels) to
     /// [`Levels::Count`](crate::Levels::Count), because a bound takes fewer levels there. Only for
     /// [`Method::SmallSteps`](crate::Method::SmallSteps).

@@ -17,9 +17,9 @@ use crate::past::Past;
 impl GpuEngine {
     /// Requests the statistics of the submitted step, if it computes any; returns those that have arrived.
     pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
-        let GpuEngine { gpu, counter, counts, .. } = self;
+        let GpuEngine { gpu, counter, counts, contact, .. } = self;
         let Some(counter) = counter.as_mut().filter(|_| *counts) else { return Ok(None) };
-        gpu.checked(|| counter.send_for(gpu)).map_err(Failure::Gpu)
+        gpu.checked(|| counter.send_for(gpu, contact.is_some())).map_err(Failure::Gpu)
     }
 
     /// Sets the state.
