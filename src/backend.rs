@@ -34,6 +34,11 @@ pub(crate) enum Engine {
 /// takes 0.90 ms for 128 x 128 vertices and 16 cores take 1.03 ms; for 64 x 64 they take 0.64 ms and 0.56 ms.
 #[cfg(feature = "gpu")]
 const GPU_PAYS: usize = 16_384;
+/// The same with contact of triangles: in `benches/results/contact.md`, at the default quality, an H100 takes 2.8 and 7.9 ms for a
+/// sheet of 64 x 64 vertices that hangs and one that falls into a heap, and 16 cores of its host take 5.6 and 31 ms. There it is
+/// faster from 400 vertices on, but smaller GPUs take as long for each of the many dispatches.
+#[cfg(feature = "gpu")]
+const GPU_PAYS_WITH_CONTACT: usize = 4096;
 
 impl Engine {
     #[cfg(not(feature = "gpu"))]
@@ -52,6 +57,8 @@ impl Engine {
             Some(gpu) => Ok(gpu.clone()),
             None => Gpu::shared(software),
         };
+        let of_gpu =
+            |gpu| GpuEngine::new(gpu, cloth, options.method).and_then(|engine| engine.with_contact(cloth, options.contact));
         let refuse = |backend| {
             move |fault| match fault {
                 GpuFault::Lost => {
@@ -67,12 +74,8 @@ impl Engine {
         };
         Ok(match options.backend {
             Backend::Cpu => Engine::Cpu(Box::new(Cpu::new(cloth))),
-            Backend::Auto
-                if cloth.rest.len() < GPU_PAYS || options.contact.is_some() || matches!(options.quality, Quality::Budget(_)) =>
-            {
-                Engine::Cpu(Box::new(Cpu::new(cloth)))
-            }
-            Backend::Auto => match find(false).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method)) {
+            Backend::Auto if !gpu_pays(cloth, options) => Engine::Cpu(Box::new(Cpu::new(cloth))),
+            Backend::Auto => match find(false).and_then(of_gpu) {
                 Ok(gpu) => Engine::Gpu(Box::new(gpu)),
                 Err(_) => Engine::Cpu(Box::new(Cpu::new(cloth))),
             },
@@ -89,11 +92,7 @@ impl Engine {
                     "must wait for the GPU in each step, which a browser does not allow; use Backend::Cpu, or no contact";
                 return Err(BuildError::Value { name: "contact".to_owned(), value: "with Backend::Gpu".to_owned(), remedy });
             }
-            Backend::Gpu => {
-                let gpu = find(true).and_then(|gpu| GpuEngine::new(gpu, cloth, options.method));
-                let gpu = gpu.and_then(|gpu| gpu.with_contact(cloth, options.contact));
-                Engine::Gpu(Box::new(gpu.map_err(refuse("Backend::Gpu"))?))
-            }
+            Backend::Gpu => Engine::Gpu(Box::new(find(true).and_then(of_gpu).map_err(refuse("Backend::Gpu"))?)),
         })
     }
 
@@ -304,4 +303,14 @@ impl Engine {
         }
         Ok(())
     }
+}
+
+/// Whether a hardware GPU is expected to be faster than the CPU.
+#[cfg(feature = "gpu")]
+fn gpu_pays(cloth: &Cloth, options: &Options) -> bool {
+    let (least, may_wait) = match options.contact {
+        Some(_) => (GPU_PAYS_WITH_CONTACT, !IN_BROWSER),
+        None => (GPU_PAYS, true),
+    };
+    may_wait && cloth.rest.len() >= least && !matches!(options.quality, Quality::Budget(_))
 }

@@ -5,7 +5,9 @@
 mod common;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, BuildError, Collider, Deformer, Gpu, Levels, Mesh, Options, Quality, StepError, wgpu};
+use cloth_deformer::{
+    Attributes, Backend, BuildError, Collider, Contact, Deformer, Gpu, Levels, Mesh, Options, Quality, StepError, wgpu,
+};
 use common::{FRAME, rms};
 
 /// A separate device with these limits, on any adapter.
@@ -79,6 +81,20 @@ fn a_lost_device_is_named_and_others_go_on() {
     // Large enough for `Auto` to choose a GPU.
     let auto = Deformer::new(&Mesh::grid(130, 130, 1.0, 1.0), on(&lost, Backend::Auto)).unwrap();
     assert_eq!(auto.backend(), Backend::Cpu);
+}
+
+/// A GPU pays off for smaller cloth if there is contact of triangles.
+#[test]
+fn auto_takes_a_gpu_where_it_pays() {
+    let gpu = device("any", |_| ());
+    let chosen = |side: u32, contact: Option<Contact>, quality: Quality| {
+        let options = Options { contact, quality, ..on(&gpu, Backend::Auto) };
+        Deformer::new(&Mesh::grid(side, side, 1.0, 1.0), options).unwrap().backend()
+    };
+    let (contact, quality) = (Some(Contact::default()), Quality::Substeps(2));
+    assert_eq!([127, 128].map(|side| chosen(side, None, quality)), [Backend::Cpu, Backend::Gpu]);
+    assert_eq!([63, 64].map(|side| chosen(side, contact, quality)), [Backend::Cpu, Backend::Gpu]);
+    assert_eq!([None, contact].map(|contact| chosen(128, contact, Quality::Budget(4.0))), [Backend::Cpu; 2]);
 }
 
 #[test]

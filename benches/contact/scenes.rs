@@ -62,6 +62,11 @@ fn on_edge(n: u32) -> Mesh {
     mesh
 }
 
+/// A square sheet that lies folded over.
+fn fold(name: &'static str, n: u32) -> Scene {
+    Scene { start: Some(grid(n).positions.iter().map(bent).collect()), ..plain(name, grid(n), 20, [1, 60]) }
+}
+
 /// A garment of 10,000 vertices on a body of 19,880 triangles.
 fn garment() -> Scene {
     let mut body = capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.15, 71);
@@ -78,7 +83,9 @@ pub(crate) fn scenes() -> Vec<Scene> {
         hung("hangs, 64", [120, 60]),
         hung("swings, 64", [1, 24]),
         plain("two lie, 32", lying, 20, [60, 30]),
-        Scene { start: Some(grid(40).positions.iter().map(bent).collect()), ..plain("fold, 40", grid(40), 20, [1, 60]) },
+        fold("fold, 20", 20),
+        fold("fold, 40", 40),
+        plain("heap, 16", on_edge(16), 20, [20, 70]),
         plain("heap, 32", on_edge(32), 20, [20, 70]),
         plain("heap, 64", on_edge(64), 40, [20, 30]),
         garment(),

@@ -60,8 +60,8 @@ pub struct Options {
     /// energy of a vertex's neighborhood is scaled, so momentum is conserved across a change of stiffness.
     pub bending_scale: Option<Vec<f32>>,
     /// Contact of the cloth with itself, which includes contact between the pieces of a mesh. `None`: cloth passes
-    /// through cloth. With contact, [`Backend::Auto`] selects the CPU. With [`Backend::Gpu`] each step then waits for the
-    /// GPU once, to check that its lists had room for all pairs. In a browser, which cannot wait, that is an error.
+    /// through cloth. On a GPU each step with contact waits for the device once, to check that its lists had room for all pairs.
+    /// In a browser, which cannot wait, [`Backend::Gpu`] with contact is an error.
     pub contact: Option<Contact>,
 }
 
@@ -69,9 +69,9 @@ pub struct Options {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Backend {
-    /// A hardware GPU if there is one and the mesh has at least 16384 vertices, otherwise the CPU. [`Options::contact`]
-    /// and [`Quality::Budget`] always select the CPU, because the GPU is not faster at the first and does not support the
-    /// second.
+    /// A hardware GPU if there is one and the mesh has at least 16384 vertices, or 4096 with [`Options::contact`]; otherwise
+    /// the CPU. [`Quality::Budget`] always selects the CPU, because a GPU does not support it. Mesh colliders that come later do
+    /// not change the choice.
     #[default]
     Auto,
     /// The threads of the current rayon pool. The result is bit for bit the same on any number of threads.
