@@ -39,7 +39,7 @@ pub(super) struct Portion {
     pub near: u32,
     pub pressing: u32,
     /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
-    pub cut: Vec<(u32, f32)>,
+    pub truncated: Vec<(u32, f32)>,
     /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].
     pub passed: Vec<[u32; 4]>,
 }

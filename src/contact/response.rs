@@ -30,25 +30,25 @@ impl Contacts {
             return;
         }
         let most = DEPENETRATION * plan.params.h;
-        self.begin(scale, most, workers, width);
-        self.give(plan, substep, true, workers, width);
+        self.warm_start(scale, most, workers, width);
+        self.apply_impulses(plan, substep, true, workers, width);
         for _ in 0..ITERATIONS {
             self.step(workers, width);
-            self.give(plan, substep, false, workers, width);
+            self.apply_impulses(plan, substep, false, workers, width);
         }
     }
 
     /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
     /// Computes their impulses, and the corrections that separate pairs closer than their thickness by at most `most`
     /// (m).
-    fn begin(&mut self, scale: f32, most: f32, workers: Workers<'_>, width: Width) {
+    fn warm_start(&mut self, scale: f32, most: f32, workers: Workers<'_>, width: Width) {
         let Contacts { acting: Acting { impulses, pushes, weights, mobility, .. }, portions, used, .. } = self;
-        let begin = |_, before: usize, groups: &mut [Group], impulses: &mut [_], pushes: &mut [[Vec4; MAX_LANES]]| {
+        let warm_start = |_, before: usize, groups: &mut [Group], impulses: &mut [_], pushes: &mut [[Vec4; MAX_LANES]]| {
             let weights = &weights[before..];
             let (impulses, pushes) = (impulses.as_flattened_mut(), pushes.as_flattened_mut());
-            simd::run(width, Begin { groups, weights, mobility, impulses, pushes, scale, most });
+            simd::run(width, WarmStart { groups, weights, mobility, impulses, pushes, scale, most });
         };
-        for_groups(&mut portions[..*used], (impulses, pushes), workers, &begin);
+        for_groups(&mut portions[..*used], (impulses, pushes), workers, &warm_start);
     }
 
     /// Updates the multipliers, and computes the impulses of the pairs.
@@ -62,7 +62,7 @@ impl Contacts {
 
     /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
     /// up the corrections of positions.
-    fn give(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, workers: Workers<'_>, width: Width) {
+    fn apply_impulses(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, workers: Workers<'_>, width: Width) {
         let Contacts { acting: Acting { impulses, pushes, corners, ranges, .. }, vertices, x, u, .. } = self;
         let (impulses, pushes) = (impulses.as_flattened(), pushes.as_flattened());
         let state = x.chunks(ranges.len()).zip(u.chunks_mut(ranges.len()));
@@ -87,7 +87,7 @@ impl Contacts {
 }
 
 /// Computes the multipliers with which the iteration begins, their impulses, and the corrections of positions.
-struct Begin<'a> {
+struct WarmStart<'a> {
     groups: &'a mut [Group],
     weights: &'a [Weights],
     mobility: &'a [f32],
@@ -97,10 +97,10 @@ struct Begin<'a> {
     most: f32,
 }
 
-impl Loop for Begin<'_> {
+impl Loop for WarmStart<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Begin { groups, weights, mobility, impulses, pushes, scale, most } = self;
+        let WarmStart { groups, weights, mobility, impulses, pushes, scale, most } = self;
         let (zero, scale, most) = (L::splat(0.0), L::splat(scale), L::splat(most));
         let lanes = impulses.chunks_exact_mut(L::LANES).zip(pushes.chunks_exact_mut(L::LANES));
         for (index, (impulses, pushes)) in lanes.enumerate() {

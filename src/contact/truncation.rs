@@ -45,16 +45,16 @@ impl Contacts {
         let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
-                let (mut cut, mut passed) = (std::mem::take(&mut portion.cut), std::mem::take(&mut portion.passed));
-                cut.clear();
+                let (mut truncated, mut passed) = (std::mem::take(&mut portion.truncated), std::mem::take(&mut portion.passed));
+                truncated.clear();
                 passed.clear();
-                simd::run(width, Shares { portion, by, cut: &mut cut, passed: &mut passed });
-                (portion.cut, portion.passed) = (cut, passed);
+                simd::run(width, Shares { portion, by, truncated: &mut truncated, passed: &mut passed });
+                (portion.truncated, portion.passed) = (truncated, passed);
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
             }
         });
-        for &(vertex, share) in portions.iter().flat_map(|portion| &portion.cut) {
+        for &(vertex, share) in portions.iter().flat_map(|portion| &portion.truncated) {
             let least = &mut shares[vertex as usize];
             *least = least.min(share);
         }
@@ -76,14 +76,14 @@ impl Contacts {
 struct Shares<'a> {
     portion: &'a Portion,
     by: &'a [Vec4],
-    cut: &'a mut Vec<(u32, f32)>,
+    truncated: &'a mut Vec<(u32, f32)>,
     passed: &'a mut Vec<[u32; 4]>,
 }
 
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, by, cut, passed } = self;
+        let Shares { portion, by, truncated, passed } = self;
         let kind = portion.kind;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         for (block, first) in portion.blocks().flat_map(|block| (0..MAX_LANES).step_by(L::LANES).map(move |first| (block, first)))
@@ -126,7 +126,7 @@ impl Loop for Shares<'_> {
                     while lanes != 0 {
                         let lane = lanes.trailing_zeros() as usize;
                         lanes &= lanes - 1;
-                        cut.push((places[lane][k], shares[lane]));
+                        truncated.push((places[lane][k], shares[lane]));
                     }
                 }
             }

@@ -108,7 +108,7 @@ fn end_collecting(first: u32, lane: u32) {
 }
 
 // Adds an impulse [kg m] of a pair to three sums of each of its vertices.
-fn give(corners: vec4u, w: vec4f, first: u32, weights: vec4f, by: vec3f) {
+fn add_impulse(corners: vec4u, w: vec4f, first: u32, weights: vec4f, by: vec3f) {
     let shares = weights * w;
     add(corners.x, first, by * shares.x);
     add(corners.y, first, by * shares.y);
@@ -116,7 +116,7 @@ fn give(corners: vec4u, w: vec4f, first: u32, weights: vec4f, by: vec3f) {
     add(corners.w, first, by * shares.w);
 }
 
-fn taken(v: u32, first: u32) -> vec3f {
+fn summed(v: u32, first: u32) -> vec3f {
     let units = vec3i(
         atomicLoad(&sums[SUMS * v + first]),
         atomicLoad(&sums[SUMS * v + first + 1u]),
@@ -134,7 +134,7 @@ fn weight_of(v: u32) -> f32 {
 }
 
 // Computes the relaxation rate of a pair, and its impulse for the warm start.
-fn warm_pair(k: u32) {
+fn warm_start_pair(k: u32) {
     let n = near_at(k);
     let w = inverse_masses(n.corners);
     let bound = bound_of(n, w);
@@ -146,7 +146,7 @@ fn warm_pair(k: u32) {
     var held = n.lambda * (warm_share(max(n.thickness - n.distance, 0.0), n.thickness) * known.status.scale);
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
     set_lambda(k, held);
-    give(n.corners, w, GIVEN, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
+    add_impulse(n.corners, w, IMPULSE, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
 }
 
 // The bound on the relaxation of a pair [1/kg].
@@ -166,12 +166,12 @@ fn push_pair(k: u32) {
     let w = inverse_masses(n.corners);
     let bound = bound_of(n, w);
     if bound > 0.0 {
-        give(n.corners, w, PUSHED, n.weights, n.normal * (depth / bound));
+        add_impulse(n.corners, w, PUSHED, n.weights, n.normal * (depth / bound));
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn warm(
+fn warm_start(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
@@ -181,9 +181,9 @@ fn warm(
     for (var first = (group.x + group.y * groups.x) * WORKGROUP; first < acting; first += stride(groups)) {
         let k = first + lane;
         if k < acting {
-            warm_pair(k);
+            warm_start_pair(k);
         }
-        end_collecting(GIVEN, lane);
+        end_collecting(IMPULSE, lane);
         if k < acting {
             push_pair(k);
         }
@@ -206,7 +206,7 @@ fn step_pair(k: u32) {
     let now = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
     set_lambda(k, vec4f(now.rub, now.press));
     let more = Multipliers(now.rub - held.rub, now.press - held.press);
-    give(n.corners, vec4f(a.w, b.w, c.w, d.w), GIVEN, n.weights, impulse(more, n.normal));
+    add_impulse(n.corners, vec4f(a.w, b.w, c.w, d.w), IMPULSE, n.weights, impulse(more, n.normal));
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -221,18 +221,18 @@ fn step_pairs(
         if first + lane < acting {
             step_pair(first + lane);
         }
-        end_collecting(GIVEN, lane);
+        end_collecting(IMPULSE, lane);
     }
 }
 
 // Applies the impulses of its pairs to a vertex, then resolves its contact with the colliders.
-fn take_sums(i: u32) {
+fn apply_sums(i: u32) {
     if vertices[i].x.w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
         return;
     }
-    var path = Path(vertices[i].x.xyz, vertices[i].u.xyz + taken(i, GIVEN));
+    var path = Path(vertices[i].x.xyz, vertices[i].u.xyz + summed(i, IMPULSE));
     for (var k = 0u; k < 3u; k++) {
-        atomicStore(&sums[SUMS * i + GIVEN + k], 0);
+        atomicStore(&sums[SUMS * i + IMPULSE + k], 0);
     }
     for (var k = 0u; k < about.bodies; k++) {
         path.u = contact_body(path.x, path.u, bodies[k], substep).u;
@@ -242,32 +242,32 @@ fn take_sums(i: u32) {
 
 // Also stores how far a vertex was about to move, before the first impulses.
 @compute @workgroup_size(WORKGROUP)
-fn take_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn apply_impulses_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
     if i >= about.vertices || is_idle() {
         return;
     }
     vertices[i].way.w = max(length(way_with(i, vertices[i].push.xyz)), about.carries);
-    take_sums(i);
+    apply_sums(i);
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn take(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn apply_impulses(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
     if i < about.vertices && !is_idle() {
-        take_sums(i);
+        apply_sums(i);
     }
 }
 
 // Also applies the corrections, and limits how far a vertex moves beyond what it was about to.
 @compute @workgroup_size(WORKGROUP)
-fn take_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
     if i >= about.vertices || is_idle() {
         return;
     }
-    take_sums(i);
-    let push = vertices[i].push.xyz + taken(i, PUSHED);
+    apply_sums(i);
+    let push = vertices[i].push.xyz + summed(i, PUSHED);
     vertices[i].push = vec4f(push, 0.0);
     let way = way_with(i, push);
     let most = vertices[i].way.w + FARTHER * reach_of(i);
@@ -287,7 +287,7 @@ fn way_of(v: u32) -> vec3f {
 
 // Computes the shares of its vertices' displacements with which a pair stays on both sides of the plane halfway
 // between.
-fn cut_pair(n: Near) {
+fn truncate_pair(n: Near) {
     let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
     let firsts = max(sides, vec4f());
     let a = vertices[n.corners.x].x;
@@ -321,17 +321,17 @@ fn cut_pair(n: Near) {
         let is_edge = n.listed >= with_vertices;
         pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
     }
-    cut_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
-    cut_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
-    cut_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));
-    cut_vertex(n.corners.w, w.w, share_above(left.w, keeps, towards.w));
+    truncate_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
+    truncate_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
+    truncate_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));
+    truncate_vertex(n.corners.w, w.w, share_above(left.w, keeps, towards.w));
 }
 
 fn most_of(v: vec4f) -> f32 {
     return max(max(v.x, v.y), max(v.z, v.w));
 }
 
-fn cut_vertex(v: u32, w: f32, share: f32) {
+fn truncate_vertex(v: u32, w: f32, share: f32) {
     if share < 1.0 && w > 0.0 {
         atomicMin(&sums[SUMS * v + SHARE], bitcast<i32>(share));
     }
@@ -339,7 +339,7 @@ fn cut_vertex(v: u32, w: f32, share: f32) {
 
 // Truncates for all near pairs, and stores the multipliers of those that act in the list.
 @compute @workgroup_size(WORKGROUP)
-fn cut(
+fn truncate(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
@@ -356,7 +356,7 @@ fn cut(
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let acts = k < acting;
         let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
-        cut_pair(n);
+        truncate_pair(n);
         if acts && !AGAIN {
             pairs[place(n.listed)].lambda = n.lambda;
             mine += u32(n.lambda.w > 0.0);

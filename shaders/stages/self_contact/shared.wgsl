@@ -217,7 +217,7 @@ const RUN_OVER: u32 = 32u;
 // the bits of the share that truncation leaves.
 const SUMS: u32 = 8u;
 const WEIGHT: u32 = 0u;
-const GIVEN: u32 = 1u;
+const IMPULSE: u32 = 1u;
 const PUSHED: u32 = 4u;
 const SHARE: u32 = 7u;
 // The integers that represent a weight of 1, and a length of one thickness.

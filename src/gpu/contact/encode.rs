@@ -106,19 +106,19 @@ impl GpuContact {
         stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
         let items = self.items(self.status.near + self.status.acting);
         let many = usize::from(self.status.acting >= self.many);
-        stages.warm[many].dispatch(pass, group, &[], items);
-        stages.take_first.dispatch(pass, group, &[], vertices);
+        stages.warm_start[many].dispatch(pass, group, &[], items);
+        stages.apply_impulses_first.dispatch(pass, group, &[], vertices);
         for iteration in 1..=ITERATIONS {
             stages.step[many].dispatch(pass, group, &[], items);
-            let take = if iteration < ITERATIONS { &stages.take } else { &stages.take_last };
-            take.dispatch(pass, group, &[], vertices);
+            let apply_impulses = if iteration < ITERATIONS { &stages.apply_impulses } else { &stages.apply_impulses_last };
+            apply_impulses.dispatch(pass, group, &[], vertices);
         }
-        stages.cut.dispatch(pass, group, &[], items);
+        stages.truncate.dispatch(pass, group, &[], items);
         stages.finish.dispatch(pass, group, &[], vertices);
-        let [carry, cut, finish] = &stages.carry;
+        let [carry, truncate, finish] = &stages.carry;
         for _ in 0..if self.carries > 0.0 { ROUNDS } else { 0 } {
             carry.dispatch_workgroups(pass, group, &[], 1);
-            cut.dispatch(pass, group, &[], items);
+            truncate.dispatch(pass, group, &[], items);
             finish.dispatch(pass, group, &[], vertices);
         }
         if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() && plan.meshes.is_empty() {
