@@ -278,28 +278,28 @@ impl Engine {
         }
     }
 
-    /// Passes the requested positions to `look` if they have arrived; returns whether they have.
+    /// Passes the requested positions to `read` if they have arrived; returns whether they have.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "nothing is under way"))]
-    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+    pub(crate) fn arrived(&mut self, read: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.arrived(look),
+            Engine::Gpu(gpu) => gpu.arrived(read),
             _ => {
-                drop(look);
+                drop(read);
                 Ok(false)
             }
         }
     }
 
-    /// Passes the state, positions `x` and displacements `p`, to `look`.
+    /// Passes the state, positions `x` and displacements `p`, to `read`.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
-    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
+    pub(crate) fn read(&mut self, read: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         match self {
-            Engine::Cpu(cpu) => look(&cpu.x, &cpu.p),
+            Engine::Cpu(cpu) => read(&cpu.x, &cpu.p),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => look(&hybrid.cpu.x, &hybrid.cpu.p),
+            Engine::Hybrid(hybrid) => read(&hybrid.cpu.x, &hybrid.cpu.p),
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.read(look)?,
+            Engine::Gpu(gpu) => gpu.read(read)?,
         }
         Ok(())
     }

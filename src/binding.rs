@@ -332,18 +332,18 @@ impl<'a> TriangleTree<'a> {
     /// The nearest point to `x`.
     fn nearest(&self, x: Vec3) -> Near {
         let mut near = Near { corners: [0; 3], weights: [1.0, 0.0, 0.0], distance: f32::INFINITY };
-        self.look(0, x, &mut near);
+        self.search(0, x, &mut near);
         near
     }
 
-    fn look(&self, node: usize, x: Vec3, near: &mut Near) {
+    fn search(&self, node: usize, x: Vec3, near: &mut Near) {
         let Node { range, is_leaf, .. } = &self.nodes[node];
         if !is_leaf {
             let mut children = [range.start, range.start + 1].map(|child| (self.away(child, x), child));
             children.sort_by(|a, b| a.0.total_cmp(&b.0));
             children.into_iter().for_each(|(away, child)| {
                 if away < near.distance {
-                    self.look(child, x, near);
+                    self.search(child, x, near);
                 }
             });
             return;

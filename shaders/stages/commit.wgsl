@@ -18,7 +18,7 @@ fn check(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
         return;
     }
     if i < params.vertices {
-        look_at_vertex(i, x_made[i].xyz, p_made[i].xyz, x_made[i].w);
+        check_vertex(i, x_made[i].xyz, p_made[i].xyz, x_made[i].w);
     }
     let each = max((params.edges + TURNS - 1u) / TURNS, LEAST);
     let parts = max((params.edges + each - 1u) / each, 1u);

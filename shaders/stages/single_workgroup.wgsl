@@ -177,9 +177,9 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
     }
     if found.stopped == 0u {
         for (var v = lane; v < all; v += LANES) {
-            look_at_vertex(v, state[v].xyz, displacement(v), state[v].w);
+            check_vertex(v, state[v].xyz, displacement(v), state[v].w);
         }
-        look_at_edges(0u, IN_TABLE, lane);
+        check_edges(0u, IN_TABLE, lane);
     }
     meet_at_state();
     let failed = has_failed();

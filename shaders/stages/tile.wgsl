@@ -50,10 +50,10 @@ fn free_displacement(v: u32, x_v: vec4f, p_v: vec3f) -> vec3f {
 
 // Sweeps the edges of a tile, given the prefetched first ones, and moves its own vertices.
 fn sweep_and_move(tile: u32, own: u32, edges: ColoredEdges, first: FourColors, lane: u32) {
-    let looks = params.checks != 0u && substep.end == 1.0 && found.stopped == 0u;
-    if looks {
+    let checks = params.checks != 0u && substep.end == 1.0 && found.stopped == 0u;
+    if checks {
         // As they are before the last substep, because this workgroup does not know where other tiles' vertices go in it.
-        look_at_edges(tile, IN_TILES, lane);
+        check_edges(tile, IN_TILES, lane);
     }
     sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
@@ -62,8 +62,8 @@ fn sweep_and_move(tile: u32, own: u32, edges: ColoredEdges, first: FourColors, l
         let path = after_contact(v, x_v, tile_u[k].xyz, substep);
         x_out[v] = vec4f(path.x + path.u, x_v.w);
         p_out[v] = vec4f(path.u, params.h);
-        if looks {
-            look_at_vertex(v, path.x + path.u, path.u, x_v.w);
+        if checks {
+            check_vertex(v, path.x + path.u, path.u, x_v.w);
         }
     }
 }

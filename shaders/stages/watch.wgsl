@@ -33,7 +33,7 @@ fn has_failed() -> bool {
 
 // Vertex `i` with inverse mass `w`, now at `x`, which moved by `p` in the last substep. Few are ever fast, so the sum costs
 // nothing else.
-fn look_at_vertex(i: u32, x: vec3f, p: vec3f, w: f32) {
+fn check_vertex(i: u32, x: vec3f, p: vec3f, w: f32) {
     if !(is_bounded(x) && is_bounded(p)) {
         atomicMin(&found.lost, i);
     }

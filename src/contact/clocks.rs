@@ -1,4 +1,4 @@
-//! When listed pairs are due: a pair that is not near is looked at again only when it can have become so.
+//! When listed pairs are due: a pair that is not near is measured again only when it can have become so.
 //!
 //! Vertices are bounded in patches and pairs in bunches, so that a few fast vertices make no other pairs due.
 
@@ -9,7 +9,7 @@ use super::pairs::{Kind, Listed};
 /// Vertices of a patch, which are consecutive, and pairs of a bunch.
 pub(super) const PATCH: usize = 16;
 pub(super) const BUNCH: usize = 64;
-/// By how much (in units of the thickness, and of what the vertices moved) a pair is looked at before it can be near,
+/// By how much (in units of the thickness, and of what the vertices moved) a pair is measured before it can be near,
 /// because distances are rounded.
 const EARLY: [f32; 2] = [0.01, 1e-5];
 

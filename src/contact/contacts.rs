@@ -174,7 +174,7 @@ impl Contacts {
         });
     }
 
-    /// Looks at pairs that have not acted since they were listed. If the groups are not known, they are made anew.
+    /// Finds the near pairs among those that have not acted since they were listed. If the groups are not known, they are made anew.
     fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
         let Contacts { corners, due, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);

@@ -150,7 +150,7 @@ impl OnDevice {
 
     /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
     /// while there are intersections.
-    pub(crate) fn must_look(&self) -> bool {
+    pub(crate) fn must_search(&self) -> bool {
         self.may_cross || !self.let_go.crossings.is_empty()
     }
 
@@ -169,7 +169,7 @@ impl OnDevice {
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
     /// contact, moves apart what touches exactly. Returns the positions if that changed any.
-    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
+    pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         self.may_cross = self.may_cross || self.led_may_cross(plan);
         let moved = match self.may_cross && is_new {

@@ -75,7 +75,7 @@ impl Frame {
         [turn.x_axis, turn.y_axis, turn.z_axis, *center, *by].map(|column| column.extend(0.0))
     }
 
-    /// The rigid motion that fits `count` points, of which at least [`FITTED`] are looked at, each at the same distance from the
+    /// The rigid motion that fits `count` points, of which at least [`FITTED`] are used, each at the same distance from the
     /// last. They are visited once.
     fn fitted(points: impl Iterator<Item = (Vec3A, Vec3A)>, count: usize) -> Frame {
         let mut chosen = [(Vec3A::ZERO, Vec3A::ZERO); 2 * FITTED];

@@ -17,8 +17,8 @@ pub(super) const ACTING: f32 = 0.3;
 /// The numbers of the lanes.
 const LANE: [f32; MAX_LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
-/// Pairs that were looked at: which of them are near, and the data of their contact.
-struct Looked<L: Registers> {
+/// The closest points of pairs: which of the pairs are near, and the data of their contact.
+struct Proximity<L: Registers> {
     near: L::Mask,
     weights: [L; 4],
     distance: L,
@@ -28,10 +28,17 @@ struct Looked<L: Registers> {
     x: [Vector<L>; 4],
 }
 
-/// Looks at the pairs with the given corners. The positions' w is how far (m) vertices are about to move relative to the
+/// Finds the closest points of the pairs with the given corners. The positions' w is how far (m) vertices are about to move relative to the
 /// common motion.
 #[inline(always)]
-fn look<L: Registers>(kind: Kind, x: &[Vec4], corners: &[[u32; 4]], thickness: L, most_push: L, is_pair: L::Mask) -> Looked<L> {
+fn proximity_of<L: Registers>(
+    kind: Kind,
+    x: &[Vec4],
+    corners: &[[u32; 4]],
+    thickness: L,
+    most_push: L,
+    is_pair: L::Mask,
+) -> Proximity<L> {
     let (one, half) = (L::splat(1.0), L::splat(0.5));
     let (x, travel) = whole_corners_of::<L>(x, corners);
     let weights = closest(kind, x);
@@ -53,14 +60,14 @@ fn look<L: Registers>(kind: Kind, x: &[Vec4], corners: &[[u32; 4]], thickness: L
         let is_kept = L::or(is_far, length.lt(distance * half));
         normal = Vector::select(is_kept, normal, Vector::new(exact.x / length, exact.y / length, exact.z / length));
     }
-    Looked { near, weights, distance, left, normal: Vector::select(near, normal, Vector::zero()), x }
+    Proximity { near, weights, distance, left, normal: Vector::select(near, normal, Vector::zero()), x }
 }
 
-impl<L: Registers> Looked<L> {
+impl<L: Registers> Proximity<L> {
     /// Notes what truncation needs of the pairs, in the lanes of a block from `first` on.
     #[inline(always)]
     fn note(&self, kind: Kind, thickness: L, block: &mut Block, first: usize) {
-        let Looked { weights, distance, normal, x, .. } = *self;
+        let Proximity { weights, distance, normal, x, .. } = *self;
         let (zero, one, none) = (L::splat(0.0), L::splat(1.0), Vector::<L>::zero());
         // A point halfway between the closest points.
         let on_first = match kind {
@@ -81,7 +88,7 @@ impl<L: Registers> Looked<L> {
     /// [`Kind::weights`].
     #[inline(always)]
     fn acting(&self, kind: Kind, u: &[Vec4], corners: &[[u32; 4]], thickness: L) -> (L::Mask, [L; 2]) {
-        let Looked { weights, distance, normal, .. } = *self;
+        let Proximity { weights, distance, normal, .. } = *self;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(u, corners)));
         let acts = L::and(self.near, gap.lt(thickness * L::splat(ACTING)));
@@ -97,7 +104,7 @@ impl<L: Registers> Looked<L> {
     }
 }
 
-/// Looks at the pairs of a portion that have not acted since they were listed, if they are due.
+/// Finds the near pairs among those of a portion that have not acted since they were listed and are due.
 pub(super) struct Find<'a> {
     /// The corners of the pairs as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
     /// w of a position is how far (m) the vertex is about to move relative to the common motion.
@@ -115,22 +122,22 @@ impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let Find { corners, thickness, x, u, due, most_push, portion } = self;
-        let Portion { kind, blocks, joining, looked_at, bunches, .. } = portion;
+        let Portion { kind, blocks, joining, due_pairs, bunches, .. } = portion;
         let (kind, most_push) = (*kind, L::splat(2.0 * most_push));
         blocks.clear();
         joining.clear();
-        looked_at.select::<L>(due, &bunches.clocks);
-        looked_at.take::<L>(corners, thickness);
-        let all = looked_at.corners.chunks_exact(L::LANES).zip(looked_at.thickness.chunks_exact(L::LANES));
+        due_pairs.select::<L>(due, &bunches.clocks);
+        due_pairs.take::<L>(corners, thickness);
+        let all = due_pairs.corners.chunks_exact(L::LANES).zip(due_pairs.thickness.chunks_exact(L::LANES));
         let mut first = MAX_LANES;
-        for (places, (corners, thickness)) in looked_at.places.chunks(L::LANES).zip(all) {
+        for (places, (corners, thickness)) in due_pairs.places.chunks(L::LANES).zip(all) {
             let thickness = L::from_slice(thickness);
             let is_pair = number::<L>(&LANE, 0).lt(L::splat(places.len() as f32));
-            let looked = look(kind, x, corners, thickness, most_push, is_pair);
-            let mut far = L::bits(L::and(is_pair, thickness.lt(looked.left)));
+            let proximity = proximity_of(kind, x, corners, thickness, most_push, is_pair);
+            let mut far = L::bits(L::and(is_pair, thickness.lt(proximity.left)));
             if far != 0 {
                 let mut at = [0.0; MAX_LANES];
-                store(&mut at, looked.distance - thickness);
+                store(&mut at, proximity.distance - thickness);
                 while far != 0 {
                     let lane = far.trailing_zeros() as usize;
                     far &= far - 1;
@@ -138,11 +145,11 @@ impl Loop for Find<'_> {
                     due[place] = bunches.clocks[place / BUNCH].now + at[lane];
                 }
             }
-            let near = L::bits(looked.near);
+            let near = L::bits(proximity.near);
             if near == 0 {
                 continue;
             }
-            let mut acts = L::bits(looked.acting(kind, u, corners, thickness).0);
+            let mut acts = L::bits(proximity.acting(kind, u, corners, thickness).0);
             if near != acts {
                 if first == MAX_LANES {
                     blocks.add().near = 0;
@@ -150,7 +157,7 @@ impl Loop for Find<'_> {
                 }
                 let block = blocks.newest();
                 block.corners[first..first + L::LANES].copy_from_slice(corners);
-                looked.note(kind, thickness, block, first);
+                proximity.note(kind, thickness, block, first);
                 block.near &= !(acts << first);
                 first += L::LANES;
             }
@@ -162,7 +169,7 @@ impl Loop for Find<'_> {
     }
 }
 
-/// Looks at the pairs that have acted since they were listed. Those that do not act now lose their multipliers.
+/// Finds the closest points of the pairs that have acted since they were listed. Those that do not act now lose their multipliers.
 pub(super) struct FindAgain<'a> {
     pub kind: Kind,
     pub groups: &'a mut [Group],
@@ -184,14 +191,14 @@ impl Loop for FindAgain<'_> {
                 let lanes = first..first + L::LANES;
                 let is_pair = number::<L>(&LANE, first).lt(L::splat(group.count as f32));
                 let thickness = number::<L>(&group.thickness, first);
-                let looked = look(kind, x, &group.block.corners[lanes.clone()], thickness, most_push, is_pair);
-                looked.note(kind, thickness, &mut group.block, first);
-                let (acts, [free, last]) = looked.acting(kind, u, &group.block.corners[lanes.clone()], thickness);
+                let proximity = proximity_of(kind, x, &group.block.corners[lanes.clone()], thickness, most_push, is_pair);
+                proximity.note(kind, thickness, &mut group.block, first);
+                let (acts, [free, last]) = proximity.acting(kind, u, &group.block.corners[lanes.clone()], thickness);
                 let weights = kind.weights(free, last);
                 for (to, weights) in to.0.iter_mut().zip(weights) {
                     store(&mut to[lanes.clone()], L::select(acts, weights, zero));
                 }
-                let gap = L::select(acts, looked.distance - thickness, zero);
+                let gap = L::select(acts, proximity.distance - thickness, zero);
                 store(&mut group.gap[lanes.clone()], gap.max(zero));
                 store(&mut group.depth[lanes.clone()], (zero - gap).max(zero));
                 let rub = Vector::<L>::select(acts, vector(&group.rub, first), Vector::zero());

@@ -91,11 +91,11 @@ impl Paths {
         }
         let (substeps, [common, _]) = (since + 1.0, self.common(path, is_free));
         let all = AtomicBool::new(true);
-        let look = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
+        let test = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
         let (count, part) = (path.x.len(), path.workers.part(path.x.len(), GRAIN));
         let state = path.x.chunks(part).zip(path.u.chunks(part));
         let paths = self.from[..count].chunks(part).zip(self.by[..count].chunks(part));
-        path.workers.each(state.zip(paths), |((x, u), (from, by))| look([x, u, from, by]));
+        path.workers.each(state.zip(paths), |((x, u), (from, by))| test([x, u, from, by]));
         all.into_inner()
     }
 

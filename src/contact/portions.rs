@@ -2,8 +2,8 @@
 //! parallel, too, and pairs are in the same order on any number of threads.
 //!
 //! Pairs that act join the groups of their portion and stay there until pairs are listed anew, because most of them act
-//! for many substeps. Most other pairs are not near. They are looked at only when they can have become so since they
-//! were last looked at, given how far the vertices moved meanwhile ([`Bunches`]).
+//! for many substeps. Most other pairs are not near. They are measured again only when they can have become so since
+//! they were last measured, given how far the vertices moved meanwhile ([`Bunches`]).
 
 use glam::Vec4;
 
@@ -30,10 +30,10 @@ pub(super) struct Portion {
     /// For each group the set of ranges of vertices that have corners there.
     pub ranges: Vec<u64>,
     pub bunches: Bunches,
-    pub looked_at: LookedAt,
+    pub due_pairs: DuePairs,
     /// Others that act for the first time in this substep, by their place in the portion.
     pub joining: Vec<u16>,
-    /// Other near pairs, among pairs that were only looked at.
+    /// Blocks with the other near pairs; some of their lanes hold pairs that are not near.
     pub blocks: Reused<Block>,
     /// How many pairs are near and how many press, where any are near.
     pub near: u32,
@@ -47,18 +47,18 @@ pub(super) struct Portion {
 /// The pairs of a portion that are due, in order, and copies of what is needed of them, repeated to a multiple of the
 /// lanes.
 #[derive(Debug, Default)]
-pub(super) struct LookedAt {
+pub(super) struct DuePairs {
     /// Their places in the portion.
     pub places: Vec<u16>,
     pub corners: Vec<[u32; 4]>,
     pub thickness: Vec<f32>,
 }
 
-impl LookedAt {
+impl DuePairs {
     /// Selects the pairs that are due before the limits of their bunches.
     #[inline(always)]
     pub(super) fn select<L: Registers>(&mut self, due: &[f32], clocks: &[Clock]) {
-        let LookedAt { places, .. } = self;
+        let DuePairs { places, .. } = self;
         places.resize(PORTION + MAX_LANES, 0);
         let mut count = 0;
         for (start, (due, clock)) in (0..).step_by(BUNCH).zip(due.chunks(BUNCH).zip(clocks)) {
@@ -86,11 +86,11 @@ impl LookedAt {
         places.truncate(count);
     }
 
-    /// Copies what is needed of the pairs, all before any is looked at: what was stored by small pieces takes long to
+    /// Copies what is needed of the pairs, all before any is measured: what was stored by small pieces takes long to
     /// load at once.
     #[inline(always)]
     pub(super) fn take<L: Registers>(&mut self, of_pairs: &[[u32; 4]], thickness_of: &[f32]) {
-        let LookedAt { places, corners, thickness } = self;
+        let DuePairs { places, corners, thickness } = self;
         corners.clear();
         thickness.clear();
         corners.extend(places.iter().map(|&place| of_pairs[usize::from(place)]));

@@ -22,24 +22,24 @@ impl Gpu {
         self.queue().submit([encoder.finish()])
     }
 
-    /// Copies buffers into `staging`, one after another, waits, and passes the bytes to `look`.
+    /// Copies buffers into `staging`, one after another, waits, and passes the bytes to `read`.
     pub(crate) fn read<T>(
         &self,
         staging: &wgpu::Buffer,
         buffers: &[&wgpu::Buffer],
-        look: impl FnOnce(&[u8]) -> T,
+        read: impl FnOnce(&[u8]) -> T,
     ) -> Result<T, GpuFault> {
         if IN_BROWSER {
             return Err("a browser does not wait for the GPU; request_positions asks, requested_positions has them later".into());
         }
         self.checked(|| {
             self.copy_to(staging, buffers);
-            self.mapped(staging, look)
+            self.mapped(staging, read)
         })
     }
 
-    /// Waits for what was submitted, and shows the bytes of `staging` to `look`.
-    pub(crate) fn mapped<T>(&self, staging: &wgpu::Buffer, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuFault> {
+    /// Waits for what was submitted, and shows the bytes of `staging` to `read`.
+    pub(crate) fn mapped<T>(&self, staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuFault> {
         self.checked(|| {
             let (send, receive) = std::sync::mpsc::channel();
             staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
@@ -51,7 +51,7 @@ impl Gpu {
                 .recv()
                 .map_err(|error| GpuFault::from(error.to_string()))?
                 .map_err(|error| GpuFault::from(error.to_string()))?;
-            let seen = staging.get_mapped_range(..).map(|bytes| look(&bytes)).map_err(|error| GpuFault::from(error.to_string()));
+            let seen = staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(|error| GpuFault::from(error.to_string()));
             staging.unmap();
             seen
         })

@@ -1,12 +1,12 @@
 //! A cloth on the GPU: prepares and submits steps. Which way a step is done is chosen in `path.rs`, its commands are in
-//! `encode.rs`, statistics of its work in `cost.rs`, access to the state between steps in `look.rs`, and steps with contact
+//! `encode.rs`, statistics of its work in `cost.rs`, access to the state between steps in `state.rs`, and steps with contact
 //! of the cloth with itself in `contact.rs`.
 
 mod contact;
 mod cost;
 mod encode;
-mod look;
 mod path;
+mod state;
 
 use glam::Vec4;
 

@@ -36,19 +36,19 @@ impl Readback {
         Readback { staging: gpu.staging("state", size), request: None }
     }
 
-    /// Waits for the state and passes it to `look`; returns the result of the steps' checks.
+    /// Waits for the state and passes it to `read`; returns the result of the steps' checks.
     pub(crate) fn read(
         &self,
         gpu: &Gpu,
         state: &StateBuffers,
         found: &wgpu::Buffer,
-        look: impl FnOnce(&[Vec4], &[Vec4]),
+        read: impl FnOnce(&[Vec4], &[Vec4]),
     ) -> Result<Defects, GpuFault> {
         gpu.read(&self.staging, &[&state.x, &state.p, found], |bytes| {
             let (state, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
             let state: &[Vec4] = bytemuck::cast_slice(state);
             let (x, p) = state.split_at(state.len() / 2);
-            look(x, p);
+            read(x, p);
             bytemuck::pod_read_unaligned(found)
         })
     }
@@ -68,8 +68,8 @@ impl Readback {
         })
     }
 
-    /// Passes the requested positions to `look`, once, if they have arrived; returns the result of the steps' checks.
-    pub(crate) fn arrived(&mut self, gpu: &Gpu, look: impl FnOnce(&[Vec4])) -> Result<Option<Defects>, GpuFault> {
+    /// Passes the requested positions to `read`, once, if they have arrived; returns the result of the steps' checks.
+    pub(crate) fn arrived(&mut self, gpu: &Gpu, read: impl FnOnce(&[Vec4])) -> Result<Option<Defects>, GpuFault> {
         let Some(Request { staging, progress }) = &self.request else { return Ok(None) };
         gpu.poll(wgpu::PollType::Poll)?;
         let found = match progress.load(Ordering::Acquire) {
@@ -78,9 +78,9 @@ impl Readback {
                 let bytes = staging.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
                 let (x, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
                 match bytemuck::try_cast_slice(x) {
-                    Ok(x) => look(x),
+                    Ok(x) => read(x),
                     // In a browser the mapped bytes may have any alignment.
-                    Err(_) => look(&bytemuck::pod_collect_to_vec(x)),
+                    Err(_) => read(&bytemuck::pod_collect_to_vec(x)),
                 }
                 bytemuck::pod_read_unaligned(found)
             }

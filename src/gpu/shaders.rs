@@ -82,7 +82,7 @@ shaders! {
         PROJECT: "distance" "stages/project";
         CONTACT: "distance" "tether" "contact" "stages/move" "stages/contact";
         SINGLE_WORKGROUP: "integrate" "bending" "wind" "distance" "tether" "contact" "limits" "watch"
-            "stages/watch" "stages/sweep" "stages/tiles" "stages/look" "stages/levels" "stages/tethers" "stages/move"
+            "stages/watch" "stages/sweep" "stages/tiles" "stages/watch_edges" "stages/levels" "stages/tethers" "stages/move"
             "stages/bend_ring" "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
         COMMIT: "limits" "watch" "stages/watch" "stages/commit";
         RESTRICT: "average" "integrate" "stages/motion" "stages/restrict";
@@ -95,7 +95,7 @@ shaders! {
         EXCHANGE: "stages/exchange";
     }
     "" after ("integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep" "stages/tiles"
-        "stages/look" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile") {
+        "stages/watch_edges" "stages/tile_sweep" "stages/tethers" "stages/move" "stages/tile") {
         PLAIN_TILE: "stages/plain_tile";
         BENT_TILE: "bending" "stages/bend_ring" "stages/bend_vectors" "stages/bent_tile";
         CORRECTED_TILE: "average" "stages/corrected_tile";

@@ -9,7 +9,7 @@ fn spacing_after(course: &mut Course, detections: u32) -> u32 {
 }
 
 #[test]
-fn calm_cloth_is_looked_at_less_often() {
+fn detection_is_due_less_often_in_calm_cloth() {
     let mut course = Course::default();
     let first: Vec<u32> = (0..8).map(|_| spacing_after(&mut course, 1)).collect();
     assert_eq!(first, [5, 5, 5, 5, 5, 20, 20, 20]);

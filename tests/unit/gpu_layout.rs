@@ -202,7 +202,7 @@ fn shared_structs_agree_member_for_member() {
                 "Four",
                 "Multipliers",
                 "Near",
-                "Looked",
+                "Proximity",
                 "Vertex",
                 "Node",
                 "Tree",

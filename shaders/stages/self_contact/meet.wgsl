@@ -2,7 +2,7 @@
 // whether detection is due.
 
 // Whether this substep includes the kernels of detection.
-override LOOKS: bool = true;
+override MAY_DETECT: bool = true;
 // Whether it has any other kernels of contact. Otherwise, only colliders and the distance to the path matter.
 override MEETS: bool = true;
 
@@ -79,8 +79,8 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     let track = tracks[i];
     let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (since() + 1.0)) - together;
     // Written so that NaN counts as too far.
-    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, LOOKS && about.spacing > 1u)) {
-        if LOOKS {
+    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, MAY_DETECT && about.spacing > 1u)) {
+        if MAY_DETECT {
             atomicOr(&known.status.strayed, 1u);
         } else {
             atomicOr(&known.status.stopped, EARLY);
@@ -97,9 +97,9 @@ fn lead_vertex(i: u32) {
     vertices[i].x = vec4f(x_i, 0.0);
     vertices[i].u = vec4f(u_i, 0.0);
     vertices[i].push = vec4f(vec3f(), motion.start.w);
-    // Its motion is uniform, so that one test covers the substeps up to the next one that looks anyway. One that stands
+    // Its motion is uniform, so that one test covers the substeps up to the next one that may detect anyway. One that stands
     // still is tested at the start of the step only, and must not have a path that goes on.
-    if LOOKS {
+    if MAY_DETECT {
         let track = tracks[i];
         let ahead = f32(about.spacing);
         let strayed = (x_i - track.start.xyz) + (u_i * ahead - track.by.xyz * (since() + ahead));
@@ -164,7 +164,7 @@ fn begin_substep() {
     known.status.h = params.h;
     let over = since();
     let ends = over + f32(about.spacing) > known.status.ahead;
-    known.status.detects = u32(LOOKS && (over < 0.0 || ends || strayed));
+    known.status.detects = u32(MAY_DETECT && (over < 0.0 || ends || strayed));
     if known.status.detects != 0u {
         let listed = atomicExchange(&known.status.listed, 0u);
         known.status.vertices_before = atomicExchange(&known.status.with_vertices, 0u);

@@ -76,12 +76,12 @@ fn friction_of(corners: vec4u) -> f32 {
 }
 
 // A listed pair in this substep. `state` is 0 if it is not near, 1 if only truncation holds it, and 2 if it acts.
-struct Looked {
+struct Proximity {
     pair: Near,
     state: u32,
 }
 
-fn look_at_pair(k: u32) -> Looked {
+fn proximity_of(k: u32) -> Proximity {
     let pair = pairs[place(k)];
     let is_edge = k >= with_vertices;
     let u = displacements(pair.corners);
@@ -108,7 +108,7 @@ fn look_at_pair(k: u32) -> Looked {
         pairs[place(k)].lambda = vec4f();
     }
     let friction = friction_of(pair.corners);
-    return Looked(Near(pair.corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k, friction), state);
+    return Proximity(Near(pair.corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k, friction), state);
 }
 
 @compute @workgroup_size(LANES)
@@ -124,12 +124,12 @@ fn find(
         }
         workgroupBarrier();
         let k = first + (group.x + group.y * groups.x) * LANES + lane;
-        var looked: Looked;
+        var proximity: Proximity;
         var rank = 0u;
         if k < all {
-            looked = look_at_pair(k);
-            if looked.state > 0u {
-                rank = atomicAdd(&found[looked.state - 1u], 1u);
+            proximity = proximity_of(k);
+            if proximity.state > 0u {
+                rank = atomicAdd(&found[proximity.state - 1u], 1u);
             }
         }
         workgroupBarrier();
@@ -140,14 +140,14 @@ fn find(
             firsts[1] = atomicAdd(&known.status.acting, atomicLoad(&found[1]));
         }
         workgroupBarrier();
-        if looked.state > 0u {
-            set_near(place_of(looked.state, firsts[looked.state - 1u] + rank), looked.pair);
+        if proximity.state > 0u {
+            set_near(place_of(proximity.state, firsts[proximity.state - 1u] + rank), proximity.pair);
         }
-        if looked.state == 2u {
-            let units = vec4i(round(abs(looked.pair.weights) * UNIT_WEIGHT));
+        if proximity.state == 2u {
+            let units = vec4i(round(abs(proximity.pair.weights) * UNIT_WEIGHT));
             for (var c = 0u; c < 4u; c++) {
                 // The vertices of mesh colliders have no sums.
-                let v = looked.pair.corners[c];
+                let v = proximity.pair.corners[c];
                 if v < about.vertices {
                     atomicAdd(&sums[SUMS * v + WEIGHT], units[c]);
                 }

@@ -278,14 +278,14 @@ fn is_due() -> bool {
     return known.status.detects != 0u && !has_stopped();
 }
 
-var<workgroup> looks: u32;
+var<workgroup> due_here: u32;
 
 // Whether detection is due, for all invocations of a workgroup.
-fn looks_here(lane: u32) -> bool {
+fn is_due_here(lane: u32) -> bool {
     if lane == 0u {
-        looks = u32(is_due());
+        due_here = u32(is_due());
     }
-    return workgroupUniformLoad(&looks) != 0u;
+    return workgroupUniformLoad(&due_here) != 0u;
 }
 
 fn number(at: u32) -> f32 {

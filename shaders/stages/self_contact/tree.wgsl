@@ -100,7 +100,7 @@ fn bound(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    if !looks_here(lane) {
+    if !is_due_here(lane) {
         return;
     }
     let each = BOUNDERS / PARTS;
@@ -138,7 +138,7 @@ fn bound(
 // One workgroup for each tree bounds the remaining levels below that with which a descent begins.
 @compute @workgroup_size(LANES)
 fn refit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    if !looks_here(lane) {
+    if !is_due_here(lane) {
         return;
     }
     let is_mesh = group.x > 0u;

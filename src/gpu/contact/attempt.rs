@@ -17,7 +17,7 @@ pub(crate) enum Judgment {
     /// The step must be attempted again.
     Again,
     /// It must be attempted again after a search for intersections.
-    Look,
+    Search,
     /// There are too many pairs: this many.
     Crowded(usize),
 }

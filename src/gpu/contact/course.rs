@@ -87,7 +87,7 @@ impl Course {
     }
 
     /// Whether a substep includes the kernels of detection.
-    pub(super) fn looks(&self, substep: usize) -> bool {
+    pub(super) fn may_detect(&self, substep: usize) -> bool {
         substep.is_multiple_of(self.spacing() as usize)
     }
 }

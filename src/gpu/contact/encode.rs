@@ -36,7 +36,7 @@ const GLANCED: usize = 16_384;
 impl GpuContact {
     /// Limit on the dispatches of a substep.
     pub(crate) fn dispatches(&self, index: usize) -> usize {
-        let detection = if self.course.looks(index) { OF_DETECTION } else { 0 };
+        let detection = if self.course.may_detect(index) { OF_DETECTION } else { 0 };
         let start = if index == 0 { OF_START } else { 0 };
         1 + start
             + detection
@@ -52,9 +52,9 @@ impl GpuContact {
     /// [`crate::gpu::state::PING_PONG`].
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
-        let (looks, response) = (self.course.looks(index), self.course.response);
+        let (may_detect, response) = (self.course.may_detect(index), self.course.response);
         let meet = match response {
-            _ if looks => &stages.meet,
+            _ if may_detect => &stages.meet,
             Response::None => &stages.meet_alone,
             _ => &stages.meet_between,
         };
@@ -63,13 +63,13 @@ impl GpuContact {
             bound_meshes.dispatch(pass, group, &[], self.table.mesh_vertices());
         }
         // Mesh colliders that stand still are put in place once.
-        let meshes_move = index == 0 || (!self.kept.meshes_rest() && (looks || response > Response::None));
+        let meshes_move = index == 0 || (!self.kept.meshes_rest() && (may_detect || response > Response::None));
         meet.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
-        if looks || response == Response::Full {
-            let decide = if looks { &stages.decide } else { &stages.decide_between };
+        if may_detect || response == Response::Full {
+            let decide = if may_detect { &stages.decide } else { &stages.decide_between };
             decide.dispatch_workgroups(pass, group, &[], 1);
         }
-        if looks {
+        if may_detect {
             self.encode_detection(stages, pass, group);
         }
         match response {

@@ -170,8 +170,8 @@ impl GpuContact {
     }
 
     /// Whether the next step needs the positions on the CPU first, to search for intersections.
-    pub(crate) fn must_look(&self) -> bool {
-        self.kept.must_look()
+    pub(crate) fn must_search(&self) -> bool {
+        self.kept.must_search()
     }
 
     /// Whether it needs them because pins or mesh colliders are led through each other.
@@ -186,9 +186,9 @@ impl GpuContact {
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
     /// from which to start instead, if anything touched exactly.
-    pub(crate) fn look(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
+    pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
         let crossed = !self.kept.let_go().iter().all(Vec::is_empty);
-        let moved = self.kept.look(plan, x, self.status.since == status::NEVER);
+        let moved = self.kept.find_crossings(plan, x, self.status.since == status::NEVER);
         if crossed || !self.kept.let_go().iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;

@@ -82,10 +82,10 @@ impl Stages {
                 [stage(shaders::BODIES, "bound_cloth", &[X, COMMON]), bound_meshes]
             }),
             meet: stage(shaders::MEET, "meet", &by_meet),
-            meet_between: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0)]),
-            meet_alone: told(shaders::MEET, "meet", &by_meet, &[("LOOKS", 0.0), ("MEETS", 0.0)]),
+            meet_between: told(shaders::MEET, "meet", &by_meet, &[("MAY_DETECT", 0.0)]),
+            meet_alone: told(shaders::MEET, "meet", &by_meet, &[("MAY_DETECT", 0.0), ("MEETS", 0.0)]),
             decide: stage(shaders::MEET, "decide", &[COMMON]),
-            decide_between: told(shaders::MEET, "decide", &[COMMON], &[("LOOKS", 0.0)]),
+            decide_between: told(shaders::MEET, "decide", &[COMMON], &[("MAY_DETECT", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
             prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, COMMON, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, COMMON, BOXES, NORMALS]),

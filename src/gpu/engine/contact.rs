@@ -82,9 +82,9 @@ impl GpuEngine {
     fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         self.contact.iter_mut().for_each(|contact| contact.lead(plan));
-        let mut looked = self.contact.as_ref().is_some_and(|contact| contact.must_look());
-        if looked {
-            self.look_for_crossings(plan)?;
+        let mut searched = self.contact.as_ref().is_some_and(|contact| contact.must_search());
+        if searched {
+            self.find_crossings(plan)?;
         }
         let params = Params { bodies: 0, checks: 0, ..plan.params };
         let swept = Plan { bodies: &[], bodies_and_anchors: plan.anchors, params, ..*plan };
@@ -96,13 +96,13 @@ impl GpuEngine {
         });
         begun.map_err(|fault| self.break_off(fault))?;
         loop {
-            let attempted = gpu.checked(|| self.attempt(&gpu, plan, &swept, looked));
+            let attempted = gpu.checked(|| self.attempt(&gpu, plan, &swept, searched));
             match attempted.map_err(|fault| self.break_off(fault))? {
                 Judgment::Good => break,
                 Judgment::Again => {}
-                Judgment::Look => {
-                    self.look_for_crossings(plan)?;
-                    looked = true;
+                Judgment::Search => {
+                    self.find_crossings(plan)?;
+                    searched = true;
                 }
                 Judgment::Crowded(pairs) => return Err(Failure::Crowded(pairs)),
             }
@@ -111,10 +111,10 @@ impl GpuEngine {
     }
 
     /// Searches for intersections at the start of the step.
-    fn look_for_crossings(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+    fn find_crossings(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let mut x = Vec::new();
         self.read(|at, _| x.extend_from_slice(at))?;
-        if let Some(x) = self.contact.as_mut().and_then(|contact| contact.look(plan, x)) {
+        if let Some(x) = self.contact.as_mut().and_then(|contact| contact.find_crossings(plan, x)) {
             // If the step fails, the next one starts from there, too.
             self.gpu.write(&self.forces.states[0].x, 0, &x);
         }
@@ -132,8 +132,8 @@ impl GpuEngine {
     }
 
     /// Attempts the substeps of a step, waits for them, and commits the step if they are good. Unless intersections were
-    /// `looked` for, the CPU meanwhile finds out whether it must.
-    fn attempt(&mut self, gpu: &Gpu, plan: &Plan<'_>, swept: &Plan<'_>, looked: bool) -> Result<Judgment, GpuFault> {
+    /// `searched` for, the CPU meanwhile finds out whether they must be.
+    fn attempt(&mut self, gpu: &Gpu, plan: &Plan<'_>, swept: &Plan<'_>, searched: bool) -> Result<Judgment, GpuFault> {
         let GpuEngine { contact, forces, .. } = self;
         contact.iter_mut().for_each(|contact| contact.prepare(gpu, plan, forces));
         Gpu::refused()?;
@@ -142,9 +142,9 @@ impl GpuEngine {
         self.encode_substeps(&mut submission, swept, Some(plan));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
-        if !looked && contact.led_may_cross(plan) {
+        if !searched && contact.led_may_cross(plan) {
             contact.go_back(gpu);
-            return Ok(Judgment::Look);
+            return Ok(Judgment::Search);
         }
         // The device waits for the commit, so it is encoded before the judgment.
         let mut commit = Submission::new(gpu);

@@ -160,12 +160,12 @@ impl<T> View<'_, T> {
         (first..first + count).for_each(|item| self.visitors.0.write(item, self.visitors.1.ticket.number()));
     }
 
-    /// Calls `look` with a reference to an item.
+    /// Calls `read` with a reference to an item.
     #[cfg(feature = "gpu")]
-    pub(crate) fn show<R>(self, item: usize, look: impl FnOnce(&T) -> R) -> R {
+    pub(crate) fn show<R>(self, item: usize, read: impl FnOnce(&T) -> R) -> R {
         self.reads(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and `look` does not replace the item meanwhile ([`View::replace`]).
-        look(unsafe { &*self.pointer(item) })
+        // SAFETY: Alive, Inside (`pointer`), Apart; and `read` does not replace the item meanwhile ([`View::replace`]).
+        read(unsafe { &*self.pointer(item) })
     }
 
     /// Replaces an item, to which no reference may exist ([`View::show`]).

@@ -3,7 +3,7 @@
 
 // The edges of one color of a tile, in the next step those of the next color. `mark` says which table it is. An edge
 // without stiffness holds nothing together.
-fn look_at_edges(tile: u32, mark: u32, lane: u32) {
+fn check_edges(tile: u32, mark: u32, lane: u32) {
     // A cloth without edges has no colors, and no width.
     let color = found.steps % max(COLORS, 1u);
     for (var k = lane; k < WIDTH; k += LANES) {

@@ -83,10 +83,10 @@ impl GpuEngine {
         if self.gpu.is_lost() { Err(Failure::Gpu(GpuFault::Lost)) } else { Ok(()) }
     }
 
-    /// Waits for the GPU and passes its state to `look`. Then fails if the GPU had to return to the state before a
+    /// Waits for the GPU and passes its state to `read`. Then fails if the GPU had to return to the state before a
     /// failed step.
-    pub(crate) fn read(&mut self, look: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
-        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, look);
+    pub(crate) fn read(&mut self, read: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
+        let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, read);
         let found = seen.map_err(Failure::Gpu)?;
         let good = self.verdict(found);
         if good.is_err() {
@@ -117,9 +117,9 @@ impl GpuEngine {
         self.readback.request(&self.gpu, x, &self.commit.found).map_err(Failure::Gpu)
     }
 
-    /// Passes the requested positions to `look`, once, if they have arrived; returns whether they have.
-    pub(crate) fn arrived(&mut self, look: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
-        match self.readback.arrived(&self.gpu, look).map_err(Failure::Gpu)? {
+    /// Passes the requested positions to `read`, once, if they have arrived; returns whether they have.
+    pub(crate) fn arrived(&mut self, read: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
+        match self.readback.arrived(&self.gpu, read).map_err(Failure::Gpu)? {
             Some(found) => self.verdict(found).map(|()| true),
             None => Ok(false),
         }
