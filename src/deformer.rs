@@ -88,7 +88,7 @@ pub struct Deformer {
     /// What the motion is checked against: the state of that check now and after the current step, and the bounds on speed
     /// (m/s) and edge length (m) of the last step and of the current one.
     watch: Watch,
-    meeting: (Watch, Led),
+    in_step: (Watch, Led),
     bounds: (f32, f32),
     ahead: (f32, f32),
     buffers: PlanBuffers,
@@ -145,7 +145,7 @@ impl Deformer {
             pace: Pace::default(),
             still: Stillness::default(),
             watch,
-            meeting: (watch, Led::default()),
+            in_step: (watch, Led::default()),
             bounds: (f32::MAX, f32::MAX),
             ahead: (f32::MAX, f32::MAX),
             buffers: PlanBuffers::default(),
@@ -288,8 +288,8 @@ impl Deformer {
         };
         let plan = Plan::new(&inputs, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
-        self.meeting = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(taken.dt));
-        self.ahead = self.meeting.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
+        self.in_step = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(taken.dt));
+        self.ahead = self.in_step.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
         self.watch.tell(&mut plan.params, self.ahead);
         (&mut self.engine, plan)
     }
@@ -310,14 +310,14 @@ impl Deformer {
         let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
-        self.watch = self.meeting.0;
+        self.watch = self.in_step.0;
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.led(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(&taken, limited, self.meeting.1);
+        let mut warnings = self.warnings(&taken, limited, self.in_step.1);
         warnings.extend(self.contact_warnings(attributes));
         let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());

@@ -32,17 +32,17 @@ struct Pair {
 }
 
 /// Moves apart what touches. Returns the vertices that move, with their new positions (m).
-pub(super) fn apart(features: Features<'_>, may_meet: impl Fn(u32, u32) -> bool) -> Vec<(u32, Vec4)> {
+pub(super) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool) -> Vec<(u32, Vec4)> {
     let (x, normals) = features.in_general_position();
-    let found = pierced(features.edges, features.triangles, &x, &mut { usize::MAX }, &may_meet);
-    let mut touches = Touches::new(features, x, normals, &may_meet);
+    let found = pierced(features.edges, features.triangles, &x, &mut { usize::MAX }, &may_collide);
+    let mut touches = Touches::new(features, x, normals, &may_collide);
     // What really intersects is let go as it is.
     let crossing = touches.left_out_of(found);
     let ends = crossing.iter().flat_map(|&[edge, _]| features.edges[edge as usize]);
     let of_crossings: BTreeSet<u32> =
         ends.chain(crossing.iter().flat_map(|&[_, triangle]| features.triangles[triangle as usize])).collect();
     let (mut x, gap) = (touches.x, GAP * features.touching());
-    let mut pairs = pairs(features, &x, gap, &may_meet);
+    let mut pairs = pairs(features, &x, gap, &may_collide);
     pairs.retain(|pair| !pair.corners.iter().any(|vertex| of_crossings.contains(vertex)));
     for _ in 0..ROUNDS {
         let mut is_apart = true;
@@ -73,7 +73,7 @@ pub(super) fn apart(features: Features<'_>, may_meet: impl Fn(u32, u32) -> bool)
 }
 
 /// The pairs of features that are closer than `reach` (m) at `x` (m).
-fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_meet: impl Fn(u32, u32) -> bool) -> Vec<Pair> {
+fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u32, u32) -> bool) -> Vec<Pair> {
     let Features { edges, triangles, .. } = features;
     let at = |vertex: u32| x[vertex as usize];
     let mut vertices: Vec<u32> = triangles.iter().flatten().copied().collect();
@@ -91,14 +91,14 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_meet: impl Fn(u32,
     };
     for_overlaps(&of_vertices, &of_triangles, &mut room, |vertex, triangle| {
         let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
-        if may_meet(vertex, a) && ![a, b, c].contains(&vertex) {
+        if may_collide(vertex, a) && ![a, b, c].contains(&vertex) {
             let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
             add([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c]);
         }
     });
     for_overlaps(&of_edges, &of_edges, &mut room, |one, other| {
         let ([a, b], [c, d]) = (edges[one], edges[other]);
-        if one < other && may_meet(a, c) && a != c && a != d && b != c && b != d {
+        if one < other && may_collide(a, c) && a != c && a != d && b != c && b != d {
             let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);
             add([a, b, c, d], [1.0 - s, s, t - 1.0, -t]);
         }

@@ -43,14 +43,14 @@ impl Features<'_> {
     }
 
     /// Whether boxes around an edge and a triangle that may meet overlap or touch. Where none do, nothing intersects.
-    pub(super) fn are_close(&self, may_meet: impl Fn(u32, u32) -> bool) -> bool {
+    pub(super) fn are_close(&self, may_collide: impl Fn(u32, u32) -> bool) -> bool {
         let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
         let of_edges: Vec<_> = self.edges.iter().map(|ends| around(&ends.map(at), touching)).collect();
         let of_triangles: Vec<_> = self.triangles.iter().map(|corners| around(&corners.map(at), touching)).collect();
         let mut are_close = false;
         for_overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, |edge, triangle| {
             let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
-            are_close |= may_meet(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
+            are_close |= may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
         });
         are_close
     }
@@ -92,7 +92,7 @@ pub(super) fn pierced(
     triangles: &[[u32; 3]],
     x: &[DVec3],
     room: &mut usize,
-    may_meet: impl Fn(u32, u32) -> bool,
+    may_collide: impl Fn(u32, u32) -> bool,
 ) -> Vec<[u32; 2]> {
     let at = |vertex: u32| x[vertex as usize];
     let of_edges: Vec<_> = edges.iter().map(|ends| around(&ends.map(at), 0.0)).collect();
@@ -100,8 +100,8 @@ pub(super) fn pierced(
     let mut found = Vec::new();
     for_overlaps(&of_edges, &of_triangles, room, |edge, triangle| {
         let (ends, corners) = (edges[edge], triangles[triangle]);
-        let meets = may_meet(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
-        if meets && goes_through(ends.map(at), corners.map(at)) {
+        let may_cross = may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
+        if may_cross && goes_through(ends.map(at), corners.map(at)) {
             found.push([edge as u32, triangle as u32]);
         }
     });

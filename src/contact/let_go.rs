@@ -28,7 +28,7 @@ pub(super) struct LetGo {
 impl LetGo {
     /// Searches for intersections with bodies and, if `meets_itself`, of the cloth with itself.
     pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) {
-        let found = features(surface, x, thickness).crossings(|a, b| surface.may_meet(a, b, meets_itself));
+        let found = features(surface, x, thickness).crossings(|a, b| surface.may_collide(a, b, meets_itself));
         self.take(found, surface);
     }
 
@@ -55,7 +55,7 @@ impl LetGo {
             triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
             ..features(surface, x, thickness)
         };
-        let found = features.crossings(|a, b| surface.may_meet(a, b, meets_itself));
+        let found = features.crossings(|a, b| surface.may_collide(a, b, meets_itself));
         let found: Vec<[u32; 2]> =
             found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
         let are_new = found != self.crossings;
@@ -78,7 +78,7 @@ impl LetGo {
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
     pub(super) fn part_touches(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> Vec<(u32, Vec4)> {
-        apart(features(surface, x, thickness), |a, b| surface.may_meet(a, b, meets_itself))
+        apart(features(surface, x, thickness), |a, b| surface.may_collide(a, b, meets_itself))
     }
 
     /// Whether anything intersects whose vertices are all led (by pins or as parts of bodies). Contact cannot hold
@@ -121,8 +121,8 @@ impl LetGo {
         let of_bodies = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
         triangles.extend(of_bodies.iter().filter(|corners| is_there(*corners)));
         let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
-        let may_meet = |a, b| surface.may_meet(a, b, meets_itself);
-        features.are_close(may_meet) && !features.crossings(may_meet).is_empty()
+        let may_collide = |a, b| surface.may_collide(a, b, meets_itself);
+        features.are_close(may_collide) && !features.crossings(may_collide).is_empty()
     }
 
     /// Replaces the intersections.

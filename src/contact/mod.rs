@@ -89,7 +89,7 @@ use rows::Rows;
 use start::Start;
 use surface::Surface;
 use tree::Tree;
-use vertices::Meet;
+use vertices::PushOut;
 pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
@@ -111,7 +111,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("MOST_EXCESS", tree::MOST_EXCESS),
     ("ACTING", near::ACTING),
     ("FARTHER", truncation::FARTHER),
-    ("MEETS", pinches::MEETS),
+    ("COINCIDENT", pinches::COINCIDENT),
     ("CLOSER", carry::CLOSER),
     ("NEAR", bodies::NEAR),
 ];
@@ -291,7 +291,7 @@ impl SelfContact {
         let now = Now { plan, substep, workers, width };
         self.bodies.lead(plan, substep, x, u);
         self.part_touches(x);
-        self.meet_colliders(now, x, u);
+        self.push_out(now, x, u);
         let frame = self.bodies.frame(plan, x, u, self.options.thickness);
         if !self.list(now, x, u, frame.is_none()) {
             return;
@@ -376,7 +376,7 @@ impl SelfContact {
     }
 
     /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.
-    fn meet_colliders(&mut self, Now { plan, substep, workers, width }: Now<'_>, x: &[Vec4], u: &mut [Vec4]) {
+    fn push_out(&mut self, Now { plan, substep, workers, width }: Now<'_>, x: &[Vec4], u: &mut [Vec4]) {
         let Pushes { of, most } = &mut self.push;
         let was_pushed = std::mem::take(most) > 0.0;
         if plan.bodies.is_empty() {
@@ -392,7 +392,7 @@ impl SelfContact {
             if was_pushed {
                 push.fill(Vec4::ZERO);
             }
-            simd::run(width, Meet { plan, substep, x, u, push, most: &farthest });
+            simd::run(width, PushOut { plan, substep, x, u, push, most: &farthest });
         });
         *most = f32::from_bits(farthest.into_inner()).sqrt();
     }

@@ -22,17 +22,17 @@ pub(super) fn overlap(a: &Span, b: &Span) -> bool {
     a[0].cmple(b[1]).all() && a[1].cmpge(b[0]).all()
 }
 
-/// Calls `meet` for each pair of a box of one list and a box of the other that overlap, until `room` for such pairs is
+/// Calls `visit` for each pair of a box of one list and a box of the other that overlap, until `room` for such pairs is
 /// used up.
-pub(super) fn for_overlaps(one: &[Span], other: &[Span], room: &mut usize, meet: impl FnMut(usize, usize)) {
+pub(super) fn for_overlaps(one: &[Span], other: &[Span], room: &mut usize, visit: impl FnMut(usize, usize)) {
     let all = [one, other].map(|boxes| (0..boxes.len() as u32).collect());
-    Search { boxes: [one, other], room, meet }.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
+    Search { boxes: [one, other], room, visit }.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
 }
 
 struct Search<'a, M> {
     boxes: [&'a [Span]; 2],
     room: &'a mut usize,
-    meet: M,
+    visit: M,
 }
 
 impl<M: FnMut(usize, usize)> Search<'_, M> {
@@ -60,7 +60,7 @@ impl<M: FnMut(usize, usize)> Search<'_, M> {
                         return;
                     }
                     *self.room -= 1;
-                    (self.meet)(a as usize, b as usize);
+                    (self.visit)(a as usize, b as usize);
                 }
             }
         }

@@ -16,7 +16,7 @@ use crate::simd::Vector;
 
 /// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell on which
 /// side it is.
-pub(super) const MEETS: f32 = 1e-3;
+pub(super) const COINCIDENT: f32 = 1e-3;
 /// Bisections that find the moment at which four points are in a plane.
 pub(crate) const BISECTIONS: u32 = 20;
 
@@ -74,7 +74,7 @@ pub(super) fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickn
             late = middle;
         }
     }
-    let least = MEETS * thickness;
+    let least = COINCIDENT * thickness;
     Some(distance(kind, at(late)) < least && least < distance(kind, from).min(distance(kind, to)))
 }
 

@@ -144,7 +144,7 @@ impl Surface {
     }
 
     /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself if `meets_itself`.
-    pub(super) fn may_meet(&self, a: u32, b: u32, meets_itself: bool) -> bool {
+    pub(super) fn may_collide(&self, a: u32, b: u32, meets_itself: bool) -> bool {
         match [a, b].map(|vertex| self.owner[vertex as usize]) {
             [0, 0] => meets_itself,
             [a, b] => a == 0 || b == 0,

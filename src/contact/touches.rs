@@ -23,18 +23,18 @@ const ROOM: [usize; 2] = [10_000_000, 256];
 
 impl Features<'_> {
     /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
-    /// pairs are tested for which `may_meet` accepts a vertex of each.
-    pub(crate) fn crossings(self, may_meet: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
+    /// pairs are tested for which `may_collide` accepts a vertex of each.
+    pub(crate) fn crossings(self, may_collide: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
         let (x, normals) = self.in_general_position();
-        let found = pierced(self.edges, self.triangles, &x, &mut { usize::MAX }, &may_meet);
-        Touches::new(self, x, normals, &may_meet).left_out_of(found)
+        let found = pierced(self.edges, self.triangles, &x, &mut { usize::MAX }, &may_collide);
+        Touches::new(self, x, normals, &may_collide).left_out_of(found)
     }
 }
 
 /// The search for touches.
 pub(super) struct Touches<'a, M> {
     features: Features<'a>,
-    may_meet: &'a M,
+    may_collide: &'a M,
     /// Positions (m) in general position; what touches is moved apart.
     pub x: Vec<DVec3>,
     /// Unit normals of the vertices.
@@ -48,9 +48,9 @@ pub(super) struct Touches<'a, M> {
 type Move = ([u32; 2], bool);
 
 impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
-    pub(super) fn new(features: Features<'a>, x: Vec<DVec3>, normals: Vec<DVec3>, may_meet: &'a M) -> Self {
+    pub(super) fn new(features: Features<'a>, x: Vec<DVec3>, normals: Vec<DVec3>, may_collide: &'a M) -> Self {
         let room = ROOM[0] + ROOM[1] * features.triangles.len();
-        Touches { touching: features.touching(), features, may_meet, x, normals, room }
+        Touches { touching: features.touching(), features, may_collide, x, normals, room }
     }
 
     /// The intersections that are no touches.
@@ -170,7 +170,7 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
             (0..).zip(triangles).filter(|(_, corners)| overlap(&around(&corners.map(at), 0.0), &place)).map(|(t, _)| t).collect();
         let ends: Vec<[u32; 2]> = near_edges.iter().map(|&edge| edges[edge as usize]).collect();
         let corners: Vec<[u32; 3]> = near_triangles.iter().map(|&triangle| triangles[triangle as usize]).collect();
-        let found = pierced(&ends, &corners, x, room, self.may_meet);
+        let found = pierced(&ends, &corners, x, room, self.may_collide);
         if *room == 0 {
             return None;
         }

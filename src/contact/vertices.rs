@@ -13,7 +13,7 @@ use crate::simd::{Loop, Registers};
 use crate::step::plan::Plan;
 
 /// Moves vertices out of the colliders.
-pub(super) struct Meet<'a> {
+pub(super) struct PushOut<'a> {
     pub plan: &'a Plan<'a>,
     pub substep: &'a Substep,
     pub x: &'a [Vec4],
@@ -23,10 +23,10 @@ pub(super) struct Meet<'a> {
     pub most: &'a AtomicU32,
 }
 
-impl Loop for Meet<'_> {
+impl Loop for PushOut<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Meet { plan, substep, x, u, push, most } = self;
+        let PushOut { plan, substep, x, u, push, most } = self;
         let mut farthest = 0.0_f32;
         for first in (0..x.len()).step_by(L::LANES) {
             let end = x.len().min(first + L::LANES);

@@ -71,7 +71,7 @@ impl Deformer {
         }
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
-        self.meeting = (self.watch, Led::default());
+        self.in_step = (self.watch, Led::default());
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
         (self.cloth, self.options, self.shown) = (cloth, options, false);
         self.wake();

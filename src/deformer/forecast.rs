@@ -56,7 +56,7 @@ impl Deformer {
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
-        let (_, led) = self.watch.meet(&self.cloth, &self.motion, attributes, f64::from(dt));
+        let (_, led) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt));
         let warnings = self.warnings(&taken, limited, led);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })

@@ -220,7 +220,7 @@ impl Deformer {
         }
         let State { motion, controller, unjudged, seen, pace, still, watch, bounds, colliders, gravity, .. } = state;
         self.watch = self.watch.with_past(&watch);
-        self.meeting = (self.watch, Led::default());
+        self.in_step = (self.watch, Led::default());
         (self.motion, self.controller, self.unjudged, self.seen) = (motion, controller, unjudged, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
         (self.colliders, self.gravity) = (colliders, gravity);

@@ -101,7 +101,7 @@ shaders! {
         CORRECTED_TILE: "average" "stages/corrected_tile";
     }
     "stages/self_contact/" after ("limits" "distance" "contact" "pair" "stages/self_contact/shared") {
-        MEET: "mean" "meet";
+        BEGIN_CONTACT: "mean" "begin_contact";
         BODIES: "mean" "bodies";
         TREE: "boxes" "normals" "tree";
         DESCENT: "boxes" "normals" "detection" "descent";

@@ -57,14 +57,14 @@ impl Load {
     }
 
     /// The load in a step of `dt` (s) under `attributes`. `motion` is where the last step left off, `seen` the latest
-    /// statistics, if any; `meets` tells whether the scene has contact of triangles.
+    /// statistics, if any; `has_contact` tells whether the scene has contact of triangles.
     pub(crate) fn of(
         cloth: &Cloth,
         motion: &Motion,
         attributes: &Attributes,
         dt: f32,
         seen: Option<&Statistics>,
-        meets: bool,
+        has_contact: bool,
     ) -> Load {
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
@@ -72,7 +72,7 @@ impl Load {
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
             collider_speed: collider_speed(cloth, motion, attributes, dt, seen),
             pressure: pressure(attributes),
-            led_speed: if meets { led_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
+            led_speed: if has_contact { led_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
         }
     }
 }

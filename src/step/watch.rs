@@ -108,7 +108,7 @@ impl Watch {
     }
 
     /// Adds a step of `dt` (s) that starts from `motion`. Also returns what is fastest in it.
-    pub(crate) fn meet(&self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) -> (Watch, Led) {
+    pub(crate) fn with_step(&self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) -> (Watch, Led) {
         let mut led = Led::default();
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
         for (index, (to, from)) in targets.enumerate() {

@@ -7,7 +7,7 @@ fn volume(t: Four) -> f32 {
 
 // Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell on which
 // side it is.
-const MEETS: f32 = 1e-3;
+const COINCIDENT: f32 = 1e-3;
 // Bisections that find the moment at which four points are in a plane.
 const BISECTIONS: u32 = 20u;
 
@@ -28,7 +28,7 @@ fn moves_through(is_edge: bool, start: Four, end: Four) -> bool {
             late = middle;
         }
     }
-    let least = MEETS * about.thickness;
+    let least = COINCIDENT * about.thickness;
     let nearest = distance_of(is_edge, moved(start, end, late));
     return nearest < least && least < min(distance_of(is_edge, start), distance_of(is_edge, end));
 }

@@ -53,10 +53,10 @@ impl GpuContact {
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
         let (may_detect, response) = (self.course.may_detect(index), self.course.response);
-        let meet = match response {
-            _ if may_detect => &stages.meet,
-            Response::None => &stages.meet_alone,
-            _ => &stages.meet_between,
+        let begin_contact = match response {
+            _ if may_detect => &stages.begin_contact,
+            Response::None => &stages.begin_alone,
+            _ => &stages.begin_between,
         };
         if let (0, Some([bound_cloth, bound_meshes])) = (index, &stages.start) {
             bound_cloth.dispatch(pass, group, &[], self.vertices);
@@ -64,7 +64,7 @@ impl GpuContact {
         }
         // Mesh colliders that stand still are put in place once.
         let meshes_move = index == 0 || (!self.kept.meshes_rest() && (may_detect || response > Response::None));
-        meet.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
+        begin_contact.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
         if may_detect || response == Response::Full {
             let decide = if may_detect { &stages.decide } else { &stages.decide_between };
             decide.dispatch_workgroups(pass, group, &[], 1);

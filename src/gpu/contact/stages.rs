@@ -31,12 +31,12 @@ const NORMALS: usize = 17;
 pub(super) struct Stages {
     /// Used at the start of a step with mesh colliders: `bound_cloth` and `bound_meshes`.
     pub start: Option<[Stage; 2]>,
-    pub meet: Stage,
+    pub begin_contact: Stage,
     pub decide: Stage,
-    /// Used in substeps without kernels of detection; `meet_alone` in those without any others.
-    pub meet_between: Stage,
+    /// Used in substeps without kernels of detection; `begin_alone` in those without any others.
+    pub begin_between: Stage,
     pub decide_between: Stage,
-    pub meet_alone: Stage,
+    pub begin_alone: Stage,
     pub begin_paths: Stage,
     pub prepare: Stage,
     pub bound: Stage,
@@ -74,18 +74,18 @@ impl Stages {
         };
         let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, COMMON];
         let of_vertices = [VERTICES, SUMS, COMMON, BODIES];
-        let by_meet = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
+        let by_begin = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
         let by_finish = [VERTICES, SUMS, COMMON, X_OUT, P_OUT];
         Stages {
             start: has_meshes.then(|| {
                 let bound_meshes = stage(shaders::BODIES, "bound_meshes", &[TRACKS, COMMON]);
                 [stage(shaders::BODIES, "bound_cloth", &[X, COMMON]), bound_meshes]
             }),
-            meet: stage(shaders::MEET, "meet", &by_meet),
-            meet_between: told(shaders::MEET, "meet", &by_meet, &[("MAY_DETECT", 0.0)]),
-            meet_alone: told(shaders::MEET, "meet", &by_meet, &[("MAY_DETECT", 0.0), ("MEETS", 0.0)]),
-            decide: stage(shaders::MEET, "decide", &[COMMON]),
-            decide_between: told(shaders::MEET, "decide", &[COMMON], &[("MAY_DETECT", 0.0)]),
+            begin_contact: stage(shaders::BEGIN_CONTACT, "begin_contact", &by_begin),
+            begin_between: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0)]),
+            begin_alone: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0), ("HAS_CONTACT", 0.0)]),
+            decide: stage(shaders::BEGIN_CONTACT, "decide", &[COMMON]),
+            decide_between: told(shaders::BEGIN_CONTACT, "decide", &[COMMON], &[("MAY_DETECT", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
             prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, COMMON, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, COMMON, BOXES, NORMALS]),

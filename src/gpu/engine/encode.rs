@@ -22,13 +22,13 @@ impl GpuEngine {
         self.encode_commit(submission, plan);
     }
 
-    /// Encodes the substeps, each with contact of the cloth with itself behind it if that `meets` what a plan has.
-    pub(super) fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, meets: Option<&Plan<'_>>) {
+    /// Encodes the substeps, each followed by contact of triangles if there is a `contact_plan`, which has the colliders.
+    pub(super) fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, contact_plan: Option<&Plan<'_>>) {
         let forced = self.forced(plan);
         let predicted = forced.params.predicted != 0;
         for substep in 0..plan.substeps.len() {
             let group = ping_pong(substep);
-            let contact = self.contact.as_ref().filter(|_| meets.is_some());
+            let contact = self.contact.as_ref().filter(|_| contact_plan.is_some());
             let more = contact.map_or(0, |contact| contact.dispatches(substep));
             let pass = submission.room_for(self.dispatches(plan) + more);
             self.forces.bind_substep(pass, substep);
@@ -51,8 +51,8 @@ impl GpuEngine {
                     per_color.encode(pass, plan, group);
                 }
             }
-            if let (Some(contact), Some(meets)) = (&self.contact, meets) {
-                contact.encode(pass, meets, substep, group);
+            if let (Some(contact), Some(contact_plan)) = (&self.contact, contact_plan) {
+                contact.encode(pass, contact_plan, substep, group);
             }
         }
     }

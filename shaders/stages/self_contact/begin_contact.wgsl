@@ -4,7 +4,7 @@
 // Whether this substep includes the kernels of detection.
 override MAY_DETECT: bool = true;
 // Whether it has any other kernels of contact. Otherwise, only colliders and the distance to the path matter.
-override MEETS: bool = true;
+override HAS_CONTACT: bool = true;
 
 // If only every few substeps include detection, it is due already if a vertex has strayed by this share of how far it may.
 const SOON: f32 = 0.45;
@@ -53,7 +53,7 @@ fn strayed_together(lane: u32) -> vec3f {
 }
 
 // Moves a vertex out of the colliders, and tests whether it is close enough to its path.
-fn meet_vertex(i: u32, together: vec3f) -> Part {
+fn begin_vertex(i: u32, together: vec3f) -> Part {
     let x_i = x[i];
     var path = Path(x_i.xyz, p_out[i].xyz);
     if x_i.w > 0.0 {
@@ -67,7 +67,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
     }
     x_out[i] = vec4f(path.x + path.u, x_i.w);
     p_out[i] = vec4f(path.u, params.h);
-    if MEETS {
+    if HAS_CONTACT {
         vertices[i].x = x_i;
         vertices[i].u = vec4f(path.u, x_i.w);
         vertices[i].push = vec4f(push, 0.0);
@@ -90,7 +90,7 @@ fn meet_vertex(i: u32, together: vec3f) -> Part {
 }
 
 // Moves a vertex of a mesh collider through the substep, and tests whether it is close enough to its path.
-fn lead_vertex(i: u32) {
+fn begin_mesh_vertex(i: u32) {
     let motion = tracks[about.all_vertices + i - about.mesh_first];
     let x_i = motion.start.xyz + motion.by.xyz * substep.start;
     let u_i = motion.by.xyz * params.fraction;
@@ -111,7 +111,7 @@ fn lead_vertex(i: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn meet(
+fn begin_contact(
     @builtin(global_invocation_id) id: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(workgroup_id) group: vec3u,
@@ -124,11 +124,11 @@ fn meet(
     }
     var part = nothing();
     if i < about.vertices && !has_stopped() {
-        part = meet_vertex(i, together);
-    } else if MEETS && i >= about.mesh_first && i < about.all_vertices && !has_stopped() {
-        lead_vertex(i);
+        part = begin_vertex(i, together);
+    } else if HAS_CONTACT && i >= about.mesh_first && i < about.all_vertices && !has_stopped() {
+        begin_mesh_vertex(i);
     }
-    if !MEETS {
+    if !HAS_CONTACT {
         return;
     }
     gather(part, lane);
