@@ -247,7 +247,7 @@ impl Deformer {
         let trades = thickness.is_none() && self.trades_levels(attributes);
         let controller = self.controlled(dt, &load, if trades { Caution::LATE } else { Caution::USUAL });
         let rate = self.rates.rate(&self.options, controller.count());
-        let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.led_speed)));
+        let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
@@ -313,7 +313,7 @@ impl Deformer {
         self.watch = self.in_step.0;
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
-        self.motion.led(&self.cloth, attributes.pin_targets.as_deref(), dt);
+        self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;

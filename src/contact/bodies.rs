@@ -76,12 +76,12 @@ impl Bodies {
         self.travel = self.find_near(plan, x);
         self.put(plan, 0.0, plan.params.fraction, x, u);
         // The fit takes longer than to move the bodies, so one that deforms is tried once in a step.
-        let near = self.near.iter().map(|&vertex| led(vertex, x, u));
-        self.turn = Frame::of_led(led_pins(plan).chain(near), thickness).is_some();
+        let near = self.near.iter().map(|&vertex| motion_of(vertex, x, u));
+        self.turn = Frame::of_kinematic(kinematic_pins(plan).chain(near), thickness).is_some();
     }
 
     /// Moves them through a substep.
-    pub(super) fn lead(&self, plan: &Plan<'_>, substep: &Substep, x: &mut [Vec4], u: &mut [Vec4]) {
+    pub(super) fn advance(&self, plan: &Plan<'_>, substep: &Substep, x: &mut [Vec4], u: &mut [Vec4]) {
         if !self.are_still {
             self.put(plan, substep.start, plan.params.fraction, x, u);
         }
@@ -102,8 +102,9 @@ impl Bodies {
     /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
     /// because otherwise cloth that touches neither would seem to move.
     pub(super) fn frame(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<Frame> {
-        let pins = plan.cloth.pinned.iter().map(|&pin| led(pin, x, u));
-        let turning = || Frame::of_led(pins.clone().chain(self.near.iter().map(|&vertex| led(vertex, x, u))), thickness);
+        let pins = plan.cloth.pinned.iter().map(|&pin| motion_of(pin, x, u));
+        let turning =
+            || Frame::of_kinematic(pins.clone().chain(self.near.iter().map(|&vertex| motion_of(vertex, x, u))), thickness);
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
         let range = pins.clone().fold(of_bodies, |range, (_, by)| {
             let [low, high] = range.unwrap_or([by; 2]);
@@ -137,12 +138,12 @@ impl Bodies {
 }
 
 /// The place (m) and the displacement (m) of a vertex that is moved from outside.
-fn led(vertex: u32, x: &[Vec4], u: &[Vec4]) -> (Vec3A, Vec3A) {
+fn motion_of(vertex: u32, x: &[Vec4], u: &[Vec4]) -> (Vec3A, Vec3A) {
     (xyz(x[vertex as usize]), xyz(u[vertex as usize]))
 }
 
 /// The same for the pins, at the start of a step.
-pub(super) fn led_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> + Clone {
+pub(super) fn kinematic_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> + Clone {
     plan.cloth.pinned.iter().zip(plan.pins_from).map(|(&vertex, &from)| {
         let pin = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).map(|place| &plan.pins[place]);
         let by = pin.map_or(Vec3::ZERO, |pin| (Vec3::from(pin.goal) - Vec3::from(pin.origin)) * plan.params.fraction);

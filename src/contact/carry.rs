@@ -1,11 +1,11 @@
 //! Cloth that goes along with what runs over it.
 //!
-//! What is led from outside does not stop, and what truncation stops moves with the common motion. Where pins and bodies move
-//! differently, that is the motion of neither, so a fast body would get through what was stopped in its way. The vertices of
-//! pairs that this happens to go along with the side that leads them, as if they were led, too, and everything is truncated
-//! once more. So a body takes along one layer of cloth after the other, as far as it moves in a substep, and however fast. Only
-//! what is led from both sides is pinched ([`pinches`](super::pinches)). While anything crosses, nothing is taken along, because what
-//! crosses would not part.
+//! What is led from outside does not stop, and what truncation stops moves with the common motion. Where pins and bodies
+//! move differently, that is the motion of neither, so a fast body would get through what was stopped in its way. The
+//! vertices of pairs that this happens to go along with the side that leads them, as if they were led, too, and
+//! everything is truncated once more. So a body takes along one layer of cloth after the other, as far as it moves in a
+//! substep, and however fast. Only what is led from both sides is pinched ([`pinches`](super::pinches)). While anything
+//! crosses, nothing is taken along, because what crosses would not part.
 
 use std::ops::Range;
 
@@ -21,13 +21,13 @@ use crate::simd::{Vector, Width};
 
 /// How many times in a substep more vertices may be taken along.
 pub(crate) const ROUNDS: usize = 8;
-/// A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps: it would soon
-/// be so close that rounding decides on which side it is.
+/// A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps: it
+/// would soon be so close that rounding decides on which side it is.
 pub(super) const CLOSER: f32 = 0.5;
 
 /// A pair of which one side runs over the other one, which is to go along.
 struct RunOver {
-    /// The led vertex that moves farthest towards the other side, as a place among the vertices of listed pairs.
+    /// The kinematic vertex that moves farthest towards the other side, as a place among the vertices of listed pairs.
     leader: u32,
     followers: Vec<u32>,
 }
@@ -55,7 +55,7 @@ impl Contacts {
             }
             for RunOver { leader, followers } in pairs {
                 for place in followers {
-                    if !self.is_led(place) {
+                    if !self.is_kinematic(place) {
                         self.u[place as usize] = self.u[leader as usize];
                         self.vertices[place as usize].push = Vec3A::ZERO;
                         self.by[place as usize].w = 1.0;
@@ -79,21 +79,21 @@ impl Contacts {
         self.passed().filter(is_run_over).filter_map(|(kind, places)| self.follow(kind, places)).collect()
     }
 
-    /// Which vertices of a pair are to go along with which; `None` if all are led.
+    /// Which vertices of a pair are to go along with which; `None` if all are kinematic.
     fn follow(&self, kind: Kind, places: [u32; 4]) -> Option<RunOver> {
         let corners = places.map(|place| self.start(place)).map(|x| Vector { x: x.x, y: x.y, z: x.z });
         let weights = closest(kind, corners);
         let apart = between(weights, corners);
         let towards_first = Vec3A::new(apart.x, apart.y, apart.z);
         let leader = |side: Range<usize>, towards: Vec3A| {
-            let led = places[side].iter().filter(|&&place| self.is_led(place));
-            let moves = led.map(|&place| (towards.dot(xyz(self.u[place as usize])), place));
+            let kinematic = places[side].iter().filter(|&&place| self.is_kinematic(place));
+            let moves = kinematic.map(|&place| (towards.dot(xyz(self.u[place as usize])), place));
             moves.max_by(|a, b| a.0.total_cmp(&b.0))
         };
         let followers = |side: Range<usize>| -> Vec<u32> {
             // A corner without a weight is not where the pair is closest.
             let near = side.filter(|&k| weights[k] != 0.0).map(|k| places[k]);
-            near.filter(|&place| !self.is_led(place)).collect()
+            near.filter(|&place| !self.is_kinematic(place)).collect()
         };
         let (first, second) = (0..kind.first_side(), kind.first_side()..4);
         let by_first = leader(first.clone(), -towards_first).map(|leader| (leader, followers(second.clone())));
@@ -103,8 +103,8 @@ impl Contacts {
         Some(RunOver { leader, followers })
     }
 
-    /// Whether a vertex is led, or goes along with what is, as of the last truncation.
-    fn is_led(&self, place: u32) -> bool {
+    /// Whether a vertex is kinematic, or carried, as of the last truncation.
+    fn is_kinematic(&self, place: u32) -> bool {
         self.by[place as usize].w > 0.0
     }
 }

@@ -47,7 +47,7 @@ pub(super) struct Contacts {
     pub vertices: Vec<Vertex>,
     /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole. The w of a
     /// position is the length of that displacement at the start, negative if the vertex was not listed in the last substep;
-    /// that of the last is 1 if the vertex is led or taken along.
+    /// that of the last is 1 if the vertex is kinematic or carried.
     pub x: Vec<Vec4>,
     pub u: Vec<Vec4>,
     pub by: Vec<Vec4>,
@@ -174,7 +174,8 @@ impl Contacts {
         });
     }
 
-    /// Finds the near pairs among those that have not acted since they were listed. If the groups are not known, they are made anew.
+    /// Finds the near pairs among those that have not acted since they were listed. If the groups are not known, they are
+    /// made anew.
     fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
         let Contacts { corners, due, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec3, Vec3A, Vec4};
 
 use super::ContactPast;
-use super::bodies::{Bodies, led_pins, motions, motions_of};
+use super::bodies::{Bodies, kinematic_pins, motions, motions_of};
 use super::frame::Frame;
 use super::let_go::LetGo;
 use super::pairs::Kind;
@@ -128,7 +128,7 @@ impl OnDevice {
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
         let of_meshes = motions(plan).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
-        let turning = Frame::of_led(led_pins(plan).chain(of_meshes), self.thickness).unwrap_or_default();
+        let turning = Frame::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.thickness).unwrap_or_default();
         let [x, y, z, center, by] = turning.columns();
         [x, y, z, center, by / fraction]
     }
@@ -155,7 +155,7 @@ impl OnDevice {
     }
 
     /// Whether it must because moving pins or mesh colliders intersect pins.
-    pub(crate) fn led_may_cross(&self, plan: &Plan<'_>) -> bool {
+    pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
         let pins_may = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
         pins_may && self.pins_cross(plan)
     }
@@ -164,14 +164,14 @@ impl OnDevice {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        LetGo::led_cross(&self.surface, &x, self.meets_itself, self.thickness)
+        LetGo::kinematics_cross(&self.surface, &x, self.meets_itself, self.thickness)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
     /// contact, moves apart what touches exactly. Returns the positions if that changed any.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        self.may_cross = self.may_cross || self.led_may_cross(plan);
+        self.may_cross = self.may_cross || self.kinematics_cross(plan);
         let moved = match self.may_cross && is_new {
             true => LetGo::part_touches(&self.surface, &x, self.meets_itself, self.thickness),
             false => Vec::new(),

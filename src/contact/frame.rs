@@ -4,7 +4,7 @@
 use glam::Vec4;
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
-/// Range of the displacements of what is led, in units of the thickness, above which it is tested whether it turns.
+/// Range of the displacements of kinematic vertices, in units of the thickness, above which it is tested whether it turns.
 const TURNS: f32 = 1e-3;
 /// It moves rigidly if no more than this share of that range is left besides the fitted motion.
 const LEFT: f32 = 0.5;
@@ -49,20 +49,20 @@ impl Frame {
         by + self.turn.transpose() * by
     }
 
-    /// The common motion of what is led from outside and turns: pins and bodies, given by places and displacements (m).
+    /// The common motion of kinematic vertices that turn: those of pins and bodies, given by places and displacements (m).
     /// `None` if they do not turn as one, or if what is left of their motion has a range of more than the thickness (m).
-    pub(super) fn of_led(led: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
+    pub(super) fn of_kinematic(kinematic: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
         let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
         let with = |[low, high]: [Vec3A; 2], by: Vec3A| [low.min(by), high.max(by)];
-        let (count, [low, high]) = led.clone().fold((0, nothing), |(count, range), (_, u)| (count + 1, with(range, u)));
+        let (count, [low, high]) = kinematic.clone().fold((0, nothing), |(count, range), (_, u)| (count + 1, with(range, u)));
         let apart = low.distance(high);
-        // Also false if nothing is led.
+        // Also false if there are none.
         let may_turn = (high - low).max_element() > TURNS * thickness;
         if !may_turn {
             return None;
         }
-        let turning = Frame::fitted(led.clone(), count);
-        let [low, high] = led.fold(nothing, |range, (x, u)| with(range, u - turning.at(x)));
+        let turning = Frame::fitted(kinematic.clone(), count);
+        let [low, high] = kinematic.fold(nothing, |range, (x, u)| with(range, u - turning.at(x)));
         let by = turning.by + (low + high) * 0.5;
         let left = low.distance(high);
         (left < thickness && left < LEFT * apart).then_some(Frame { by, ..turning })

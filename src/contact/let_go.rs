@@ -81,17 +81,17 @@ impl LetGo {
         apart(features(surface, x, thickness), |a, b| surface.may_collide(a, b, meets_itself))
     }
 
-    /// Whether anything intersects whose vertices are all led (by pins or as parts of bodies). Contact cannot hold
+    /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
     /// these apart.
-    pub(super) fn led_cross(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> bool {
-        let is_led = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
+    pub(super) fn kinematics_cross(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> bool {
+        let is_kinematic = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
         let cloth = surface.of_cloth();
-        // Led cloth is all around its vertices, which are few.
-        let led = (0..cloth.min(x.len()) as u32).filter(|vertex| is_led(&[*vertex]));
-        let mut around: Vec<u32> = led.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
+        // Kinematic parts of the cloth are all around its pins, which are few.
+        let kinematic = (0..cloth.min(x.len()) as u32).filter(|vertex| is_kinematic(&[*vertex]));
+        let mut around: Vec<u32> = kinematic.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
         let mut edges: Vec<u32> = around.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
-        edges.retain(|&edge| is_led(&surface.edges[edge as usize]));
-        around.retain(|&triangle| is_led(&surface.triangles[triangle as usize]));
+        edges.retain(|&edge| is_kinematic(&surface.edges[edge as usize]));
+        around.retain(|&triangle| is_kinematic(&surface.triangles[triangle as usize]));
         [&mut edges, &mut around].into_iter().for_each(|of| {
             of.sort_unstable();
             of.dedup();
@@ -101,7 +101,7 @@ impl LetGo {
         }
         let mut edges: Vec<[u32; 2]> = edges.into_iter().map(|edge| surface.edges[edge as usize]).collect();
         let mut triangles: Vec<[u32; 3]> = around.into_iter().map(|triangle| surface.triangles[triangle as usize]).collect();
-        // Of the bodies only what is in the region of led cloth needs a test, and its edges only if there are triangles.
+        // Of the bodies only what is in the region of kinematic cloth needs a test, and its edges only if there are triangles.
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &vertex in edges.iter().flatten() {
             let at = x[vertex as usize].truncate();

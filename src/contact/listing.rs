@@ -38,8 +38,8 @@ impl SelfContact {
         if !sum.is_finite() {
             return false;
         }
-        if self.led_may_cross && !self.may_cross {
-            self.may_cross = LetGo::led_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
+        if self.kinematics_moved && !self.may_cross {
+            self.may_cross = LetGo::kinematics_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
         }
         let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let is_known = !self.may_cross && self.let_go.crossings.is_empty();

@@ -184,8 +184,8 @@ pub(crate) struct SelfContact {
     /// where cloth is pinched.
     let_go: LetGo,
     may_cross: bool,
-    /// In this step, pins move, or mesh bodies move and there are pins. Vertices that are led may be made to intersect.
-    led_may_cross: bool,
+    /// In this step, pins move, or mesh bodies move and there are pins. Kinematic vertices may be made to intersect.
+    kinematics_moved: bool,
     push: Pushes,
     /// How far (m) vertices may be taken along in this step, besides the common motion.
     carries: f32,
@@ -218,7 +218,7 @@ impl SelfContact {
             paths: Paths::default(),
             let_go: LetGo::default(),
             may_cross: true,
-            led_may_cross: false,
+            kinematics_moved: false,
             push: Pushes::default(),
             carries: 0.0,
             h: 0.0,
@@ -271,7 +271,7 @@ impl SelfContact {
         if jumped || self.bodies.are_still && self.paths.move_from(self.bodies.first) {
             self.paths.forget();
         }
-        self.led_may_cross = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
+        self.kinematics_moved = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
     }
 
     /// Resolves contact in one substep, with colliders, bodies and the cloth itself. Changes the displacements `u` (m),
@@ -289,7 +289,7 @@ impl SelfContact {
             return;
         }
         let now = Now { plan, substep, workers, width };
-        self.bodies.lead(plan, substep, x, u);
+        self.bodies.advance(plan, substep, x, u);
         self.part_touches(x);
         self.push_out(now, x, u);
         let frame = self.bodies.frame(plan, x, u, self.options.thickness);

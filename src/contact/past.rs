@@ -100,7 +100,7 @@ impl SelfContact {
             // These follow from the cloth and the options, or are recomputed in each substep.
             options: _,
             meets_itself: _,
-            led_may_cross: _,
+            kinematics_moved: _,
             surface: _,
             trees: _,
             detection: _,

@@ -82,8 +82,9 @@ impl Paths {
         self.by.get(first..).is_some_and(|by| by.iter().any(|by| xyz(*by) != Vec3A::ZERO))
     }
 
-    /// Whether all vertices will be close to their paths after this substep. If `is_free`, nothing is led, and the mean
-    /// deviation is subtracted first: a common translation brings no two vertices closer to each other.
+    /// Whether all vertices will be close to their paths after this substep. If `is_free`, there are no kinematic
+    /// vertices, and the mean deviation is subtracted first: a common translation brings no two vertices closer to each
+    /// other.
     pub(super) fn hold(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
         let Some(since) = self.since else { return false };
         if since >= self.ahead || self.from.len() < path.x.len() {

@@ -1,11 +1,11 @@
-//! Cloth that is pinched between what is led from outside (mesh colliders, pins), so that nothing can hold it (Baraff et
+//! Cloth that is pinched between kinematic vertices (of mesh colliders, pins), so that nothing can hold it (Baraff et
 //! al. 2003, "Untangling cloth").
 //!
-//! Truncation cannot shorten what is led: where one side of a pair is led across the plane between the two, the plane moves
-//! along, and may pass a vertex that stays in place. Mostly it passes beside what the vertex belongs to, since planes have
-//! no borders. But no pair moves through each other unless this happens, and then the volume that its corners span changes
-//! its sign. It does move through if its features meet at that moment (Provot 1997, "Collision and self-collision handling in
-//! cloth model dedicated to design garments").
+//! Truncation cannot shorten the way of a kinematic vertex: where one moves across the plane between the two sides of a
+//! pair, the plane moves along, and may pass a vertex that stays in place. Mostly it passes beside what the vertex
+//! belongs to, since planes have no borders. But no pair moves through each other unless this happens, and then the
+//! volume that its corners span changes its sign. It does move through if its features meet at that moment (Provot 1997,
+//! "Collision and self-collision handling in cloth model dedicated to design garments").
 
 use glam::Vec3A;
 
@@ -14,8 +14,8 @@ use super::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
 use crate::simd::Vector;
 
-/// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell on which
-/// side it is.
+/// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not
+/// tell on which side it is.
 pub(super) const COINCIDENT: f32 = 1e-3;
 /// Bisections that find the moment at which four points are in a plane.
 pub(crate) const BISECTIONS: u32 = 20;

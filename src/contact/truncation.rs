@@ -7,8 +7,8 @@
 //! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
 //! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
 //!
-//! What is led from outside cannot be shortened, so a plane moves with it. Where it passes a vertex, this may have to go along
-//! ([`carry`](super::carry)), or cloth is pinched ([`pinches`](super::pinches)).
+//! The displacement of a kinematic vertex cannot be shortened, so a plane moves with it. Where it passes a vertex, this
+//! may have to go along ([`carry`](super::carry)), or cloth is pinched ([`pinches`](super::pinches)).
 
 use glam::{DVec3, Vec4};
 
@@ -93,32 +93,33 @@ impl Loop for Shares<'_> {
                 continue;
             }
             let places = &block.corners[first..first + L::LANES];
-            let (by, is_led) = whole_corners_of::<L>(by, places);
+            let (by, is_kinematic) = whole_corners_of::<L>(by, places);
             let (normal, kept) = (vector::<L>(&block.normal, first), number::<L>(&block.kept, first));
             let mut heights = [zero; 4];
             let mut towards = [zero; 4];
-            let (mut led_down, mut led_up) = (zero, zero);
+            let (mut shift_from_first, mut shift_from_second) = (zero, zero);
             for k in 0..4 {
                 let is_first = k < kind.first_side();
                 let side = if is_first { one } else { L::splat(-1.0) };
                 heights[k] = number(&block.heights[k], first);
                 towards[k] = (zero - side) * normal.dot(by[k]);
-                // Vertices that are led or taken along are never shortened. Where one moves across the plane, the plane moves with it.
-                let out = (kept - (heights[k] - towards[k])).max(zero) * is_led[k];
+                // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane
+                // moves with it.
+                let out = (kept - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
                 if is_first {
-                    led_down = led_down.max(out);
+                    shift_from_first = shift_from_first.max(out);
                 } else {
-                    led_up = led_up.max(out);
+                    shift_from_second = shift_from_second.max(out);
                 }
             }
-            let led = led_up - led_down;
-            // Two led sides may also be led into each other.
-            let mut passed_by = (led_up + led_down - kept - kept).max(zero);
+            let shift = shift_from_second - shift_from_first;
+            // Two kinematic sides may also move into each other.
+            let mut passed_by = (shift_from_second + shift_from_first - kept - kept).max(zero);
             for k in 0..4 {
-                let along = if k < kind.first_side() { zero - led } else { led };
+                let along = if k < kind.first_side() { zero - shift } else { shift };
                 let height = heights[k] + along;
-                let share = L::select(zero.lt(is_led[k]), one, share_above(height, kept, towards[k]));
-                passed_by = passed_by.max(L::select(zero.lt(is_led[k]), zero, zero - height));
+                let share = L::select(zero.lt(is_kinematic[k]), one, share_above(height, kept, towards[k]));
+                passed_by = passed_by.max(L::select(zero.lt(is_kinematic[k]), zero, zero - height));
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let mut shares = [0.0; MAX_LANES];

@@ -195,7 +195,7 @@ impl Forces<'_> {
     }
 
     /// Sets the displacements of a tile's pins that follow targets.
-    pub(crate) fn lead_pins(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
+    pub(crate) fn move_pins(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         let pins = self.plan.pins;
         let first = pins.partition_point(|pin| pin.vertex < tile.start);

@@ -38,7 +38,7 @@ impl Stage {
             | Stage::TrialDisplacements(_)
             | Stage::FilterMoments(_)
             | Stage::Predict
-            | Stage::LeadPins
+            | Stage::MovePins
             | Stage::MoveAfterContact
                 if chunks =>
             {

@@ -23,7 +23,7 @@ pub(crate) enum Stage {
     /// Predict each vertex's displacement in this substep from its last displacement and the forces on it.
     Predict,
     /// Set the displacements of the pins that follow targets.
-    LeadPins,
+    MovePins,
     /// Restrict to the given level: each aggregate gets the mass-weighted averages of its members.
     Restrict(usize),
     /// Restrict and sweep, in a single task, all levels from the given one on, which are too small to share among
@@ -94,7 +94,7 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
         stages.extend(terms.wind.then_some(Stage::PanelForces));
         stages.extend((!terms.falls()).then_some(Stage::Predict));
     }
-    stages.extend(terms.pins.then_some(Stage::LeadPins));
+    stages.extend(terms.pins.then_some(Stage::MovePins));
     // Correct the displacements by the coarse levels, coarsest first.
     if terms.levels > 0 {
         let shared = coarse.shared();

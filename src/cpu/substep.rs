@@ -91,7 +91,7 @@ impl Stepper<'_> {
             Stage::FilterMoments(pass) => self.forces.filter_moments(task, tile(), pass),
             Stage::PanelForces => self.forces.panel_forces(task, part, substep),
             Stage::Predict => self.predict(task, tile(), index),
-            Stage::LeadPins => self.forces.lead_pins(task, tile(), substep),
+            Stage::MovePins => self.forces.move_pins(task, tile(), substep),
             Stage::Restrict(level) => self.correction.restrict(task, level, part),
             Stage::SmallLevels(first) => self.correction.small_levels(task, first),
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),

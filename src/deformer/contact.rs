@@ -17,7 +17,7 @@ use crate::step::substep_count::FRAMES;
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
 /// through.
 const SUBSTEPS: f64 = 3.0;
-/// Farthest that pins and mesh colliders may be led in a step, in units of the cloth's size. Even in the most substeps that
+/// Farthest that pins and mesh colliders may move in a step, in units of the cloth's size. Even in the most substeps that
 /// contact raises a step to, they then pass all of the cloth in each, and contact compares everything with everything.
 const FARTHEST: f64 = 1000.0;
 /// Most substeps per 1/60 s that contact may raise a step to.
@@ -92,7 +92,7 @@ impl Deformer {
     /// looked at.
     pub(super) fn contact_outruns(&self, taken: &Taken) -> Option<Warning> {
         let thickness = self.options.contact.unwrap_or_default().thickness;
-        let (speed, resolved) = (taken.load.led_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));
+        let (speed, resolved) = (taken.load.kinematic_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));
         (speed > 1.001 * resolved && !self.cloth.triangles.is_empty()).then_some(Warning::ContactOutruns { speed, resolved })
     }
 

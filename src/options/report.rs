@@ -73,9 +73,9 @@ impl Crossing {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
-    /// The bending stiffness had to be reduced to stay stable with these substeps, by more than 5 percent on average
-    /// over the cloth. [`Method::SmallSteps`](crate::Method::SmallSteps) filters bending in up to sixteen passes per substep and warns only if
-    /// those are not enough. More substeps restore the full stiffness.
+    /// The bending stiffness had to be reduced to stay stable with these substeps, by more than 5 percent on average over
+    /// the cloth. [`Method::SmallSteps`](crate::Method::SmallSteps) filters bending in up to sixteen passes per substep
+    /// and warns only if those are not enough. More substeps restore the full stiffness.
     BendingLimited {
         /// Number of vertices with reduced stiffness.
         vertices: usize,
@@ -96,9 +96,9 @@ pub enum Warning {
         /// What loaded the cloth most in that step.
         cause: Cause,
     },
-    /// Some edges are a hundred times shorter than their triangles, which makes them so stiff that with few substeps
-    /// they stretch to many times their length. The strain that [`Quality::Strain`](crate::Quality::Strain) promises leaves them out. Merge
-    /// their ends, or remesh with rounder triangles.
+    /// Some edges are a hundred times shorter than their triangles, which makes them so stiff that with few substeps they
+    /// stretch to many times their length. The strain that [`Quality::Strain`](crate::Quality::Strain) promises leaves
+    /// them out. Merge their ends, or remesh with rounder triangles.
     Slivers {
         /// Number of such edges.
         edges: usize,
@@ -128,8 +128,9 @@ pub enum Warning {
         carried: f32,
     },
     /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so
-    /// that they may pass through cloth that is caught between them. What only one of them hits goes along with it. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up
-    /// to 256 per 1/60 s for this), increase [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
+    /// that they may pass through cloth that is caught between them. What only one of them hits goes along with it. Take
+    /// more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up to 256 per 1/60 s for this), increase
+    /// [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
     ContactOutruns {
         /// The largest speed (m/s) of any of them relative to the midpoint of the range of their velocities. A velocity
         /// that all have in common does not count.
@@ -137,8 +138,8 @@ pub enum Warning {
         /// The largest such speed (m/s) that the substeps resolve.
         resolved: f32,
     },
-    /// The cloth and a mesh collider cross each other: they did when one of them was put in place, or the cloth was pinched, because
-    /// what is led from outside (mesh colliders, pins) left it no room. Contact ignores the crossing parts until they have
+    /// The cloth and a mesh collider cross each other: they did when one of them was put in place, or the cloth was
+    /// pinched, because mesh colliders and pins left it no room. Contact ignores the crossing parts until they have
     /// separated, and holds them from then on.
     BodyCrossings {
         /// Number of crossing pairs of an edge and a triangle, over all mesh colliders.
@@ -146,9 +147,9 @@ pub enum Warning {
         /// The first such collider, as its position in [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
     },
-    /// Edges pass through triangles of the cloth ([`Options::contact`](crate::Options::contact)): they did when the state was set, or the cloth
-    /// was pinched, because what is led from outside (pins, mesh colliders) left it no room. Contact ignores the crossing parts
-    /// until they have separated, and holds them from then on.
+    /// Edges pass through triangles of the cloth ([`Options::contact`](crate::Options::contact)): they did when the state
+    /// was set, or the cloth was pinched, because pins and mesh colliders left it no room. Contact ignores the crossing
+    /// parts until they have separated, and holds them from then on.
     Crossings {
         /// Number of crossing pairs of an edge and a triangle.
         pairs: usize,

@@ -24,12 +24,12 @@ pub(crate) struct Load {
     pub collider_speed: f64,
     /// With contact of triangles: how fast (m/s) pins and mesh colliders move relative to each other; contact has to
     /// give way to that.
-    pub led_speed: f64,
+    pub kinematic_speed: f64,
     /// Dynamic pressure (Pa) of the wind on cloth at rest, facing it.
     pub pressure: f64,
 }
 
-recorded!(Load { gravity, pins, cloth_speed, collider_speed, led_speed, pressure });
+recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pressure });
 
 impl Load {
     /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, where v is the larger of the two speeds and L the
@@ -72,7 +72,7 @@ impl Load {
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
             collider_speed: collider_speed(cloth, motion, attributes, dt, seen),
             pressure: pressure(attributes),
-            led_speed: if has_contact { led_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
+            kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
         }
     }
 }
@@ -93,8 +93,8 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let velocity = |slot: usize| targets.get(slot).map_or(Vec3::ZERO, |&target| (target - cloth.origin - motion.pins[slot]) / dt);
     let before = |slot: usize| motion.pin_velocities.get(slot).copied().unwrap_or_default();
-    let led = targets.len().max(motion.pin_velocities.len());
-    let change = (0..led).map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);
+    let pins = targets.len().max(motion.pin_velocities.len());
+    let change = (0..pins).map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);
     f64::from(change) / f64::from(dt)
 }
 
@@ -120,7 +120,7 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Optio
 
 /// Half the range of the velocities (m/s) of pins and of mesh colliders near the cloth: their largest distance from the
 /// midpoint of the range. A common motion of all of them does not count.
-fn led_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
+fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && !cloth.pinned.is_empty()).then_some(Vec3::ZERO);
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {

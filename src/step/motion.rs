@@ -18,7 +18,7 @@ pub(crate) struct Motion {
     pub colliders: Vec<Collider>,
     /// Positions of the pins at its end (m), in local coordinates.
     pub pins: Vec<Vec3>,
-    /// Velocities (m/s) at which the pins were led; empty if they followed no targets.
+    /// Velocities (m/s) at which the pins moved; empty if they followed no targets.
     pub pin_velocities: Vec<Vec3>,
 }
 
@@ -65,8 +65,8 @@ impl Motion {
         colliders.iter().enumerate().find_map(has_others).map_or(Ok(()), Err)
     }
 
-    /// Records the targets that the pins were led to in a step of `dt` (s).
-    pub(crate) fn led(&mut self, cloth: &Cloth, targets: Option<&[Vec3]>, dt: f32) {
+    /// Records the targets that the pins followed in a step of `dt` (s).
+    pub(crate) fn record_pins(&mut self, cloth: &Cloth, targets: Option<&[Vec3]>, dt: f32) {
         self.pin_velocities.clear();
         for (pin, target) in self.pins.iter_mut().zip(targets.unwrap_or_default()) {
             let to = *target - cloth.origin;

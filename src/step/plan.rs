@@ -221,8 +221,8 @@ impl<'a> Plan<'a> {
     /// The same step with statistics after it.
     pub(crate) fn observed(self, motion: &Motion, dt: f32, attributes: &Attributes) -> Plan<'a> {
         let targets = attributes.pin_targets.as_deref().unwrap_or_default();
-        let led: Vec3 = targets.iter().zip(&motion.pins).map(|(&target, &pin)| target - self.cloth.origin - pin).sum();
-        let drift = led / targets.len().max(1) as f32 * (self.params.h / dt);
+        let moved: Vec3 = targets.iter().zip(&motion.pins).map(|(&target, &pin)| target - self.cloth.origin - pin).sum();
+        let drift = moved / targets.len().max(1) as f32 * (self.params.h / dt);
         Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
     }
 

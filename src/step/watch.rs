@@ -13,7 +13,7 @@
 //!
 //! The explainable length is the cloth's own extent, plus what its load and speed stretch it by if it is soft, plus
 //! what one sweep leaves if there are few substeps, plus the distance that colliders have moved, since they may carry
-//! part of the cloth along. Pins that are led apart are not counted: cloth that they stretch to eight times its size
+//! part of the cloth along. Pins that are moved apart are not counted: cloth that they stretch to eight times its size
 //! has failed.
 //!
 //! An instability grows by a factor per substep, so a tighter bound would detect it only a few substeps earlier.

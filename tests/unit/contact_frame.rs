@@ -56,7 +56,7 @@ fn no_motion_moves_nothing() {
     assert_eq!([Frame::default().at(x), Frame::default().back(x)], [Vec3A::ZERO, x]);
 }
 
-/// What is led by a rotation has a common motion however many points it is, of which some are fitted. What only moves along has
+/// Kinematic points that rotate have a common motion however many they are, of which some are fitted. What only moves along has
 /// none, and neither has what turns in two ways.
 #[test]
 fn what_turns_as_one_has_a_common_motion() {
@@ -68,11 +68,11 @@ fn what_turns_as_one_has_a_common_motion() {
             points.iter().enumerate().map(by).collect::<Vec<_>>()
         };
         let turning = led(&|_| 0.002);
-        let frame = Frame::of_led(turning.iter().copied(), thickness).expect("they turn");
+        let frame = Frame::of_kinematic(turning.iter().copied(), thickness).expect("they turn");
         assert!(turning.iter().all(|&(x, u)| frame.at(x).distance(u) < 1e-6), "{count} points");
-        assert_eq!(Frame::of_led(led(&|_| 0.0).into_iter(), thickness), None, "{count} points move along");
+        assert_eq!(Frame::of_kinematic(led(&|_| 0.0).into_iter(), thickness), None, "{count} points move along");
         let both = led(&|k| if k % 2 == 0 { 0.002 } else { -0.002 });
-        assert_eq!(Frame::of_led(both.into_iter(), thickness), None, "{count} points turn in two ways");
+        assert_eq!(Frame::of_kinematic(both.into_iter(), thickness), None, "{count} points turn in two ways");
     }
-    assert_eq!(Frame::of_led(std::iter::empty(), thickness), None);
+    assert_eq!(Frame::of_kinematic(std::iter::empty(), thickness), None);
 }

@@ -8,14 +8,14 @@ override LANES: u32 = 256u;
 // Number of vertices that are taken along.
 var<workgroup> carried: atomic<u32>;
 
-// Which corners of a pair are to go along with a led vertex; none if all are led.
+// Which corners of a pair are to go along with a kinematic vertex; none if all are kinematic.
 struct RunOver {
     leader: u32,
     followers: vec4<bool>,
 }
 
-// A pair whose plane has passed a vertex: whether it is one of two edges, its vertices, where they start and end, and whether it has
-// moved through each other.
+// A pair whose plane has passed a vertex: whether it is one of two edges, its vertices, where they start and end, and
+// whether it has moved through each other.
 struct Passed {
     is_edge: bool,
     v: vec4u,
@@ -60,13 +60,13 @@ fn run_over(pair: Passed) -> RunOver {
     }
     let apart = between(weights, start);
     let is_first = vec4<bool>(true, is_edge, false, false);
-    let is_led = vec4f(vertices[v.x].x.w, vertices[v.y].x.w, vertices[v.z].x.w, vertices[v.w].x.w) <= vec4f();
-    let may_follow = weights != vec4f() & !is_led;
+    let is_kinematic = vec4f(vertices[v.x].x.w, vertices[v.y].x.w, vertices[v.z].x.w, vertices[v.w].x.w) <= vec4f();
+    let may_follow = weights != vec4f() & !is_kinematic;
     var found = RunOver(NONE, vec4<bool>());
     var most = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let followers = may_follow & (is_first != vec4<bool>(is_first[k]));
-        if is_led[k] && any(followers) {
+        if is_kinematic[k] && any(followers) {
             let towards = dot(vertices[v[k]].u.xyz, select(apart, -apart, is_first[k]));
             if found.leader == NONE || towards > most {
                 found = RunOver(v[k], followers);
@@ -77,12 +77,12 @@ fn run_over(pair: Passed) -> RunOver {
     return found;
 }
 
-// Stops the step if near pairs were not found for vertices that are taken along as far as this one is led.
+// Stops the step if near pairs were not found for vertices that are carried as far as this one moves.
 fn stop_if_far(leader: u32) {
     if leader != NONE {
         let travel = length(way_with(leader, vec3f()));
         if travel > about.carries {
-            atomicMax(&known.status.led_travel, bitcast<u32>(travel));
+            atomicMax(&known.status.needed_carry, bitcast<u32>(travel));
             atomicOr(&known.status.stopped, RUN_OVER);
         }
     }

@@ -1,4 +1,4 @@
-// The mean displacement, or the middle of the range of those that are led, from the workgroups' parts of a reduction over
+// The mean displacement, or the middle of the range of the kinematic ones, from the workgroups' parts of a reduction over
 // all vertices: `Part` of `shared.wgsl`.
 
 var<workgroup> low: array<vec4f, WORKGROUP>;
@@ -43,7 +43,7 @@ fn mean_of_parts(lane: u32) -> vec3f {
     if is_free() {
         return low[0].xyz / low[0].w;
     }
-    // If what leads the cloth moves differently by more than this, there is no common motion: the mean would also move
+    // If kinematic vertices move differently by more than this, there is no common motion: the mean would also move
     // cloth that follows neither.
     let is_common = distance(low[0].xyz, high[0].xyz) < about.thickness;
     return select(vec3f(), 0.5 * (low[0].xyz + high[0].xyz), is_common);

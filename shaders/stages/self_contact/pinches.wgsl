@@ -1,12 +1,12 @@
-// Cloth that is pinched between what is led.
+// Cloth that is pinched between kinematic vertices.
 
 // Six times the signed volume [m³] of a tetrahedron.
 fn volume(t: Four) -> f32 {
     return dot(cross(t.b - t.a, t.c - t.a), t.d - t.a);
 }
 
-// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell on which
-// side it is.
+// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not tell
+// on which side it is.
 const COINCIDENT: f32 = 1e-3;
 // Bisections that find the moment at which four points are in a plane.
 const BISECTIONS: u32 = 20u;

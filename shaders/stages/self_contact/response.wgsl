@@ -308,15 +308,16 @@ fn truncate_pair(n: Near) {
         dot(n.normal, way_of(n.corners.z)),
         dot(n.normal, way_of(n.corners.w)),
     );
-    // Vertices that are led or taken along are never shortened. Where one moves across the plane, the plane moves with it.
+    // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane moves with it.
     let w = vec4f(a.w, b.w, c.w, d.w);
-    let is_led = w <= vec4f();
-    let out = select(vec4f(), max(keeps - (heights - towards), vec4f()), is_led);
+    let is_kinematic = w <= vec4f();
+    let out = select(vec4f(), max(keeps - (heights - towards), vec4f()), is_kinematic);
     let down = most_of(out * firsts);
     let up = most_of(out * (1.0 - firsts));
     let left = heights - sides * (up - down);
-    // The plane, and what led it, may have moved past a vertex that stays in place, or two led sides into each other.
-    if any(select(left, vec4f(), is_led) < vec4f()) || up + down > 2.0 * keeps {
+    // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
+    // into each other.
+    if any(select(left, vec4f(), is_kinematic) < vec4f()) || up + down > 2.0 * keeps {
         let at = atomicAdd(&known.status.passed, 1u);
         let is_edge = n.listed >= with_vertices;
         pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);

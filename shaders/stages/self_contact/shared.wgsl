@@ -32,9 +32,9 @@ struct About {
     // Number of pairs that the list has room for; number of colliders.
     room: u32,
     bodies: u32,
-    // Whether anything is led (pins or mesh colliders), whether all mesh colliders stand still in this step, and whether
-    // contact of the cloth with itself is on; 1 or 0.
-    is_led: u32,
+    // Whether there are kinematic vertices (of pins or mesh colliders), whether all mesh colliders stand still in this
+    // step, and whether contact of the cloth with itself is on; 1 or 0.
+    has_kinematic: u32,
     meshes_rest: u32,
     meets_itself: u32,
     // Numbers of ignored pairs: of a vertex and a triangle, and of two edges.
@@ -51,8 +51,8 @@ struct About {
     spacing: u32,
     // How far vertices may move besides the common motion when they are taken along [m]; below 0: they may not be.
     carries: f32,
-    // The rotation in the first substep, less the identity and by columns, of what is led, if it turns as one (otherwise 0); its
-    // center [m], and the center's displacement in the step [m].
+    // The rotation in the first substep, less the identity and by columns, of kinematic vertices, if they turn as one
+    // (otherwise 0); its center [m], and the center's displacement in the step [m].
     turn_x: vec4f,
     turn_y: vec4f,
     turn_z: vec4f,
@@ -84,7 +84,7 @@ struct Near {
     friction: f32,
 }
 
-// A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is led. `u`: displacement; w is the inverse mass
+// A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is kinematic. `u`: displacement; w is the inverse mass
 // again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
 // collider's vertex. `way`, of the cloth's vertices after the response: both, relative to the mean displacement; w is the
 // distance that it was about to move.
@@ -172,7 +172,7 @@ struct Status {
     // Number of vertices that were taken along just now; as bits, how far they would have to be [m] besides the common motion, at
     // most, if the step stopped for that reason.
     carried: u32,
-    led_travel: atomic<u32>,
+    needed_carry: atomic<u32>,
 }
 
 // There is room for so many pairs that are pinched. There may be more.
@@ -229,23 +229,24 @@ fn listed_at(k: u32) -> u32 {
     return near[4u * about.room + k].z;
 }
 
-// The place among the listed pairs at which the corners of a pair are told whose plane has passed a vertex: in the half of the list
-// that only detection needs, so that there is room for all.
+// The place among the listed pairs at which the corners of a pair are told whose plane has passed a vertex: in the half
+// of the list that only detection needs, so that there is room for all.
 fn place_of_passed(k: u32) -> u32 {
     return (1u - known.status.half) * about.room + k;
 }
 
-// Whether nothing is led.
+// Whether there are no kinematic vertices.
 fn is_free() -> bool {
-    return about.is_led == 0u;
+    return about.has_kinematic == 0u;
 }
 
 fn by_first_turn(r: vec3f) -> vec3f {
     return about.turn_x.xyz * r.x + about.turn_y.xyz * r.y + about.turn_z.xyz * r.z;
 }
 
-// The displacement [m] by rotation, in the common motion of the cloth, of what is at x. What is led moves in a straight line
-// during a step, as it does in the first substep, so x is first traced back to the start of the step, to first order.
+// The displacement [m] by rotation, in the common motion of the cloth, of what is at x. Kinematic vertices move in a
+// straight line during a step, as in the first substep, so x is first traced back to the start of the step, to first
+// order.
 fn by_turning(x: vec3f) -> vec3f {
     let r = x - about.center.xyz - about.travel.xyz * substep.start;
     return by_first_turn(r - by_first_turn(r) * (substep.start * f32(params.substeps)));

@@ -89,7 +89,7 @@ impl GpuContact {
     }
 
     /// Notes how mesh colliders move in the step.
-    pub(crate) fn lead(&mut self, plan: &Plan<'_>) {
+    pub(crate) fn note_meshes(&mut self, plan: &Plan<'_>) {
         if self.kept.begin(plan, self.options.friction) {
             self.status.since = NEVER;
         }
@@ -125,7 +125,7 @@ impl GpuContact {
         }
         self.course.change(status.stopped, needed > 0);
         // The common motion differs a little from substep to substep.
-        self.carries = self.carries.max(1.25 * f32::from_bits(status.led_travel));
+        self.carries = self.carries.max(1.25 * f32::from_bits(status.needed_carry));
         if needed > self.room || space > self.space {
             self.grow(gpu, needed, space);
         } else {
@@ -134,8 +134,8 @@ impl GpuContact {
         Ok(Judgment::Again)
     }
 
-    /// The largest number of pairs to have room for, in both halves of the list, and the largest space for what detection compares:
-    /// as much as the CPU lists, if the device allows it.
+    /// The largest number of pairs to have room for, in both halves of the list, and the largest space for what detection
+    /// compares: as much as the CPU lists, if the device allows it.
     fn most(&self, gpu: &Gpu) -> [usize; 2] {
         let most = most_listed(self.table.vertices as usize);
         [2 * size_of::<Listed>(), SPACE].map(|bytes| most.min(gpu.most_table_bytes() / bytes))

@@ -174,9 +174,9 @@ impl GpuContact {
         self.kept.must_search()
     }
 
-    /// Whether it needs them because pins or mesh colliders are led through each other.
-    pub(crate) fn led_may_cross(&self, plan: &Plan<'_>) -> bool {
-        self.kept.led_may_cross(plan)
+    /// Whether it needs them because pins or mesh colliders are moved through each other.
+    pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
+        self.kept.kinematics_cross(plan)
     }
 
     /// Whether these are its mesh colliders.
@@ -261,7 +261,7 @@ impl GpuContact {
             // Without a response, any pair must stop the step.
             room: if course.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
-            is_led: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
+            has_kinematic: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
             meshes_rest: kept.meshes_rest().into(),
             meets_itself: kept.meets_itself().into(),
             let_go: of_vertices.len() as u32,

@@ -57,7 +57,7 @@ pub(super) struct Stages {
     /// Used as often as vertices may be taken along in a substep: `carry`, and `truncate` and `finish` once more.
     pub carry: [Stage; 3],
     pub give_back: Stage,
-    /// Used if anything is led.
+    /// Used if there are kinematic vertices.
     pub find_pinched: Stage,
 }
 

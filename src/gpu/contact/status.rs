@@ -51,7 +51,7 @@ pub(crate) struct Status {
     pub passed: u32,
     pub pinched: u32,
     pub carried: u32,
-    pub led_travel: u32,
+    pub needed_carry: u32,
     pub padding: u32,
 }
 
@@ -116,7 +116,7 @@ pub(crate) struct About {
     pub of_vertices: u32,
     pub room: u32,
     pub bodies: u32,
-    pub is_led: u32,
+    pub has_kinematic: u32,
     pub meshes_rest: u32,
     pub meets_itself: u32,
     pub let_go: u32,

@@ -81,7 +81,7 @@ impl GpuEngine {
     /// Contact resolves the colliders too, so the sweep ignores them.
     fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
-        self.contact.iter_mut().for_each(|contact| contact.lead(plan));
+        self.contact.iter_mut().for_each(|contact| contact.note_meshes(plan));
         let mut searched = self.contact.as_ref().is_some_and(|contact| contact.must_search());
         if searched {
             self.find_crossings(plan)?;
@@ -142,7 +142,7 @@ impl GpuEngine {
         self.encode_substeps(&mut submission, swept, Some(plan));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
-        if !searched && contact.led_may_cross(plan) {
+        if !searched && contact.kinematics_cross(plan) {
             contact.go_back(gpu);
             return Ok(Judgment::Search);
         }

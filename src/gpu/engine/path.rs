@@ -103,8 +103,8 @@ impl GpuEngine {
     pub(super) fn forced<'a>(&self, plan: &Plan<'a>) -> Plan<'a> {
         let forced = Plan { bending: plan.bending && !self.bends_in_tiles(plan), ..*plan };
         // The levels' averages include the pins' motion.
-        let led = plan.params.levels > 0 && !plan.pins.is_empty();
-        let predicted = u32::from(!matches!(self.sweep, EdgeSweep::Tiled(_)) || forced.has_forces() || led);
+        let has_moving_pins = plan.params.levels > 0 && !plan.pins.is_empty();
+        let predicted = u32::from(!matches!(self.sweep, EdgeSweep::Tiled(_)) || forced.has_forces() || has_moving_pins);
         Plan { params: Params { predicted, ..plan.params }, ..forced }
     }
 

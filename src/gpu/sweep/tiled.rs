@@ -82,8 +82,8 @@ impl Places {
         let vertices = cloth.rest.len();
         let tethers = size_of_val(tiles.table.as_slice());
         let pins = tethers + tethers::size(cloth);
-        let led = cloth.pinned.len();
-        let rows = pins + if led > 0 { size_of::<u32>() * vertices + size_of::<Pin>() * led } else { 0 };
+        let pinned = cloth.pinned.len();
+        let rows = pins + if pinned > 0 { size_of::<u32>() * vertices + size_of::<Pin>() * pinned } else { 0 };
         let rings_at = rows + rings.map_or(0, |_| size_of::<[f32; 3]>() * vertices);
         let level_at = rings_at + rings.map_or(0, |of| size_of_val(of.table.as_slice()));
         let end = level_at + level.map_or(0, |of| size_of_val(of.table.as_slice()));
