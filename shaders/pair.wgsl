@@ -19,8 +19,8 @@ struct Four {
 
 // The multipliers of a pair [kg m]: of friction, and of the normal.
 struct Multipliers {
-    rub: vec3f,
-    press: f32,
+    lambda_t: vec3f,
+    lambda_n: f32,
 }
 
 fn square(a: vec3f) -> f32 {
@@ -143,16 +143,16 @@ fn edge_edge(at: Four) -> vec4f {
 // One Jacobi step of a pair's multipliers, with Coulomb friction.
 fn step_of_lambda(held: Multipliers, normal: vec3f, gap: f32, relative: vec3f, rate: f32, friction: f32) -> Multipliers {
     let apart = dot(normal, relative);
-    let press = max(held.press - rate * (gap + apart), 0.0);
-    let rub = held.rub - (relative - normal * apart) * rate;
-    let most = friction * press;
-    let size = length(rub);
-    return Multipliers(rub * select(1.0, most / max(size, 1e-30), most < size), press);
+    let lambda_n = max(held.lambda_n - rate * (gap + apart), 0.0);
+    let lambda_t = held.lambda_t - (relative - normal * apart) * rate;
+    let most = friction * lambda_n;
+    let size = length(lambda_t);
+    return Multipliers(lambda_t * select(1.0, most / max(size, 1e-30), most < size), lambda_n);
 }
 
 // The impulse [kg m] of a pair's multipliers.
 fn impulse(held: Multipliers, normal: vec3f) -> vec3f {
-    return normal * held.press + held.rub;
+    return normal * held.lambda_n + held.lambda_t;
 }
 
 // The distance [m] that a vertex keeps from the middle plane of a pair.
@@ -160,7 +160,8 @@ fn kept(distance: f32, thickness: f32) -> f32 {
     return max(distance * KEEP, min(distance * 0.5, thickness * KEEP));
 }
 
-// The correction [m] of a pair that is too close by `depth` [m]: in proportion to what it is beyond the slack, and at most `most` [m].
+// The correction [m] of a pair that is too close by `depth` [m]: in proportion to what it is beyond the slack, and at
+// most `most` [m].
 fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
     return max(depth - thickness * SLACK, 0.0) * (most / max(thickness, most));
 }

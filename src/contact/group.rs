@@ -43,8 +43,8 @@ pub(super) struct Group {
     /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
     pub rate: [f32; MAX_LANES],
     /// Multipliers (kg m): for friction, and along the normal.
-    pub rub: [[f32; MAX_LANES]; 3],
-    pub press: [f32; MAX_LANES],
+    pub lambda_t: [[f32; MAX_LANES]; 3],
+    pub lambda_n: [f32; MAX_LANES],
     pub count: u32,
 }
 
@@ -65,8 +65,8 @@ impl Default for Group {
             gap: zero,
             depth: zero,
             rate: zero,
-            rub: [zero; 3],
-            press: zero,
+            lambda_t: [zero; 3],
+            lambda_n: zero,
         }
     }
 }
@@ -77,15 +77,15 @@ pub(super) type Member = ([u32; 4], u32, f32, f32);
 impl Group {
     pub(super) fn put(&mut self, lane: usize, pair: Member, multiplier: Vec4) {
         (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]) = pair;
-        (0..3).for_each(|axis| self.rub[axis][lane] = multiplier[axis]);
-        self.press[lane] = multiplier.w;
+        (0..3).for_each(|axis| self.lambda_t[axis][lane] = multiplier[axis]);
+        self.lambda_n[lane] = multiplier.w;
     }
 
     /// A pair, and its multiplier as it is stored in the list.
     pub(super) fn pair(&self, lane: usize) -> (Member, Vec4) {
         let pair = (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]);
-        let [x, y, z] = &self.rub;
-        (pair, Vec4::new(x[lane], y[lane], z[lane], self.press[lane]))
+        let [x, y, z] = &self.lambda_t;
+        (pair, Vec4::new(x[lane], y[lane], z[lane], self.lambda_n[lane]))
     }
 
     /// Sets the number of pairs. The other lanes get corners of another pair, so that all are valid.
@@ -97,6 +97,6 @@ impl Group {
 
     /// How many pairs press.
     pub(super) fn pressing(&self) -> usize {
-        self.press[..self.count as usize].iter().filter(|&&press| press > 0.0).count()
+        self.lambda_n[..self.count as usize].iter().filter(|&&lambda_n| lambda_n > 0.0).count()
     }
 }

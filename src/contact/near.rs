@@ -28,8 +28,8 @@ struct Proximity<L: Registers> {
     x: [Vector<L>; 4],
 }
 
-/// Finds the closest points of the pairs with the given corners. The positions' w is how far (m) vertices are about to move relative to the
-/// common motion.
+/// Finds the closest points of the pairs with the given corners. The positions' w is how far (m) vertices are about to
+/// move relative to the common motion.
 #[inline(always)]
 fn proximity_of<L: Registers>(
     kind: Kind,
@@ -106,8 +106,8 @@ impl<L: Registers> Proximity<L> {
 
 /// Finds the near pairs among those of a portion that have not acted since they were listed and are due.
 pub(super) struct Find<'a> {
-    /// The corners of the pairs as places among the vertices of listed pairs, whose positions and displacements (m) these are; the
-    /// w of a position is how far (m) the vertex is about to move relative to the common motion.
+    /// The corners of the pairs as places among the vertices of listed pairs, whose positions and displacements (m) these
+    /// are; the w of a position is how far (m) the vertex is about to move relative to the common motion.
     pub corners: &'a [[u32; 4]],
     pub thickness: &'a [f32],
     pub x: &'a [Vec4],
@@ -169,7 +169,8 @@ impl Loop for Find<'_> {
     }
 }
 
-/// Finds the closest points of the pairs that have acted since they were listed. Those that do not act now lose their multipliers.
+/// Finds the closest points of the pairs that have acted since they were listed. Those that do not act now lose their
+/// multipliers.
 pub(super) struct FindAgain<'a> {
     pub kind: Kind,
     pub groups: &'a mut [Group],
@@ -201,10 +202,10 @@ impl Loop for FindAgain<'_> {
                 let gap = L::select(acts, proximity.distance - thickness, zero);
                 store(&mut group.gap[lanes.clone()], gap.max(zero));
                 store(&mut group.depth[lanes.clone()], (zero - gap).max(zero));
-                let rub = Vector::<L>::select(acts, vector(&group.rub, first), Vector::zero());
-                store_vector(&mut group.rub, first, rub);
-                let press = L::select(acts, number(&group.press, first), zero);
-                store(&mut group.press[lanes], press);
+                let lambda_t = Vector::<L>::select(acts, vector(&group.lambda_t, first), Vector::zero());
+                store_vector(&mut group.lambda_t, first, lambda_t);
+                let lambda_n = L::select(acts, number(&group.lambda_n, first), zero);
+                store(&mut group.lambda_n[lanes], lambda_n);
             }
         }
     }

@@ -119,16 +119,16 @@ impl Loop for WarmStart<'_> {
             let rate = L::select(is_held, L::splat(RELAXATION) / bound, zero);
             let (depth, thickness) = (number::<L>(&group.depth, first), number::<L>(&group.thickness, first));
             let scale = scale * warm_share(depth, thickness);
-            let (rub, press) = (vector::<L>(&group.rub, first) * scale, number::<L>(&group.press, first) * scale);
+            let (lambda_t, lambda_n) = (vector::<L>(&group.lambda_t, first) * scale, number::<L>(&group.lambda_n, first) * scale);
             let normal = vector::<L>(&group.block.normal, first);
-            let along = normal.x * rub.x + normal.y * rub.y + normal.z * rub.z;
-            let rub = Vector::select(is_held, rub - normal * along, Vector::zero());
-            let press = L::select(is_held, press, zero);
+            let along = normal.x * lambda_t.x + normal.y * lambda_t.y + normal.z * lambda_t.z;
+            let lambda_t = Vector::select(is_held, lambda_t - normal * along, Vector::zero());
+            let lambda_n = L::select(is_held, lambda_n, zero);
             store(&mut group.rate[lanes.clone()], rate);
-            store(&mut group.press[lanes], press);
-            store_vector(&mut group.rub, first, rub);
+            store(&mut group.lambda_n[lanes], lambda_n);
+            store_vector(&mut group.lambda_t, first, lambda_t);
             let push = normal * (separation(depth, thickness, most) * rate * L::splat(1.0 / RELAXATION));
-            store_vectors(impulse((rub, press), normal), impulses);
+            store_vectors(impulse((lambda_t, lambda_n), normal), impulses);
             store_vectors(push, pushes);
         }
     }
@@ -151,15 +151,15 @@ impl Loop for Step<'_> {
             let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
             let (group, lanes) = (&mut groups[of], first..first + L::LANES);
             let normal = vector::<L>(&group.block.normal, first);
-            let (rub, press) = (vector::<L>(&group.rub, first), number(&group.press, first));
+            let (lambda_t, lambda_n) = (vector::<L>(&group.lambda_t, first), number(&group.lambda_n, first));
             let [a, b, c, d] = &weights[of].0;
             let weights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let relative = between(weights, corners_of::<L>(u, &group.block.corners[lanes.clone()]));
             let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
-            let (new_rub, new_press) = step_of_lambda((rub, press), normal, gap, relative, rate, friction);
-            store_vector(&mut group.rub, first, new_rub);
-            store(&mut group.press[lanes], new_press);
-            store_vectors(impulse((new_rub - rub, new_press - press), normal), impulses);
+            let (new_lambda_t, new_lambda_n) = step_of_lambda((lambda_t, lambda_n), normal, gap, relative, rate, friction);
+            store_vector(&mut group.lambda_t, first, new_lambda_t);
+            store(&mut group.lambda_n[lanes], new_lambda_n);
+            store_vectors(impulse((new_lambda_t - lambda_t, new_lambda_n - lambda_n), normal), impulses);
         }
     }
 }

@@ -132,7 +132,7 @@ pub(crate) fn perpendicular<L: Lanes>(apart: Vector<L>, weights: [L; 4], x: [Vec
     without(without(apart, first), across)
 }
 
-/// One Jacobi step of a pair's multipliers: `rub`, those of friction, and `press`, that of the normal (kg m).
+/// One Jacobi step of a pair's multipliers: `lambda_t`, those of friction, and `lambda_n`, that of the normal (kg m).
 ///
 /// `relative` (m) is the relative displacement of the two sides in this substep, and `gap` (m) how far they may
 /// approach. `rate` is [`RELAXATION`] over `D = sum_v w_v |weight_v| N_v`, where `N_v` is the sum of a vertex's weights
@@ -140,7 +140,7 @@ pub(crate) fn perpendicular<L: Lanes>(apart: Vector<L>, weights: [L; 4], x: [Vec
 /// Coulomb friction bounds the tangential multipliers by `friction` times the normal one.
 #[inline(always)]
 pub(crate) fn step_of_lambda<L: Lanes>(
-    (rub, press): (Vector<L>, L),
+    (lambda_t, lambda_n): (Vector<L>, L),
     normal: Vector<L>,
     gap: L,
     relative: Vector<L>,
@@ -148,22 +148,22 @@ pub(crate) fn step_of_lambda<L: Lanes>(
     friction: L,
 ) -> (Vector<L>, L) {
     let along = normal.dot(relative);
-    let press = (press - rate * (gap + along)).max(L::splat(0.0));
+    let lambda_n = (lambda_n - rate * (gap + along)).max(L::splat(0.0));
     let slip = relative - normal * along;
-    let rub = rub - slip * rate;
-    let (length, most) = (square(rub).sqrt(), friction * press);
+    let lambda_t = lambda_t - slip * rate;
+    let (length, most) = (square(lambda_t).sqrt(), friction * lambda_n);
     let slips = most.lt(length);
     if L::bits(slips) == 0 {
-        return (rub, press);
+        return (lambda_t, lambda_n);
     }
     let share = L::select(slips, most / length.max(L::splat(1e-30)), L::splat(1.0));
-    (rub * share, press)
+    (lambda_t * share, lambda_n)
 }
 
 /// The impulse (kg m) of a pair's multipliers.
 #[inline(always)]
-pub(crate) fn impulse<L: Lanes>((rub, press): (Vector<L>, L), normal: Vector<L>) -> Vector<L> {
-    normal.mul_add(press, rub)
+pub(crate) fn impulse<L: Lanes>((lambda_t, lambda_n): (Vector<L>, L), normal: Vector<L>) -> Vector<L> {
+    normal.mul_add(lambda_n, lambda_t)
 }
 
 /// The distance (m) that a vertex keeps to the middle plane of a pair whose sides are `distance` (m) apart, for cloth
@@ -177,8 +177,8 @@ pub(crate) fn kept<L: Lanes>(distance: L, thickness: L) -> L {
 /// The correction (m) of a pair that is too close by `depth` (m), in a substep in which it may be `most` (m). It is
 /// proportional to the depth, so that cloth which is squeezed between two things comes to lie in the middle.
 ///
-/// Pairs at rest lie within the slack. Corrected up to their thickness, a pair that moves by less than a micrometer would lose its
-/// multiplier as soon as there is a gap, fall until it has a new one, and be corrected again, without end.
+/// Pairs at rest lie within the slack. Corrected up to their thickness, a pair that moves by less than a micrometer would
+/// lose its multiplier as soon as there is a gap, fall until it has a new one, and be corrected again, without end.
 #[inline(always)]
 pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
     (depth - thickness * L::splat(SLACK)).max(L::splat(0.0)) * (most / thickness.max(most))
@@ -186,10 +186,10 @@ pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
 
 /// The share of the last substep's multipliers with which a pair starts that is too close by `depth` (m).
 ///
-/// At rest that is all: where the iterations converge slowly, what is taken off would be left as a velocity. A pair that is deep does not
-/// rest. It may be squeezed by what leaves it no room, and its multipliers would grow until it is free and then throw it out. The share
-/// decreases with the depth, because a stack that an impact has made deep cannot rise again while each substep takes a tenth off what
-/// carries it: ten sheets stayed at half of their height.
+/// At rest that is all: where the iterations converge slowly, what is taken off would be left as a velocity. A pair that
+/// is deep does not rest. It may be squeezed by what leaves it no room, and its multipliers would grow until it is free
+/// and then throw it out. The share decreases with the depth, because a stack that an impact has made deep cannot rise
+/// again while each substep takes a tenth off what carries it: ten sheets stayed at half of their height.
 #[inline(always)]
 pub(crate) fn warm_share<L: Lanes>(depth: L, thickness: L) -> L {
     let deep = (depth - thickness * L::splat(DEEP)).max(L::splat(0.0));

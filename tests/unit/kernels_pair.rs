@@ -73,12 +73,12 @@ fn a_multiplier_ends_the_approach_and_never_pulls() {
     let pressed = Vector::new(0.0, -0.3, 0.0);
     let lambda = step_of_lambda(none, n, 0.1, pressed, rate, 0.0);
     assert!((after(pressed, lambda).y + 0.1).abs() < 1e-6, "up to the gap and no farther");
-    let (rub, press) = step_of_lambda(none, n, 0.1, zero - pressed, rate, 0.5);
-    assert!(press == 0.0 && rub.dot(rub) == 0.0);
+    let (lambda_t, lambda_n) = step_of_lambda(none, n, 0.1, zero - pressed, rate, 0.5);
+    assert!(lambda_n == 0.0 && lambda_t.dot(lambda_t) == 0.0);
     // Coulomb: the friction multiplier is at most mu times the normal one, and opposes the slip.
     let slipping = Vector::new(5.0, -0.2, 0.0);
-    let (rub, press) = step_of_lambda(none, n, 0.0, slipping, rate, 0.5);
-    assert!((rub.x + 0.5 * press).abs() < 1e-6 && rub.y == 0.0, "{rub:?} of {press}");
+    let (lambda_t, lambda_n) = step_of_lambda(none, n, 0.0, slipping, rate, 0.5);
+    assert!((lambda_t.x + 0.5 * lambda_n).abs() < 1e-6 && lambda_t.y == 0.0, "{lambda_t:?} of {lambda_n}");
     let creeping = Vector::new(0.01, -0.2, 0.0);
     let left = after(creeping, step_of_lambda(none, n, 0.0, creeping, rate, 0.5));
     assert!(left.dot(left) < 1e-12, "it sticks");

@@ -204,8 +204,8 @@ fn step_pair(k: u32) {
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
     let gap = max(n.distance - n.thickness, 0.0);
     let now = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
-    set_lambda(k, vec4f(now.rub, now.press));
-    let more = Multipliers(now.rub - held.rub, now.press - held.press);
+    set_lambda(k, vec4f(now.lambda_t, now.lambda_n));
+    let more = Multipliers(now.lambda_t - held.lambda_t, now.lambda_n - held.lambda_n);
     add_impulse(n.corners, vec4f(a.w, b.w, c.w, d.w), IMPULSE, n.weights, impulse(more, n.normal));
 }
 
