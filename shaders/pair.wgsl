@@ -1,7 +1,7 @@
 // A pair of features that may collide: a vertex and a triangle, or two edges. src/kernels/pair.rs has the theory.
 
 const RELAXATION: f32 = 1.7;
-const KEEP: f32 = 0.05;
+const CLEARANCE: f32 = 0.05;
 const THIN: f32 = 1e-6;
 const NARROW: f32 = 0.2;
 const SLACK: f32 = 0.01;
@@ -156,8 +156,8 @@ fn impulse(held: Multipliers, normal: vec3f) -> vec3f {
 }
 
 // The distance [m] that a vertex keeps from the middle plane of a pair.
-fn kept(distance: f32, thickness: f32) -> f32 {
-    return max(distance * KEEP, min(distance * 0.5, thickness * KEEP));
+fn clearance(distance: f32, thickness: f32) -> f32 {
+    return max(distance * CLEARANCE, min(distance * 0.5, thickness * CLEARANCE));
 }
 
 // The correction [m] of a pair that is too close by `depth` [m]: in proportion to what it is beyond the slack, and at
@@ -172,9 +172,9 @@ fn warm_share(depth: f32, thickness: f32) -> f32 {
 }
 
 // The share of a displacement toward a plane that keeps this distance.
-fn share_above(height: f32, keeps: f32, toward: f32) -> f32 {
-    if toward > 0.0 && height - toward < keeps {
-        return clamp((height - keeps) / toward, 0.0, 1.0);
+fn share_above(height: f32, clearance: f32, toward: f32) -> f32 {
+    if toward > 0.0 && height - toward < clearance {
+        return clamp((height - clearance) / toward, 0.0, 1.0);
     }
     return 1.0;
 }

@@ -16,7 +16,7 @@ use super::pairs::{Kind, between, closest};
 use super::pinches::{distance, moves_through};
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::KEEP;
+use crate::kernels::pair::CLEARANCE;
 use crate::simd::{Vector, Width};
 
 /// How many times in a substep more vertices may be taken along.
@@ -73,7 +73,7 @@ impl Contacts {
         let is_run_over = |&(kind, places): &(Kind, [u32; 4])| {
             let (from, to) = (places.map(|place| self.start(place)), places.map(|place| self.end(place)));
             let after = distance(kind, to);
-            let is_close = after < KEEP * thickness && after < CLOSER * distance(kind, from);
+            let is_close = after < CLEARANCE * thickness && after < CLOSER * distance(kind, from);
             is_close || moves_through(kind, from, to, thickness) == Some(true)
         };
         self.passed().filter(is_run_over).filter_map(|(kind, places)| self.follow(kind, places)).collect()

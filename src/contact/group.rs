@@ -13,9 +13,9 @@ pub(super) struct Block {
     pub corners: [[u32; 4]; MAX_LANES],
     /// Unit vectors from the second side to the first.
     pub normal: [[f32; MAX_LANES]; 3],
-    /// The distance (m) of each corner from the plane halfway between the sides, and the distance that it keeps.
+    /// The distance (m) of each corner from the plane halfway between the sides, and the clearance (m) that it keeps.
     pub heights: [[f32; MAX_LANES]; 4],
-    pub kept: [f32; MAX_LANES],
+    pub clearance: [f32; MAX_LANES],
     /// The lanes that hold near pairs, one bit each.
     pub near: u32,
 }
@@ -23,7 +23,7 @@ pub(super) struct Block {
 impl Default for Block {
     fn default() -> Block {
         let zero = [0.0; MAX_LANES];
-        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], kept: zero }
+        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], clearance: zero }
     }
 }
 

@@ -96,14 +96,14 @@ pub(crate) use workers::Workers;
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
-    ("KEEP", crate::kernels::pair::KEEP),
+    ("CLEARANCE", crate::kernels::pair::CLEARANCE),
     ("THIN", crate::kernels::pair::THIN),
     ("NARROW", crate::kernels::pair::NARROW),
     ("SLACK", crate::kernels::pair::SLACK),
     ("DEEP", crate::kernels::pair::DEEP),
     ("UNWINDING", crate::kernels::pair::UNWINDING),
     ("LASTS", paths::LASTS),
-    ("KEEPS", paths::KEEPS),
+    ("MARGIN_DECAY", paths::MARGIN_DECAY),
     ("AHEAD_LEAST", paths::AHEAD[0]),
     ("AHEAD_MOST", paths::AHEAD[1]),
     ("FARTHER_AHEAD", paths::FARTHER),

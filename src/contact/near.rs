@@ -8,7 +8,7 @@ use super::group::{Block, Group, Weights};
 use super::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use super::pairs::{Kind, between, closest};
 use super::portions::Portion;
-use crate::kernels::pair::{NARROW, kept, perpendicular};
+use crate::kernels::pair::{NARROW, clearance, perpendicular};
 use crate::simd::{Loop, MAX_LANES, Registers, Vector};
 
 /// A pair acts if it comes closer than its thickness plus this multiple of it. Other near pairs are held by truncation
@@ -79,7 +79,7 @@ impl<L: Registers> Proximity<L> {
             let side = if k < kind.first_side() { one } else { L::splat(-1.0) };
             store(&mut heights[first..first + L::LANES], side * normal.dot(x - middle));
         }
-        store(&mut block.kept[first..first + L::LANES], kept(distance, thickness));
+        store(&mut block.clearance[first..first + L::LANES], clearance(distance, thickness));
         store_vector(&mut block.normal, first, normal);
         block.near |= L::bits(self.near) << first;
     }

@@ -14,7 +14,7 @@ use crate::simd::{self, Loop, Registers, Width};
 /// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
 pub(super) const LASTS: f32 = 12.0;
 /// Least share of the last limit that a new limit on straying keeps.
-pub(super) const KEEPS: f32 = 0.8;
+pub(super) const MARGIN_DECAY: f32 = 0.8;
 /// Range of the number of substeps that detection looks ahead.
 pub(super) const AHEAD: [f32; 2] = [6.0, 64.0];
 /// Factor by which detection looks farther ahead if the last paths lasted as long as they should.
@@ -164,7 +164,7 @@ impl Paths {
             path.workers.chunks(&mut stray, GRAIN, |first, stray| {
                 for (vertex, stray) in (first..).zip(stray) {
                     let far = (self.strayed_by(path, vertex) - common).length() * longer;
-                    *stray = far.max(KEEPS * *stray).clamp(least.min(most[vertex]), most[vertex]);
+                    *stray = far.max(MARGIN_DECAY * *stray).clamp(least.min(most[vertex]), most[vertex]);
                 }
             });
         } else {

@@ -94,7 +94,7 @@ impl Loop for Shares<'_> {
             }
             let places = &block.corners[first..first + L::LANES];
             let (by, is_kinematic) = whole_corners_of::<L>(by, places);
-            let (normal, kept) = (vector::<L>(&block.normal, first), number::<L>(&block.kept, first));
+            let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
             let mut heights = [zero; 4];
             let mut towards = [zero; 4];
             let (mut shift_from_first, mut shift_from_second) = (zero, zero);
@@ -105,7 +105,7 @@ impl Loop for Shares<'_> {
                 towards[k] = (zero - side) * normal.dot(by[k]);
                 // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane
                 // moves with it.
-                let out = (kept - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
+                let out = (clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
                 if is_first {
                     shift_from_first = shift_from_first.max(out);
                 } else {
@@ -114,11 +114,11 @@ impl Loop for Shares<'_> {
             }
             let shift = shift_from_second - shift_from_first;
             // Two kinematic sides may also move into each other.
-            let mut passed_by = (shift_from_second + shift_from_first - kept - kept).max(zero);
+            let mut passed_by = (shift_from_second + shift_from_first - clearance - clearance).max(zero);
             for k in 0..4 {
                 let along = if k < kind.first_side() { zero - shift } else { shift };
                 let height = heights[k] + along;
-                let share = L::select(zero.lt(is_kinematic[k]), one, share_above(height, kept, towards[k]));
+                let share = L::select(zero.lt(is_kinematic[k]), one, share_above(height, clearance, towards[k]));
                 passed_by = passed_by.max(L::select(zero.lt(is_kinematic[k]), zero, zero - height));
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {

@@ -9,9 +9,8 @@ use crate::simd::{Lanes, Vector};
 
 /// Relaxation factor of the Jacobi iteration over pairs; it is stable below 2 (see [`step_of_lambda`]).
 pub(crate) const RELAXATION: f32 = 1.7;
-/// Share of a pair's distance, or of the thickness if that is more, that a vertex keeps to the pair's middle plane: see
-/// [`kept`].
-pub(crate) const KEEP: f32 = 0.05;
+/// The [`clearance`], as a share of a pair's distance, or of the thickness if that is more.
+pub(crate) const CLEARANCE: f32 = 0.05;
 
 /// Share of the thickness by which a pair may be too close without being corrected: see [`separation`].
 pub(crate) const SLACK: f32 = 0.01;
@@ -169,9 +168,9 @@ pub(crate) fn impulse<L: Lanes>((lambda_t, lambda_n): (Vector<L>, L), normal: Ve
 /// The distance (m) that a vertex keeps to the middle plane of a pair whose sides are `distance` (m) apart, for cloth
 /// of a `thickness` (m).
 #[inline(always)]
-pub(crate) fn kept<L: Lanes>(distance: L, thickness: L) -> L {
-    let (half, most) = (distance * L::splat(0.5), thickness * L::splat(KEEP));
-    (distance * L::splat(KEEP)).max(L::select(half.lt(most), half, most))
+pub(crate) fn clearance<L: Lanes>(distance: L, thickness: L) -> L {
+    let (half, most) = (distance * L::splat(0.5), thickness * L::splat(CLEARANCE));
+    (distance * L::splat(CLEARANCE)).max(L::select(half.lt(most), half, most))
 }
 
 /// The correction (m) of a pair that is too close by `depth` (m), in a substep in which it may be `most` (m). It is
@@ -197,11 +196,11 @@ pub(crate) fn warm_share<L: Lanes>(depth: L, thickness: L) -> L {
 }
 
 /// The largest share of a displacement that may be taken. The displacement brings a vertex at `height` (m) above a
-/// plane nearer to it by `toward` (m), and it has to stay `kept` (m) above.
+/// plane nearer to it by `toward` (m), and it has to stay `clearance` (m) above.
 #[inline(always)]
-pub(crate) fn share_above<L: Lanes>(height: L, kept: L, toward: L) -> L {
-    let cuts = L::and(L::splat(0.0).lt(toward), (height - toward).lt(kept));
-    L::select(cuts, clamp01((height - kept) / toward), L::splat(1.0))
+pub(crate) fn share_above<L: Lanes>(height: L, clearance: L, toward: L) -> L {
+    let cuts = L::and(L::splat(0.0).lt(toward), (height - toward).lt(clearance));
+    L::select(cuts, clamp01((height - clearance) / toward), L::splat(1.0))
 }
 
 #[cfg(test)]

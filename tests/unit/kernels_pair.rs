@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{edge_edge, impulse, kept, perpendicular, separation, share_above, step_of_lambda, vertex_triangle};
+use super::{clearance, edge_edge, impulse, perpendicular, separation, share_above, step_of_lambda, vertex_triangle};
 use crate::simd::Vector;
 
 fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
@@ -106,12 +106,12 @@ fn a_share_ends_at_the_plane() {
     let mut random = fastrand::Rng::with_seed(2);
     for _ in 0..1000 {
         let (distance, thickness) = (random.f32(), random.f32());
-        let kept = kept(distance, thickness);
-        assert!(kept > 0.0 && kept <= 0.5 * distance, "{kept} of {distance}");
+        let clearance = clearance(distance, thickness);
+        assert!(clearance > 0.0 && clearance <= 0.5 * distance, "{clearance} of {distance}");
         let (height, toward) = (0.5 * distance + random.f32(), 4.0 * random.f32() - 2.0);
-        let share = share_above(height, kept, toward);
-        assert!((0.0..=1.0).contains(&share) && height - share * toward >= kept - 1e-6);
-        assert!(share == 1.0 || (height - share * toward - kept).abs() < 1e-5, "no shorter than it must be");
+        let share = share_above(height, clearance, toward);
+        assert!((0.0..=1.0).contains(&share) && height - share * toward >= clearance - 1e-6);
+        assert!(share == 1.0 || (height - share * toward - clearance).abs() < 1e-5, "no shorter than it must be");
     }
 }
 

@@ -43,7 +43,7 @@ fn is_run_over(pair: Passed) -> bool {
         return true;
     }
     let after = distance_of(pair.is_edge, pair.end);
-    return after < KEEP * about.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
+    return after < CLEARANCE * about.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
 }
 
 // Finds out whether a pair is run over, and what follows what. A corner without a weight is not where the pair is closest.

@@ -295,7 +295,7 @@ fn truncate_pair(n: Near) {
     let c = vertices[n.corners.z].x;
     let d = vertices[n.corners.w].x;
     let middle = between(n.weights * firsts, Four(a.xyz, b.xyz, c.xyz, d.xyz)) - n.normal * (0.5 * n.distance);
-    let keeps = kept(n.distance, n.thickness);
+    let clearance = clearance(n.distance, n.thickness);
     let heights = sides * vec4f(
         dot(n.normal, a.xyz - middle),
         dot(n.normal, b.xyz - middle),
@@ -311,21 +311,21 @@ fn truncate_pair(n: Near) {
     // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane moves with it.
     let w = vec4f(a.w, b.w, c.w, d.w);
     let is_kinematic = w <= vec4f();
-    let out = select(vec4f(), max(keeps - (heights - towards), vec4f()), is_kinematic);
+    let out = select(vec4f(), max(clearance - (heights - towards), vec4f()), is_kinematic);
     let down = most_of(out * firsts);
     let up = most_of(out * (1.0 - firsts));
     let left = heights - sides * (up - down);
     // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
     // into each other.
-    if any(select(left, vec4f(), is_kinematic) < vec4f()) || up + down > 2.0 * keeps {
+    if any(select(left, vec4f(), is_kinematic) < vec4f()) || up + down > 2.0 * clearance {
         let at = atomicAdd(&known.status.passed, 1u);
         let is_edge = n.listed >= with_vertices;
         pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
     }
-    truncate_vertex(n.corners.x, w.x, share_above(left.x, keeps, towards.x));
-    truncate_vertex(n.corners.y, w.y, share_above(left.y, keeps, towards.y));
-    truncate_vertex(n.corners.z, w.z, share_above(left.z, keeps, towards.z));
-    truncate_vertex(n.corners.w, w.w, share_above(left.w, keeps, towards.w));
+    truncate_vertex(n.corners.x, w.x, share_above(left.x, clearance, towards.x));
+    truncate_vertex(n.corners.y, w.y, share_above(left.y, clearance, towards.y));
+    truncate_vertex(n.corners.z, w.z, share_above(left.z, clearance, towards.z));
+    truncate_vertex(n.corners.w, w.w, share_above(left.w, clearance, towards.w));
 }
 
 fn most_of(v: vec4f) -> f32 {

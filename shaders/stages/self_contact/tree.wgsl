@@ -5,7 +5,7 @@ override LANES: u32 = 256u;
 // The least distance that a vertex may stray, as a multiple of how far it may roam, and the least share that it keeps of the
 // last one. A detection costs more here, compared with a longer list, than on the CPU, which goes down to a smaller one.
 const LEAST_ROAM: f32 = 0.5;
-const KEEPS: f32 = 0.8;
+const MARGIN_DECAY: f32 = 0.8;
 // Weight of the mean displacement since the last detection in that of the next path; the rest is the present one. The first
 // includes the response to contact, and vibrates less.
 const MEAN: f32 = 0.4;
@@ -62,7 +62,7 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     if known.status.longer >= 0.0 {
         let track = tracks[i];
         let strayed = (x_i - track.start.xyz) + (u_i - track.by.xyz * known.status.over);
-        let far = max(length(strayed) * known.status.longer, KEEPS * track.start.w);
+        let far = max(length(strayed) * known.status.longer, MARGIN_DECAY * track.start.w);
         stray = clamp(far, LEAST_ROAM * roam, roam);
         if i < about.vertices {
             let aside = (track.by.xyz + strayed / known.status.over - u_i) * MEAN;
