@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicU32;
 use glam::{DVec3, Vec3A, Vec4};
 
 use super::acting::{Acting, for_groups};
-use super::clocks::{PatchMotion, patch};
+use super::approach::{PatchMotion, patch};
 use super::corners::SLICE;
 use super::frame::Frame;
 use super::near::{Find, FindAgain};
@@ -31,9 +31,9 @@ pub(super) struct Contacts {
     /// The vertices of listed pairs, and the place of each vertex of the cloth among them.
     pub order: Vec<u32>,
     pub place: Vec<AtomicU32>,
-    /// The corners of listed pairs of each kind, as places, and when the pairs are due.
+    /// The corners of listed pairs of each kind, as places, and up to which bound of approach the pairs are safe.
     pub corners: [Vec<[u32; 4]>; 2],
-    pub due: [Vec<f32>; 2],
+    pub safe_until: [Vec<f32>; 2],
     /// The thickness (m) of each pair.
     pub thickness: [Vec<f32>; 2],
     /// How the vertices of each patch move.
@@ -177,17 +177,18 @@ impl Contacts {
     /// Finds the near pairs among those that have not acted since they were listed. If the groups are not known, they are
     /// made anew.
     fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
-        let Contacts { corners, due, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
+        let Contacts { corners, safe_until, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
         let owner = |vertex: u32| start.surface.owner[vertices[vertex as usize].index as usize];
         let friction = |[a, _, _, d]: [u32; 4]| start.friction[owner(a).max(owner(d)) as usize];
         let mut portions = &mut portions[..*used];
         let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
             let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
-            ListSlice { portions, pairs, corners: &[], thickness: &[], lambda, due: &mut [] }
+            ListSlice { portions, pairs, corners: &[], thickness: &[], lambda, safe_until: &mut [] }
         });
-        for (of, (corners, (thickness, due))) in left.iter_mut().zip(corners.iter().zip(thickness.iter().zip(due))) {
-            (of.corners, of.thickness, of.due) = (corners, thickness, due);
+        for (of, (corners, (thickness, safe_until))) in left.iter_mut().zip(corners.iter().zip(thickness.iter().zip(safe_until)))
+        {
+            (of.corners, of.thickness, of.safe_until) = (corners, thickness, safe_until);
         }
         let counts = left.each_ref().map(|left| left.portions.len());
         let parts = (0..start.workers.count()).map(|part| {
@@ -196,13 +197,13 @@ impl Contacts {
         });
         start.workers.each(parts, |parts| {
             parts.into_iter().flat_map(ListSlice::portions).for_each(
-                |ListSlice { portions, pairs, corners, thickness, lambda, due }| {
+                |ListSlice { portions, pairs, corners, thickness, lambda, safe_until }| {
                     let (portion, most_push) = (&mut portions[0], start.most_push);
                     portion.bunches.take(portion.kind, pairs, motions.len());
                     portion.bunches.advance(motions, start.most_push, start.thickness);
-                    simd::run(start.width, Find { corners, thickness, x, u, due, most_push, portion });
+                    simd::run(start.width, Find { corners, thickness, x, u, safe_until, most_push, portion });
                     if !portion.joining.is_empty() || !is_known {
-                        portion.join((pairs, corners), lambda, due, friction, ranges);
+                        portion.join((pairs, corners), lambda, safe_until, friction, ranges);
                     }
                     if !is_known {
                         // Pairs that do not act have no multipliers.
@@ -271,7 +272,7 @@ struct ListSlice<'a> {
     corners: &'a [[u32; 4]],
     thickness: &'a [f32],
     lambda: &'a mut [Vec4],
-    due: &'a mut [f32],
+    safe_until: &'a mut [f32],
 }
 
 impl<'a> ListSlice<'a> {
@@ -285,7 +286,7 @@ impl<'a> ListSlice<'a> {
             corners: self.corners.split_off(..pairs).unwrap_or_default(),
             thickness: self.thickness.split_off(..pairs).unwrap_or_default(),
             lambda: self.lambda.split_off_mut(..pairs).unwrap_or_default(),
-            due: self.due.split_off_mut(..pairs).unwrap_or_default(),
+            safe_until: self.safe_until.split_off_mut(..pairs).unwrap_or_default(),
         }
     }
 

@@ -14,11 +14,11 @@
 
 mod acting;
 mod apart;
+mod approach;
 mod bodies;
 mod boxes;
 mod candidates;
 mod carry;
-mod clocks;
 mod contacts;
 mod contours;
 mod corners;

@@ -3,7 +3,7 @@
 
 use glam::Vec4;
 
-use super::clocks::BUNCH;
+use super::approach::BUNCH;
 use super::group::{Block, Group, Weights};
 use super::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use super::pairs::{Kind, between, closest};
@@ -112,8 +112,9 @@ pub(super) struct Find<'a> {
     pub thickness: &'a [f32],
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
-    /// When each pair is due: never, if it is in a group.
-    pub due: &'a mut [f32],
+    /// Up to which bound of approach each pair need not be measured: see
+    /// [`ApproachBound`](super::approach::ApproachBound). Infinite if it is in a group.
+    pub safe_until: &'a mut [f32],
     pub most_push: f32,
     pub portion: &'a mut Portion,
 }
@@ -121,12 +122,12 @@ pub(super) struct Find<'a> {
 impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Find { corners, thickness, x, u, due, most_push, portion } = self;
+        let Find { corners, thickness, x, u, safe_until, most_push, portion } = self;
         let Portion { kind, blocks, joining, due_pairs, bunches, .. } = portion;
         let (kind, most_push) = (*kind, L::splat(2.0 * most_push));
         blocks.clear();
         joining.clear();
-        due_pairs.select::<L>(due, &bunches.clocks);
+        due_pairs.select::<L>(safe_until, &bunches.approach);
         due_pairs.take::<L>(corners, thickness);
         let all = due_pairs.corners.chunks_exact(L::LANES).zip(due_pairs.thickness.chunks_exact(L::LANES));
         let mut first = MAX_LANES;
@@ -142,7 +143,7 @@ impl Loop for Find<'_> {
                     let lane = far.trailing_zeros() as usize;
                     far &= far - 1;
                     let place = usize::from(places[lane]);
-                    due[place] = bunches.clocks[place / BUNCH].now + at[lane];
+                    safe_until[place] = bunches.approach[place / BUNCH].total + at[lane];
                 }
             }
             let near = L::bits(proximity.near);

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec4;
 
-use super::clocks::{PATCH, PatchMotion};
+use super::approach::{PATCH, PatchMotion};
 use super::contacts::{Contacts, GRAIN};
 use super::pairs::Kind;
 use super::portions::{PORTION, Portion};
@@ -18,7 +18,7 @@ const UNKNOWN: Vec4 = Vec4::NEG_ONE;
 impl Contacts {
     /// Numbers the vertices of the lists, in order.
     pub(super) fn number(&mut self, lists: &[Rows; 2], vertices: usize, workers: Workers<'_>) {
-        let Contacts { order, place, corners, due, thickness, motions, x, .. } = self;
+        let Contacts { order, place, corners, safe_until, thickness, motions, x, .. } = self;
         place.resize_with(vertices, AtomicU32::default);
         place.iter_mut().for_each(|place| *place.get_mut() = 0);
         motions.resize(vertices.div_ceil(PATCH), PatchMotion::NONE);
@@ -42,7 +42,7 @@ impl Contacts {
         x.clear();
         x.resize(order.len(), UNKNOWN);
         corners.iter_mut().for_each(Vec::clear);
-        due.iter_mut().chain(thickness).for_each(Vec::clear);
+        safe_until.iter_mut().chain(thickness).for_each(Vec::clear);
         self.used = 0;
         self.add(lists, workers);
         self.is_numbered = true;
@@ -86,13 +86,14 @@ impl Contacts {
 
     /// Adds the pairs of the lists that are not there yet, whose vertices are numbered.
     fn add(&mut self, lists: &[Rows; 2], workers: Workers<'_>) {
-        let Contacts { place, corners, due, thickness, portions, used, .. } = self;
+        let Contacts { place, corners, safe_until, thickness, portions, used, .. } = self;
         let portions_of = |pairs: usize| pairs.div_ceil(PORTION);
         let (before, after) = (portions_of(corners[0].len()), portions_of(lists[0].pairs.len()));
-        for ((corners, (due, thickness)), rows) in corners.iter_mut().zip(due.iter_mut().zip(thickness)).zip(lists) {
+        for ((corners, (safe_until, thickness)), rows) in corners.iter_mut().zip(safe_until.iter_mut().zip(thickness)).zip(lists)
+        {
             let first = corners.len();
             thickness.extend(rows.pairs[first..].iter().map(|pair| pair.thickness));
-            due.resize(rows.pairs.len(), f32::NEG_INFINITY);
+            safe_until.resize(rows.pairs.len(), f32::NEG_INFINITY);
             corners.resize(rows.pairs.len(), [0; 4]);
             let (corners, pairs) = (&mut corners[first..], &rows.pairs[first..]);
             let part = workers.part(pairs.len(), GRAIN);

@@ -7,7 +7,7 @@
 
 use glam::Vec4;
 
-use super::clocks::{BUNCH, Bunches, Clock};
+use super::approach::{ApproachBound, BUNCH, Bunches};
 use super::group::{Block, Group};
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
@@ -55,18 +55,18 @@ pub(super) struct DuePairs {
 }
 
 impl DuePairs {
-    /// Selects the pairs that are due before the limits of their bunches.
+    /// Selects the pairs that are safe only until less than the limits of their bunches.
     #[inline(always)]
-    pub(super) fn select<L: Registers>(&mut self, due: &[f32], clocks: &[Clock]) {
+    pub(super) fn select<L: Registers>(&mut self, safe_until: &[f32], approach: &[ApproachBound]) {
         let DuePairs { places, .. } = self;
         places.resize(PORTION + MAX_LANES, 0);
         let mut count = 0;
-        for (start, (due, clock)) in (0..).step_by(BUNCH).zip(due.chunks(BUNCH).zip(clocks)) {
-            let limits = L::splat(clock.limit);
-            let (groups, rest) = (due.chunks_exact(L::LANES), due.chunks_exact(L::LANES).remainder());
-            let rest_from = start + due.len() - rest.len();
-            for (first, due) in (start..).step_by(L::LANES).zip(groups) {
-                let lanes = L::bits(L::from_slice(due).lt(limits));
+        for (start, (safe_until, bound)) in (0..).step_by(BUNCH).zip(safe_until.chunks(BUNCH).zip(approach)) {
+            let limits = L::splat(bound.limit);
+            let (groups, rest) = (safe_until.chunks_exact(L::LANES), safe_until.chunks_exact(L::LANES).remainder());
+            let rest_from = start + safe_until.len() - rest.len();
+            for (first, safe_until) in (start..).step_by(L::LANES).zip(groups) {
+                let lanes = L::bits(L::from_slice(safe_until).lt(limits));
                 if lanes == (1 << L::LANES) - 1 {
                     (first..).zip(&mut places[count..count + L::LANES]).for_each(|(place, to)| *to = place as u16);
                     count += L::LANES;
@@ -78,7 +78,7 @@ impl DuePairs {
                     }
                 }
             }
-            for (place, _) in (rest_from..).zip(rest).filter(|&(_, &due)| due < clock.limit) {
+            for (place, _) in (rest_from..).zip(rest).filter(|&(_, &safe_until)| safe_until < bound.limit) {
                 places[count] = place as u16;
                 count += 1;
             }
@@ -133,12 +133,12 @@ impl Portion {
     }
 
     /// Adds the joining pairs to the groups, with the multipliers that they have in the list. From now on they are
-    /// never due.
+    /// never due to be measured.
     pub(super) fn join(
         &mut self,
         (pairs, corners): (&[Listed], &[[u32; 4]]),
         lambda: &[Vec4],
-        due: &mut [f32],
+        safe_until: &mut [f32],
         friction: impl Fn([u32; 4]) -> f32,
         ranges: Ranges,
     ) {
@@ -152,7 +152,7 @@ impl Portion {
         for place in (0..count).rev() {
             let (group, lane) = (place / MAX_LANES, place % MAX_LANES);
             let (pair, multiplier) = if let Some(pair) = joining.next_if(|&pair| left == 0 || pair > listed(groups, left - 1)) {
-                due[pair] = f32::INFINITY;
+                safe_until[pair] = f32::INFINITY;
                 let friction = friction(corners[pair]);
                 ((corners[pair], (*first + pair) as u32, pairs[pair].thickness, friction), lambda[pair])
             } else {

@@ -37,7 +37,7 @@ fn more_vertices_are_numbered_as_if_all_were() {
         anew.number(&lists, 100, Workers::ALONE);
         assert_eq!(contacts.order, anew.order, "{added:?}");
         assert_eq!((&contacts.corners, &contacts.thickness), (&anew.corners, &anew.thickness), "{added:?}");
-        assert_eq!(contacts.due.each_ref().map(Vec::len), anew.due.each_ref().map(Vec::len));
+        assert_eq!(contacts.safe_until.each_ref().map(Vec::len), anew.safe_until.each_ref().map(Vec::len));
         let portions = |contacts: &Contacts| -> Vec<_> {
             contacts.portions[..contacts.used].iter().map(|portion| (portion.kind, portion.first)).collect()
         };

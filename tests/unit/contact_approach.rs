@@ -1,4 +1,4 @@
-//! No pair is due later than it can be near.
+//! No pair is measured later than it can be near.
 
 use fastrand::Rng;
 
@@ -12,10 +12,11 @@ fn vector(random: &mut Rng, size: f32) -> Vec3A {
     Vec3A::from_array([0; 3].map(|_| size * (2.0 * random.f32() - 1.0)))
 }
 
-/// Vertices move at random, those of a patch about as one, and pairs are added meanwhile. No distance between the sides of a pair
-/// has shrunk by more than its clock tells, nor can it shrink in a substep by more than is between the clock and its limit.
+/// Vertices move at random, those of a patch about as one, and pairs are added meanwhile. No distance between the sides
+/// of a pair has shrunk by more than the total of its bound, nor can it shrink in a substep by more than is between the
+/// bound and its limit.
 #[test]
-fn no_distance_shrinks_by_more_than_the_clock_tells() {
+fn no_distance_shrinks_by_more_than_its_bound() {
     for (kind, seed) in Kind::ALL.into_iter().flat_map(|kind| (0..20).map(move |seed| (kind, seed))) {
         let mut random = Rng::with_seed(seed);
         let mut x: Vec<Vec3A> = (0..VERTICES).map(|_| vector(&mut random, 0.1)).collect();
@@ -44,19 +45,19 @@ fn no_distance_shrinks_by_more_than_the_clock_tells() {
             // Some whole bunches, and pairs that fill one up.
             let count = [100, 100, 120, PAIRS][substep.min(3)];
             listed_at.resize(count, x.clone());
-            let before = bunches.clocks.clone();
+            let before = bunches.approach.clone();
             bunches.take(kind, &pairs[..count], patches);
             bunches.advance(&motions, 0.0, THICKNESS);
             for (index, pair) in pairs[..count].iter().enumerate() {
-                let clock = bunches.clocks[index / BUNCH];
-                // A pair that is added is due at once, at the time before the clock advances.
-                let since = if listed_at[index] == x { before.get(index / BUNCH).map_or(0.0, |clock| clock.now) } else { 0.0 };
+                let bound = bunches.approach[index / BUNCH];
+                // A pair that is added is due at once, at the total before the bound advances.
+                let since = if listed_at[index] == x { before.get(index / BUNCH).map_or(0.0, |bound| bound.total) } else { 0.0 };
                 for [a, b] in across(pair) {
                     let distance = |x: &[Vec3A]| x[a].distance(x[b]);
                     let shrunk = distance(&listed_at[index]) - distance(&x);
-                    assert!(shrunk <= clock.now - since + 1e-6, "{kind:?} {seed} {substep}: {shrunk}, {clock:?}");
+                    assert!(shrunk <= bound.total - since + 1e-6, "{kind:?} {seed} {substep}: {shrunk}, {bound:?}");
                     let travel = u[a].length() + u[b].length();
-                    assert!(clock.limit - clock.now >= travel, "{kind:?} {seed} {substep}: {travel}, {clock:?}");
+                    assert!(bound.limit - bound.total >= travel, "{kind:?} {seed} {substep}: {travel}, {bound:?}");
                 }
             }
         }

@@ -1,4 +1,5 @@
-//! When listed pairs are due: a pair that is not near is measured again only when it can have become so.
+//! Bounds of how much listed pairs have approached. A pair that is not near is due to be measured again only when it can have
+//! become near.
 //!
 //! Vertices are bounded in patches and pairs in bunches, so that a few fast vertices make no other pairs due.
 
@@ -37,30 +38,32 @@ impl PatchMotion {
     }
 }
 
-/// How much the distance of any two vertices of a bunch can have shrunk since pairs were listed (m). A pair whose distance
-/// was `d` when this was `t` cannot be closer than its thickness before it is `t + d - thickness`; that is when the pair is
-/// due.
+/// An upper bound on how much any pair of a bunch has approached since the pairs were listed.
+///
+/// A pair that had the distance `d` (m) when the total was `t` (m) cannot be closer than its thickness before the total is
+/// `t + d - thickness`, which is stored for the pair as `safe_until` (m).
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Clock {
-    pub now: f32,
-    /// Pairs that are due after this are not near in this substep.
+pub(super) struct ApproachBound {
+    /// The sum over the substeps so far (m), which never decreases.
+    pub total: f32,
+    /// A pair whose `safe_until` is at least this (m) is not near in this substep; the others are due.
     pub limit: f32,
 }
 
-impl Clock {
+impl ApproachBound {
     /// Advances given the motions of the vertices on either side of the pairs.
     fn advance(&mut self, [one, other]: [PatchMotion; 2], most_push: f32, thickness: f32) {
         let travel = one.travel + other.travel + 2.0 * most_push;
         let ([low, high], [other_low, other_high]) = (one.moved, other.moved);
-        self.now += (high.max(other_high) - low.min(other_low)).max(Vec3A::ZERO).length();
-        self.limit = self.now * (1.0 + EARLY[1]) + travel + EARLY[0] * thickness;
+        self.total += (high.max(other_high) - low.min(other_low)).max(Vec3A::ZERO).length();
+        self.limit = self.total * (1.0 + EARLY[1]) + travel + EARLY[0] * thickness;
     }
 }
 
 /// The bunches of a portion.
 #[derive(Debug, Default)]
 pub(super) struct Bunches {
-    pub clocks: Vec<Clock>,
+    pub approach: Vec<ApproachBound>,
     /// The patches of the vertices of each bunch, first those of the first side of pairs, and where those of each side end.
     patches: Vec<u32>,
     ends: Vec<[u32; 2]>,
@@ -72,7 +75,7 @@ pub(super) struct Bunches {
 
 impl Bunches {
     pub(super) fn clear(&mut self) {
-        self.clocks.clear();
+        self.approach.clear();
         self.ends.clear();
         self.pairs = 0;
     }
@@ -86,7 +89,7 @@ impl Bunches {
         self.pairs = pairs.len();
         self.ends.truncate(whole);
         self.patches.truncate(self.ends.last().map_or(0, |&[_, end]| end as usize));
-        self.clocks.resize(pairs.len().div_ceil(BUNCH), Clock::default());
+        self.approach.resize(pairs.len().div_ceil(BUNCH), ApproachBound::default());
         self.marks.iter_mut().for_each(|marks| marks.resize(patches.div_ceil(64), 0));
         for pairs in pairs.chunks(BUNCH).skip(whole) {
             for pair in pairs {
@@ -108,11 +111,11 @@ impl Bunches {
         }
     }
 
-    /// Advances the clocks by what the vertices of each patch have moved since the last substep. Corrections of positions are at
+    /// Advances the bounds by what the vertices of each patch have moved since the last substep. Corrections of positions are at
     /// most `most_push` (m) long, and the thickness is in m, too.
     pub(super) fn advance(&mut self, motions: &[PatchMotion], most_push: f32, thickness: f32) {
         let mut first = 0;
-        for (clock, ends) in self.clocks.iter_mut().zip(&self.ends) {
+        for (bound, ends) in self.approach.iter_mut().zip(&self.ends) {
             let sides = ends.map(|end| {
                 let mut all = PatchMotion::NONE;
                 for &patch in &self.patches[std::mem::replace(&mut first, end as usize)..end as usize] {
@@ -120,11 +123,11 @@ impl Bunches {
                 }
                 all
             });
-            clock.advance(sides, most_push, thickness);
+            bound.advance(sides, most_push, thickness);
         }
     }
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/contact_clocks.rs"]
+#[path = "../../tests/unit/contact_approach.rs"]
 mod tests;
