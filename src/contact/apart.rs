@@ -36,7 +36,7 @@ pub(super) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
     let (x, normals) = features.in_general_position();
     let found = pierced(features.edges, features.triangles, &x, &mut { usize::MAX }, &may_collide);
     let mut touches = Touches::new(features, x, normals, &may_collide);
-    // What really intersects is let go as it is.
+    // What really intersects stays as it is; contact ignores it.
     let crossing = touches.left_out_of(found);
     let ends = crossing.iter().flat_map(|&[edge, _]| features.edges[edge as usize]);
     let of_crossings: BTreeSet<u32> =

@@ -81,17 +81,17 @@ pub(super) struct Scene<'a> {
 }
 
 impl Detection {
-    /// Lists all pairs anew, with the multipliers of pairs that were listed before. Pairs that `is_let_go` accepts are
+    /// Lists all pairs anew, with the multipliers of pairs that were listed before. Pairs that `is_ignored` accepts are
     /// left out. If there are too many pairs of leaves, returns their number as an error.
     pub(super) fn run(
         &mut self,
         scene: Scene<'_>,
         [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
-        is_let_go: impl Fn(Kind, u32, &Listed) -> bool + Sync,
+        is_ignored: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<(), usize> {
         self.fit(scene, [cloth, bodies]);
-        let tasks = self.find(scene, [cloth, bodies], true, is_let_go)?;
+        let tasks = self.find(scene, [cloth, bodies], true, is_ignored)?;
         let (rows, ranges) = (rows(&scene), ranges(&scene));
         for (kind, lists) in lists.iter_mut().enumerate() {
             let found = || self.findings[..tasks].iter().map(|finding| &finding.found[kind]);
@@ -149,7 +149,7 @@ impl Detection {
         scene: Scene<'_>,
         [cloth, bodies]: [&mut Tree; 2],
         all: bool,
-        is_let_go: impl Fn(Kind, u32, &Listed) -> bool + Sync,
+        is_ignored: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<usize, usize> {
         let Scene { surface, path, scope, .. } = scene;
         let workers = if all { path.workers } else { Workers::ALONE };
@@ -189,7 +189,7 @@ impl Detection {
                         listed.clear();
                         let near = &near[kind as usize];
                         simd::run(scene.width, Measure { surface, scope, middle, u: path.u, kind, near, listed });
-                        listed.retain(|(row, pair)| !is_let_go(kind, *row, pair));
+                        listed.retain(|(row, pair)| !is_ignored(kind, *row, pair));
                         *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
                         listed_in_all.fetch_add(listed.len(), Ordering::Relaxed);
                     }

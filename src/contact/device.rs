@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A, Vec4};
 use super::ContactPast;
 use super::bodies::{Bodies, kinematic_pins, motions, motions_of};
 use super::frame::Frame;
-use super::let_go::LetGo;
+use super::ignored::IgnoredPairs;
 use super::pairs::Kind;
 use super::past::ListedRows;
 use super::paths::Paths;
@@ -35,7 +35,7 @@ pub(crate) struct OnDevice {
     vertices: usize,
     /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices of pairs that were
     /// `pinched` in the last step.
-    let_go: LetGo,
+    ignored: IgnoredPairs,
     may_cross: bool,
     pinched: Vec<u32>,
     thickness: f32,
@@ -87,7 +87,7 @@ impl OnDevice {
             meets_itself: contact.is_some(),
             bodies,
             vertices: range[1],
-            let_go: LetGo::default(),
+            ignored: IgnoredPairs::default(),
             may_cross: true,
             pinched: Vec::new(),
             thickness,
@@ -151,7 +151,7 @@ impl OnDevice {
     /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
     /// while there are intersections.
     pub(crate) fn must_search(&self) -> bool {
-        self.may_cross || !self.let_go.crossings.is_empty()
+        self.may_cross || !self.ignored.crossings.is_empty()
     }
 
     /// Whether it must because moving pins or mesh colliders intersect pins.
@@ -164,7 +164,7 @@ impl OnDevice {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        LetGo::kinematics_cross(&self.surface, &x, self.meets_itself, self.thickness)
+        IgnoredPairs::kinematics_cross(&self.surface, &x, self.meets_itself, self.thickness)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
@@ -173,7 +173,7 @@ impl OnDevice {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         self.may_cross = self.may_cross || self.kinematics_cross(plan);
         let moved = match self.may_cross && is_new {
-            true => LetGo::part_touches(&self.surface, &x, self.meets_itself, self.thickness),
+            true => IgnoredPairs::part_touches(&self.surface, &x, self.meets_itself, self.thickness),
             false => Vec::new(),
         };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
@@ -185,13 +185,13 @@ impl OnDevice {
     /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
-        let OnDevice { surface, meets_itself, let_go, thickness, .. } = self;
+        let OnDevice { surface, meets_itself, ignored, thickness, .. } = self;
         let pinched = std::mem::take(&mut self.pinched);
         if std::mem::take(&mut self.may_cross) {
-            let_go.find(surface, x, *meets_itself, *thickness);
+            ignored.find(surface, x, *meets_itself, *thickness);
             return true;
         }
-        let_go.follow(surface, x, *meets_itself, *thickness, &pinched)
+        ignored.follow(surface, x, *meets_itself, *thickness, &pinched)
     }
 
     /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them, and whether these `are_all`.
@@ -203,14 +203,14 @@ impl OnDevice {
             Pinched { kind, corners: told.map(|corner| corner & !MARK), is_through }
         });
         let pinched: Vec<Pinched> = pinched.collect();
-        self.let_go.begin();
-        self.let_go.note(&pinched, &self.surface);
+        self.ignored.begin();
+        self.ignored.note(&pinched, &self.surface);
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
     /// Whether vertices may be taken along with what runs over them.
     pub(crate) fn may_carry(&self) -> bool {
-        self.let_go.crossings.is_empty()
+        self.ignored.crossings.is_empty()
     }
 
     /// Whether there may be such pairs.
@@ -220,7 +220,7 @@ impl OnDevice {
 
     /// Searches for what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m). Returns
     /// whether the intersections have changed.
-    pub(crate) fn let_go_of_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> bool {
+    pub(crate) fn ignore_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> bool {
         let x = self.with_meshes(x, motions(plan).map(|[from, by]| from + by));
         self.search(&x)
     }
@@ -233,14 +233,14 @@ impl OnDevice {
     }
 
     /// Ignored pairs of a vertex and a triangle, and of two edges.
-    pub(crate) fn let_go(&self) -> &[Vec<[u32; 2]>; 2] {
-        self.let_go.pairs()
+    pub(crate) fn ignored(&self) -> &[Vec<[u32; 2]>; 2] {
+        self.ignored.pairs()
     }
 
     /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
     /// mesh collider the index of that.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        (self.let_go.of_cloth(&self.surface).collect(), self.let_go.with_bodies(&self.surface).collect())
+        (self.ignored.of_cloth(&self.surface).collect(), self.ignored.with_bodies(&self.surface).collect())
     }
 
     /// Converts the state to the form that both backends save.
@@ -264,7 +264,7 @@ impl OnDevice {
             bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
             paths: Paths { from: from.clone(), by: by.clone(), stray, ahead: *ahead, since: *since, renewed: 0 },
-            crossings: self.let_go.crossings.clone(),
+            crossings: self.ignored.crossings.clone(),
             may_cross: self.may_cross,
             h: *h,
         }
@@ -306,7 +306,7 @@ impl OnDevice {
         };
         let pairs: Vec<DevicePair> = all.map(pair).collect();
         self.bodies.forget(bodies);
-        self.let_go.take(crossings.clone(), &self.surface);
+        self.ignored.take(crossings.clone(), &self.surface);
         self.may_cross = *may_cross;
         let from = from.iter().zip(stray).map(|(from, &stray)| from.with_w(stray)).collect();
         Some(DeviceLists { starts, pairs, from, by: by.clone(), ahead: *ahead, since: *since, h: *h })

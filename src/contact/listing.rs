@@ -4,7 +4,7 @@
 use glam::{Vec3A, Vec4};
 
 use super::detection::Scene;
-use super::let_go::LetGo;
+use super::ignored::IgnoredPairs;
 use super::paths::Paths;
 use super::surface::Surface;
 use super::tree::DetectionScope;
@@ -17,15 +17,15 @@ use crate::simd::Width;
 const LEAST_STRAY: f32 = 0.1;
 
 impl SelfContact {
-    /// Lets go of what crosses at the end of the substep because it is pinched.
-    pub(super) fn let_go_of_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
-        let SelfContact { options, surface, contacts, let_go, paths, meets_itself, .. } = self;
+    /// Ignores the pairs of what crosses at the end of the substep because it is pinched.
+    pub(super) fn ignore_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
+        let SelfContact { options, surface, contacts, ignored, paths, meets_itself, .. } = self;
         let pinched = contacts.pinched(options.thickness);
         if !pinched.is_empty() {
-            let_go.note(&pinched, surface);
+            ignored.note(&pinched, surface);
             let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
             let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
-            if let_go.follow(surface, &ends, *meets_itself, options.thickness, &vertices) {
+            if ignored.follow(surface, &ends, *meets_itself, options.thickness, &vertices) {
                 paths.end();
             }
         }
@@ -39,10 +39,10 @@ impl SelfContact {
             return false;
         }
         if self.kinematics_moved && !self.may_cross {
-            self.may_cross = LetGo::kinematics_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
+            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
         }
         let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
-        let is_known = !self.may_cross && self.let_go.crossings.is_empty();
+        let is_known = !self.may_cross && self.ignored.crossings.is_empty();
         let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
         let mut strayed = std::mem::take(&mut self.detection.strayed);
         let listed = if is_listed && self.paths.strayed(may_stray, is_free, &mut strayed) {
@@ -70,16 +70,16 @@ impl SelfContact {
         }
         paths.begin(path.x, path.u);
         if std::mem::take(&mut self.may_cross) {
-            self.let_go.find(surface, path.x, self.meets_itself, options.thickness);
+            self.ignored.find(surface, path.x, self.meets_itself, options.thickness);
         } else {
-            self.let_go.follow(surface, path.x, self.meets_itself, options.thickness, &[]);
+            self.ignored.follow(surface, path.x, self.meets_itself, options.thickness, &[]);
         }
         self.contacts.keep(lists, path.workers);
         let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
-        let let_go = &self.let_go;
+        let ignored = &self.ignored;
         self.contacts.forget();
-        detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| let_go.has(kind, first, pair))
+        detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| ignored.has(kind, first, pair))
     }
 
     /// Lists more pairs, around some vertices that get new paths.

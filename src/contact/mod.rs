@@ -28,8 +28,8 @@ mod detection;
 pub(crate) mod device;
 mod frame;
 mod group;
+mod ignored;
 mod lanes;
-mod let_go;
 mod listing;
 mod measure;
 mod near;
@@ -77,7 +77,7 @@ use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::most_listed;
 use frame::Frame;
-use let_go::LetGo;
+use ignored::IgnoredPairs;
 pub(crate) use past::ContactPast;
 use past::Kept;
 use paths::Paths;
@@ -182,7 +182,7 @@ pub(crate) struct SelfContact {
     paths: Paths,
     /// Known intersections. Others may be anywhere if `may_cross` is set; otherwise they arise only around known ones, or
     /// where cloth is pinched.
-    let_go: LetGo,
+    ignored: IgnoredPairs,
     may_cross: bool,
     /// In this step, pins move, or mesh bodies move and there are pins. Kinematic vertices may be made to intersect.
     kinematics_moved: bool,
@@ -216,7 +216,7 @@ impl SelfContact {
             detection: Detection::default(),
             contacts: Contacts::default(),
             paths: Paths::default(),
-            let_go: LetGo::default(),
+            ignored: IgnoredPairs::default(),
             may_cross: true,
             kinematics_moved: false,
             push: Pushes::default(),
@@ -250,19 +250,19 @@ impl SelfContact {
     /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step; given by
     /// vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
-        self.let_go.of_cloth(&self.surface)
+        self.ignored.of_cloth(&self.surface)
     }
 
     /// For each pair of an edge and a triangle that intersect, one on the cloth and one on a body: the index of the
     /// body.
     pub(crate) fn crossings_with_bodies(&self) -> impl Iterator<Item = usize> {
-        self.let_go.with_bodies(&self.surface)
+        self.ignored.with_bodies(&self.surface)
     }
 
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.crowd, self.carries) = (Tally::default(), 0, 0.0);
-        self.let_go.begin();
+        self.ignored.begin();
         self.keep();
         let jumped = self.bodies.begin(plan, self.options.friction);
         self.bodies.place(plan, self.options.thickness, x, u);
@@ -310,7 +310,7 @@ impl SelfContact {
     /// Moves apart what touches exactly, once after the state was replaced.
     fn part_touches(&self, x: &mut [Vec4]) {
         if self.may_cross && self.paths.since.is_none() {
-            let moved = LetGo::part_touches(&self.surface, x, self.meets_itself, self.options.thickness);
+            let moved = IgnoredPairs::part_touches(&self.surface, x, self.meets_itself, self.options.thickness);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
     }
@@ -344,7 +344,7 @@ impl SelfContact {
             most_push: self.push.most,
             frame: frame.unwrap_or_else(|| Frame::of(mean(&plan.cloth.mass, u))),
             carries: self.carries,
-            may_carry: self.let_go.crossings.is_empty(),
+            may_carry: self.ignored.crossings.is_empty(),
             surface: &self.surface,
             thickness: self.options.thickness,
             friction: &self.bodies.friction,
@@ -366,7 +366,7 @@ impl SelfContact {
                 give_back(&plan.cloth.mass, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();
-            self.let_go_of_pinched(x, u);
+            self.ignore_pinched(x, u);
         }
     }
 

@@ -70,7 +70,7 @@ impl SelfContact {
         bodies.clone_from(&self.bodies.last);
         lists.iter_mut().zip(&self.lists).for_each(|(kept, rows)| kept.copy_from(rows));
         paths.copy_from(&self.paths);
-        crossings.clone_from(&self.let_go.crossings);
+        crossings.clone_from(&self.ignored.crossings);
         (*may_cross, *h) = (self.may_cross, self.h);
     }
 
@@ -82,8 +82,8 @@ impl SelfContact {
         }
         self.lists.iter_mut().zip(lists).for_each(|(rows, kept)| rows.copy_from(kept));
         self.paths.copy_from(paths);
-        if self.let_go.crossings != *crossings {
-            self.let_go.take(crossings.clone(), &self.surface);
+        if self.ignored.crossings != *crossings {
+            self.ignored.take(crossings.clone(), &self.surface);
         }
         self.contacts.forget();
         (self.detection.is_fitted, self.may_cross, self.h) = (false, *may_cross, *h);
@@ -94,7 +94,7 @@ impl SelfContact {
             bodies,
             lists,
             paths,
-            let_go,
+            ignored,
             may_cross,
             h,
             // These follow from the cloth and the options, or are recomputed in each substep.
@@ -122,7 +122,7 @@ impl SelfContact {
             bodies: bodies.last.clone(),
             lists: [rows(&lists[0]), rows(&lists[1])],
             paths: paths.clone(),
-            crossings: let_go.crossings.clone(),
+            crossings: ignored.crossings.clone(),
             may_cross: *may_cross,
             h: *h,
         }
@@ -143,7 +143,7 @@ impl SelfContact {
         self.bodies.forget(&past.bodies);
         self.lists = [first, second];
         self.contacts.forget();
-        self.let_go.take(past.crossings.clone(), &self.surface);
+        self.ignored.take(past.crossings.clone(), &self.surface);
         self.detection.is_fitted = false;
         (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);
         true

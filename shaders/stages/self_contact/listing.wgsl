@@ -10,13 +10,13 @@ var<workgroup> with_triangles: u32;
 
 
 // Whether a pair is in the sorted list of those of its kind.
-fn is_let_go(is_edge: bool, row: u32, other: u32) -> bool {
+fn is_ignored(is_edge: bool, row: u32, other: u32) -> bool {
     let one = select(row, row - about.all_vertices, is_edge);
-    var low = select(0u, about.let_go, is_edge);
-    var high = low + select(about.let_go, about.let_go_of_edges, is_edge);
+    var low = select(0u, about.ignored, is_edge);
+    var high = low + select(about.ignored, about.ignored_edges, is_edge);
     while low < high {
         let middle = (low + high) / 2u;
-        let pair = let_go[middle];
+        let pair = ignored[middle];
         if pair.x < one || (pair.x == one && pair.y < other) {
             low = middle + 1u;
         } else if pair.x == one && pair.y == other {
@@ -146,7 +146,7 @@ fn thickness_of(is_edge: bool, row: u32, other: u32) -> f32 {
         return 0.0;
     }
     let thickness = distance_to_hold(is_edge, corners);
-    return select(0.0, thickness, thickness > 0.0 && !is_let_go(is_edge, row, other));
+    return select(0.0, thickness, thickness > 0.0 && !is_ignored(is_edge, row, other));
 }
 
 @compute @workgroup_size(LANES)

@@ -38,8 +38,8 @@ struct About {
     meshes_rest: u32,
     meets_itself: u32,
     // Numbers of ignored pairs: of a vertex and a triangle, and of two edges.
-    let_go: u32,
-    let_go_of_edges: u32,
+    ignored: u32,
+    ignored_edges: u32,
     // Numbers of workgroups that cover the vertices of the cloth and of mesh colliders; inverse of the cloth's mass [1/kg].
     groups: u32,
     mesh_groups: u32,
@@ -201,7 +201,7 @@ struct Known {
 @group(1) @binding(9) var<storage, read_write> sums: array<atomic<i32>>;
 @group(1) @binding(10) var<storage, read_write> known: Known;
 @group(1) @binding(11) var<storage, read> bodies: array<Body>;
-@group(1) @binding(12) var<storage, read> let_go: array<vec2u>;
+@group(1) @binding(12) var<storage, read> ignored: array<vec2u>;
 @group(1) @binding(13) var<storage, read_write> x_out: array<vec4f>;
 @group(1) @binding(14) var<storage, read_write> p_out: array<vec4f>;
 

@@ -55,7 +55,7 @@ pub(super) struct Buffers {
     sums: wgpu::Buffer,
     common: wgpu::Buffer,
     bodies: Sent,
-    let_go: Sent,
+    ignored: Sent,
     boxes: wgpu::Buffer,
     normals: wgpu::Buffer,
 }
@@ -130,7 +130,7 @@ impl GpuContact {
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
             common: buffer("status of contact", size_of::<Told>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
-            let_go: Sent::storage(gpu, "pairs let go", size_of::<[u32; 2]>()),
+            ignored: Sent::storage(gpu, "ignored pairs", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * table.boxes()),
             normals: buffer("normals in contact", NORMALS * cloth.triangles.len()),
         };
@@ -187,23 +187,23 @@ impl GpuContact {
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
     /// from which to start instead, if anything touched exactly.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
-        let crossed = !self.kept.let_go().iter().all(Vec::is_empty);
+        let crossed = !self.kept.ignored().iter().all(Vec::is_empty);
         let moved = self.kept.find_crossings(plan, x, self.status.since == status::NEVER);
-        if crossed || !self.kept.let_go().iter().all(Vec::is_empty) {
+        if crossed || !self.kept.ignored().iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
         moved
     }
 
-    /// Whether cloth may have been pinched in the last step, so that `let_go_of_pinched` must be called.
+    /// Whether cloth may have been pinched in the last step, so that `ignore_pinched` must be called.
     pub(crate) fn is_pinched(&self) -> bool {
         self.kept.is_pinched()
     }
 
-    /// Lets go of what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m).
-    pub(crate) fn let_go_of_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
-        if self.kept.let_go_of_pinched(plan, x) {
+    /// Ignores the pairs of what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m).
+    pub(crate) fn ignore_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
+        if self.kept.ignore_pinched(plan, x) {
             self.status.since = status::NEVER;
         }
     }
@@ -232,7 +232,7 @@ impl GpuContact {
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
         let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, carries, .. } = self;
-        let [of_vertices, of_edges] = kept.let_go();
+        let [of_vertices, of_edges] = kept.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
@@ -264,8 +264,8 @@ impl GpuContact {
             has_kinematic: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
             meshes_rest: kept.meshes_rest().into(),
             meets_itself: kept.meets_itself().into(),
-            let_go: of_vertices.len() as u32,
-            let_go_of_edges: of_edges.len() as u32,
+            ignored: of_vertices.len() as u32,
+            ignored_edges: of_edges.len() as u32,
             groups: vertices.div_ceil(WORKGROUP) as u32,
             mesh_groups: table.mesh_vertices().div_ceil(WORKGROUP) as u32,
             per_mass,
@@ -282,7 +282,7 @@ impl GpuContact {
         };
         buffers.about.send(gpu, &[about]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().collect();
-        let moved = [buffers.bodies.send(gpu, plan.bodies), buffers.let_go.send(gpu, &all)];
+        let moved = [buffers.bodies.send(gpu, plan.bodies), buffers.ignored.send(gpu, &all)];
         if moved.contains(&true) {
             *stages = None;
         }

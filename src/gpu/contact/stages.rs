@@ -19,7 +19,7 @@ const NEAR: usize = 8;
 const SUMS: usize = 9;
 const COMMON: usize = 10;
 const BODIES: usize = 11;
-const LET_GO: usize = 12;
+const IGNORED: usize = 12;
 const X_OUT: usize = 13;
 const P_OUT: usize = 14;
 const BOXES: usize = 15;
@@ -92,7 +92,7 @@ impl Stages {
             refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
             descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, COMMON, DRAFTS]),
             compare: stage(shaders::CANDIDATES, "compare", &[TABLE, COMMON, BOXES, DRAFTS]),
-            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, LET_GO, DRAFTS]),
+            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, IGNORED, DRAFTS]),
             glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, COMMON]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, COMMON]),
             warm_start: of_few_or_many("warm_start"),
@@ -115,7 +115,7 @@ impl Stages {
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &'a StateBuffers) -> Vec<Bind<'a>> {
-    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, let_go, boxes, normals } =
+    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, ignored, boxes, normals } =
         buffers;
     let all = [
         Bind::Uniform(&about.buffer),
@@ -130,7 +130,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &
         Bind::Write(sums),
         Bind::Write(common),
         Bind::Read(&bodies.buffer),
-        Bind::Read(&let_go.buffer),
+        Bind::Read(&ignored.buffer),
         Bind::Write(&to.x),
         Bind::Write(&to.p),
         Bind::Write(boxes),

@@ -107,7 +107,7 @@ impl GpuEngine {
                 Judgment::Crowded(pairs) => return Err(Failure::Crowded(pairs)),
             }
         }
-        self.let_go_of_pinched(plan)
+        self.ignore_pinched(plan)
     }
 
     /// Searches for intersections at the start of the step.
@@ -122,11 +122,11 @@ impl GpuEngine {
     }
 
     /// Searches for intersections at the end of the step where cloth may have been pinched.
-    fn let_go_of_pinched(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+    fn ignore_pinched(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         if self.contact.as_ref().is_some_and(|contact| contact.is_pinched()) {
             let mut x = Vec::new();
             self.read(|at, _| x.extend_from_slice(at))?;
-            self.contact.iter_mut().for_each(|contact| contact.let_go_of_pinched(plan, std::mem::take(&mut x)));
+            self.contact.iter_mut().for_each(|contact| contact.ignore_pinched(plan, std::mem::take(&mut x)));
         }
         Ok(())
     }

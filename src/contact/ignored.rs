@@ -16,7 +16,7 @@ const RINGS: usize = 2;
 
 /// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
-pub(super) struct LetGo {
+pub(super) struct IgnoredPairs {
     /// Each an edge and a triangle, sorted.
     pub crossings: Vec<[u32; 2]>,
     /// Those that have moved through each other in this step. They need not intersect any more.
@@ -25,7 +25,7 @@ pub(super) struct LetGo {
     pairs: [Vec<[u32; 2]>; 2],
 }
 
-impl LetGo {
+impl IgnoredPairs {
     /// Searches for intersections with bodies and, if `meets_itself`, of the cloth with itself.
     pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) {
         let found = features(surface, x, thickness).crossings(|a, b| surface.may_collide(a, b, meets_itself));
@@ -35,7 +35,7 @@ impl LetGo {
     /// Searches for intersections around the known ones and around some vertices only. Returns whether there are others than
     /// before.
     ///
-    /// While contact holds all other pairs, intersections arise only where pairs are let go, or pinched: a vertex that moves
+    /// While contact holds all other pairs, intersections arise only where pairs are ignored, or pinched: a vertex that moves
     /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
     pub(super) fn follow(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32, vertices: &[u32]) -> bool {
         if self.crossings.is_empty() && vertices.is_empty() {
