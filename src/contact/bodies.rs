@@ -122,11 +122,11 @@ impl Bodies {
     fn find_near(&mut self, plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
         let cloth = x[..plan.cloth.rest.len()].iter().map(|x| x.truncate());
         let [low, high] = cloth.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
-        let margin = Vec3::splat(NEAR * (high - low).max_element());
+        let enlargement = Vec3::splat(NEAR * (high - low).max_element());
         self.near.clear();
         let mut travel = None;
         for (vertex, [from, by]) in (self.first as u32..).zip(motions(plan)) {
-            let (least, most) = (from.min(from + by) - by.abs() - margin, from.max(from + by) + by.abs() + margin);
+            let (least, most) = (from.min(from + by) - by.abs() - enlargement, from.max(from + by) + by.abs() + enlargement);
             if least.cmple(high).all() && most.cmpge(low).all() {
                 self.near.push(vertex);
                 let [low, high] = travel.unwrap_or([by; 2]);

@@ -2,7 +2,7 @@
 //!
 //! Features are compared at the midpoints of their straight predicted paths over these substeps. A pair is not listed
 //! if its distance there exceeds the sum of its thickness, the distances that both may stray from their paths
-//! ([`Path::stray`]), and half of their relative motion. When a vertex strays farther than assumed, it gets a new path, and
+//! ([`Path::margin`]), and half of their relative motion. When a vertex strays farther than assumed, it gets a new path, and
 //! the pairs around it are listed anew, or all pairs if that happens to many. Lists are as long as necessary: no pair is
 //! dropped.
 
@@ -232,14 +232,14 @@ fn ranges(scene: &Scene<'_>) -> [Ranges; 2] {
 
 /// The midpoint of a vertex's path (m); w is the distance that it may stray from it.
 fn midpoint(path: Path<'_>, scope: DetectionScope, vertex: usize) -> Vec4 {
-    (path.x[vertex] + path.u[vertex] * (0.5 * scope.substeps)).with_w(path.stray[vertex])
+    (path.x[vertex] + path.u[vertex] * (0.5 * scope.substeps)).with_w(path.margin[vertex])
 }
 
 /// The box around everything that some vertices may stray to from the midpoints of their paths.
 fn around(middle: &[Vec4], vertices: &[u32]) -> [Vec3A; 2] {
     vertices.iter().fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[low, high], &vertex| {
-        let (y, stray) = (xyz(middle[vertex as usize]), Vec3A::splat(middle[vertex as usize].w));
-        [low.min(y - stray), high.max(y + stray)]
+        let (y, margin) = (xyz(middle[vertex as usize]), Vec3A::splat(middle[vertex as usize].w));
+        [low.min(y - margin), high.max(y + margin)]
     })
 }
 

@@ -259,11 +259,11 @@ impl OnDevice {
             }
         };
         let DeviceLists { from, by, ahead, since, h, .. } = lists;
-        let stray = from.iter().map(|from| from.w).collect();
+        let margin = from.iter().map(|from| from.w).collect();
         ContactPast {
             bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
-            paths: Paths { from: from.clone(), by: by.clone(), stray, ahead: *ahead, since: *since, renewed: 0 },
+            paths: Paths { from: from.clone(), by: by.clone(), margin, ahead: *ahead, since: *since, renewed: 0 },
             crossings: self.ignored.crossings.clone(),
             may_cross: self.may_cross,
             h: *h,
@@ -282,7 +282,7 @@ impl OnDevice {
     /// this cloth.
     pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<DeviceLists> {
         let ContactPast { bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
-        let Paths { from, by, stray, ahead, since, renewed: _ } = paths;
+        let Paths { from, by, margin, ahead, since, renewed: _ } = paths;
         let surface = &self.surface;
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
@@ -308,7 +308,7 @@ impl OnDevice {
         self.bodies.forget(bodies);
         self.ignored.take(crossings.clone(), &self.surface);
         self.may_cross = *may_cross;
-        let from = from.iter().zip(stray).map(|(from, &stray)| from.with_w(stray)).collect();
+        let from = from.iter().zip(margin).map(|(from, &margin)| from.with_w(margin)).collect();
         Some(DeviceLists { starts, pairs, from, by: by.clone(), ahead: *ahead, since: *since, h: *h })
     }
 }

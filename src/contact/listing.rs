@@ -13,8 +13,8 @@ use crate::kernels::integrate::xyz;
 use crate::options::Contact;
 use crate::simd::Width;
 
-/// Least distance that a vertex may stray from its path before it gets a new one, in units of the thickness.
-const LEAST_STRAY: f32 = 0.1;
+/// Least margin within which a vertex may stray from its path before it gets a new one, in units of the thickness.
+const MIN_MARGIN: f32 = 0.1;
 
 impl SelfContact {
     /// Ignores the pairs of what crosses at the end of the substep because it is pinched.
@@ -64,9 +64,9 @@ impl SelfContact {
         let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
-        paths.adapt(path, lists_are, surface, LEAST_STRAY * options.thickness, is_free);
+        paths.adapt(path, lists_are, surface, MIN_MARGIN * options.thickness, is_free);
         if bodies.are_still {
-            paths.stray[bodies.first..].fill(0.0);
+            paths.margin[bodies.first..].fill(0.0);
         }
         paths.begin(path.x, path.u);
         if std::mem::take(&mut self.may_cross) {
@@ -88,7 +88,7 @@ impl SelfContact {
         if !detection.is_fitted {
             detection.fit(scene(surface, *options, self.meets_itself, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
-        paths.restart(strayed, path, surface, LEAST_STRAY * options.thickness, is_free);
+        paths.restart(strayed, path, surface, MIN_MARGIN * options.thickness, is_free);
         bodies.are_known &= bodies.are_still;
         let scene = scene(surface, *options, self.meets_itself, false, paths, path.workers, width);
         detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)
@@ -105,7 +105,7 @@ fn scene<'a>(
     workers: Workers<'a>,
     width: Width,
 ) -> Scene<'a> {
-    let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers };
+    let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers };
     let scope = DetectionScope { substeps: paths.ahead, thickness: options.thickness };
     Scene { surface, meets_itself, bodies_rest, path, scope, width }
 }

@@ -39,12 +39,12 @@ impl Loop for Measure<'_> {
                 Kind::VertexTriangle => relative.max(square(u[0] - u[1])),
                 Kind::EdgeEdge => relative.max(square(u[1] - u[2])).max(square(u[1] - u[3])),
             };
-            let stray = match kind {
+            let margin = match kind {
                 Kind::VertexTriangle => a + b.max(c).max(d),
                 Kind::EdgeEdge => a.max(b) + c.max(d),
             };
             // The part of the distance that is left for the pair's thickness.
-            let left = distance - stray - relative.sqrt() * half;
+            let left = distance - margin - relative.sqrt() * half;
             let mut close = L::bits(left.lt(L::splat(thickness))) & ((1 << group.len()) - 1);
             if close == 0 {
                 continue;

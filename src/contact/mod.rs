@@ -106,7 +106,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("MARGIN_DECAY", paths::MARGIN_DECAY),
     ("AHEAD_LEAST", paths::AHEAD[0]),
     ("AHEAD_MOST", paths::AHEAD[1]),
-    ("FARTHER_AHEAD", paths::FARTHER),
+    ("FARTHER_AHEAD", paths::FARTHER_AHEAD),
     ("UPRIGHT", normals::UPRIGHT),
     ("MOST_EXCESS", tree::MOST_EXCESS),
     ("ACTING", near::ACTING),
@@ -126,7 +126,7 @@ struct Path<'a> {
     x: &'a [Vec4],
     u: &'a [Vec4],
     /// How far (m) each vertex may stray from its path.
-    stray: &'a [f32],
+    margin: &'a [f32],
     workers: Workers<'a>,
 }
 
@@ -318,7 +318,7 @@ impl SelfContact {
     /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
     /// impossible: see [`SelfContact::detect`].
     fn list(&mut self, Now { workers, width, .. }: Now<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
-        let path = Path { x, u, stray: &[], workers };
+        let path = Path { x, u, margin: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let may_stray = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
         if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, moving, is_free, width) {

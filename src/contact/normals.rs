@@ -15,13 +15,13 @@ pub(super) fn are_upright([low, high]: [Vec3A; 2]) -> bool {
 }
 
 /// Bounds of the unit normals of a triangle that moves from `x` to `end` (m), each vertex along a straight path from which it
-/// may `stray` (m).
+/// may stray by the `margin` (m).
 ///
 /// Its normal times twice its area is a quadratic Bézier curve in time. So on the whole path the normal is in each cone that
 /// contains the three control vectors (Tang et al. 2009, "ICCD: Interactive Continuous Collision Detection between Deformable
 /// Models Using Connectivity-Based Culling"). The bounds ignore straying, which tilts the triangle by no more than a cone of
 /// [`UPRIGHT`] leaves up to a right angle; if it may tilt it farther, they contain all directions.
-pub(super) fn normals_on_path(x: [Vec3A; 3], end: [Vec3A; 3], stray: f32) -> [Vec3A; 2] {
+pub(super) fn normals_on_path(x: [Vec3A; 3], end: [Vec3A; 3], margin: f32) -> [Vec3A; 2] {
     let sides = |[a, b, c]: [Vec3A; 3]| [b - a, c - a, c - b];
     let (first, last) = (sides(x), sides(end));
     let (before, after) = (first[0].cross(first[1]), last[0].cross(last[1]));
@@ -30,7 +30,7 @@ pub(super) fn normals_on_path(x: [Vec3A; 3], end: [Vec3A; 3], stray: f32) -> [Ve
     let [one, two, three] = [before, between, after].map(Vec3A::normalize_or_zero);
     // The area along the first normal is never less than the least of the control vectors'.
     let twice_area = before.length().min(one.dot(between)).min(one.dot(after));
-    if may_tilt(twice_area, longest.sqrt(), stray) {
+    if may_tilt(twice_area, longest.sqrt(), margin) {
         return [Vec3A::NEG_ONE, Vec3A::ONE];
     }
     [one.min(two).min(three), one.max(two).max(three)]
@@ -39,8 +39,8 @@ pub(super) fn normals_on_path(x: [Vec3A; 3], end: [Vec3A; 3], stray: f32) -> [Ve
 /// Whether a triangle, given by twice its area (m²) and its `longest` side (m), may tilt by more than a cone ([`UPRIGHT`])
 /// leaves up to a right angle, if each vertex strays so far (m): the sine of that angle is the cosine of the cone's, and that
 /// of the tilt is twice the straying over the least height.
-fn may_tilt(twice_area: f32, longest: f32, stray: f32) -> bool {
-    2.0 * stray * longest >= UPRIGHT * twice_area
+fn may_tilt(twice_area: f32, longest: f32, margin: f32) -> bool {
+    2.0 * margin * longest >= UPRIGHT * twice_area
 }
 
 #[cfg(test)]

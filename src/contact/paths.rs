@@ -13,12 +13,12 @@ use crate::simd::{self, Loop, Registers, Width};
 
 /// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
 pub(super) const LASTS: f32 = 12.0;
-/// Least share of the last limit that a new limit on straying keeps.
+/// Least share of the last margin that a new margin keeps.
 pub(super) const MARGIN_DECAY: f32 = 0.8;
 /// Range of the number of substeps that detection looks ahead.
 pub(super) const AHEAD: [f32; 2] = [6.0, 64.0];
 /// Factor by which detection looks farther ahead if the last paths lasted as long as they should.
-pub(super) const FARTHER: f32 = 1.5;
+pub(super) const FARTHER_AHEAD: f32 = 1.5;
 /// Share of the distance that it may stray, from which on a vertex gets a new path when others do.
 const NEARLY: f32 = 0.75;
 /// Share of all vertices up to which only those get new paths that strayed.
@@ -34,8 +34,8 @@ pub(super) struct Paths {
     pub from: Vec<Vec4>,
     /// Displacement per substep (m); w is the inverse of the distance that the vertex may stray (1/m).
     pub by: Vec<Vec4>,
-    /// How far (m) each vertex may stray.
-    pub stray: Vec<f32>,
+    /// The margin of each vertex: how far (m) it may stray.
+    pub margin: Vec<f32>,
     /// The number of substeps that the paths cover, and how many of them are over; `None` before the first detection.
     pub ahead: f32,
     pub since: Option<f32>,
@@ -43,21 +43,21 @@ pub(super) struct Paths {
     pub renewed: u32,
 }
 
-recorded!(Paths { from, by, stray, ahead, since, renewed });
+recorded!(Paths { from, by, margin, ahead, since, renewed });
 
 impl Paths {
     /// Becomes other paths, in its own buffers.
     pub(super) fn copy_from(&mut self, other: &Paths) {
         self.from.clone_from(&other.from);
         self.by.clone_from(&other.by);
-        self.stray.clone_from(&other.stray);
+        self.margin.clone_from(&other.margin);
         (self.ahead, self.since, self.renewed) = (other.ahead, other.since, other.renewed);
     }
 
     /// Whether these are valid paths of this many vertices, or there are none.
     pub(super) fn are_of(&self, vertices: usize) -> bool {
-        let Paths { from, by, stray, since, .. } = self;
-        let counts = [from.len(), by.len(), stray.len()];
+        let Paths { from, by, margin, since, .. } = self;
+        let counts = [from.len(), by.len(), margin.len()];
         counts == [vertices; 3] || counts == [0; 3] && since.is_none()
     }
 
@@ -120,12 +120,12 @@ impl Paths {
         let steps = self.since.map_or(0.0, |since| since + 1.0);
         self.renewed += vertices.len() as u32;
         for vertex in vertices.iter().map(|&vertex| vertex as usize) {
-            let (x, u, most) = (xyz(path.x[vertex]), xyz(path.u[vertex]), surface.roam[vertex]);
-            let stray = (LONGER * self.stray[vertex]).clamp(least.min(most), most);
+            let (x, u, most) = (xyz(path.x[vertex]), xyz(path.u[vertex]), surface.max_margin[vertex]);
+            let margin = (LONGER * self.margin[vertex]).clamp(least.min(most), most);
             let by = u - rate;
             self.from[vertex] = (x + u - by * steps - common).extend(self.from[vertex].w);
-            self.by[vertex] = by.extend(inverse(stray));
-            self.stray[vertex] = stray;
+            self.by[vertex] = by.extend(inverse(margin));
+            self.margin[vertex] = margin;
         }
     }
 
@@ -150,27 +150,27 @@ impl Paths {
         ]
     }
 
-    /// Chooses how far each vertex may stray, from how far it strayed since the last detection, so that the next paths
+    /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
     /// last; with `few` listed pairs, as far as the surface allows. Looks farther ahead if the last paths lasted,
     /// unless the list `is_long` already.
     pub(super) fn adapt(&mut self, path: Path<'_>, [few, is_long]: [bool; 2], surface: &Surface, least: f32, is_free: bool) {
-        let most = &surface.roam;
+        let most = &surface.max_margin;
         let known = self.since.filter(|_| self.from.len() == path.x.len() && !few);
-        let mut stray = std::mem::take(&mut self.stray);
-        stray.resize(path.x.len(), 0.0);
+        let mut margin = std::mem::take(&mut self.margin);
+        margin.resize(path.x.len(), 0.0);
         if let Some(since) = known {
             let [common, _] = self.common(path, is_free);
             let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
-            path.workers.chunks(&mut stray, GRAIN, |first, stray| {
-                for (vertex, stray) in (first..).zip(stray) {
+            path.workers.chunks(&mut margin, GRAIN, |first, margin| {
+                for (vertex, margin) in (first..).zip(margin) {
                     let far = (self.strayed_by(path, vertex) - common).length() * longer;
-                    *stray = far.max(MARGIN_DECAY * *stray).clamp(least.min(most[vertex]), most[vertex]);
+                    *margin = far.max(MARGIN_DECAY * *margin).clamp(least.min(most[vertex]), most[vertex]);
                 }
             });
         } else {
-            stray.copy_from_slice(most);
+            margin.copy_from_slice(most);
         }
-        self.stray = stray;
+        self.margin = margin;
         self.ahead = ahead_after(self.since, self.ahead, is_long);
     }
 
@@ -179,15 +179,15 @@ impl Paths {
         self.from.clear();
         self.from.extend_from_slice(x);
         self.by.clear();
-        self.by.extend(u.iter().zip(&self.stray).map(|(u, &stray)| u.with_w(inverse(stray))));
+        self.by.extend(u.iter().zip(&self.margin).map(|(u, &margin)| u.with_w(inverse(margin))));
         (self.since, self.renewed) = (Some(0.0), 0);
     }
 }
 
 /// The inverse (1/m) of the distance that a vertex may stray. Bodies that stand still may not stray at all, and a snapshot
 /// holds finite numbers only.
-fn inverse(stray: f32) -> f32 {
-    1.0 / stray.max(f32::MIN_POSITIVE)
+fn inverse(margin: f32) -> f32 {
+    1.0 / margin.max(f32::MIN_POSITIVE)
 }
 
 /// The number of substeps that the next detection looks ahead, if the last one looked `ahead` and lasted `since`
@@ -195,9 +195,9 @@ fn inverse(stray: f32) -> f32 {
 fn ahead_after(since: Option<f32>, ahead: f32, is_long: bool) -> f32 {
     let next = match since {
         None => AHEAD[0],
-        Some(since) if since < ahead => FARTHER * since,
-        Some(_) if is_long => ahead / FARTHER,
-        Some(_) => FARTHER * ahead,
+        Some(since) if since < ahead => FARTHER_AHEAD * since,
+        Some(_) if is_long => ahead / FARTHER_AHEAD,
+        Some(_) => FARTHER_AHEAD * ahead,
     };
     next.round().clamp(AHEAD[0], AHEAD[1])
 }
@@ -232,14 +232,14 @@ impl Loop for OnPath<'_> {
         for first in (0..whole).step_by(L::LANES) {
             let (a, b) = (self.row(first, steps, common), self.row(first + L::VECTORS, steps, common));
             let (c, d) = (self.row(first + 2 * L::VECTORS, steps, common), self.row(first + 3 * L::VECTORS, steps, common));
-            let stray = L::transpose([a, b, c, d]);
+            let strayed = L::transpose([a, b, c, d]);
             // Written so that NaN counts as too far.
-            farthest = L::select(stray.dot(stray).lt(one), farthest, L::splat(f32::INFINITY));
+            farthest = L::select(strayed.dot(strayed).lt(one), farthest, L::splat(f32::INFINITY));
         }
         let mut is_near = L::all(farthest.lt(one));
         for i in whole..self.x.len() {
-            let stray = xyz(self.x[i]) - xyz(self.from[i]) - self.common + (xyz(self.u[i]) - xyz(self.by[i]) * self.substeps);
-            is_near &= (stray * self.by[i].w).length_squared() < 1.0;
+            let strayed = xyz(self.x[i]) - xyz(self.from[i]) - self.common + (xyz(self.u[i]) - xyz(self.by[i]) * self.substeps);
+            is_near &= (strayed * self.by[i].w).length_squared() < 1.0;
         }
         if !is_near {
             self.all.store(false, Ordering::Relaxed);

@@ -13,13 +13,13 @@ use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{self, EdgeIndex, Mesh, sides};
 use crate::simd::MAX_LANES;
 
-/// Bounds on [`Surface::roam`], in units of the thickness.
-const ROAM: [f32; 2] = [0.3, 1.6];
-/// Limit on it as a share of the least height of the triangles, so that they do not tilt too far
-/// ([`normals_on_path`](super::normals::normals_on_path)) even if they are somewhat compressed; but slivers may roam by `LEAST_ROAM`
-/// thicknesses.
+/// Bounds on [`Surface::max_margin`], in units of the thickness.
+const MAX_MARGIN: [f32; 2] = [0.3, 1.6];
+/// Limit on the margin as a share of the least height of the triangles, so that they do not tilt too far
+/// ([`normals_on_path`](super::normals::normals_on_path)) even if they are somewhat compressed; but slivers have a margin of
+/// `SLIVER_MARGIN` thicknesses.
 const STEADY: f32 = 0.3;
-const LEAST_ROAM: f32 = 0.1;
+const SLIVER_MARGIN: f32 = 0.1;
 /// Fewest triangles in a leaf, unless the cloth has fewer; at most, it has twice as many.
 pub(super) const LEAF: usize = 6;
 
@@ -47,7 +47,7 @@ pub(super) struct Surface {
     pub reach: Vec<f32>,
     /// Largest distance (m) that a vertex may stray from its path. It is limited so that where cloth lies flat,
     /// neighboring features are not listed because of it.
-    pub roam: Vec<f32>,
+    pub max_margin: Vec<f32>,
     /// The angle (rad) of cloth around a vertex in excess of that of a flat, convex sheet. Where it is positive, cloth
     /// can come to lie on itself without turning over.
     pub excess: Vec<f32>,
@@ -99,9 +99,9 @@ impl Surface {
         }
         let vertices = cloth.rest.len();
         let heights = heights(cloth, &cloth.triangles);
-        let roam = |height: &f32| {
-            let flat = (0.45 * (height - thickness)).clamp(ROAM[0] * thickness, ROAM[1] * thickness);
-            flat.min(STEADY * height).max(LEAST_ROAM * thickness)
+        let max_margin = |height: &f32| {
+            let flat = (0.45 * (height - thickness)).clamp(MAX_MARGIN[0] * thickness, MAX_MARGIN[1] * thickness);
+            flat.min(STEADY * height).max(SLIVER_MARGIN * thickness)
         };
         let mut surface = Surface {
             triangles: Vec::new(),
@@ -114,7 +114,7 @@ impl Surface {
             bodies: 0,
             at: Csr::new(0, std::iter::empty()),
             reach: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
-            roam: heights.iter().map(roam).collect(),
+            max_margin: heights.iter().map(max_margin).collect(),
             excess: Vec::new(),
         };
         let leaves = surface.add(cloth.triangles.clone());
@@ -166,7 +166,7 @@ impl Surface {
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);
         self.reach.resize(vertices, thickness);
-        self.roam.resize(vertices, 0.5 * thickness);
+        self.max_margin.resize(vertices, 0.5 * thickness);
     }
 
     /// Adds triangles whose vertices no other triangles use.

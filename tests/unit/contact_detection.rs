@@ -45,7 +45,7 @@ impl Folded {
             surface.rest.iter().zip(&surface.owner).map(|(at, owner)| if *owner == 0 { fold(at) } else { *at }).collect();
         // It is compressed, so that neighbors in flat cloth are in reach of each other too, which only normals rule out.
         let u: Vec<Vec4> = x.iter().map(|x| Vec4::new(0.0, -1e-4, -0.016 * x.z, 0.0)).collect();
-        let mut paths = Paths { stray: surface.roam.clone(), ahead: 12.0, ..Paths::default() };
+        let mut paths = Paths { margin: surface.max_margin.clone(), ahead: 12.0, ..Paths::default() };
         paths.begin(&x, &u);
         let (detection, lists) = Default::default();
         let mut folded = Folded { surface, trees, paths, detection, lists };
@@ -56,7 +56,7 @@ impl Folded {
     /// Detects all pairs, or those around some vertices.
     fn detect(&mut self, around: Option<&[u32]>) {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
-        let path = Path { x: &paths.from, u: &paths.by, stray: &paths.stray, workers: Workers::ALONE };
+        let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers: Workers::ALONE };
         let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
         let scene = Scene { surface, meets_itself: true, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
@@ -111,7 +111,7 @@ fn around_vertices_with_new_paths_all_pairs_are_listed() {
             x[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0);
             u[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0) * 0.05;
         }
-        let path = Path { x: &x, u: &u, stray: &[], workers: Workers::ALONE };
+        let path = Path { x: &x, u: &u, margin: &[], workers: Workers::ALONE };
         folded.paths.restart(&around, path, &folded.surface, 0.1 * THICKNESS, false);
         let before = folded.listed();
         folded.detect(Some(&around));

@@ -10,16 +10,16 @@ fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
 
 /// The sine of the angle by which the normal turns if each vertex strays so far in the worst direction: the ends of the
 /// longest side to one side of the triangle, and the corner opposite to the other.
-fn most_tilt(x: [DVec3; 3], stray: f64) -> f64 {
+fn most_tilt(x: [DVec3; 3], margin: f64) -> f64 {
     let before = normal(x);
     let tilts = (0..3).map(|corner| {
         let [apex, base, end] = [0, 1, 2].map(|k| x[(corner + k) % 3]);
         let along = (end - base).normalize();
         let up = (apex - base) - along * (apex - base).dot(along);
         // Perpendicular to where the height will be.
-        let sine = (2.0 * stray / up.length()).min(1.0);
+        let sine = (2.0 * margin / up.length()).min(1.0);
         let way = before * (1.0 - sine * sine).sqrt() - up.normalize() * sine;
-        let after = normal([apex + way * stray, base - way * stray, end - way * stray]);
+        let after = normal([apex + way * margin, base - way * margin, end - way * margin]);
         before.cross(after).length()
     });
     tilts.fold(0.0, f64::max)
@@ -41,13 +41,13 @@ fn triangles_may_tilt_exactly_if_the_cone_leaves_less() {
         let twice_area = (x[1] - x[0]).cross(x[2] - x[0]).length();
         let height = twice_area / longest;
         for (share, tilts) in [(0.98, false), (1.02, true)] {
-            let stray = share * 0.5 * upright * height;
-            assert_eq!(may_tilt(twice_area as f32, longest as f32, stray as f32), tilts, "case {case}: {share} of {height} m");
-            assert_eq!(most_tilt(x, stray) > upright, tilts, "case {case}: {share} of {height} m");
+            let margin = share * 0.5 * upright * height;
+            assert_eq!(may_tilt(twice_area as f32, longest as f32, margin as f32), tilts, "case {case}: {share} of {height} m");
+            assert_eq!(most_tilt(x, margin) > upright, tilts, "case {case}: {share} of {height} m");
             // No motion of vertices that stray no farther tilts it more.
-            let mut moved = || DVec3::new(random.f64() - 0.5, random.f64() - 0.5, random.f64() - 0.5).normalize() * stray;
+            let mut moved = || DVec3::new(random.f64() - 0.5, random.f64() - 0.5, random.f64() - 0.5).normalize() * margin;
             let tilt = normal(x).cross(normal(x.map(|x| x + moved()))).length();
-            assert!(tilt <= most_tilt(x, stray) + 1e-9, "case {case}: {tilt}");
+            assert!(tilt <= most_tilt(x, margin) + 1e-9, "case {case}: {tilt}");
         }
     }
 }
@@ -56,7 +56,7 @@ fn triangles_may_tilt_exactly_if_the_cone_leaves_less() {
 #[test]
 fn what_may_tilt_is_not_upright() {
     let flat = |height: f32| [Vec3A::ZERO, Vec3A::X * 0.03, Vec3A::new(0.01, 0.0, height)];
-    let is_upright = |before, after, stray| are_upright(normals_on_path(flat(before), flat(after), stray));
+    let is_upright = |before, after, margin| are_upright(normals_on_path(flat(before), flat(after), margin));
     assert!(is_upright(0.02, 0.02, 0.006), "low enough straying");
     assert!(!is_upright(0.02, 0.02, 0.007), "it may tilt");
     assert!(!is_upright(0.02, 0.01, 0.006), "it may tilt at the end of its path");

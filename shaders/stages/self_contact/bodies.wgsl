@@ -27,10 +27,10 @@ fn bound_cloth(
 // The displacement in a substep of a vertex of mesh colliders besides their rotation, if it is near the cloth.
 fn part_of_mesh(motion: Track, cloth: Part) -> Part {
     let extent = cloth.high.xyz - cloth.low.xyz;
-    let margin = abs(motion.by.xyz) + NEAR * max(max(extent.x, extent.y), extent.z);
+    let enlargement = abs(motion.by.xyz) + NEAR * max(max(extent.x, extent.y), extent.z);
     let end = motion.start.xyz + motion.by.xyz;
-    let least = min(motion.start.xyz, end) - margin;
-    let most = max(motion.start.xyz, end) + margin;
+    let least = min(motion.start.xyz, end) - enlargement;
+    let most = max(motion.start.xyz, end) + enlargement;
     if all(least <= cloth.high.xyz) && all(most >= cloth.low.xyz) {
         let u = vec4f(motion.by.xyz * params.fraction - by_turning(motion.start.xyz), 0.0);
         return Part(u, u);

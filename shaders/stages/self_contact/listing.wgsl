@@ -44,16 +44,16 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
     let y = Four(a.middle.xyz, b.middle.xyz, c.middle.xyz, d.middle.xyz);
     let apart = length(between(closest(is_edge, y), y));
     var relative = max(square(a.u - c.u), square(a.u - d.u));
-    var stray: f32;
+    var margin: f32;
     if is_edge {
         relative = max(relative, max(square(b.u - c.u), square(b.u - d.u)));
-        stray = max(a.middle.w, b.middle.w) + max(c.middle.w, d.middle.w);
+        margin = max(a.middle.w, b.middle.w) + max(c.middle.w, d.middle.w);
     } else {
         relative = max(relative, square(a.u - b.u));
-        stray = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
+        margin = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
     }
     // A lower bound on the distance.
-    let left = apart - stray - sqrt(relative) * (0.5 * known.status.ahead);
+    let left = apart - margin - sqrt(relative) * (0.5 * known.status.ahead);
     if !(left < about.thickness) {
         return 0.0;
     }

@@ -5,7 +5,7 @@ override LANES: u32 = 256u;
 // A pair acts if it comes closer than its thickness plus this multiple of it.
 const ACTING: f32 = 0.3;
 // How much earlier `glance` considers a pair as near, as a multiple of the thickness.
-const MARGIN: f32 = 1e-3;
+const ROUNDING_MARGIN: f32 = 1e-3;
 
 // Numbers of pairs that a workgroup finds, and where they begin: those that truncation alone holds, and those that act.
 var<workgroup> found: array<atomic<u32>, 2>;
@@ -60,7 +60,7 @@ fn glance(
         let pair = pairs[place(k)];
         let is_edge = k >= with_vertices;
         let closest = closest_of(pair, is_edge, displacements(pair.corners), mean, pushed);
-        if !(closest.left > pair.thickness + MARGIN * about.thickness) {
+        if !(closest.left > pair.thickness + ROUNDING_MARGIN * about.thickness) {
             atomicOr(&known.status.stopped, CLOSE);
         }
     }

@@ -48,6 +48,6 @@ fn normals_on_path(a: Track, b: Track, c: Track) -> Normals {
 
 // Whether straying may tilt a triangle, given by twice its area and its longest side, by more than a cone leaves up to a right
 // angle.
-fn may_tilt(twice_area: f32, longest: f32, stray: f32) -> bool {
-    return 2.0 * stray * longest >= UPRIGHT * twice_area;
+fn may_tilt(twice_area: f32, longest: f32, margin: f32) -> bool {
+    return 2.0 * margin * longest >= UPRIGHT * twice_area;
 }

@@ -311,7 +311,7 @@ fn reach_of(v: u32) -> f32 {
     return number(about.of_vertices + 6u * v + 1u);
 }
 
-fn roam_of(v: u32) -> f32 {
+fn max_margin_of(v: u32) -> f32 {
     return number(about.of_vertices + 6u * v + 2u);
 }
 

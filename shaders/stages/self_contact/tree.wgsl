@@ -2,14 +2,14 @@
 
 override LANES: u32 = 256u;
 
-// The least distance that a vertex may stray, as a multiple of how far it may roam, and the least share that it keeps of the
-// last one. A detection costs more here, compared with a longer list, than on the CPU, which goes down to a smaller one.
-const LEAST_ROAM: f32 = 0.5;
+// The least margin of a vertex, as a share of its largest, and the least share of the last margin that the next one keeps.
+// A detection costs more here, compared with a longer list, than on the CPU, which goes down to a smaller one.
+const MIN_MARGIN_SHARE: f32 = 0.5;
 const MARGIN_DECAY: f32 = 0.8;
 // Weight of the mean displacement since the last detection in that of the next path; the rest is the present one. The first
 // includes the response to contact, and vibrates less.
 const MEAN: f32 = 0.4;
-// Limit on the part that this takes of how far a vertex may stray.
+// Limit on the part that this takes of a vertex's margin.
 const ASIDE: f32 = 0.5;
 // Distance [m] that counts as nothing. Numbers remain finite if it is divided by.
 const LEAST_DISTANCE: f32 = 1e-12;
@@ -56,20 +56,20 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     let x_i = vertices[i].x.xyz;
     let u_i = vertices[i].u.xyz;
     // Nothing strays that stands still.
-    let roam = select(roam_of(i), 0.0, i >= about.mesh_first && about.meshes_rest != 0u);
-    var stray = roam;
+    let max_margin = select(max_margin_of(i), 0.0, i >= about.mesh_first && about.meshes_rest != 0u);
+    var margin = max_margin;
     var by = u_i;
     if known.status.longer >= 0.0 {
         let track = tracks[i];
         let strayed = (x_i - track.start.xyz) + (u_i - track.by.xyz * known.status.over);
         let far = max(length(strayed) * known.status.longer, MARGIN_DECAY * track.start.w);
-        stray = clamp(far, LEAST_ROAM * roam, roam);
+        margin = clamp(far, MIN_MARGIN_SHARE * max_margin, max_margin);
         if i < about.vertices {
             let aside = (track.by.xyz + strayed / known.status.over - u_i) * MEAN;
-            by += aside * min(1.0, ASIDE * stray / max(length(aside), LEAST_DISTANCE));
+            by += aside * min(1.0, ASIDE * margin / max(length(aside), LEAST_DISTANCE));
         }
     }
-    tracks[i] = Track(vec4f(x_i, stray), vec4f(by, 1.0 / max(stray, LEAST_DISTANCE)));
+    tracks[i] = Track(vec4f(x_i, margin), vec4f(by, 1.0 / max(margin, LEAST_DISTANCE)));
 }
 
 // An invocation's part of the bounds of a leaf.

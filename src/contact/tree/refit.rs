@@ -113,6 +113,6 @@ impl Tree {
 fn normals_of(surface: &Surface, triangle: usize, path: Path<'_>, substeps: f32) -> [Vec3A; 2] {
     let corners = surface.triangles[triangle].map(|vertex| vertex as usize);
     let (x, u) = (corners.map(|v| xyz(path.x[v])), corners.map(|v| xyz(path.u[v])));
-    let stray = corners.map(|v| path.stray[v]).into_iter().fold(0.0, f32::max);
-    normals_on_path(x, std::array::from_fn(|k| x[k] + u[k] * substeps), stray)
+    let margin = corners.map(|v| path.margin[v]).into_iter().fold(0.0, f32::max);
+    normals_on_path(x, std::array::from_fn(|k| x[k] + u[k] * substeps), margin)
 }

@@ -186,7 +186,7 @@ pub(crate) const SAMPLES: u32 = 32;
 #[cfg(test)]
 pub(crate) const LEAST_DISTANCE: f32 = 1e-12;
 #[cfg(test)]
-pub(crate) const LEAST_ROAM: f32 = 0.5;
+pub(crate) const MIN_MARGIN_SHARE: f32 = 0.5;
 #[cfg(test)]
 pub(crate) const MEAN: f32 = 0.4;
 #[cfg(test)]
