@@ -35,8 +35,8 @@ fn part_of(u: vec3f, w: f32) -> Part {
 // An estimate of the common deviation of a free cloth from the paths, from a few vertices. It is subtracted, because a
 // common translation brings no two vertices closer to each other.
 fn strayed_together(lane: u32) -> vec3f {
-    let each = (about.vertices + SAMPLES - 1u) / SAMPLES;
-    let count = (about.vertices + each - 1u) / each;
+    let each = (contact_params.vertices + SAMPLES - 1u) / SAMPLES;
+    let count = (contact_params.vertices + each - 1u) / each;
     if lane < SAMPLES {
         let i = min(lane, count - 1u) * each;
         let strayed = x[i].xyz - tracks[i].start.xyz - tracks[i].by.xyz * since();
@@ -57,13 +57,13 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
     let x_i = x[i];
     var path = Path(x_i.xyz, p_out[i].xyz);
     if x_i.w > 0.0 {
-        for (var k = 0u; k < about.bodies; k++) {
+        for (var k = 0u; k < contact_params.bodies; k++) {
             path = contact_body(path.x, path.u, bodies[k], substep);
         }
     }
     let push = path.x - x_i.xyz;
     if !(is_bounded(x_i.xyz) && is_bounded(path.u) && is_bounded(push)) {
-        atomicOr(&known.status.stopped, NOT_FINITE);
+        atomicOr(&contact_state.status.stopped, NOT_FINITE);
     }
     x_out[i] = vec4f(path.x + path.u, x_i.w);
     p_out[i] = vec4f(path.u, params.h);
@@ -73,17 +73,17 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
         vertices[i].push = vec4f(push, 0.0);
         let pushed = length(push);
         if pushed > 0.0 {
-            atomicMax(&known.status.most_push, bitcast<u32>(pushed));
+            atomicMax(&contact_state.status.most_push, bitcast<u32>(pushed));
         }
     }
     let track = tracks[i];
     let strayed = (x_i.xyz - track.start.xyz) + (path.u - track.by.xyz * (since() + 1.0)) - together;
     // Written so that NaN counts as too far.
-    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, MAY_DETECT && about.spacing > 1u)) {
+    if !(square(strayed * track.by.w) < select(1.0, SOON * SOON, MAY_DETECT && contact_params.spacing > 1u)) {
         if MAY_DETECT {
-            atomicOr(&known.status.strayed, 1u);
+            atomicOr(&contact_state.status.strayed, 1u);
         } else {
-            atomicOr(&known.status.stopped, EARLY);
+            atomicOr(&contact_state.status.stopped, EARLY);
         }
     }
     return part_of(path.u - by_turning(x_i.xyz), x_i.w);
@@ -91,7 +91,7 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
 
 // Moves a vertex of a mesh collider through the substep, and tests whether it is close enough to its path.
 fn begin_mesh_vertex(i: u32) {
-    let motion = tracks[about.all_vertices + i - about.mesh_first];
+    let motion = tracks[contact_params.all_vertices + i - contact_params.mesh_first];
     let x_i = motion.start.xyz + motion.by.xyz * substep.start;
     let u_i = motion.by.xyz * params.fraction;
     vertices[i].x = vec4f(x_i, 0.0);
@@ -101,11 +101,11 @@ fn begin_mesh_vertex(i: u32) {
     // still is tested at the start of the step only, and must not have a path that goes on.
     if MAY_DETECT {
         let track = tracks[i];
-        let ahead = f32(about.spacing);
+        let ahead = f32(contact_params.spacing);
         let strayed = (x_i - track.start.xyz) + (u_i * ahead - track.by.xyz * (since() + ahead));
-        let stops = about.meshes_rest != 0u && any(track.by.xyz != vec3f());
+        let stops = contact_params.meshes_rest != 0u && any(track.by.xyz != vec3f());
         if stops || !(square(strayed * track.by.w) < 1.0) {
-            atomicOr(&known.status.strayed, 1u);
+            atomicOr(&contact_state.status.strayed, 1u);
         }
     }
 }
@@ -123,9 +123,9 @@ fn begin_contact(
         together = strayed_together(lane);
     }
     var part = nothing();
-    if i < about.vertices && !has_stopped() {
+    if i < contact_params.vertices && !has_stopped() {
         part = begin_vertex(i, together);
-    } else if HAS_CONTACT && i >= about.mesh_first && i < about.all_vertices && !has_stopped() {
+    } else if HAS_CONTACT && i >= contact_params.mesh_first && i < contact_params.all_vertices && !has_stopped() {
         begin_mesh_vertex(i);
     }
     if !HAS_CONTACT {
@@ -133,8 +133,8 @@ fn begin_contact(
     }
     gather(part, lane);
     let at = group.x + group.y * groups.x;
-    if lane == 0u && at < about.groups {
-        known.parts[at] = Part(low[0], high[0]);
+    if lane == 0u && at < contact_params.groups {
+        contact_state.parts[at] = Part(low[0], high[0]);
     }
 }
 
@@ -144,54 +144,54 @@ fn decide(@builtin(local_invocation_index) lane: u32) {
     let mean = mean_of_parts(lane);
     if lane == 0u && has_stopped() {
         // A list without room was counted in full in the substep that stopped the step.
-        known.status.detects = 0u;
+        contact_state.status.detects = 0u;
     } else if lane == 0u {
-        known.status.mean = mean;
+        contact_state.status.mean = mean;
         begin_substep();
     }
 }
 
 fn begin_substep() {
-    known.status.pushed = bitcast<f32>(atomicExchange(&known.status.most_push, 0u));
-    known.status.acted = atomicExchange(&known.status.acting, 0u);
-    let was_near = atomicExchange(&known.status.near, 0u) + known.status.acted;
-    atomicStore(&known.status.pressing, 0u);
-    let strayed = atomicExchange(&known.status.strayed, 0u) != 0u;
-    known.status.scale = 0.0;
-    if known.status.h > 0.0 {
-        known.status.scale = (params.h / known.status.h) * (params.h / known.status.h);
+    contact_state.status.pushed = bitcast<f32>(atomicExchange(&contact_state.status.most_push, 0u));
+    contact_state.status.acted = atomicExchange(&contact_state.status.acting, 0u);
+    let was_near = atomicExchange(&contact_state.status.near, 0u) + contact_state.status.acted;
+    atomicStore(&contact_state.status.pressing, 0u);
+    let strayed = atomicExchange(&contact_state.status.strayed, 0u) != 0u;
+    contact_state.status.scale = 0.0;
+    if contact_state.status.h > 0.0 {
+        contact_state.status.scale = (params.h / contact_state.status.h) * (params.h / contact_state.status.h);
     }
-    known.status.h = params.h;
+    contact_state.status.h = params.h;
     let over = since();
-    let ends = over + f32(about.spacing) > known.status.ahead;
-    known.status.detects = u32(MAY_DETECT && (over < 0.0 || ends || strayed));
-    if known.status.detects != 0u {
-        let listed = atomicExchange(&known.status.listed, 0u);
-        known.status.vertices_before = atomicExchange(&known.status.with_vertices, 0u);
-        known.status.edges_before = atomicExchange(&known.status.with_edges, 0u);
-        known.status.half = 1u - known.status.half;
-        atomicStore(&known.status.leaf_pairs, 0u);
-        atomicStore(&known.status.candidates, 0u);
-        atomicStore(&known.status.edge_candidates, 0u);
-        let few = 4u * listed < about.all_vertices;
-        let long = listed > 4u * (about.all_vertices + was_near);
-        known.status.longer = -1.0;
+    let ends = over + f32(contact_params.spacing) > contact_state.status.ahead;
+    contact_state.status.detects = u32(MAY_DETECT && (over < 0.0 || ends || strayed));
+    if contact_state.status.detects != 0u {
+        let listed = atomicExchange(&contact_state.status.listed, 0u);
+        contact_state.status.vertices_before = atomicExchange(&contact_state.status.with_vertices, 0u);
+        contact_state.status.edges_before = atomicExchange(&contact_state.status.with_edges, 0u);
+        contact_state.status.half = 1u - contact_state.status.half;
+        atomicStore(&contact_state.status.leaf_pairs, 0u);
+        atomicStore(&contact_state.status.candidates, 0u);
+        atomicStore(&contact_state.status.edge_candidates, 0u);
+        let few = 4u * listed < contact_params.all_vertices;
+        let long = listed > 4u * (contact_params.all_vertices + was_near);
+        contact_state.status.longer = -1.0;
         if over >= 0.0 && !few {
-            known.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);
+            contact_state.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);
         }
-        known.status.over = over + 1.0;
+        contact_state.status.over = over + 1.0;
         var ahead = AHEAD_LEAST;
         if ends {
-            ahead = select(FARTHER_AHEAD * known.status.ahead, known.status.ahead / FARTHER_AHEAD, long);
+            ahead = select(FARTHER_AHEAD * contact_state.status.ahead, contact_state.status.ahead / FARTHER_AHEAD, long);
         } else if over >= 0.0 {
             ahead = FARTHER_AHEAD * over;
         }
-        known.status.ahead = clamp(floor(ahead + 0.5), AHEAD_LEAST, AHEAD_MOST);
-        known.status.since = 0.0;
-        known.status.detections += 1u;
+        contact_state.status.ahead = clamp(floor(ahead + 0.5), AHEAD_LEAST, AHEAD_MOST);
+        contact_state.status.since = 0.0;
+        contact_state.status.detections += 1u;
     } else {
-        known.status.since = over;
+        contact_state.status.since = over;
     }
-    known.status.since += 1.0;
-    known.status.counted = index_of_substep() + 1u;
+    contact_state.status.since += 1.0;
+    contact_state.status.counted = index_of_substep() + 1u;
 }

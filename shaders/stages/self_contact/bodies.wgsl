@@ -14,13 +14,13 @@ fn bound_cloth(
 ) {
     let i = item(id, groups);
     var part = nothing();
-    if i < about.vertices {
+    if i < contact_params.vertices {
         part = Part(x[i], x[i]);
     }
     gather(part, lane);
     let at = group.x + group.y * groups.x;
-    if lane == 0u && at < about.groups {
-        known.parts[at] = Part(low[0], high[0]);
+    if lane == 0u && at < contact_params.groups {
+        contact_state.parts[at] = Part(low[0], high[0]);
     }
 }
 
@@ -46,21 +46,21 @@ fn bound_meshes(
     @builtin(local_invocation_index) lane: u32,
 ) {
     var part = nothing();
-    for (var k = lane; k < about.groups; k += WORKGROUP) {
-        part = both(part, known.parts[k]);
+    for (var k = lane; k < contact_params.groups; k += WORKGROUP) {
+        part = both(part, contact_state.parts[k]);
     }
     gather(part, lane);
     workgroupBarrier();
     let cloth = Part(low[0], high[0]);
     workgroupBarrier();
-    let i = about.mesh_first + item(id, groups);
+    let i = contact_params.mesh_first + item(id, groups);
     part = nothing();
-    if i < about.all_vertices {
-        part = part_of_mesh(tracks[about.all_vertices + i - about.mesh_first], cloth);
+    if i < contact_params.all_vertices {
+        part = part_of_mesh(tracks[contact_params.all_vertices + i - contact_params.mesh_first], cloth);
     }
     gather(part, lane);
     let at = group.x + group.y * groups.x;
-    if lane == 0u && at < about.mesh_groups {
-        known.parts[about.groups + at] = Part(low[0], high[0]);
+    if lane == 0u && at < contact_params.mesh_groups {
+        contact_state.parts[contact_params.groups + at] = Part(low[0], high[0]);
     }
 }

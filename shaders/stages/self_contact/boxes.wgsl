@@ -37,7 +37,7 @@ struct Place {
 
 fn place_at(v: u32) -> Place {
     let track = tracks[v];
-    return Place(vec4f(track.start.xyz + track.by.xyz * (0.5 * known.status.ahead), track.start.w), track.by.xyz);
+    return Place(vec4f(track.start.xyz + track.by.xyz * (0.5 * contact_state.status.ahead), track.start.w), track.by.xyz);
 }
 
 fn box_of(a: Place, b: Place) -> Box {
@@ -59,19 +59,19 @@ fn box_with(a: Box, b: Place) -> Box {
 }
 
 fn box_of_first_vertex() -> u32 {
-    return about.box_edges + about.rows - about.all_vertices;
+    return contact_params.box_edges + contact_params.rows - contact_params.all_vertices;
 }
 
 fn box_of_feature(k: u32) -> Box {
-    if k < about.box_edges {
+    if k < contact_params.box_edges {
         let corners = triangle(k);
         return box_with(box_of(place_at(corners.x), place_at(corners.y)), place_at(corners.z));
     }
     if k < box_of_first_vertex() {
-        let ends = edge(k - about.box_edges);
+        let ends = edge(k - contact_params.box_edges);
         return box_of(place_at(ends.x), place_at(ends.y));
     }
-    let place = place_at(table[about.order + k - box_of_first_vertex()]);
+    let place = place_at(table[contact_params.order + k - box_of_first_vertex()]);
     return box_of(place, place);
 }
 
@@ -87,7 +87,7 @@ fn first_level(depth: u32) -> u32 {
 
 // Number of leaves of the cloth.
 fn leaves() -> u32 {
-    return 1u << about.depth;
+    return 1u << contact_params.depth;
 }
 
 // What the number of a node exceeds that in its own tree by.
@@ -96,7 +96,7 @@ fn before_tree(node: u32) -> u32 {
 }
 
 fn node_of_leaf(leaf: u32) -> u32 {
-    return leaves() + leaf + select(0u, about.mesh_leaves, leaf >= leaves());
+    return leaves() + leaf + select(0u, contact_params.mesh_leaves, leaf >= leaves());
 }
 
 fn box_of_node(n: u32) -> Box {
@@ -106,5 +106,5 @@ fn box_of_node(n: u32) -> Box {
 fn are_apart(a: Box, b: Box) -> bool {
     let relative = max(max(a.step_high - b.step_low, b.step_high - a.step_low), vec3f());
     let gap = max(a.low - b.high, b.low - a.high);
-    return any(gap > relative * (0.5 * known.status.ahead) + about.thickness);
+    return any(gap > relative * (0.5 * contact_state.status.ahead) + contact_params.thickness);
 }

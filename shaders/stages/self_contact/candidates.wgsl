@@ -18,9 +18,9 @@ struct Leaf {
 
 fn leaf_of(leaf: u32) -> Leaf {
     return Leaf(
-        features_of(about.leaf_vertices, leaf),
-        features_of(about.leaf_triangles, leaf),
-        features_of(about.leaf_edges, leaf),
+        features_of(contact_params.leaf_vertices, leaf),
+        features_of(contact_params.leaf_triangles, leaf),
+        features_of(contact_params.leaf_edges, leaf),
     );
 }
 
@@ -34,7 +34,7 @@ fn place_of_box(leaf: Leaf, k: u32) -> u32 {
     if triangle < leaf.triangles.count {
         return leaf.triangles.first + triangle;
     }
-    return select(NONE, about.box_edges + leaf.edges.first + edge, edge < leaf.edges.count);
+    return select(NONE, contact_params.box_edges + leaf.edges.first + edge, edge < leaf.edges.count);
 }
 
 // The features of another leaf that a feature is compared with, and the number of the first of them in that leaf. `own` is
@@ -88,12 +88,12 @@ fn meeting(here: Box, first: u32, count: u32) -> vec2u {
 // lower index and then the other.
 fn candidate(all: Comparison, other: u32) -> vec2u {
     if all.kind == EDGE {
-        return vec2u(about.all_vertices + min(all.own, other), max(all.own, other));
+        return vec2u(contact_params.all_vertices + min(all.own, other), max(all.own, other));
     }
     if all.kind == VERTEX {
-        return vec2u(table[about.order + all.own], other);
+        return vec2u(table[contact_params.order + all.own], other);
     }
-    return vec2u(table[about.order + other], all.own);
+    return vec2u(table[contact_params.order + other], all.own);
 }
 
 @compute @workgroup_size(LANES)
@@ -103,12 +103,12 @@ fn compare(
     @builtin(local_invocation_index) lane: u32,
 ) {
     if lane == 0u {
-        total = select(0u, min(atomicLoad(&known.status.leaf_pairs), LEAF_PAIRS * space()), goes_on());
+        total = select(0u, min(atomicLoad(&contact_state.status.leaf_pairs), LEAF_PAIRS * space()), goes_on());
     }
     let end = workgroupUniformLoad(&total);
     // Whole pairs of leaves.
-    let pairs_here = LANES / about.features;
-    let mine = lane / about.features;
+    let pairs_here = LANES / contact_params.features;
+    let mine = lane / contact_params.features;
     for (var first = (group.x + group.y * groups.x) * pairs_here; first < end; first += groups.x * groups.y * pairs_here) {
         if lane < 2u {
             atomicStore(&found[lane], 0u);
@@ -119,16 +119,16 @@ fn compare(
             let both = drafts[first + mine];
             let other = leaf_of(both.y);
             let leaf = leaf_of(both.x);
-            place = place_of_box(leaf, lane % about.features);
-            all = comparison(leaf, other, both.x == both.y, lane % about.features);
-            let place_of_other = place_of_box(other, lane % about.features);
+            place = place_of_box(leaf, lane % contact_params.features);
+            all = comparison(leaf, other, both.x == both.y, lane % contact_params.features);
+            let place_of_other = place_of_box(other, lane % contact_params.features);
             if place_of_other != NONE {
                 others[lane] = boxes[place_of_other];
             }
         }
         workgroupBarrier();
         if place != NONE {
-            all.hits = meeting(unpacked(boxes[place]), mine * about.features + all.number, all.others.count);
+            all.hits = meeting(unpacked(boxes[place]), mine * contact_params.features + all.number, all.others.count);
         }
         let is_edge = all.kind == EDGE;
         let count = countOneBits(all.hits.x) + countOneBits(all.hits.y);
@@ -153,9 +153,9 @@ fn compare(
 fn reserve(kind: u32) {
     let more = atomicLoad(&found[kind]);
     if kind == 0u {
-        first_found[0] = atomicAdd(&known.status.candidates, more);
+        first_found[0] = atomicAdd(&contact_state.status.candidates, more);
     } else {
-        first_found[1] = atomicAdd(&known.status.edge_candidates, more);
+        first_found[1] = atomicAdd(&contact_state.status.edge_candidates, more);
     }
 }
 

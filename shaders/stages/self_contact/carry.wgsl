@@ -43,12 +43,12 @@ fn is_run_over(pair: Passed) -> bool {
         return true;
     }
     let after = distance_of(pair.is_edge, pair.end);
-    return after < CLEARANCE * about.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
+    return after < CLEARANCE * contact_params.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
 }
 
 // Finds out whether a pair is run over, and what follows what. A corner without a weight is not where the pair is closest.
 fn run_over(pair: Passed) -> RunOver {
-    if about.carries < 0.0 || !is_run_over(pair) {
+    if contact_params.carries < 0.0 || !is_run_over(pair) {
         return RunOver(NONE, vec4<bool>());
     }
     let is_edge = pair.is_edge;
@@ -81,9 +81,9 @@ fn run_over(pair: Passed) -> RunOver {
 fn stop_if_far(leader: u32) {
     if leader != NONE {
         let travel = length(way_with(leader, vec3f()));
-        if travel > about.carries {
-            atomicMax(&known.status.needed_carry, bitcast<u32>(travel));
-            atomicOr(&known.status.stopped, RUN_OVER);
+        if travel > contact_params.carries {
+            atomicMax(&contact_state.status.needed_carry, bitcast<u32>(travel));
+            atomicOr(&contact_state.status.stopped, RUN_OVER);
         }
     }
 }
@@ -91,7 +91,7 @@ fn stop_if_far(leader: u32) {
 // Takes vertices of pairs along, after truncation. If several pairs want to take a vertex along, the highest leader does.
 @compute @workgroup_size(LANES)
 fn carry(@builtin(local_invocation_index) lane: u32) {
-    let count = select(atomicLoad(&known.status.passed), 0u, has_stopped());
+    let count = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
     for (var k = lane; k < count; k += LANES) {
         let told = pairs[place_of_passed(k)].corners;
         let found = run_over(passed_pair(told));
@@ -111,16 +111,16 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     if lane == 0u {
         let all = atomicLoad(&carried);
-        known.status.carried = all;
+        contact_state.status.carried = all;
         if all > 0u {
-            atomicStore(&known.status.passed, 0u);
+            atomicStore(&contact_state.status.passed, 0u);
         }
     }
 }
 
 // Takes a vertex along with its leader, if it has one. Until the end of the substep its inverse mass is negative.
 fn take_along(v: u32) {
-    if v >= about.vertices {
+    if v >= contact_params.vertices {
         return;
     }
     let leader = atomicExchange(&sums[SUMS * v + WEIGHT], 0);
@@ -137,22 +137,22 @@ fn take_along(v: u32) {
 // each other is marked, and the first of two edges.
 @compute @workgroup_size(LANES)
 fn find_pinched(@builtin(local_invocation_index) lane: u32) {
-    let count = atomicLoad(&known.status.passed);
+    let count = atomicLoad(&contact_state.status.passed);
     for (var k = lane; k < count; k += LANES) {
         let told = pairs[place_of_passed(k)].corners;
         let pair = passed_pair(told);
-        if about.carries == 0.0 {
+        if contact_params.carries == 0.0 {
             stop_if_far(run_over(pair).leader);
         }
         if pair.is_flat {
-            let at = atomicAdd(&known.status.pinched, 1u);
+            let at = atomicAdd(&contact_state.status.pinched, 1u);
             if at < PINCHED {
-                known.pinched[at] = vec4u(told.x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
+                contact_state.pinched[at] = vec4u(told.x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
             }
         }
     }
     workgroupBarrier();
     if lane == 0u {
-        atomicStore(&known.status.passed, 0u);
+        atomicStore(&contact_state.status.passed, 0u);
     }
 }

@@ -27,8 +27,8 @@ fn is_clear(a: u32, b: u32) -> bool {
     if a != b && are_apart(box_of_node(a), box_of_node(b)) {
         return true;
     }
-    let more = select(0.0, number(about.excess + b), a != b);
-    if number(about.excess + a) + more >= MOST_EXCESS {
+    let more = select(0.0, number(contact_params.excess + b), a != b);
+    if number(contact_params.excess + a) + more >= MOST_EXCESS {
         return false;
     }
     let low = min(nodes[a].normal_low, nodes[b].normal_low);
@@ -38,9 +38,9 @@ fn is_clear(a: u32, b: u32) -> bool {
 
 fn is_beside(a: u32, b: u32) -> bool {
     // Without an early return, the loads need not wait for each other.
-    let end = table[about.beside + a + 1u];
+    let end = table[contact_params.beside + a + 1u];
     var is_one = false;
-    for (var k = table[about.beside + a]; k < end; k++) {
+    for (var k = table[contact_params.beside + a]; k < end; k++) {
         is_one |= table[k] == b;
     }
     return is_one;
@@ -48,7 +48,7 @@ fn is_beside(a: u32, b: u32) -> bool {
 
 // Whether the leaf itself, or one after it, is below a node on a level, or is that node.
 fn is_after(leaf: u32, node: u32, level: u32) -> bool {
-    let below = about.depth - level;
+    let below = contact_params.depth - level;
     let ahead = ((node << below) - leaf) & (leaves() - 1u);
     let half = leaves() / 2u;
     // Either of two leaves could be after the other if half of all are between them.
@@ -58,13 +58,13 @@ fn is_after(leaf: u32, node: u32, level: u32) -> bool {
 
 // Returns the number of nodes that are held.
 fn begin_descent(lane: u32) -> u32 {
-    let of_cloth = select(0u, 1u << first_level(about.depth), about.meets_itself != 0u);
-    let of_meshes = select(0u, 1u << first_level(about.mesh_depth), about.mesh_leaves > 0u);
+    let of_cloth = select(0u, 1u << first_level(contact_params.depth), contact_params.meets_itself != 0u);
+    let of_meshes = select(0u, 1u << first_level(contact_params.mesh_depth), contact_params.mesh_leaves > 0u);
     if lane < of_cloth {
-        held[lane] = select(of_cloth, 0u, about.depth == 0u) + lane;
+        held[lane] = select(of_cloth, 0u, contact_params.depth == 0u) + lane;
     }
     if lane < of_meshes {
-        held[of_cloth + lane] = 2u * leaves() + select(of_meshes, 0u, about.mesh_depth == 0u) + lane;
+        held[of_cloth + lane] = 2u * leaves() + select(of_meshes, 0u, contact_params.mesh_depth == 0u) + lane;
     }
     if lane == 0u {
         atomicStore(&met_count, 0u);
@@ -75,7 +75,7 @@ fn begin_descent(lane: u32) -> u32 {
 
 // Whether the leaf meets a node of the cloth.
 fn meets(leaf: u32, node: u32, level: u32) -> bool {
-    return is_after(leaf, node, level) && !is_clear((leaves() + leaf) >> (about.depth - level), node);
+    return is_after(leaf, node, level) && !is_clear((leaves() + leaf) >> (contact_params.depth - level), node);
 }
 
 // Whether it meets a node of mesh colliders.
@@ -117,10 +117,10 @@ fn replace(leaf: u32, count: u32, lane: u32) -> Reached {
     if number != 0u {
         let level = firstLeadingBit(number);
         if before == 0u && meets(leaf, number, level) {
-            keep(number, level == about.depth, number - leaves());
+            keep(number, level == contact_params.depth, number - leaves());
         }
         if before > 0u && meets_mesh(leaf, before + number) {
-            keep(before + number, level == about.mesh_depth, leaves() + number - about.mesh_leaves);
+            keep(before + number, level == contact_params.mesh_depth, leaves() + number - contact_params.mesh_leaves);
         }
     }
     workgroupBarrier();
@@ -131,7 +131,7 @@ fn replace(leaf: u32, count: u32, lane: u32) -> Reached {
 // Notes the leaves that were met. Returns false if there are too many.
 fn note_met(leaf: u32, count: u32, lane: u32) -> bool {
     if lane == 0u {
-        first_met = atomicAdd(&known.status.leaf_pairs, count);
+        first_met = atomicAdd(&contact_state.status.leaf_pairs, count);
         demand_space(first_met + count, LEAF_PAIRS);
         atomicStore(&met_count, 0u);
     }

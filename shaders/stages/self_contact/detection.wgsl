@@ -28,14 +28,14 @@ fn broadcast(value: u32, lane: u32) -> u32 {
 
 // Whether detection goes on: without room, too, it counts all that it needs.
 fn goes_on() -> bool {
-    return known.status.detects != 0u && (atomicLoad(&known.status.stopped) & ~NO_ROOM) == 0u;
+    return contact_state.status.detects != 0u && (atomicLoad(&contact_state.status.stopped) & ~NO_ROOM) == 0u;
 }
 
 // Stops the step if there is no space for so many items, of which a unit has room for `each`.
 fn demand_space(items: u32, each: u32) {
     if items > each * space() {
-        atomicMax(&known.status.space_needed, (items + each - 1u) / each);
-        atomicOr(&known.status.stopped, select(NO_ROOM, CROWDED, items > MOST_OF_ALL));
+        atomicMax(&contact_state.status.space_needed, (items + each - 1u) / each);
+        atomicOr(&contact_state.status.stopped, select(NO_ROOM, CROWDED, items > MOST_OF_ALL));
     }
 }
 

@@ -15,16 +15,16 @@ fn finish(
 ) {
     let i = item(id, groups);
     var mine = vec3f();
-    let is_new = !AGAIN || known.status.carried > 0u;
-    let is_touched = is_new && !has_stopped() && atomicLoad(&known.status.near) + atomicLoad(&known.status.acting) > 0u;
-    if i < about.vertices && is_touched && vertices[i].x.w != 0.0 {
+    let is_new = !AGAIN || contact_state.status.carried > 0u;
+    let is_touched = is_new && !has_stopped() && atomicLoad(&contact_state.status.near) + atomicLoad(&contact_state.status.acting) > 0u;
+    if i < contact_params.vertices && is_touched && vertices[i].x.w != 0.0 {
         // That of a vertex that is taken along is negative.
         let w = abs(vertices[i].x.w);
         var u = vertices[i].u.xyz;
         var push = vertices[i].push.xyz;
         let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
         if share < 1.0 {
-            let base = known.status.mean + by_turning(vertices[i].x.xyz);
+            let base = contact_state.status.mean + by_turning(vertices[i].x.xyz);
             let after = base + (u - base) * share;
             mine = (u - after) / w;
             u = after;
@@ -36,13 +36,13 @@ fn finish(
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, w);
         p_out[i] = vec4f(u, params.h);
     }
-    if i < about.vertices && is_touched {
+    if i < contact_params.vertices && is_touched {
         clear_sums(i);
     }
     sum_lost(mine, lane);
     let at = group.x + group.y * groups.x;
-    if lane == 0u && at < about.groups {
-        known.parts[at].low = vec4f(lost[0], 0.0);
+    if lane == 0u && at < contact_params.groups {
+        contact_state.parts[at].low = vec4f(lost[0], 0.0);
     }
 }
 
@@ -72,14 +72,14 @@ fn give_back(
     @builtin(local_invocation_index) lane: u32,
 ) {
     var mine = vec3f();
-    for (var k = lane; k < about.groups; k += WORKGROUP) {
-        mine += known.parts[k].low.xyz;
+    for (var k = lane; k < contact_params.groups; k += WORKGROUP) {
+        mine += contact_state.parts[k].low.xyz;
     }
     sum_lost(mine, lane);
     workgroupBarrier();
-    let back = lost[0] * about.per_mass;
+    let back = lost[0] * contact_params.per_mass;
     let i = item(id, groups);
-    if i < about.vertices && !has_stopped() && any(back != vec3f()) {
+    if i < contact_params.vertices && !has_stopped() && any(back != vec3f()) {
         let u = vertices[i].u.xyz + back;
         x_out[i] = vec4f(vertices[i].x.xyz + vertices[i].push.xyz + u, vertices[i].x.w);
         p_out[i] = vec4f(u, params.h);

@@ -11,9 +11,9 @@ var<workgroup> with_triangles: u32;
 
 // Whether a pair is in the sorted list of those of its kind.
 fn is_ignored(is_edge: bool, row: u32, other: u32) -> bool {
-    let one = select(row, row - about.all_vertices, is_edge);
-    var low = select(0u, about.ignored, is_edge);
-    var high = low + select(about.ignored, about.ignored_edges, is_edge);
+    let one = select(row, row - contact_params.all_vertices, is_edge);
+    var low = select(0u, contact_params.ignored, is_edge);
+    var high = low + select(contact_params.ignored, contact_params.ignored_edges, is_edge);
     while low < high {
         let middle = (low + high) / 2u;
         let pair = ignored[middle];
@@ -53,11 +53,11 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
         margin = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
     }
     // A lower bound on the distance.
-    let left = apart - margin - sqrt(relative) * (0.5 * known.status.ahead);
-    if !(left < about.thickness) {
+    let left = apart - margin - sqrt(relative) * (0.5 * contact_state.status.ahead);
+    if !(left < contact_params.thickness) {
         return 0.0;
     }
-    var thickness = about.thickness;
+    var thickness = contact_params.thickness;
     if piece_of(corners.x) == piece_of(corners.w) {
         let rest = Four(rest_of(corners.x), rest_of(corners.y), rest_of(corners.z), rest_of(corners.w));
         thickness = min(thickness, 0.5 * length(between(closest(is_edge, rest), rest)));
@@ -67,8 +67,8 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
 
 // The position of a pair of the previous list.
 fn place_before(k: u32) -> u32 {
-    let edges = k - known.status.vertices_before;
-    return (1u - known.status.half) * about.room + select(about.room - 1u - edges, k, k < known.status.vertices_before);
+    let edges = k - contact_state.status.vertices_before;
+    return (1u - contact_state.status.half) * contact_params.room + select(contact_params.room - 1u - edges, k, k < contact_state.status.vertices_before);
 }
 
 // The chain that a pair of the previous list is in. There is a power of two of them.
@@ -118,12 +118,12 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     }
     // Only those that acted in the previous substep have multipliers. At the start of a step it is not known which did.
     if index_of_substep() > 0u {
-        for (var k = first; k < known.status.acted; k += stride) {
+        for (var k = first; k < contact_state.status.acted; k += stride) {
             chain(listed_at(k));
         }
         return;
     }
-    for (var k = first; k < known.status.vertices_before + known.status.edges_before; k += stride) {
+    for (var k = first; k < contact_state.status.vertices_before + contact_state.status.edges_before; k += stride) {
         chain(k);
     }
 }
@@ -134,7 +134,7 @@ fn are_adjacent(is_edge: bool, c: vec4u) -> bool {
 
 fn corners_of(is_edge: bool, row: u32, other: u32) -> vec4u {
     if is_edge {
-        return vec4u(edge(row - about.all_vertices), edge(other));
+        return vec4u(edge(row - contact_params.all_vertices), edge(other));
     }
     return vec4u(row, triangle(other));
 }
@@ -156,8 +156,8 @@ fn measure(
     @builtin(local_invocation_index) lane: u32,
 ) {
     if lane == 0u {
-        with_triangles = atomicLoad(&known.status.candidates);
-        let all = with_triangles + atomicLoad(&known.status.edge_candidates);
+        with_triangles = atomicLoad(&contact_state.status.candidates);
+        let all = with_triangles + atomicLoad(&contact_state.status.edge_candidates);
         total = select(0u, all, goes_on() && all <= CANDIDATES * space());
         if goes_on() && group.x + group.y == 0u {
             demand_space(all, CANDIDATES);
@@ -186,10 +186,10 @@ fn measure(
         workgroupBarrier();
         // Only now is the rest of a pair computed, which would take registers while places are waited for.
         let index = first_listed[u32(is_edge)] + rank;
-        if thickness > 0.0 && index < about.room {
+        if thickness > 0.0 && index < contact_params.room {
             let corners = corners_of(is_edge, candidate.x, candidate.y);
             let held = held_before(candidate.x, candidate.y);
-            pairs[known.status.half * about.room + select(index, about.room - 1u - index, is_edge)] =
+            pairs[contact_state.status.half * contact_params.room + select(index, contact_params.room - 1u - index, is_edge)] =
                 Listed(corners, held, candidate.y, thickness, candidate.x, 0u);
         }
     }
@@ -201,19 +201,19 @@ fn reserve(lane: u32) {
     if lane < 2u {
         let more = atomicLoad(&listed_here[lane]);
         if more > 0u && lane == 0u {
-            first_listed[0] = atomicAdd(&known.status.with_vertices, more);
+            first_listed[0] = atomicAdd(&contact_state.status.with_vertices, more);
         } else if more > 0u {
-            first_listed[1] = atomicAdd(&known.status.with_edges, more);
+            first_listed[1] = atomicAdd(&contact_state.status.with_edges, more);
         }
     } else if lane == 2u {
         let more = atomicLoad(&listed_here[0]) + atomicLoad(&listed_here[1]);
         if more == 0u {
             return;
         }
-        let listed = atomicAdd(&known.status.listed, more) + more;
-        if listed > about.room {
-            atomicMax(&known.status.needed, listed);
-            atomicOr(&known.status.stopped, select(NO_ROOM, CROWDED, listed > MOST_OF_ALL));
+        let listed = atomicAdd(&contact_state.status.listed, more) + more;
+        if listed > contact_params.room {
+            atomicMax(&contact_state.status.needed, listed);
+            atomicOr(&contact_state.status.stopped, select(NO_ROOM, CROWDED, listed > MOST_OF_ALL));
         }
     }
 }

@@ -35,8 +35,8 @@ fn gather(part: Part, lane: u32) {
 // Every workgroup that calls this reduces all parts by itself, in the same order.
 fn mean_of_parts(lane: u32) -> vec3f {
     var part = nothing();
-    for (var k = lane; k < about.groups + about.mesh_groups; k += WORKGROUP) {
-        part = both(part, known.parts[k]);
+    for (var k = lane; k < contact_params.groups + contact_params.mesh_groups; k += WORKGROUP) {
+        part = both(part, contact_state.parts[k]);
     }
     gather(part, lane);
     workgroupBarrier();
@@ -45,6 +45,6 @@ fn mean_of_parts(lane: u32) -> vec3f {
     }
     // If kinematic vertices move differently by more than this, there is no common motion: the mean would also move
     // cloth that follows neither.
-    let is_common = distance(low[0].xyz, high[0].xyz) < about.thickness;
+    let is_common = distance(low[0].xyz, high[0].xyz) < contact_params.thickness;
     return select(vec3f(), 0.5 * (low[0].xyz + high[0].xyz), is_common);
 }

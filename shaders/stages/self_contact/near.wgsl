@@ -22,7 +22,7 @@ fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) ->
     let corners = pair.corners;
     let at = positions(corners);
     // What is taken along may move farther.
-    let least = about.carries * max(about.carries, 0.0);
+    let least = contact_params.carries * max(contact_params.carries, 0.0);
     let travel = max(vec4f(least), vec4f(
         square(u.a - mean - by_turning(at.a)),
         square(u.b - mean - by_turning(at.b)),
@@ -55,13 +55,13 @@ fn glance(
         return;
     }
     let mean = mean_of_parts(lane);
-    let pushed = max(known.status.pushed, bitcast<f32>(atomicLoad(&known.status.most_push)));
+    let pushed = max(contact_state.status.pushed, bitcast<f32>(atomicLoad(&contact_state.status.most_push)));
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let pair = pairs[place(k)];
         let is_edge = k >= with_vertices;
         let closest = closest_of(pair, is_edge, displacements(pair.corners), mean, pushed);
-        if !(closest.left > pair.thickness + ROUNDING_MARGIN * about.thickness) {
-            atomicOr(&known.status.stopped, CLOSE);
+        if !(closest.left > pair.thickness + ROUNDING_MARGIN * contact_params.thickness) {
+            atomicOr(&contact_state.status.stopped, CLOSE);
         }
     }
 }
@@ -69,8 +69,8 @@ fn glance(
 // The coefficient of friction of a pair: that of a mesh collider, whose vertices are the last, or the cloth's.
 fn friction_of(corners: vec4u) -> f32 {
     let v = max(corners.x, corners.w);
-    if v < about.vertices {
-        return about.friction;
+    if v < contact_params.vertices {
+        return contact_params.friction;
     }
     return vertices[v].push.w;
 }
@@ -85,7 +85,7 @@ fn proximity_of(k: u32) -> Proximity {
     let pair = pairs[place(k)];
     let is_edge = k >= with_vertices;
     let u = displacements(pair.corners);
-    let closest = closest_of(pair, is_edge, u, known.status.mean, known.status.pushed);
+    let closest = closest_of(pair, is_edge, u, contact_state.status.mean, contact_state.status.pushed);
     let weights = closest.weights;
     let distance = length(closest.apart);
     var normal = closest.apart / max(distance, 1e-12);
@@ -135,9 +135,9 @@ fn find(
         workgroupBarrier();
         // Two invocations, because each must wait for an answer.
         if lane == 0u {
-            firsts[0] = atomicAdd(&known.status.near, atomicLoad(&found[0]));
+            firsts[0] = atomicAdd(&contact_state.status.near, atomicLoad(&found[0]));
         } else if lane == 32u {
-            firsts[1] = atomicAdd(&known.status.acting, atomicLoad(&found[1]));
+            firsts[1] = atomicAdd(&contact_state.status.acting, atomicLoad(&found[1]));
         }
         workgroupBarrier();
         if proximity.state > 0u {
@@ -148,7 +148,7 @@ fn find(
             for (var c = 0u; c < 4u; c++) {
                 // The vertices of mesh colliders have no sums.
                 let v = proximity.pair.corners[c];
-                if v < about.vertices {
+                if v < contact_params.vertices {
                     atomicAdd(&sums[SUMS * v + WEIGHT], units[c]);
                 }
             }

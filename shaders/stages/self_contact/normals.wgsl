@@ -30,7 +30,7 @@ fn normals_on_path(a: Track, b: Track, c: Track) -> Normals {
     var last = first;
     var longest = 0.0;
     for (var k = 0u; k < 3u; k++) {
-        last[k] += by[k] * known.status.ahead;
+        last[k] += by[k] * contact_state.status.ahead;
         longest = max(longest, max(square(first[k]), square(last[k])));
     }
     let before = cross(first[0], first[1]);

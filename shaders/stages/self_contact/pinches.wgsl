@@ -28,7 +28,7 @@ fn moves_through(is_edge: bool, start: Four, end: Four) -> bool {
             late = middle;
         }
     }
-    let least = COINCIDENT * about.thickness;
+    let least = COINCIDENT * contact_params.thickness;
     let nearest = distance_of(is_edge, moved(start, end, late));
     return nearest < least && least < min(distance_of(is_edge, start), distance_of(is_edge, end));
 }

@@ -25,7 +25,7 @@ var<workgroup> collected: array<atomic<i32>, 768>;
 // The number of pairs that act, or 0 if the step has stopped, for all invocations.
 fn acting_pairs(lane: u32) -> u32 {
     if lane == 0u {
-        total = select(atomicLoad(&known.status.acting), 0u, is_idle());
+        total = select(atomicLoad(&contact_state.status.acting), 0u, is_idle());
     }
     return workgroupUniformLoad(&total);
 }
@@ -36,7 +36,7 @@ fn inverse_masses(corners: vec4u) -> vec4f {
 
 // Adds a vector [m] to three sums of a vertex.
 fn add(v: u32, first: u32, by: vec3f) {
-    let units = vec3i(round(by * (UNIT_LENGTH / about.thickness)));
+    let units = vec3i(round(by * (UNIT_LENGTH / contact_params.thickness)));
     if all(units == vec3i()) {
         return;
     }
@@ -122,12 +122,12 @@ fn summed(v: u32, first: u32) -> vec3f {
         atomicLoad(&sums[SUMS * v + first + 1u]),
         atomicLoad(&sums[SUMS * v + first + 2u]),
     );
-    return vec3f(units) * (about.thickness / UNIT_LENGTH);
+    return vec3f(units) * (contact_params.thickness / UNIT_LENGTH);
 }
 
 // The vertices of mesh colliders have no sums, and need none because they have no inverse mass.
 fn weight_of(v: u32) -> f32 {
-    if v >= about.vertices {
+    if v >= contact_params.vertices {
         return 0.0;
     }
     return f32(atomicLoad(&sums[SUMS * v + WEIGHT])) / UNIT_WEIGHT;
@@ -143,7 +143,7 @@ fn warm_start_pair(k: u32) {
         return;
     }
     set_rate(k, RELAXATION / bound);
-    var held = n.lambda * (warm_share(max(n.thickness - n.distance, 0.0), n.thickness) * known.status.scale);
+    var held = n.lambda * (warm_share(max(n.thickness - n.distance, 0.0), n.thickness) * contact_state.status.scale);
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
     set_lambda(k, held);
     add_impulse(n.corners, w, IMPULSE, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
@@ -234,7 +234,7 @@ fn apply_sums(i: u32) {
     for (var k = 0u; k < 3u; k++) {
         atomicStore(&sums[SUMS * i + IMPULSE + k], 0);
     }
-    for (var k = 0u; k < about.bodies; k++) {
+    for (var k = 0u; k < contact_params.bodies; k++) {
         path.u = contact_body(path.x, path.u, bodies[k], substep).u;
     }
     vertices[i].u = vec4f(path.u, vertices[i].u.w);
@@ -244,17 +244,17 @@ fn apply_sums(i: u32) {
 @compute @workgroup_size(WORKGROUP)
 fn apply_impulses_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= about.vertices || is_idle() {
+    if i >= contact_params.vertices || is_idle() {
         return;
     }
-    vertices[i].way.w = max(length(way_with(i, vertices[i].push.xyz)), about.carries);
+    vertices[i].way.w = max(length(way_with(i, vertices[i].push.xyz)), contact_params.carries);
     apply_sums(i);
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn apply_impulses(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i < about.vertices && !is_idle() {
+    if i < contact_params.vertices && !is_idle() {
         apply_sums(i);
     }
 }
@@ -263,7 +263,7 @@ fn apply_impulses(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgro
 @compute @workgroup_size(WORKGROUP)
 fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= about.vertices || is_idle() {
+    if i >= contact_params.vertices || is_idle() {
         return;
     }
     apply_sums(i);
@@ -279,7 +279,7 @@ fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_wo
 
 // How far a vertex moves relative to the common motion, after the response. Vertices of mesh colliders are not corrected.
 fn way_of(v: u32) -> vec3f {
-    if v >= about.vertices {
+    if v >= contact_params.vertices {
         return without_turning(way_with(v, vec3f()));
     }
     return vertices[v].way.xyz;
@@ -318,7 +318,7 @@ fn truncate_pair(n: Near) {
     // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
     // into each other.
     if any(select(left, vec4f(), is_kinematic) < vec4f()) || up + down > 2.0 * clearance {
-        let at = atomicAdd(&known.status.passed, 1u);
+        let at = atomicAdd(&contact_state.status.passed, 1u);
         let is_edge = n.listed >= with_vertices;
         pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
     }
@@ -347,9 +347,9 @@ fn truncate(
 ) {
     let acting = acting_pairs(lane);
     if lane == 0u {
-        let skips = is_idle() || (AGAIN && known.status.carried == 0u);
-        total = select(acting + atomicLoad(&known.status.near), 0u, skips);
-        with_vertices = atomicLoad(&known.status.with_vertices);
+        let skips = is_idle() || (AGAIN && contact_state.status.carried == 0u);
+        total = select(acting + atomicLoad(&contact_state.status.near), 0u, skips);
+        with_vertices = atomicLoad(&contact_state.status.with_vertices);
         atomicStore(&pressing, 0u);
     }
     let all = workgroupUniformLoad(&total);
@@ -368,6 +368,6 @@ fn truncate(
     }
     workgroupBarrier();
     if lane == 0u && atomicLoad(&pressing) > 0u {
-        atomicAdd(&known.status.pressing, atomicLoad(&pressing));
+        atomicAdd(&contact_state.status.pressing, atomicLoad(&pressing));
     }
 }

@@ -4,7 +4,7 @@
 // Each stage binds the resources that it uses. Results do not depend on the order of invocations: values that several
 // invocations write are maxima, minima or sums of integers.
 
-struct About {
+struct ContactParams {
     thickness: f32,
     friction: f32,
     // Number of the cloth's vertices. Those of mesh colliders follow: the first, and the number of all vertices.
@@ -183,13 +183,13 @@ const MARK: u32 = 0x80000000u;
 
 // The status, and the corners of pinched pairs, followed by the workgroups' parts of a reduction over the cloth, and by
 // those over mesh colliders.
-struct Known {
+struct ContactState {
     status: Status,
     pinched: array<vec4u, PINCHED>,
     parts: array<Part>,
 }
 
-@group(1) @binding(0) var<uniform> about: About;
+@group(1) @binding(0) var<uniform> contact_params: ContactParams;
 @group(1) @binding(1) var<storage, read> table: array<u32>;
 @group(1) @binding(2) var<storage, read> x: array<vec4f>;
 @group(1) @binding(3) var<storage, read_write> vertices: array<Vertex>;
@@ -199,7 +199,7 @@ struct Known {
 @group(1) @binding(7) var<storage, read_write> pairs: array<Listed>;
 @group(1) @binding(8) var<storage, read_write> near: array<vec4u>;
 @group(1) @binding(9) var<storage, read_write> sums: array<atomic<i32>>;
-@group(1) @binding(10) var<storage, read_write> known: Known;
+@group(1) @binding(10) var<storage, read_write> contact_state: ContactState;
 @group(1) @binding(11) var<storage, read> bodies: array<Body>;
 @group(1) @binding(12) var<storage, read> ignored: array<vec2u>;
 @group(1) @binding(13) var<storage, read_write> x_out: array<vec4f>;
@@ -226,44 +226,44 @@ const UNIT_LENGTH: f32 = 8388608.0;
 
 // The number in the list of a near pair: see `near_at`.
 fn listed_at(k: u32) -> u32 {
-    return near[4u * about.room + k].z;
+    return near[4u * contact_params.room + k].z;
 }
 
 // The place among the listed pairs at which the corners of a pair are told whose plane has passed a vertex: in the half
 // of the list that only detection needs, so that there is room for all.
 fn place_of_passed(k: u32) -> u32 {
-    return (1u - known.status.half) * about.room + k;
+    return (1u - contact_state.status.half) * contact_params.room + k;
 }
 
 // Whether there are no kinematic vertices.
 fn is_free() -> bool {
-    return about.has_kinematic == 0u;
+    return contact_params.has_kinematic == 0u;
 }
 
 fn by_first_turn(r: vec3f) -> vec3f {
-    return about.turn_x.xyz * r.x + about.turn_y.xyz * r.y + about.turn_z.xyz * r.z;
+    return contact_params.turn_x.xyz * r.x + contact_params.turn_y.xyz * r.y + contact_params.turn_z.xyz * r.z;
 }
 
 // The displacement [m] by rotation, in the common motion of the cloth, of what is at x. Kinematic vertices move in a
 // straight line during a step, as in the first substep, so x is first traced back to the start of the step, to first
 // order.
 fn by_turning(x: vec3f) -> vec3f {
-    let r = x - about.center.xyz - about.travel.xyz * substep.start;
+    let r = x - contact_params.center.xyz - contact_params.travel.xyz * substep.start;
     return by_first_turn(r - by_first_turn(r) * (substep.start * f32(params.substeps)));
 }
 
 // A displacement as it appears in what turns with the common motion.
 fn without_turning(by: vec3f) -> vec3f {
-    return by + vec3f(dot(about.turn_x.xyz, by), dot(about.turn_y.xyz, by), dot(about.turn_z.xyz, by));
+    return by + vec3f(dot(contact_params.turn_x.xyz, by), dot(contact_params.turn_y.xyz, by), dot(contact_params.turn_z.xyz, by));
 }
 
 // How far a vertex moves relative to the common motion, with a correction.
 fn way_with(v: u32, push: vec3f) -> vec3f {
-    return vertices[v].u.xyz + push - known.status.mean - by_turning(vertices[v].x.xyz);
+    return vertices[v].u.xyz + push - contact_state.status.mean - by_turning(vertices[v].x.xyz);
 }
 
 fn has_stopped() -> bool {
-    return atomicLoad(&known.status.stopped) != 0u;
+    return atomicLoad(&contact_state.status.stopped) != 0u;
 }
 
 fn index_of_substep() -> u32 {
@@ -272,11 +272,11 @@ fn index_of_substep() -> u32 {
 
 // Number of substeps since the last detection at the start of this one; below 0 if there was none.
 fn since() -> f32 {
-    return known.status.since + f32(index_of_substep() - known.status.counted);
+    return contact_state.status.since + f32(index_of_substep() - contact_state.status.counted);
 }
 
 fn is_due() -> bool {
-    return known.status.detects != 0u && !has_stopped();
+    return contact_state.status.detects != 0u && !has_stopped();
 }
 
 var<workgroup> due_here: u32;
@@ -294,29 +294,29 @@ fn number(at: u32) -> f32 {
 }
 
 fn triangle(t: u32) -> vec3u {
-    let at = about.triangles + 3u * t;
+    let at = contact_params.triangles + 3u * t;
     return vec3u(table[at], table[at + 1u], table[at + 2u]);
 }
 
 fn edge(e: u32) -> vec2u {
-    let at = about.edges + 2u * e;
+    let at = contact_params.edges + 2u * e;
     return vec2u(table[at], table[at + 1u]);
 }
 
 fn piece_of(v: u32) -> u32 {
-    return table[about.of_vertices + 6u * v];
+    return table[contact_params.of_vertices + 6u * v];
 }
 
 fn reach_of(v: u32) -> f32 {
-    return number(about.of_vertices + 6u * v + 1u);
+    return number(contact_params.of_vertices + 6u * v + 1u);
 }
 
 fn max_margin_of(v: u32) -> f32 {
-    return number(about.of_vertices + 6u * v + 2u);
+    return number(contact_params.of_vertices + 6u * v + 2u);
 }
 
 fn rest_of(v: u32) -> vec3f {
-    let at = about.of_vertices + 6u * v + 3u;
+    let at = contact_params.of_vertices + 6u * v + 3u;
     return vec3f(number(at), number(at + 1u), number(at + 2u));
 }
 

@@ -39,7 +39,7 @@ struct Tree {
 }
 
 fn tree_of(is_mesh: bool) -> Tree {
-    return Tree(select(leaves(), about.mesh_leaves, is_mesh), select(0u, 2u * leaves(), is_mesh));
+    return Tree(select(leaves(), contact_params.mesh_leaves, is_mesh), select(0u, 2u * leaves(), is_mesh));
 }
 
 // Starts the path of each vertex, and chooses how far it may stray from how far it strayed since the last detection.
@@ -47,25 +47,25 @@ fn tree_of(is_mesh: bool) -> Tree {
 @compute @workgroup_size(WORKGROUP)
 fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
-    if i >= about.all_vertices || !is_due() {
+    if i >= contact_params.all_vertices || !is_due() {
         return;
     }
-    for (var k = i; k < arrayLength(&chains); k += about.all_vertices) {
+    for (var k = i; k < arrayLength(&chains); k += contact_params.all_vertices) {
         atomicStore(&chains[k], 0u);
     }
     let x_i = vertices[i].x.xyz;
     let u_i = vertices[i].u.xyz;
     // Nothing strays that stands still.
-    let max_margin = select(max_margin_of(i), 0.0, i >= about.mesh_first && about.meshes_rest != 0u);
+    let max_margin = select(max_margin_of(i), 0.0, i >= contact_params.mesh_first && contact_params.meshes_rest != 0u);
     var margin = max_margin;
     var by = u_i;
-    if known.status.longer >= 0.0 {
+    if contact_state.status.longer >= 0.0 {
         let track = tracks[i];
-        let strayed = (x_i - track.start.xyz) + (u_i - track.by.xyz * known.status.over);
-        let far = max(length(strayed) * known.status.longer, MARGIN_DECAY * track.start.w);
+        let strayed = (x_i - track.start.xyz) + (u_i - track.by.xyz * contact_state.status.over);
+        let far = max(length(strayed) * contact_state.status.longer, MARGIN_DECAY * track.start.w);
         margin = clamp(far, MIN_MARGIN_SHARE * max_margin, max_margin);
-        if i < about.vertices {
-            let aside = (track.by.xyz + strayed / known.status.over - u_i) * MEAN;
+        if i < contact_params.vertices {
+            let aside = (track.by.xyz + strayed / contact_state.status.over - u_i) * MEAN;
             by += aside * min(1.0, ASIDE * margin / max(length(aside), LEAST_DISTANCE));
         }
     }
@@ -76,7 +76,7 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
 fn bounds_of_part(leaf: u32, part: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
-    for (var t = table[about.leaf_triangles + leaf] + part; t < table[about.leaf_triangles + leaf + 1u]; t += PARTS) {
+    for (var t = table[contact_params.leaf_triangles + leaf] + part; t < table[contact_params.leaf_triangles + leaf + 1u]; t += PARTS) {
         let box = unpacked(boxes[t]);
         node = join(node, Node(box.low, box.high, box.step_low, box.step_high, far, -far));
     }
@@ -84,7 +84,7 @@ fn bounds_of_part(leaf: u32, part: u32) -> Node {
     if leaf >= leaves() {
         return node;
     }
-    for (var k = table[about.around + leaf] + part; k < table[about.around + leaf + 1u]; k += PARTS) {
+    for (var k = table[contact_params.around + leaf] + part; k < table[contact_params.around + leaf + 1u]; k += PARTS) {
         let around = normals[table[k]];
         node.normal_low = min(node.normal_low, around.low);
         node.normal_high = max(node.normal_high, around.high);
@@ -113,7 +113,7 @@ fn bound(
     if leaf < tree.leaves {
         below[lane] = bounds_of_part(leaf + select(0u, leaves(), is_mesh), lane % PARTS);
     }
-    let depth = select(about.depth, about.mesh_depth, is_mesh);
+    let depth = select(contact_params.depth, contact_params.mesh_depth, is_mesh);
     let to_leaf = firstTrailingBit(PARTS);
     for (var width = 1u; width <= min(to_leaf + depth, firstTrailingBit(BOUNDERS)); width++) {
         // The level of the tree, counted from the leaves.
@@ -143,7 +143,7 @@ fn refit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     }
     let is_mesh = group.x > 0u;
     let tree = tree_of(is_mesh);
-    let depth = select(about.depth, about.mesh_depth, is_mesh);
+    let depth = select(contact_params.depth, contact_params.mesh_depth, is_mesh);
     for (var level = depth - min(depth, firstTrailingBit(BOUNDERS / PARTS)); level > first_level(depth) + 1u; level--) {
         let first = 1u << (level - 1u);
         for (var k = first + lane; k < 2u * first; k += LANES) {

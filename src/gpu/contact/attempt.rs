@@ -143,6 +143,6 @@ impl GpuContact {
 
     /// Encodes a copy of the status after the step's commands.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.copy_buffer_to_buffer(&self.buffers.common, 0, &self.staging, 0, size_of::<Told>() as u64);
+        encoder.copy_buffer_to_buffer(&self.buffers.contact_state, 0, &self.staging, 0, size_of::<Told>() as u64);
     }
 }

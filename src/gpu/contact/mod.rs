@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use course::{Course, Response};
 use encode::MANY;
 use stages::Stages;
-use status::{About, BOX, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
+use status::{BOX, ContactParams, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -44,7 +44,7 @@ const LEAST_ROOM: usize = 4096;
 /// before pairs are near.
 #[derive(Debug)]
 pub(super) struct Buffers {
-    about: Sent,
+    contact_params: Sent,
     table: wgpu::Buffer,
     vertices: wgpu::Buffer,
     tracks: wgpu::Buffer,
@@ -53,7 +53,7 @@ pub(super) struct Buffers {
     pairs: wgpu::Buffer,
     near: wgpu::Buffer,
     sums: wgpu::Buffer,
-    common: wgpu::Buffer,
+    contact_state: wgpu::Buffer,
     bodies: Sent,
     ignored: Sent,
     boxes: wgpu::Buffer,
@@ -119,7 +119,7 @@ impl GpuContact {
         let groups = vertices.div_ceil(WORKGROUP) + table.mesh_vertices().div_ceil(WORKGROUP);
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {
-            about: Sent::uniform(gpu, "about contact", size_of::<About>()),
+            contact_params: Sent::uniform(gpu, "parameters of contact", size_of::<ContactParams>()),
             table: gpu.filled("table of contact", &words),
             vertices: buffer("vertices in contact", VERTEX * all),
             tracks: buffer("paths in contact", TRACK * (all + table.mesh_vertices())),
@@ -128,7 +128,7 @@ impl GpuContact {
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR.max(SPACE) * room),
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
-            common: buffer("status of contact", size_of::<Told>() + PART * groups),
+            contact_state: buffer("state of contact", size_of::<Told>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             ignored: Sent::storage(gpu, "ignored pairs", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * table.boxes()),
@@ -238,7 +238,7 @@ impl GpuContact {
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
         });
         let [turn_x, turn_y, turn_z, center, travel] = kept.turn(plan);
-        let about = About {
+        let contact_params = ContactParams {
             thickness: options.thickness,
             friction: options.friction,
             vertices: *vertices as u32,
@@ -280,13 +280,13 @@ impl GpuContact {
             center,
             travel,
         };
-        buffers.about.send(gpu, &[about]);
+        buffers.contact_params.send(gpu, &[contact_params]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().collect();
         let moved = [buffers.bodies.send(gpu, plan.bodies), buffers.ignored.send(gpu, &all)];
         if moved.contains(&true) {
             *stages = None;
         }
         stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers, table.mesh_vertices() > 0));
-        gpu.write(&buffers.common, 0, &[self.status.at_start()]);
+        gpu.write(&buffers.contact_state, 0, &[self.status.at_start()]);
     }
 }

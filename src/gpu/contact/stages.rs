@@ -17,7 +17,7 @@ const CHAINS: usize = 6;
 const PAIRS: usize = 7;
 const NEAR: usize = 8;
 const SUMS: usize = 9;
-const COMMON: usize = 10;
+const CONTACT_STATE: usize = 10;
 const BODIES: usize = 11;
 const IGNORED: usize = 12;
 const X_OUT: usize = 13;
@@ -69,56 +69,70 @@ impl Stages {
         };
         let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
         let of_few_or_many = |name| {
-            let uses = [VERTICES, NEAR, SUMS, COMMON];
+            let uses = [VERTICES, NEAR, SUMS, CONTACT_STATE];
             [0.0, 1.0].map(|collects| told(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
         };
-        let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, COMMON];
-        let of_vertices = [VERTICES, SUMS, COMMON, BODIES];
-        let by_begin = [X, VERTICES, TRACKS, SUMS, COMMON, BODIES, X_OUT, P_OUT];
-        let by_finish = [VERTICES, SUMS, COMMON, X_OUT, P_OUT];
+        let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
+        let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
+        let by_begin = [X, VERTICES, TRACKS, SUMS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
+        let by_finish = [VERTICES, SUMS, CONTACT_STATE, X_OUT, P_OUT];
         Stages {
             start: has_meshes.then(|| {
-                let bound_meshes = stage(shaders::BODIES, "bound_meshes", &[TRACKS, COMMON]);
-                [stage(shaders::BODIES, "bound_cloth", &[X, COMMON]), bound_meshes]
+                let bound_meshes = stage(shaders::BODIES, "bound_meshes", &[TRACKS, CONTACT_STATE]);
+                [stage(shaders::BODIES, "bound_cloth", &[X, CONTACT_STATE]), bound_meshes]
             }),
             begin_contact: stage(shaders::BEGIN_CONTACT, "begin_contact", &by_begin),
             begin_between: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0)]),
             begin_alone: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0), ("HAS_CONTACT", 0.0)]),
-            decide: stage(shaders::BEGIN_CONTACT, "decide", &[COMMON]),
-            decide_between: told(shaders::BEGIN_CONTACT, "decide", &[COMMON], &[("MAY_DETECT", 0.0)]),
-            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, COMMON]),
-            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, COMMON, BOXES, NORMALS]),
-            bound: stage(shaders::TREE, "bound", &[TABLE, NODES, COMMON, BOXES, NORMALS]),
-            refit: stage(shaders::TREE, "refit", &[NODES, COMMON]),
-            descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, COMMON, DRAFTS]),
-            compare: stage(shaders::CANDIDATES, "compare", &[TABLE, COMMON, BOXES, DRAFTS]),
-            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, COMMON, IGNORED, DRAFTS]),
-            glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, COMMON]),
-            find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, COMMON]),
+            decide: stage(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE]),
+            decide_between: told(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE], &[("MAY_DETECT", 0.0)]),
+            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, CONTACT_STATE]),
+            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, CONTACT_STATE, BOXES, NORMALS]),
+            bound: stage(shaders::TREE, "bound", &[TABLE, NODES, CONTACT_STATE, BOXES, NORMALS]),
+            refit: stage(shaders::TREE, "refit", &[NODES, CONTACT_STATE]),
+            descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, CONTACT_STATE, DRAFTS]),
+            compare: stage(shaders::CANDIDATES, "compare", &[TABLE, CONTACT_STATE, BOXES, DRAFTS]),
+            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, CONTACT_STATE, IGNORED, DRAFTS]),
+            glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, CONTACT_STATE]),
+            find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE]),
             warm_start: of_few_or_many("warm_start"),
             step: of_few_or_many("step_pairs"),
             apply_impulses_first: stage(shaders::RESPONSE, "apply_impulses_first", &of_vertices),
             apply_impulses: stage(shaders::RESPONSE, "apply_impulses", &of_vertices),
-            apply_impulses_last: stage(shaders::RESPONSE, "apply_impulses_last", &[VERTICES, SUMS, COMMON, BODIES, TABLE]),
+            apply_impulses_last: stage(shaders::RESPONSE, "apply_impulses_last", &[VERTICES, SUMS, CONTACT_STATE, BODIES, TABLE]),
             truncate: stage(shaders::RESPONSE, "truncate", &of_pairs),
             finish: stage(shaders::FINISH, "finish", &by_finish),
-            give_back: stage(shaders::FINISH, "give_back", &[VERTICES, COMMON, X_OUT, P_OUT]),
+            give_back: stage(shaders::FINISH, "give_back", &[VERTICES, CONTACT_STATE, X_OUT, P_OUT]),
             carry: [
-                stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, COMMON]),
+                stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE]),
                 told(shaders::RESPONSE, "truncate", &of_pairs, &[("AGAIN", 1.0)]),
                 told(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
             ],
-            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, COMMON]),
+            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, CONTACT_STATE]),
         }
     }
 }
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &'a StateBuffers) -> Vec<Bind<'a>> {
-    let Buffers { about, table, vertices, tracks, nodes, chains, pairs, near, sums, common, bodies, ignored, boxes, normals } =
-        buffers;
+    let Buffers {
+        contact_params,
+        table,
+        vertices,
+        tracks,
+        nodes,
+        chains,
+        pairs,
+        near,
+        sums,
+        contact_state,
+        bodies,
+        ignored,
+        boxes,
+        normals,
+    } = buffers;
     let all = [
-        Bind::Uniform(&about.buffer),
+        Bind::Uniform(&contact_params.buffer),
         Bind::Read(table),
         Bind::Read(&from.x),
         Bind::Write(vertices),
@@ -128,7 +142,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &
         Bind::Write(pairs),
         Bind::Write(near),
         Bind::Write(sums),
-        Bind::Write(common),
+        Bind::Write(contact_state),
         Bind::Read(&bodies.buffer),
         Bind::Read(&ignored.buffer),
         Bind::Write(&to.x),

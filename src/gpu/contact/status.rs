@@ -91,10 +91,10 @@ impl Told {
     }
 }
 
-/// What a step of contact is given: `About` of `stages/self_contact/shared.wgsl`, which documents the fields.
+/// What a step of contact is given: `ContactParams` of `stages/self_contact/shared.wgsl`, which documents the fields.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
-pub(crate) struct About {
+pub(crate) struct ContactParams {
     pub thickness: f32,
     pub friction: f32,
     pub vertices: u32,
