@@ -116,7 +116,7 @@ fn compare(
         var all = Comparison();
         var place = NONE;
         if mine < pairs_here && first + mine < end {
-            let both = drafts[first + mine];
+            let both = scratch[first + mine];
             let other = leaf_of(both.y);
             let leaf = leaf_of(both.x);
             place = place_of_box(leaf, lane % contact_params.features);
@@ -171,7 +171,7 @@ fn note(all: Comparison, first: u32) {
             hits.x &= hits.x - 1u;
         }
         if index < CANDIDATES * space() {
-            drafts[place_of_candidate(index, all.kind == EDGE)] = candidate(all, all.others.first + k);
+            scratch[place_of_candidate(index, all.kind == EDGE)] = candidate(all, all.others.first + k);
         }
         index++;
     }

@@ -138,7 +138,7 @@ fn note_met(leaf: u32, count: u32, lane: u32) -> bool {
     let first = workgroupUniformLoad(&first_met);
     for (var k = lane; k < count; k += LANES) {
         if first + k < LEAF_PAIRS * space() {
-            drafts[first + k] = vec2u(leaf, met[k]);
+            scratch[first + k] = vec2u(leaf, met[k]);
         }
     }
     workgroupBarrier();

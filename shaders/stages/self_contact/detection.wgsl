@@ -10,10 +10,10 @@ const CANDIDATES: u32 = 8u;
 
 // Pairs of leaves, followed by candidates: of a vertex and a triangle from the start of the rest, of two edges from its end.
 // A candidate is what `Listed` has in `row` and `other`.
-@group(1) @binding(16) var<storage, read_write> drafts: array<vec2u>;
+@group(1) @binding(16) var<storage, read_write> scratch: array<vec2u>;
 
 fn space() -> u32 {
-    return arrayLength(&drafts) / (LEAF_PAIRS + CANDIDATES);
+    return arrayLength(&scratch) / (LEAF_PAIRS + CANDIDATES);
 }
 
 var<workgroup> total: u32;
@@ -51,5 +51,5 @@ fn features_of(list: u32, leaf: u32) -> Features {
 }
 
 fn place_of_candidate(k: u32, is_edge: bool) -> u32 {
-    return select(LEAF_PAIRS * space() + k, arrayLength(&drafts) - 1u - k, is_edge);
+    return select(LEAF_PAIRS * space() + k, arrayLength(&scratch) - 1u - k, is_edge);
 }

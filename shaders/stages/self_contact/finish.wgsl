@@ -16,7 +16,8 @@ fn finish(
     let i = item(id, groups);
     var mine = vec3f();
     let is_new = !AGAIN || contact_state.status.carried > 0u;
-    let is_touched = is_new && !has_stopped() && atomicLoad(&contact_state.status.near) + atomicLoad(&contact_state.status.acting) > 0u;
+    let near_pairs = atomicLoad(&contact_state.status.near) + atomicLoad(&contact_state.status.acting);
+    let is_touched = is_new && !has_stopped() && near_pairs > 0u;
     if i < contact_params.vertices && is_touched && vertices[i].x.w != 0.0 {
         // That of a vertex that is taken along is negative.
         let w = abs(vertices[i].x.w);

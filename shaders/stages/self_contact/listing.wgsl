@@ -67,8 +67,10 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
 
 // The position of a pair of the previous list.
 fn place_before(k: u32) -> u32 {
-    let edges = k - contact_state.status.vertices_before;
-    return (1u - contact_state.status.half) * contact_params.room + select(contact_params.room - 1u - edges, k, k < contact_state.status.vertices_before);
+    let with_vertices = contact_state.status.vertices_before;
+    let edges = k - with_vertices;
+    let first = (1u - contact_state.status.half) * contact_params.room;
+    return first + select(contact_params.room - 1u - edges, k, k < with_vertices);
 }
 
 // The chain that a pair of the previous list is in. There is a power of two of them.
@@ -175,7 +177,7 @@ fn measure(
         var thickness = 0.0;
         var rank = 0u;
         if k < end {
-            candidate = drafts[place_of_candidate(select(k, k - with_triangles, is_edge), is_edge)];
+            candidate = scratch[place_of_candidate(select(k, k - with_triangles, is_edge), is_edge)];
             thickness = thickness_of(is_edge, candidate.x, candidate.y);
             if thickness > 0.0 {
                 rank = atomicAdd(&listed_here[u32(is_edge)], 1u);

@@ -76,7 +76,8 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
 fn bounds_of_part(leaf: u32, part: u32) -> Node {
     let far = vec3f(MAX_POSITION);
     var node = Node(far, -far, far, -far, far, -far);
-    for (var t = table[contact_params.leaf_triangles + leaf] + part; t < table[contact_params.leaf_triangles + leaf + 1u]; t += PARTS) {
+    let end = table[contact_params.leaf_triangles + leaf + 1u];
+    for (var t = table[contact_params.leaf_triangles + leaf] + part; t < end; t += PARTS) {
         let box = unpacked(boxes[t]);
         node = join(node, Node(box.low, box.high, box.step_low, box.step_high, far, -far));
     }

@@ -23,7 +23,7 @@ const IGNORED: usize = 12;
 const X_OUT: usize = 13;
 const P_OUT: usize = 14;
 const BOXES: usize = 15;
-const DRAFTS: usize = 16;
+const SCRATCH: usize = 16;
 const NORMALS: usize = 17;
 
 /// The kernels of a substep.
@@ -90,9 +90,9 @@ impl Stages {
             prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, CONTACT_STATE, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, CONTACT_STATE, BOXES, NORMALS]),
             refit: stage(shaders::TREE, "refit", &[NODES, CONTACT_STATE]),
-            descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, CONTACT_STATE, DRAFTS]),
-            compare: stage(shaders::CANDIDATES, "compare", &[TABLE, CONTACT_STATE, BOXES, DRAFTS]),
-            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, CONTACT_STATE, IGNORED, DRAFTS]),
+            descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, CONTACT_STATE, SCRATCH]),
+            compare: stage(shaders::CANDIDATES, "compare", &[TABLE, CONTACT_STATE, BOXES, SCRATCH]),
+            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, CONTACT_STATE, IGNORED, SCRATCH]),
             glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, CONTACT_STATE]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE]),
             warm_start: of_few_or_many("warm_start"),
