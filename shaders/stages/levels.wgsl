@@ -153,7 +153,7 @@ fn sweep_levels(first: FourColors, lane: u32) {
     descend(COARSE_COLORS, lane);
 }
 
-// Prolongs corrections to the next finer level, and on to the level that the given color belongs to.
+// Prolongates corrections to the next finer level, and on to the level that the given color belongs to.
 fn descend(color: u32, lane: u32) {
     while color >= next_at {
         let finer = start_of(level - 1u);

@@ -1,4 +1,4 @@
-// Coarse levels in the simplest way, for any mesh: a dispatch prolongs the correction of the next coarser level, and
+// Coarse levels in the simplest way, for any mesh: a dispatch prolongates the correction of the next coarser level, and
 // then each color is a dispatch.
 
 @group(1) @binding(0) var<uniform> batch: Batch;
@@ -20,7 +20,7 @@ fn begin_at(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) g
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn hand_down(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn prolongate(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let k = item(id, groups);
     if k >= batch.count {
         return;

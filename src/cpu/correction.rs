@@ -94,12 +94,12 @@ impl Correction<'_> {
         }
     }
 
-    /// Sweeps a piece of a level. In the first round, the corrections of the coarser levels are prolonged to it before.
+    /// Sweeps a piece of a level. In the first round, the corrections of the coarser levels are prolongated to it before.
     pub(crate) fn sweep(&self, task: &Task, level: usize, round: usize, piece: usize) {
         let (here, arrays) = (&self.levels[level], self.arrays(level));
         let (x, change, u) = (arrays.x.within(task), arrays.change.within(task), arrays.u.within(task));
         if round == 0 && level + 1 < self.levels.len() {
-            self.hand_down(task, level + 1, u, here.partition.tiles[piece].clone());
+            self.prolongate(task, level + 1, u, here.partition.tiles[piece].clone());
         }
         sweep(&here.edges[round], piece, self.rule, x, u, self.width);
         for vertex in here.partition.rounds[round][piece].vertices.iter().cloned().flatten() {
@@ -107,14 +107,14 @@ impl Correction<'_> {
         }
     }
 
-    /// Prolongs the correction of the finest level to a tile's vertices.
+    /// Prolongates the correction of the finest level to a tile's vertices.
     pub(crate) fn correct(&self, task: &Task, tile: Range<u32>) {
-        self.hand_down(task, 0, self.fine.1.within(task), tile);
+        self.prolongate(task, 0, self.fine.1.within(task), tile);
     }
 
-    fn hand_down(&self, task: &Task, level: usize, u: View<'_>, items: Range<u32>) {
+    fn prolongate(&self, task: &Task, level: usize, u: View<'_>, items: Range<u32>) {
         let (Aggregates { label, common, .. }, items) = (&self.levels[level], items.start as usize..items.end as usize);
-        simd::run(self.width, HandDown { label, common, change: self.arrays(level).change.within(task), u, items });
+        simd::run(self.width, Prolongate { label, common, change: self.arrays(level).change.within(task), u, items });
     }
 }
 
@@ -158,7 +158,7 @@ impl Loop for Restrict<'_> {
 }
 
 /// Prolongation: adds to each item the correction of its aggregate.
-struct HandDown<'t> {
+struct Prolongate<'t> {
     label: &'t Indices,
     common: &'t [u32],
     change: View<'t>,
@@ -166,10 +166,10 @@ struct HandDown<'t> {
     items: Range<usize>,
 }
 
-impl Loop for HandDown<'_> {
+impl Loop for Prolongate<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let HandDown { label, common, change, u, items } = self;
+        let Prolongate { label, common, change, u, items } = self;
         let by_label = change.at(label);
         // Tiles begin at a multiple of the SIMD width; a remainder at the end is handled item by item.
         let rest = items.end - items.len() % L::LANES;

@@ -30,7 +30,7 @@ pub(crate) enum Stage {
     /// threads.
     SmallLevels(usize),
     /// Sweep the edges of a level in one round of its partition (level, round). Before the first round, the corrections
-    /// of the coarser levels are prolonged to it.
+    /// of the coarser levels are prolongated to it.
     SweepLevel(usize, usize),
     /// Prolong the corrections of the levels to the vertices.
     Correct,

@@ -14,10 +14,10 @@
 //! 2. Sweep once over the coarse edges, correcting only stretched ones (cloth gives way to compression) along their
 //!    direction at the substep's start. Their shifted compliance corresponds to the share of the stiffness that the
 //!    fine edges do not carry, `1 - (S/S*)²`.
-//! 3. Prolong: add to each vertex the correction of its aggregate.
+//! 3. Prolongate: add to each vertex the correction of its aggregate.
 //!
 //! Weights are constant in an aggregate, and aggregates are nested. So one pass over the vertices restricts to the
-//! finest level, each coarser level is restricted from the next finer one, and the corrections are handed down from the
+//! finest level, each coarser level is restricted from the next finer one, and the corrections are prolongated from the
 //! coarsest level. An impulse `j` along `x_a - x_b` gives the masses of two aggregates the impulses `j` and `-j` and
 //! exerts no torque about any point. So linear and angular momentum are conserved for any weights, as long as the
 //! direction at the substep's start is used.

@@ -16,7 +16,7 @@ pub(crate) struct LevelsPerColor {
     colors: Vec<(usize, Batch)>,
     edges: wgpu::Buffer,
     begin: Stage,
-    hand_down: Stage,
+    prolongate: Stage,
     sweep: Stage,
     note: Stage,
     correct: Stage,
@@ -58,10 +58,10 @@ impl LevelsPerColor {
             ];
             Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::LEVELS_PER_COLOR, name, constants: &[] }, &[bound])
         };
-        let [begin, hand_down, sweep, note] =
-            ["begin_at", "hand_down", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));
+        let [begin, prolongate, sweep, note] =
+            ["begin_at", "prolongate", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));
         let correct = stage("correct_vertices", &of_vertices);
-        LevelsPerColor { aggregates: aggregates.to_vec(), colors, edges, begin, hand_down, sweep, note, correct }
+        LevelsPerColor { aggregates: aggregates.to_vec(), colors, edges, begin, prolongate, sweep, note, correct }
     }
 
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, starts: &[usize], levels: &[Vec<Edge>]) {
@@ -86,7 +86,7 @@ impl LevelsPerColor {
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
         let count = |level: usize| self.aggregates[level].count as usize;
         for level in (0..levels).rev() {
-            let arrive = if level + 1 == levels { &self.begin } else { &self.hand_down };
+            let arrive = if level + 1 == levels { &self.begin } else { &self.prolongate };
             arrive.dispatch(pass, 0, &slot(level), count(level));
             for (index, (_, color)) in self.colors.iter().enumerate().filter(|(_, (of, _))| *of == level) {
                 self.sweep.dispatch(pass, 0, &slot(self.aggregates.len() + index), color.count as usize);
