@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec3A, Vec4};
 
-use super::frame::Frame;
+use super::common_motion::CommonMotion;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::mesh::Mesh;
@@ -77,7 +77,7 @@ impl Bodies {
         self.put(plan, 0.0, plan.params.fraction, x, u);
         // The fit takes longer than to move the bodies, so one that deforms is tried once in a step.
         let near = self.near.iter().map(|&vertex| motion_of(vertex, x, u));
-        self.turn = Frame::of_kinematic(kinematic_pins(plan).chain(near), thickness).is_some();
+        self.turn = CommonMotion::of_kinematic(kinematic_pins(plan).chain(near), thickness).is_some();
     }
 
     /// Moves them through a substep.
@@ -101,10 +101,10 @@ impl Bodies {
     /// Motion is measured relative to it, so that cloth riding on a body is at rest however fast the body is. If the
     /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
     /// because otherwise cloth that touches neither would seem to move.
-    pub(super) fn frame(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<Frame> {
+    pub(super) fn common_motion(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<CommonMotion> {
         let pins = plan.cloth.pinned.iter().map(|&pin| motion_of(pin, x, u));
         let turning =
-            || Frame::of_kinematic(pins.clone().chain(self.near.iter().map(|&vertex| motion_of(vertex, x, u))), thickness);
+            || CommonMotion::of_kinematic(pins.clone().chain(self.near.iter().map(|&vertex| motion_of(vertex, x, u))), thickness);
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
         let range = pins.clone().fold(of_bodies, |range, (_, by)| {
             let [low, high] = range.unwrap_or([by; 2]);
@@ -115,7 +115,7 @@ impl Bodies {
             false => Vec3A::ZERO,
         };
         let range = range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]));
-        self.turn.then(turning).flatten().or_else(|| range.map(middle).map(Frame::of))
+        self.turn.then(turning).flatten().or_else(|| range.map(middle).map(CommonMotion::of))
     }
 
     /// Lists the vertices near the cloth, and returns [`Bodies::travel`].

@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3A, Vec4};
 
 use super::acting::{Acting, for_groups};
 use super::approach::{PatchMotion, patch};
+use super::common_motion::CommonMotion;
 use super::corners::SLICE;
-use super::frame::Frame;
 use super::near::{Find, FindAgain};
 use super::pairs::{Kind, Listed};
 use super::portions::{PORTION, Portion};
@@ -39,7 +39,7 @@ pub(super) struct Contacts {
     /// How the vertices of each patch move.
     pub motions: Vec<PatchMotion>,
     /// The common motion in the last substep, and the coefficients of friction.
-    pub frame: Frame,
+    pub common_motion: CommonMotion,
     friction: Vec<f32>,
     /// The portions of the lists, one list after the other. Those beyond `used` are left from longer lists.
     pub portions: Vec<Portion>,
@@ -135,10 +135,10 @@ impl Contacts {
 
     /// Copies the state of the vertices, and bounds the motion of each patch.
     fn copy(&mut self, start: Start<'_>) {
-        let Contacts { vertices, x, u, by, order, frame, motions, .. } = self;
+        let Contacts { vertices, x, u, by, order, common_motion, motions, .. } = self;
         vertices.resize(order.len(), Vertex::default());
         [&mut *u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
-        let common = std::mem::replace(frame, start.frame);
+        let last_common_motion = std::mem::replace(common_motion, start.common_motion);
         let part = start.workers.part(order.len(), GRAIN);
         let (mut vertices, mut x, mut u, mut order, mut motions) =
             (&mut **vertices, &mut **x, &mut **u, &**order, &mut **motions);
@@ -158,9 +158,9 @@ impl Contacts {
                 let mut all = PatchMotion::NONE;
                 for (&index, (vertex, (x, u))) in order.iter().zip(state.by_ref()) {
                     let of = index as usize;
-                    let moved = xyz(start.x[of]) - xyz(*x) - common.at(xyz(*x));
+                    let moved = xyz(start.x[of]) - xyz(*x) - last_common_motion.at(xyz(*x));
                     let is_known = x.w >= 0.0;
-                    let base = start.frame.at(xyz(start.x[of]));
+                    let base = start.common_motion.at(xyz(start.x[of]));
                     *u = start.u[of].with_w(0.0);
                     let least = if start.x[of].w > 0.0 { start.carries } else { 0.0 };
                     *x = start.x[of].with_w((xyz(*u) - base).length().max(least));

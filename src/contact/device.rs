@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A, Vec4};
 
 use super::ContactPast;
 use super::bodies::{Bodies, kinematic_pins, motions, motions_of};
-use super::frame::Frame;
+use super::common_motion::CommonMotion;
 use super::ignored::IgnoredPairs;
 use super::pairs::Kind;
 use super::past::ListedRows;
@@ -123,12 +123,12 @@ impl OnDevice {
         Some(&self.motions)
     }
 
-    /// The rotation in the first substep of pins and mesh colliders, if they turn as one: see [`Frame::columns`]. The center's
-    /// displacement is that in the whole step.
+    /// The rotation in the first substep of pins and mesh colliders, if they turn as one: see [`CommonMotion::columns`].
+    /// The center's displacement is that in the whole step.
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
         let of_meshes = motions(plan).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
-        let turning = Frame::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.thickness).unwrap_or_default();
+        let turning = CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.thickness).unwrap_or_default();
         let [x, y, z, center, by] = turning.columns();
         [x, y, z, center, by / fraction]
     }

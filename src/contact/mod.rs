@@ -19,6 +19,7 @@ mod bodies;
 mod boxes;
 mod candidates;
 mod carry;
+mod common_motion;
 mod contacts;
 mod contours;
 mod corners;
@@ -26,7 +27,6 @@ pub(crate) mod crossings;
 mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
-mod frame;
 mod group;
 mod ignored;
 mod lanes;
@@ -72,11 +72,11 @@ use crate::step::plan::Plan;
 use bodies::Bodies;
 #[cfg(feature = "gpu")]
 pub(crate) use carry::ROUNDS;
+use common_motion::CommonMotion;
 use contacts::Contacts;
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::most_listed;
-use frame::Frame;
 use ignored::IgnoredPairs;
 pub(crate) use past::ContactPast;
 use past::Kept;
@@ -292,13 +292,13 @@ impl SelfContact {
         self.bodies.advance(plan, substep, x, u);
         self.part_touches(x);
         self.push_out(now, x, u);
-        let frame = self.bodies.frame(plan, x, u, self.options.thickness);
-        if !self.list(now, x, u, frame.is_none()) {
+        let common_motion = self.bodies.common_motion(plan, x, u, self.options.thickness);
+        if !self.list(now, x, u, common_motion.is_none()) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
         if self.tally.listed > 0 {
-            self.hold_apart(now, x, u, frame);
+            self.hold_apart(now, x, u, common_motion);
         }
         // Otherwise those of all vertices were added with what holds pairs apart.
         if self.tally.near == 0 {
@@ -329,9 +329,9 @@ impl SelfContact {
         true
     }
 
-    /// Holds the listed pairs apart that come near. They move relative to `frame`; without one the cloth is free, and they move
-    /// relative to its mean motion.
-    fn hold_apart(&mut self, now: Now<'_>, x: &mut [Vec4], u: &mut [Vec4], frame: Option<Frame>) {
+    /// Holds the listed pairs apart that come near. They move relative to `common_motion`; without one the cloth is free,
+    /// and they move relative to its mean motion.
+    fn hold_apart(&mut self, now: Now<'_>, x: &mut [Vec4], u: &mut [Vec4], common_motion: Option<CommonMotion>) {
         let Now { plan, substep, width, .. } = now;
         let workers = now.workers.for_items(self.tally.listed as usize, PAIRS);
         let scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
@@ -342,7 +342,7 @@ impl SelfContact {
             u,
             push,
             most_push: self.push.most,
-            frame: frame.unwrap_or_else(|| Frame::of(mean(&plan.cloth.mass, u))),
+            common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(&plan.cloth.mass, u))),
             carries: self.carries,
             may_carry: self.ignored.crossings.is_empty(),
             surface: &self.surface,
@@ -362,7 +362,7 @@ impl SelfContact {
         if self.contacts.has_near() {
             self.contacts.finish(x, u, push, workers);
             // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
-            if lost != DVec3::ZERO && frame.is_none() && plan.bodies.is_empty() {
+            if lost != DVec3::ZERO && common_motion.is_none() && plan.bodies.is_empty() {
                 give_back(&plan.cloth.mass, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();

@@ -2,7 +2,7 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::frame::Frame;
+use super::common_motion::CommonMotion;
 use super::surface::Surface;
 use super::workers::Workers;
 use crate::simd::Width;
@@ -40,7 +40,7 @@ pub(super) struct Start<'a> {
     pub push: &'a [Vec4],
     /// The length of the longest of them (m).
     pub most_push: f32,
-    pub frame: Frame,
+    pub common_motion: CommonMotion,
     /// How far (m) vertices may move besides the common motion when they are taken along.
     pub carries: f32,
     /// Whether they may be at all.

@@ -27,16 +27,16 @@ pub(super) const FARTHER: f32 = 0.45;
 impl Contacts {
     /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes.
     pub(super) fn truncate(&mut self, mass: &[f32], workers: Workers<'_>, width: Width) -> DVec3 {
-        let Contacts { portions, used, vertices, u, by, shares, carried, frame, .. } = self;
+        let Contacts { portions, used, vertices, u, by, shares, carried, common_motion, .. } = self;
         let part = workers.part(vertices.len(), GRAIN);
         shares.resize(vertices.len(), 1.0);
         let parts = vertices.chunks(part).zip(by.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
         workers.each(parts, |(((vertices, by), u), shares)| {
             for (((vertex, by), &u), share) in vertices.iter().zip(by).zip(u).zip(shares) {
-                let way = xyz(u) + vertex.push - frame.at(xyz(vertex.x));
+                let way = xyz(u) + vertex.push - common_motion.at(xyz(vertex.x));
                 let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
                 *share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
-                *by = frame.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
+                *by = common_motion.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
         });
         for place in carried.iter().map(|&place| place as usize) {
@@ -62,7 +62,7 @@ impl Contacts {
         for (place, &share) in shares.iter().enumerate().filter(|(_, share)| **share < 1.0) {
             let (vertex, u) = (&mut vertices[place], &mut u[place]);
             let before = xyz(*u);
-            let base = frame.at(xyz(vertex.x));
+            let base = common_motion.at(xyz(vertex.x));
             let after = base + (before - base) * share;
             vertex.push *= share;
             lost += (before - after).as_dvec3() * f64::from(mass[vertex.index as usize]);

@@ -16,7 +16,7 @@ const SMALL: f64 = 1e-3;
 
 /// A rigid motion by less than half a turn, which keeps all distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Frame {
+pub(super) struct CommonMotion {
     /// The displacement (m) of the center.
     by: Vec3A,
     /// The rotation about it less the identity.
@@ -24,17 +24,17 @@ pub(super) struct Frame {
     center: Vec3A,
 }
 
-impl Default for Frame {
+impl Default for CommonMotion {
     /// No motion. (A matrix is the identity by default.)
-    fn default() -> Frame {
-        Frame::of(Vec3A::ZERO)
+    fn default() -> CommonMotion {
+        CommonMotion::of(Vec3A::ZERO)
     }
 }
 
-impl Frame {
+impl CommonMotion {
     /// A translation (m).
-    pub(super) fn of(by: Vec3A) -> Frame {
-        Frame { by, turn: Mat3A::ZERO, center: Vec3A::ZERO }
+    pub(super) fn of(by: Vec3A) -> CommonMotion {
+        CommonMotion { by, turn: Mat3A::ZERO, center: Vec3A::ZERO }
     }
 
     /// The displacement (m) of what is at `x` (m).
@@ -51,7 +51,7 @@ impl Frame {
 
     /// The common motion of kinematic vertices that turn: those of pins and bodies, given by places and displacements (m).
     /// `None` if they do not turn as one, or if what is left of their motion has a range of more than the thickness (m).
-    pub(super) fn of_kinematic(kinematic: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<Frame> {
+    pub(super) fn of_kinematic(kinematic: impl Iterator<Item = (Vec3A, Vec3A)> + Clone, thickness: f32) -> Option<CommonMotion> {
         let nothing = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
         let with = |[low, high]: [Vec3A; 2], by: Vec3A| [low.min(by), high.max(by)];
         let (count, [low, high]) = kinematic.clone().fold((0, nothing), |(count, range), (_, u)| (count + 1, with(range, u)));
@@ -61,23 +61,23 @@ impl Frame {
         if !may_turn {
             return None;
         }
-        let turning = Frame::fitted(kinematic.clone(), count);
+        let turning = CommonMotion::fitted(kinematic.clone(), count);
         let [low, high] = kinematic.fold(nothing, |range, (x, u)| with(range, u - turning.at(x)));
         let by = turning.by + (low + high) * 0.5;
         let left = low.distance(high);
-        (left < thickness && left < LEFT * apart).then_some(Frame { by, ..turning })
+        (left < thickness && left < LEFT * apart).then_some(CommonMotion { by, ..turning })
     }
 
     /// The rotation less the identity, by columns, the center (m) and its displacement (m); w is unused.
     #[cfg(feature = "gpu")]
     pub(super) fn columns(&self) -> [Vec4; 5] {
-        let Frame { turn, center, by } = self;
+        let CommonMotion { turn, center, by } = self;
         [turn.x_axis, turn.y_axis, turn.z_axis, *center, *by].map(|column| column.extend(0.0))
     }
 
     /// The rigid motion that fits `count` points, of which at least [`FITTED`] are used, each at the same distance from the
     /// last. They are visited once.
-    fn fitted(points: impl Iterator<Item = (Vec3A, Vec3A)>, count: usize) -> Frame {
+    fn fitted(points: impl Iterator<Item = (Vec3A, Vec3A)>, count: usize) -> CommonMotion {
         let mut chosen = [(Vec3A::ZERO, Vec3A::ZERO); 2 * FITTED];
         let (each, mut next, mut taken) = ((count / FITTED).max(1), 0, 0);
         for (index, point) in points.enumerate() {
@@ -85,14 +85,14 @@ impl Frame {
                 (chosen[taken], next, taken) = (point, next + each, taken + 1);
             }
         }
-        Frame::turning(chosen[..taken].iter().copied())
+        CommonMotion::turning(chosen[..taken].iter().copied())
     }
 
     /// The rigid motion that fits the motion of some points; each has a place and a displacement (m).
     ///
     /// The rotation is found by steps of least squares, each of them linear in the angle; for points that move rigidly these
     /// converge to their rotation.
-    fn turning(points: impl Iterator<Item = (Vec3A, Vec3A)> + Clone) -> Frame {
+    fn turning(points: impl Iterator<Item = (Vec3A, Vec3A)> + Clone) -> CommonMotion {
         let (mut place, mut by, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (x, u) in points.clone() {
             (place, by, count) = (place + x.as_dvec3(), by + u.as_dvec3(), count + 1.0);
@@ -117,10 +117,10 @@ impl Frame {
             }
         }
         let [x, y, z] = (turn - DMat3::IDENTITY).to_cols_array_2d().map(|column| DVec3::from_array(column).as_vec3a());
-        Frame { by: by.as_vec3a(), turn: Mat3A::from_cols(x, y, z), center: center.as_vec3a() }
+        CommonMotion { by: by.as_vec3a(), turn: Mat3A::from_cols(x, y, z), center: center.as_vec3a() }
     }
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/contact_frame.rs"]
+#[path = "../../tests/unit/contact_common_motion.rs"]
 mod tests;
