@@ -34,11 +34,11 @@ struct RunOver {
 
 impl Contacts {
     /// Takes vertices along with what runs over them, after truncation, and adds to the momentum (kg m) `lost` by that. If those
-    /// may move farther than `carries` (m) besides the common motion, for which near pairs were not found, returns how far they
+    /// may move farther than `max_carry` (m) besides the common motion, for which near pairs were not found, returns how far they
     /// may, and changes nothing.
     pub(super) fn carry(
         &mut self,
-        carries: f32,
+        max_carry: f32,
         thickness: f32,
         mass: &[f32],
         lost: &mut DVec3,
@@ -47,7 +47,7 @@ impl Contacts {
         for round in 0..ROUNDS {
             let pairs = self.run_over(thickness);
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
-            if round == 0 && travel > carries {
+            if round == 0 && travel > max_carry {
                 return Err(travel);
             }
             if pairs.is_empty() {

@@ -62,7 +62,7 @@ pub(super) struct Contacts {
 impl Contacts {
     /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`. Returns the
     /// momentum (kg m) that truncation removes, or how far (m) vertices would have to be taken along if that is more than
-    /// [`Start::carries`]: then nothing is held, and this must be called again.
+    /// [`Start::max_carry`]: then nothing is held, and this must be called again.
     pub(super) fn hold_apart(
         &mut self,
         lists: &mut [Rows; 2],
@@ -79,7 +79,7 @@ impl Contacts {
         self.respond(plan, substep, scale, start.workers, start.width);
         let mut lost = self.truncate(mass, start.workers, start.width);
         if start.may_carry {
-            self.carry(start.carries, start.thickness, mass, &mut lost, threads)?;
+            self.carry(start.max_carry, start.thickness, mass, &mut lost, threads)?;
         }
         Ok(lost)
     }
@@ -162,7 +162,7 @@ impl Contacts {
                     let is_known = x.w >= 0.0;
                     let base = start.common_motion.at(xyz(start.x[of]));
                     *u = start.u[of].with_w(0.0);
-                    let least = if start.x[of].w > 0.0 { start.carries } else { 0.0 };
+                    let least = if start.x[of].w > 0.0 { start.max_carry } else { 0.0 };
                     *x = start.x[of].with_w((xyz(*u) - base).length().max(least));
                     let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                     let travel = (xyz(*u) + push - base).length().max(least);

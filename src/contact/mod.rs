@@ -188,7 +188,7 @@ pub(crate) struct SelfContact {
     kinematics_moved: bool,
     push: Pushes,
     /// How far (m) vertices may be taken along in this step, besides the common motion.
-    carries: f32,
+    max_carry: f32,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
     /// The number of pairs of leaves if there were too many to test; 0 otherwise.
@@ -220,7 +220,7 @@ impl SelfContact {
             may_cross: true,
             kinematics_moved: false,
             push: Pushes::default(),
-            carries: 0.0,
+            max_carry: 0.0,
             h: 0.0,
             crowd: 0,
             tally: Tally::default(),
@@ -261,7 +261,7 @@ impl SelfContact {
 
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
-        (self.tally, self.crowd, self.carries) = (Tally::default(), 0, 0.0);
+        (self.tally, self.crowd, self.max_carry) = (Tally::default(), 0, 0.0);
         self.ignored.begin();
         self.keep();
         let jumped = self.bodies.begin(plan, self.options.friction);
@@ -343,7 +343,7 @@ impl SelfContact {
             push,
             most_push: self.push.most,
             common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(&plan.cloth.mass, u))),
-            carries: self.carries,
+            max_carry: self.max_carry,
             may_carry: self.ignored.crossings.is_empty(),
             surface: &self.surface,
             thickness: self.options.thickness,
@@ -355,10 +355,10 @@ impl SelfContact {
             match self.contacts.hold_apart(&mut self.lists, start, plan, substep, scale) {
                 Ok(lost) => break lost,
                 // Now the near pairs are found for cloth that is taken along so far.
-                Err(travel) => start.carries = travel,
+                Err(travel) => start.max_carry = travel,
             }
         };
-        self.carries = start.carries;
+        self.max_carry = start.max_carry;
         if self.contacts.has_near() {
             self.contacts.finish(x, u, push, workers);
             // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.

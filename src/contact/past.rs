@@ -106,7 +106,7 @@ impl SelfContact {
             detection: _,
             contacts: _,
             push: _,
-            carries: _,
+            max_carry: _,
             crowd: _,
             tally: _,
             kept: _,

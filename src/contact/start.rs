@@ -42,7 +42,7 @@ pub(super) struct Start<'a> {
     pub most_push: f32,
     pub common_motion: CommonMotion,
     /// How far (m) vertices may move besides the common motion when they are taken along.
-    pub carries: f32,
+    pub max_carry: f32,
     /// Whether they may be at all.
     pub may_carry: bool,
     pub surface: &'a Surface,

@@ -48,7 +48,7 @@ fn is_run_over(pair: Passed) -> bool {
 
 // Finds out whether a pair is run over, and what follows what. A corner without a weight is not where the pair is closest.
 fn run_over(pair: Passed) -> RunOver {
-    if contact_params.carries < 0.0 || !is_run_over(pair) {
+    if contact_params.may_carry == 0u || !is_run_over(pair) {
         return RunOver(NONE, vec4<bool>());
     }
     let is_edge = pair.is_edge;
@@ -81,7 +81,7 @@ fn run_over(pair: Passed) -> RunOver {
 fn stop_if_far(leader: u32) {
     if leader != NONE {
         let travel = length(way_with(leader, vec3f()));
-        if travel > contact_params.carries {
+        if travel > contact_params.max_carry {
             atomicMax(&contact_state.status.needed_carry, bitcast<u32>(travel));
             atomicOr(&contact_state.status.stopped, RUN_OVER);
         }
@@ -141,7 +141,7 @@ fn find_pinched(@builtin(local_invocation_index) lane: u32) {
     for (var k = lane; k < count; k += LANES) {
         let told = pairs[place_of_passed(k)].corners;
         let pair = passed_pair(told);
-        if contact_params.carries == 0.0 {
+        if contact_params.max_carry == 0.0 {
             stop_if_far(run_over(pair).leader);
         }
         if pair.is_flat {

@@ -22,7 +22,7 @@ fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) ->
     let corners = pair.corners;
     let at = positions(corners);
     // What is taken along may move farther.
-    let least = contact_params.carries * max(contact_params.carries, 0.0);
+    let least = contact_params.max_carry * contact_params.max_carry;
     let travel = max(vec4f(least), vec4f(
         square(u.a - mean - by_turning(at.a)),
         square(u.b - mean - by_turning(at.b)),

@@ -247,7 +247,7 @@ fn apply_impulses_first(@builtin(global_invocation_id) id: vec3u, @builtin(num_w
     if i >= contact_params.vertices || is_idle() {
         return;
     }
-    vertices[i].way.w = max(length(way_with(i, vertices[i].push.xyz)), contact_params.carries);
+    vertices[i].way.w = max(length(way_with(i, vertices[i].push.xyz)), contact_params.max_carry);
     apply_sums(i);
 }
 

@@ -102,7 +102,7 @@ impl GpuContact {
         }
         self.substeps = plan.substeps.len();
         self.course.begin(&self.status, self.substeps);
-        (self.is_kept, self.carries) = (false, 0.0);
+        (self.is_kept, self.max_carry) = (false, 0.0);
     }
 
     /// Waits for the result of an attempt, and rolls back unless it is good.
@@ -125,7 +125,7 @@ impl GpuContact {
         }
         self.course.change(status.stopped, needed > 0);
         // The common motion differs a little from substep to substep.
-        self.carries = self.carries.max(1.25 * f32::from_bits(status.needed_carry));
+        self.max_carry = self.max_carry.max(1.25 * f32::from_bits(status.needed_carry));
         if needed > self.room || space > self.space {
             self.grow(gpu, needed, space);
         } else {

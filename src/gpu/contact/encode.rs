@@ -43,7 +43,7 @@ impl GpuContact {
             + match self.course.response {
                 Response::None => 0,
                 Response::Glance => 1,
-                Response::Full if self.carries > 0.0 => OF_RESPONSE + 3 * ROUNDS,
+                Response::Full if self.max_carry > 0.0 => OF_RESPONSE + 3 * ROUNDS,
                 Response::Full => OF_RESPONSE,
             }
     }
@@ -116,7 +116,7 @@ impl GpuContact {
         stages.truncate.dispatch(pass, group, &[], items);
         stages.finish.dispatch(pass, group, &[], vertices);
         let [carry, truncate, finish] = &stages.carry;
-        for _ in 0..if self.carries > 0.0 { ROUNDS } else { 0 } {
+        for _ in 0..if self.max_carry > 0.0 { ROUNDS } else { 0 } {
             carry.dispatch_workgroups(pass, group, &[], 1);
             truncate.dispatch(pass, group, &[], items);
             finish.dispatch(pass, group, &[], vertices);

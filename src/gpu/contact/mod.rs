@@ -102,7 +102,7 @@ pub(crate) struct GpuContact {
     status: Status,
     course: Course,
     /// How far (m) vertices may be taken along in this step, besides the common motion.
-    carries: f32,
+    max_carry: f32,
     /// Number of substeps of the current step.
     substeps: usize,
     /// Number of pairs that act from which workgroups collect their sums.
@@ -152,7 +152,7 @@ impl GpuContact {
             staging,
             status,
             course: Course::default(),
-            carries: 0.0,
+            max_carry: 0.0,
             substeps: 0,
             many: MANY,
         })
@@ -231,7 +231,7 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, carries, .. } = self;
+        let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, max_carry, .. } = self;
         let [of_vertices, of_edges] = kept.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
@@ -272,8 +272,9 @@ impl GpuContact {
             box_edges: table.box_edges,
             features: table.features,
             spacing: course.spacing(),
-            carries: if kept.may_carry() { *carries } else { -1.0 },
-            padding: [0; 3],
+            max_carry: if kept.may_carry() { *max_carry } else { 0.0 },
+            may_carry: kept.may_carry().into(),
+            padding: [0; 2],
             turn_x,
             turn_y,
             turn_z,
