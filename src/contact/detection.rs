@@ -72,7 +72,7 @@ pub(super) struct Detection {
 pub(super) struct Scene<'a> {
     pub surface: &'a Surface,
     /// Whether contact of the cloth with itself is on.
-    pub meets_itself: bool,
+    pub has_self_contact: bool,
     /// Whether bodies are where they were at the last detection.
     pub bodies_rest: bool,
     pub path: Path<'a>,
@@ -157,7 +157,7 @@ impl Detection {
         let [own, across] = &mut self.leaves;
         own.clear();
         across.clear();
-        if scene.meets_itself {
+        if scene.has_self_contact {
             cloth.walk(walk, own);
         }
         if surface.has_bodies() {

@@ -29,7 +29,7 @@ pub(crate) const MARK: u32 = 1 << 31;
 #[derive(Debug)]
 pub(crate) struct OnDevice {
     surface: Surface,
-    meets_itself: bool,
+    has_self_contact: bool,
     bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
@@ -84,7 +84,7 @@ impl OnDevice {
         let bodies = Bodies::new(range[0], meshes);
         let kept = OnDevice {
             surface,
-            meets_itself: contact.is_some(),
+            has_self_contact: contact.is_some(),
             bodies,
             vertices: range[1],
             ignored: IgnoredPairs::default(),
@@ -138,8 +138,8 @@ impl OnDevice {
         self.bodies.are_still
     }
 
-    pub(crate) fn meets_itself(&self) -> bool {
-        self.meets_itself
+    pub(crate) fn has_self_contact(&self) -> bool {
+        self.has_self_contact
     }
 
     /// Discards what depends on the state, because it was replaced.
@@ -164,7 +164,7 @@ impl OnDevice {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        IgnoredPairs::kinematics_cross(&self.surface, &x, self.meets_itself, self.thickness)
+        IgnoredPairs::kinematics_cross(&self.surface, &x, self.has_self_contact, self.thickness)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
@@ -173,7 +173,7 @@ impl OnDevice {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         self.may_cross = self.may_cross || self.kinematics_cross(plan);
         let moved = match self.may_cross && is_new {
-            true => IgnoredPairs::part_touches(&self.surface, &x, self.meets_itself, self.thickness),
+            true => IgnoredPairs::part_touches(&self.surface, &x, self.has_self_contact, self.thickness),
             false => Vec::new(),
         };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
@@ -185,13 +185,13 @@ impl OnDevice {
     /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
-        let OnDevice { surface, meets_itself, ignored, thickness, .. } = self;
+        let OnDevice { surface, has_self_contact, ignored, thickness, .. } = self;
         let pinched = std::mem::take(&mut self.pinched);
         if std::mem::take(&mut self.may_cross) {
-            ignored.find(surface, x, *meets_itself, *thickness);
+            ignored.find(surface, x, *has_self_contact, *thickness);
             return true;
         }
-        ignored.follow(surface, x, *meets_itself, *thickness, &pinched)
+        ignored.follow(surface, x, *has_self_contact, *thickness, &pinched)
     }
 
     /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them, and whether these `are_all`.

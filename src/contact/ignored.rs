@@ -26,9 +26,9 @@ pub(super) struct IgnoredPairs {
 }
 
 impl IgnoredPairs {
-    /// Searches for intersections with bodies and, if `meets_itself`, of the cloth with itself.
-    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) {
-        let found = features(surface, x, thickness).crossings(|a, b| surface.may_collide(a, b, meets_itself));
+    /// Searches for intersections with bodies and, if `has_self_contact`, of the cloth with itself.
+    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) {
+        let found = features(surface, x, thickness).crossings(|a, b| surface.may_collide(a, b, has_self_contact));
         self.take(found, surface);
     }
 
@@ -37,7 +37,14 @@ impl IgnoredPairs {
     ///
     /// While contact holds all other pairs, intersections arise only where pairs are ignored, or pinched: a vertex that moves
     /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
-    pub(super) fn follow(&mut self, surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32, vertices: &[u32]) -> bool {
+    pub(super) fn follow(
+        &mut self,
+        surface: &Surface,
+        x: &[Vec4],
+        has_self_contact: bool,
+        thickness: f32,
+        vertices: &[u32],
+    ) -> bool {
         if self.crossings.is_empty() && vertices.is_empty() {
             return false;
         }
@@ -55,7 +62,7 @@ impl IgnoredPairs {
             triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
             ..features(surface, x, thickness)
         };
-        let found = features.crossings(|a, b| surface.may_collide(a, b, meets_itself));
+        let found = features.crossings(|a, b| surface.may_collide(a, b, has_self_contact));
         let found: Vec<[u32; 2]> =
             found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
         let are_new = found != self.crossings;
@@ -77,13 +84,13 @@ impl IgnoredPairs {
     }
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
-    pub(super) fn part_touches(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> Vec<(u32, Vec4)> {
-        apart(features(surface, x, thickness), |a, b| surface.may_collide(a, b, meets_itself))
+    pub(super) fn part_touches(surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) -> Vec<(u32, Vec4)> {
+        apart(features(surface, x, thickness), |a, b| surface.may_collide(a, b, has_self_contact))
     }
 
     /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
     /// these apart.
-    pub(super) fn kinematics_cross(surface: &Surface, x: &[Vec4], meets_itself: bool, thickness: f32) -> bool {
+    pub(super) fn kinematics_cross(surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) -> bool {
         let is_kinematic = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
         let cloth = surface.of_cloth();
         // Kinematic parts of the cloth are all around its pins, which are few.
@@ -121,7 +128,7 @@ impl IgnoredPairs {
         let of_bodies = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
         triangles.extend(of_bodies.iter().filter(|corners| is_there(*corners)));
         let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
-        let may_collide = |a, b| surface.may_collide(a, b, meets_itself);
+        let may_collide = |a, b| surface.may_collide(a, b, has_self_contact);
         features.are_close(may_collide) && !features.crossings(may_collide).is_empty()
     }
 

@@ -8,7 +8,7 @@ use super::ignored::IgnoredPairs;
 use super::paths::Paths;
 use super::surface::Surface;
 use super::tree::DetectionScope;
-use super::{Path, SelfContact, Workers};
+use super::{Path, TriangleContact, Workers};
 use crate::kernels::integrate::xyz;
 use crate::options::Contact;
 use crate::simd::Width;
@@ -16,16 +16,16 @@ use crate::simd::Width;
 /// Least margin within which a vertex may stray from its path before it gets a new one, in units of the thickness.
 const MIN_MARGIN: f32 = 0.1;
 
-impl SelfContact {
+impl TriangleContact {
     /// Ignores the pairs of what crosses at the end of the substep because it is pinched.
     pub(super) fn ignore_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
-        let SelfContact { options, surface, contacts, ignored, paths, meets_itself, .. } = self;
+        let TriangleContact { options, surface, contacts, ignored, paths, has_self_contact, .. } = self;
         let pinched = contacts.pinched(options.thickness);
         if !pinched.is_empty() {
             ignored.note(&pinched, surface);
             let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
             let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
-            if ignored.follow(surface, &ends, *meets_itself, options.thickness, &vertices) {
+            if ignored.follow(surface, &ends, *has_self_contact, options.thickness, &vertices) {
                 paths.end();
             }
         }
@@ -39,7 +39,7 @@ impl SelfContact {
             return false;
         }
         if self.kinematics_moved && !self.may_cross {
-            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x, self.meets_itself, self.options.thickness);
+            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x, self.has_self_contact, self.options.thickness);
         }
         let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let is_known = !self.may_cross && self.ignored.crossings.is_empty();
@@ -61,7 +61,7 @@ impl SelfContact {
 
     /// Lists all pairs, for new paths.
     fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
-        let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        let TriangleContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
         paths.adapt(path, lists_are, surface, MIN_MARGIN * options.thickness, is_free);
@@ -70,12 +70,12 @@ impl SelfContact {
         }
         paths.begin(path.x, path.u);
         if std::mem::take(&mut self.may_cross) {
-            self.ignored.find(surface, path.x, self.meets_itself, options.thickness);
+            self.ignored.find(surface, path.x, self.has_self_contact, options.thickness);
         } else {
-            self.ignored.follow(surface, path.x, self.meets_itself, options.thickness, &[]);
+            self.ignored.follow(surface, path.x, self.has_self_contact, options.thickness, &[]);
         }
         self.contacts.keep(lists, path.workers);
-        let scene = scene(surface, *options, self.meets_itself, bodies.are_known, paths, path.workers, width);
+        let scene = scene(surface, *options, self.has_self_contact, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let ignored = &self.ignored;
         self.contacts.forget();
@@ -84,13 +84,14 @@ impl SelfContact {
 
     /// Lists more pairs, around some vertices that get new paths.
     fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
-        let SelfContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        let TriangleContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         if !detection.is_fitted {
-            detection.fit(scene(surface, *options, self.meets_itself, false, paths, path.workers, width), [of_cloth, of_bodies]);
+            detection
+                .fit(scene(surface, *options, self.has_self_contact, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
         paths.restart(strayed, path, surface, MIN_MARGIN * options.thickness, is_free);
         bodies.are_known &= bodies.are_still;
-        let scene = scene(surface, *options, self.meets_itself, false, paths, path.workers, width);
+        let scene = scene(surface, *options, self.has_self_contact, false, paths, path.workers, width);
         detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)
     }
 }
@@ -99,7 +100,7 @@ impl SelfContact {
 fn scene<'a>(
     surface: &'a Surface,
     options: Contact,
-    meets_itself: bool,
+    has_self_contact: bool,
     bodies_rest: bool,
     paths: &'a Paths,
     workers: Workers<'a>,
@@ -107,5 +108,5 @@ fn scene<'a>(
 ) -> Scene<'a> {
     let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers };
     let scope = DetectionScope { substeps: paths.ahead, thickness: options.thickness };
-    Scene { surface, meets_itself, bodies_rest, path, scope, width }
+    Scene { surface, has_self_contact, bodies_rest, path, scope, width }
 }

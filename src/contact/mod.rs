@@ -8,7 +8,7 @@
 //! the response achieved.
 //!
 //! # Practice
-//! [`SelfContact::resolve`] runs in each substep, after the sweeps and before positions are updated. It loops over
+//! [`TriangleContact::resolve`] runs in each substep, after the sweeps and before positions are updated. It loops over
 //! vertices, pairs and leaves. Each item writes only its own data and gathers the contributions of others in a fixed
 //! order, so the result does not depend on the number of threads.
 
@@ -168,10 +168,10 @@ pub(crate) struct Tally {
 
 /// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
 #[derive(Debug)]
-pub(crate) struct SelfContact {
+pub(crate) struct TriangleContact {
     options: Contact,
     /// Whether contact of the cloth with itself is on; otherwise there is contact with bodies only.
-    meets_itself: bool,
+    has_self_contact: bool,
     surface: Surface,
     /// Over the triangles of the cloth, and over those of the bodies.
     trees: [Tree; 2],
@@ -197,18 +197,18 @@ pub(crate) struct SelfContact {
     kept: Kept,
 }
 
-impl SelfContact {
+impl TriangleContact {
     /// Returns `None` if the cloth has no triangles.
-    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<SelfContact> {
+    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<TriangleContact> {
         let options = contact.unwrap_or_default();
         let (mut surface, leaves) = Surface::new(cloth, options.thickness)?;
         let of_cloth = Tree::of_cloth(&surface, leaves);
         let first = surface.rest.len();
         let leaves = surface.add_bodies(&meshes, options.thickness);
         let bodies = Bodies::new(first, meshes);
-        Some(SelfContact {
+        Some(TriangleContact {
             options,
-            meets_itself: contact.is_some(),
+            has_self_contact: contact.is_some(),
             surface,
             trees: [of_cloth, Tree::of_bodies(leaves)],
             bodies,
@@ -310,13 +310,13 @@ impl SelfContact {
     /// Moves apart what touches exactly, once after the state was replaced.
     fn part_touches(&self, x: &mut [Vec4]) {
         if self.may_cross && self.paths.since.is_none() {
-            let moved = IgnoredPairs::part_touches(&self.surface, x, self.meets_itself, self.options.thickness);
+            let moved = IgnoredPairs::part_touches(&self.surface, x, self.has_self_contact, self.options.thickness);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
     }
 
     /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
-    /// impossible: see [`SelfContact::detect`].
+    /// impossible: see [`TriangleContact::detect`].
     fn list(&mut self, Now { workers, width, .. }: Now<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
         let path = Path { x, u, margin: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };

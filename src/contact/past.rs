@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec4;
 
-use super::SelfContact;
+use super::TriangleContact;
 use super::pairs::{Kind, Listed, corners};
 use super::paths::Paths;
 use super::rows::Rows;
@@ -63,7 +63,7 @@ pub(super) struct Kept {
     h: f32,
 }
 
-impl SelfContact {
+impl TriangleContact {
     /// Keeps what a failed step is to leave as it was.
     pub(crate) fn keep(&mut self) {
         let Kept { bodies, lists, paths, crossings, may_cross, h } = &mut self.kept;
@@ -90,7 +90,7 @@ impl SelfContact {
     }
 
     pub(crate) fn past(&self) -> ContactPast {
-        let SelfContact {
+        let TriangleContact {
             bodies,
             lists,
             paths,
@@ -99,7 +99,7 @@ impl SelfContact {
             h,
             // These follow from the cloth and the options, or are recomputed in each substep.
             options: _,
-            meets_itself: _,
+            has_self_contact: _,
             kinematics_moved: _,
             surface: _,
             trees: _,

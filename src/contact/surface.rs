@@ -143,10 +143,10 @@ impl Surface {
         self.add(all)
     }
 
-    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself if `meets_itself`.
-    pub(super) fn may_collide(&self, a: u32, b: u32, meets_itself: bool) -> bool {
+    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself if `has_self_contact`.
+    pub(super) fn may_collide(&self, a: u32, b: u32, has_self_contact: bool) -> bool {
         match [a, b].map(|vertex| self.owner[vertex as usize]) {
-            [0, 0] => meets_itself,
+            [0, 0] => has_self_contact,
             [a, b] => a == 0 || b == 0,
         }
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec4;
 use web_time::Instant;
 
-use crate::contact::{SelfContact, Workers};
+use crate::contact::{TriangleContact, Workers};
 use crate::cpu::correction::Correction;
 use crate::cpu::integrate::Integrator;
 use crate::cpu::packed::Packed;
@@ -50,7 +50,7 @@ pub(crate) struct Cpu {
     /// A fixed number of threads that overrides the choice.
     threads: Option<usize>,
     /// Contact of triangles (the cloth with itself and with mesh colliders), if the scene has any.
-    pub contact: Option<Box<SelfContact>>,
+    pub contact: Option<Box<TriangleContact>>,
     /// What the last step found in its place and replaced, to go back to if the step fails; `None` if it kept it.
     replaced: Option<Replaced>,
     /// Run each pass as a parallel loop instead of through the task graph.
@@ -60,7 +60,7 @@ pub(crate) struct Cpu {
 
 /// Contact data that other data replaced, if there was any.
 #[derive(Debug)]
-struct Replaced(Option<Box<SelfContact>>);
+struct Replaced(Option<Box<TriangleContact>>);
 
 impl Cpu {
     pub(crate) fn new(cloth: &Cloth) -> Cpu {
@@ -104,7 +104,7 @@ impl Cpu {
     }
 
     pub(crate) fn past(&self) -> Past {
-        let contact = self.contact.as_deref().map(SelfContact::past);
+        let contact = self.contact.as_deref().map(TriangleContact::past);
         Past { steps: self.steps, untold: Vec::new(), contact }
     }
 
@@ -149,11 +149,11 @@ impl Cpu {
         meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
     ) {
         if self.contact.as_ref().is_none_or(|contact| !contact.is_of(meshes.clone())) {
-            self.replace_contact(SelfContact::new(cloth, options, meshes.cloned().collect()).map(Box::new));
+            self.replace_contact(TriangleContact::new(cloth, options, meshes.cloned().collect()).map(Box::new));
         }
     }
 
-    fn replace_contact(&mut self, contact: Option<Box<SelfContact>>) {
+    fn replace_contact(&mut self, contact: Option<Box<TriangleContact>>) {
         let mut replaced = self.set_contact(contact);
         replaced.iter_mut().for_each(|contact| contact.keep());
         self.replaced = Some(Replaced(replaced));
@@ -167,7 +167,7 @@ impl Cpu {
     }
 
     /// Sets the contact data, extends the state by the vertices of its mesh colliders, and returns the data of before.
-    fn set_contact(&mut self, contact: Option<Box<SelfContact>>) -> Option<Box<SelfContact>> {
+    fn set_contact(&mut self, contact: Option<Box<TriangleContact>>) -> Option<Box<TriangleContact>> {
         let vertices = contact.as_ref().map_or(0, |contact| contact.vertices());
         [&mut self.x, &mut self.p].into_iter().for_each(|state| state.make_room(vertices));
         std::mem::replace(&mut self.contact, contact)
@@ -254,7 +254,7 @@ impl Cpu {
     /// Runs the substeps of a step one by one, resolving contact of triangles before each move.
     fn substeps(
         &mut self,
-        contact: &mut SelfContact,
+        contact: &mut TriangleContact,
         plan: &Plan<'_>,
         external: Option<&ExternalPrediction<'_>>,
         team: &Team,

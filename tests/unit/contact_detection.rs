@@ -58,7 +58,7 @@ impl Folded {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
         let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers: Workers::ALONE };
         let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
-        let scene = Scene { surface, meets_itself: true, bodies_rest: false, path, scope, width: Width::detected() };
+        let scene = Scene { surface, has_self_contact: true, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
             None => detection.run(scene, [of_cloth, of_bodies], lists, |_, _, _| false).unwrap(),
             Some(vertices) => {

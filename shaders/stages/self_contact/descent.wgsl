@@ -58,7 +58,7 @@ fn is_after(leaf: u32, node: u32, level: u32) -> bool {
 
 // Returns the number of nodes that are held.
 fn begin_descent(lane: u32) -> u32 {
-    let of_cloth = select(0u, 1u << first_level(contact_params.depth), contact_params.meets_itself != 0u);
+    let of_cloth = select(0u, 1u << first_level(contact_params.depth), contact_params.has_self_contact != 0u);
     let of_meshes = select(0u, 1u << first_level(contact_params.mesh_depth), contact_params.mesh_leaves > 0u);
     if lane < of_cloth {
         held[lane] = select(of_cloth, 0u, contact_params.depth == 0u) + lane;

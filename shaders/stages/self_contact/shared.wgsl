@@ -36,7 +36,7 @@ struct ContactParams {
     // step, and whether contact of the cloth with itself is on; 1 or 0.
     has_kinematic: u32,
     meshes_rest: u32,
-    meets_itself: u32,
+    has_self_contact: u32,
     // Numbers of ignored pairs: of a vertex and a triangle, and of two edges.
     ignored: u32,
     ignored_edges: u32,

@@ -263,7 +263,7 @@ impl GpuContact {
             bodies: plan.bodies.len() as u32,
             has_kinematic: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
             meshes_rest: kept.meshes_rest().into(),
-            meets_itself: kept.meets_itself().into(),
+            has_self_contact: kept.has_self_contact().into(),
             ignored: of_vertices.len() as u32,
             ignored_edges: of_edges.len() as u32,
             groups: vertices.div_ceil(WORKGROUP) as u32,

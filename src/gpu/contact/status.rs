@@ -118,7 +118,7 @@ pub(crate) struct ContactParams {
     pub bodies: u32,
     pub has_kinematic: u32,
     pub meshes_rest: u32,
-    pub meets_itself: u32,
+    pub has_self_contact: u32,
     pub ignored: u32,
     pub ignored_edges: u32,
     pub groups: u32,
