@@ -107,7 +107,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("AHEAD_LEAST", paths::AHEAD[0]),
     ("AHEAD_MOST", paths::AHEAD[1]),
     ("FARTHER_AHEAD", paths::FARTHER_AHEAD),
-    ("UPRIGHT", normals::UPRIGHT),
+    ("CONE_COSINE", normals::CONE_COSINE),
     ("MOST_EXCESS", tree::MOST_EXCESS),
     ("ACTING", near::ACTING),
     ("FARTHER", truncation::FARTHER),

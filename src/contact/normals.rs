@@ -3,15 +3,15 @@
 use glam::Vec3A;
 
 /// Cosine of the angle of a cone. If the normals of connected cloth are within such a cone, it is not folded over.
-pub(super) const UPRIGHT: f32 = 0.64;
+pub(super) const CONE_COSINE: f32 = 0.64;
 
-/// Whether all unit vectors within bounds are in one cone of [`UPRIGHT`].
-pub(super) fn are_upright([low, high]: [Vec3A; 2]) -> bool {
+/// Whether all unit vectors within bounds are in one cone of [`CONE_COSINE`].
+pub(super) fn in_one_cone([low, high]: [Vec3A; 2]) -> bool {
     let axis = low + high;
     let (a, b) = (low * axis, high * axis);
     let least = a.min(b);
     let least = least.x + least.y + least.z;
-    least > 0.0 && least * least > UPRIGHT * UPRIGHT * axis.length_squared()
+    least > 0.0 && least * least > CONE_COSINE * CONE_COSINE * axis.length_squared()
 }
 
 /// Bounds of the unit normals of a triangle that moves from `x` to `end` (m), each vertex along a straight path from which it
@@ -20,7 +20,7 @@ pub(super) fn are_upright([low, high]: [Vec3A; 2]) -> bool {
 /// Its normal times twice its area is a quadratic Bézier curve in time. So on the whole path the normal is in each cone that
 /// contains the three control vectors (Tang et al. 2009, "ICCD: Interactive Continuous Collision Detection between Deformable
 /// Models Using Connectivity-Based Culling"). The bounds ignore straying, which tilts the triangle by no more than a cone of
-/// [`UPRIGHT`] leaves up to a right angle; if it may tilt it farther, they contain all directions.
+/// [`CONE_COSINE`] leaves up to a right angle; if it may tilt it farther, they contain all directions.
 pub(super) fn normals_on_path(x: [Vec3A; 3], end: [Vec3A; 3], margin: f32) -> [Vec3A; 2] {
     let sides = |[a, b, c]: [Vec3A; 3]| [b - a, c - a, c - b];
     let (first, last) = (sides(x), sides(end));
@@ -36,11 +36,11 @@ pub(super) fn normals_on_path(x: [Vec3A; 3], end: [Vec3A; 3], margin: f32) -> [V
     [one.min(two).min(three), one.max(two).max(three)]
 }
 
-/// Whether a triangle, given by twice its area (m²) and its `longest` side (m), may tilt by more than a cone ([`UPRIGHT`])
+/// Whether a triangle, given by twice its area (m²) and its `longest` side (m), may tilt by more than a cone ([`CONE_COSINE`])
 /// leaves up to a right angle, if each vertex strays so far (m): the sine of that angle is the cosine of the cone's, and that
 /// of the tilt is twice the straying over the least height.
 fn may_tilt(twice_area: f32, longest: f32, margin: f32) -> bool {
-    2.0 * margin * longest >= UPRIGHT * twice_area
+    2.0 * margin * longest >= CONE_COSINE * twice_area
 }
 
 #[cfg(test)]

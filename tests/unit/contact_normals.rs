@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3A};
 
-use super::{UPRIGHT, are_upright, may_tilt, normals_on_path};
+use super::{CONE_COSINE, in_one_cone, may_tilt, normals_on_path};
 
 fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a).normalize()
@@ -34,16 +34,16 @@ fn triangle(random: &mut fastrand::Rng) -> [DVec3; 3] {
 
 #[test]
 fn triangles_may_tilt_exactly_if_the_cone_leaves_less() {
-    let (mut random, upright) = (fastrand::Rng::with_seed(1), f64::from(UPRIGHT));
+    let (mut random, cone_cosine) = (fastrand::Rng::with_seed(1), f64::from(CONE_COSINE));
     for case in 0..1000 {
         let x = triangle(&mut random);
         let longest = (0..3).map(|k| x[k].distance(x[(k + 1) % 3])).fold(0.0, f64::max);
         let twice_area = (x[1] - x[0]).cross(x[2] - x[0]).length();
         let height = twice_area / longest;
         for (share, tilts) in [(0.98, false), (1.02, true)] {
-            let margin = share * 0.5 * upright * height;
+            let margin = share * 0.5 * cone_cosine * height;
             assert_eq!(may_tilt(twice_area as f32, longest as f32, margin as f32), tilts, "case {case}: {share} of {height} m");
-            assert_eq!(most_tilt(x, margin) > upright, tilts, "case {case}: {share} of {height} m");
+            assert_eq!(most_tilt(x, margin) > cone_cosine, tilts, "case {case}: {share} of {height} m");
             // No motion of vertices that stray no farther tilts it more.
             let mut moved = || DVec3::new(random.f64() - 0.5, random.f64() - 0.5, random.f64() - 0.5).normalize() * margin;
             let tilt = normal(x).cross(normal(x.map(|x| x + moved()))).length();
@@ -54,34 +54,34 @@ fn triangles_may_tilt_exactly_if_the_cone_leaves_less() {
 
 /// A triangle that may tilt is in no cone, whether it is low at the start of its path or at the end.
 #[test]
-fn what_may_tilt_is_not_upright() {
+fn what_may_tilt_is_in_no_cone() {
     let flat = |height: f32| [Vec3A::ZERO, Vec3A::X * 0.03, Vec3A::new(0.01, 0.0, height)];
-    let is_upright = |before, after, margin| are_upright(normals_on_path(flat(before), flat(after), margin));
-    assert!(is_upright(0.02, 0.02, 0.006), "low enough straying");
-    assert!(!is_upright(0.02, 0.02, 0.007), "it may tilt");
-    assert!(!is_upright(0.02, 0.01, 0.006), "it may tilt at the end of its path");
-    assert!(!is_upright(0.01, 0.02, 0.006), "it may tilt at the start of its path");
+    let is_in_one_cone = |before, after, margin| in_one_cone(normals_on_path(flat(before), flat(after), margin));
+    assert!(is_in_one_cone(0.02, 0.02, 0.006), "low enough straying");
+    assert!(!is_in_one_cone(0.02, 0.02, 0.007), "it may tilt");
+    assert!(!is_in_one_cone(0.02, 0.01, 0.006), "it may tilt at the end of its path");
+    assert!(!is_in_one_cone(0.01, 0.02, 0.006), "it may tilt at the start of its path");
 }
 
-/// What is upright on its path is so at each moment of it, also where it turns there and back.
+/// What is within a cone on its path is so at each moment of it, also where it turns there and back.
 #[test]
 fn normals_are_within_their_bounds_on_the_whole_path() {
     let mut random = fastrand::Rng::with_seed(2);
-    let mut upright = 0;
+    let mut within = 0;
     for case in 0..100_000 {
         let (x, end) = (triangle(&mut random), triangle(&mut random));
         let single = |x: [DVec3; 3]| x.map(|at| (at - x[0]).as_vec3a());
         let bounds = normals_on_path(single(x), single(end), 0.0);
-        if !are_upright(bounds) {
+        if !in_one_cone(bounds) {
             continue;
         }
-        upright += 1;
+        within += 1;
         let axis = (bounds[0] + bounds[1]).as_dvec3().normalize();
         for k in 0..=20 {
             let moment = f64::from(k) / 20.0;
             let along = normal(std::array::from_fn(|k| x[k].lerp(end[k], moment))).dot(axis);
-            assert!(along > f64::from(UPRIGHT) - 1e-3, "case {case}, {moment} of the path: {along}");
+            assert!(along > f64::from(CONE_COSINE) - 1e-3, "case {case}, {moment} of the path: {along}");
         }
     }
-    assert!(upright > 1000, "only {upright} are");
+    assert!(within > 1000, "only {within} are");
 }

@@ -4,7 +4,7 @@
 
 override LANES: u32 = 128u;
 
-// The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `UPRIGHT`:
+// The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `CONE_COSINE`:
 // `src/contact/tree/mod.rs`.
 const MOST_EXCESS: f32 = 0.6;
 // Number of nodes that can be held. With the last `LEVELS` of these places left, one node is replaced by its children at a
@@ -33,7 +33,7 @@ fn is_clear(a: u32, b: u32) -> bool {
     }
     let low = min(nodes[a].normal_low, nodes[b].normal_low);
     let high = max(nodes[a].normal_high, nodes[b].normal_high);
-    return are_upright(Normals(low, high)) && (a == b || is_beside(a, b));
+    return in_one_cone(Normals(low, high)) && (a == b || is_beside(a, b));
 }
 
 fn is_beside(a: u32, b: u32) -> bool {

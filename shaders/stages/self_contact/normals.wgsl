@@ -1,7 +1,7 @@
 // Bounds of the normals of triangles, from which follows that cloth is not folded over.
 
 // Cosine of the angle of a cone. If the normals of connected cloth are within such a cone, it is not folded over.
-const UPRIGHT: f32 = 0.64;
+const CONE_COSINE: f32 = 0.64;
 
 struct Normals {
     low: vec3f,
@@ -11,11 +11,11 @@ struct Normals {
 // Those of the normals of each triangle of the cloth on its path.
 @group(1) @binding(17) var<storage, read_write> normals: array<Normals>;
 
-// Whether all unit vectors within bounds are in one cone of `UPRIGHT`.
-fn are_upright(n: Normals) -> bool {
+// Whether all unit vectors within bounds are in one cone of `CONE_COSINE`.
+fn in_one_cone(n: Normals) -> bool {
     let axis = n.low + n.high;
     let least = dot(min(n.low * axis, n.high * axis), vec3f(1.0));
-    return least > 0.0 && least * least > UPRIGHT * UPRIGHT * square(axis);
+    return least > 0.0 && least * least > CONE_COSINE * CONE_COSINE * square(axis);
 }
 
 fn normalize_or_zero(v: vec3f) -> vec3f {
@@ -49,5 +49,5 @@ fn normals_on_path(a: Track, b: Track, c: Track) -> Normals {
 // Whether straying may tilt a triangle, given by twice its area and its longest side, by more than a cone leaves up to a right
 // angle.
 fn may_tilt(twice_area: f32, longest: f32, margin: f32) -> bool {
-    return 2.0 * margin * longest >= UPRIGHT * twice_area;
+    return 2.0 * margin * longest >= CONE_COSINE * twice_area;
 }

@@ -10,7 +10,7 @@ mod walk;
 
 use glam::Vec3A;
 
-use super::normals::are_upright;
+use super::normals::in_one_cone;
 use super::surface::{Leaves, Surface};
 use crate::kernels::integrate::xyz;
 use crate::model::csr::Csr;

@@ -5,7 +5,7 @@
 
 use super::super::workers::Workers;
 use super::refit::MOVED;
-use super::{DetectionScope, MOST_EXCESS, Tree, are_upright};
+use super::{DetectionScope, MOST_EXCESS, Tree, in_one_cone};
 
 /// Levels that are traversed before the rest is divided into tasks.
 const SHARED_LEVELS: u32 = 5;
@@ -90,7 +90,7 @@ impl Tree {
         if !all && marks() == 0 || self.is_clear(pair, here, scope) {
             return;
         }
-        all = all || self.was_upright(pair, here);
+        all = all || self.were_in_one_cone(pair, here);
         if here == self.depth && !all && marks() & MOVED == 0 {
             return;
         }
@@ -108,13 +108,13 @@ impl Tree {
     fn is_clear(&self, [a, b]: [u32; 2], level: u32, scope: DetectionScope) -> bool {
         let (one, other) = (&self.nodes[a as usize], &self.nodes[b as usize]);
         a != b && one.is_apart(other, scope.thickness, scope.substeps)
-            || self.is_flat([a, b], level) && are_upright(one.join(other).normal)
+            || self.is_flat([a, b], level) && in_one_cone(one.join(other).normal)
     }
 
     /// Whether normals ruled out two nodes before they were refitted in part.
-    fn was_upright(&self, [a, b]: [u32; 2], level: u32) -> bool {
+    fn were_in_one_cone(&self, [a, b]: [u32; 2], level: u32) -> bool {
         let [one, other] = [a, b].map(|node| self.before[node as usize]);
-        self.is_flat([a, b], level) && are_upright([one[0].min(other[0]), one[1].max(other[1])])
+        self.is_flat([a, b], level) && in_one_cone([one[0].min(other[0]), one[1].max(other[1])])
     }
 
     /// Whether two nodes, or a node and itself, are connected and nearly flat at rest.
