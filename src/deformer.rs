@@ -50,9 +50,9 @@ use crate::step::watch::{Led, Watch};
 /// not halve their time.
 const SMALL: usize = 4096;
 
-/// Everything decided about a step before it is taken.
+/// Everything that is decided about a step before it is taken.
 #[derive(Debug, Clone, Copy)]
-struct Taken {
+struct StepDecision {
     /// Length of the step (s).
     dt: f32,
     load: Load,
@@ -79,7 +79,7 @@ pub struct Deformer {
     motion: Motion,
     /// What chooses the substeps, and the steps whose statistics have not arrived yet.
     controller: Controller,
-    unjudged: VecDeque<Taken>,
+    awaiting_statistics: VecDeque<StepDecision>,
     /// The latest statistics.
     seen: Option<Statistics>,
     /// Time that substeps take, for [`Quality::Budget`].
@@ -140,7 +140,7 @@ impl Deformer {
             coefficients: None,
             motion,
             controller: Controller::default(),
-            unjudged: VecDeque::new(),
+            awaiting_statistics: VecDeque::new(),
             seen: None,
             pace: Pace::default(),
             still: Stillness::default(),
@@ -179,15 +179,15 @@ impl Deformer {
 
     /// Takes a step, on this thread alone if `alone`, otherwise on as many threads as pay off.
     fn step_on(&mut self, dt: f32, attributes: &Attributes, alone: bool) -> Result<StepReport, StepError> {
-        let Some(taken) = self.ready(dt, attributes)? else { return Ok(idle(dt)) };
+        let Some(decision) = self.prepare(dt, attributes)? else { return Ok(idle(dt)) };
         // Only a budget needs a clock, which not every machine has.
         let start = (!alone && matches!(self.options.quality, Quality::Budget(_))).then(Instant::now);
-        let (engine, plan) = self.job(&taken, attributes);
+        let (engine, plan) = self.plan(&decision, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
         if let (Some(start), Ok(_)) = (start, &stepped) {
-            self.pace.note(start.elapsed().as_secs_f64(), taken.division.substeps);
+            self.pace.note(start.elapsed().as_secs_f64(), decision.division.substeps);
         }
-        self.stepped(stepped, taken, attributes)
+        self.finish(stepped, decision, attributes)
     }
 
     /// Advances several cloths by `dt` (s), each with its own attributes:
@@ -222,20 +222,21 @@ impl Deformer {
 
     /// Steps cloths on the same GPU together and the others one after another.
     fn step_together(mut crowd: Vec<(&mut Deformer, &Attributes)>, dt: f32) -> Vec<Result<StepReport, StepError>> {
-        let ready: Vec<_> = crowd.iter_mut().map(|(one, attributes)| one.ready(dt, attributes)).collect();
-        let jobs = crowd.iter_mut().zip(&ready);
-        let jobs = jobs.filter_map(|((one, attributes), ready)| Some(one.job(ready.as_ref().ok()?.as_ref()?, attributes)));
-        let mut stepped = Engine::step_all(jobs.collect()).into_iter();
-        let each = crowd.into_iter().zip(ready);
-        each.map(|((one, attributes), ready)| match ready? {
-            Some(taken) => one.stepped(stepped.next().unwrap_or(Ok(None)), taken, attributes),
+        let prepared: Vec<_> = crowd.iter_mut().map(|(one, attributes)| one.prepare(dt, attributes)).collect();
+        let plans = crowd.iter_mut().zip(&prepared);
+        let plans =
+            plans.filter_map(|((one, attributes), prepared)| Some(one.plan(prepared.as_ref().ok()?.as_ref()?, attributes)));
+        let mut stepped = Engine::step_all(plans.collect()).into_iter();
+        let each = crowd.into_iter().zip(prepared);
+        each.map(|((one, attributes), prepared)| match prepared? {
+            Some(decision) => one.finish(stepped.next().unwrap_or(Ok(None)), decision, attributes),
             None => Ok(idle(dt)),
         })
         .collect()
     }
 
     /// Checks the arguments of a step and decides how it is taken.
-    fn taken(&self, dt: f32, attributes: &Attributes) -> Result<Taken, StepError> {
+    fn decide(&self, dt: f32, attributes: &Attributes) -> Result<StepDecision, StepError> {
         if !(dt >= MIN_TIME_STEP && dt.is_finite()) {
             return Err(StepError::TimeStep { dt });
         }
@@ -251,54 +252,54 @@ impl Deformer {
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
-        Ok(Taken { dt, load, controller, rate, division, levels })
+        Ok(StepDecision { dt, load, controller, rate, division, levels })
     }
 
     /// Checks a step and updates the coefficients. Returns `None` if there is nothing to do.
-    fn ready(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<Taken>, StepError> {
+    fn prepare(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<StepDecision>, StepError> {
         self.look_back()?;
         if dt == 0.0 {
             return attributes.validate(self.cloth.pinned.len()).map(|()| None);
         }
-        let taken = self.taken(dt, attributes)?;
+        let decision = self.decide(dt, attributes)?;
         if self.sleeps(attributes) {
             return Ok(None);
         }
-        let (length, levels) = (taken.division.length, taken.levels);
+        let (length, levels) = (decision.division.length, decision.levels);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
             self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, length));
             self.asked = levels;
         }
-        Ok(Some(taken))
+        Ok(Some(decision))
     }
 
     /// The engine and the plan that it is to execute.
-    fn job<'a>(&'a mut self, taken: &Taken, attributes: &'a Attributes) -> (&'a mut Engine, Plan<'a>) {
+    fn plan<'a>(&'a mut self, decision: &StepDecision, attributes: &'a Attributes) -> (&'a mut Engine, Plan<'a>) {
         let observed = self.is_observed();
-        let coefficients = self.coefficients.as_ref().expect("a step is made ready first");
+        let coefficients = self.coefficients.as_ref().expect("a step is prepared first");
         let inputs = StepInputs {
             cloth: &self.cloth,
             levels: &self.hierarchy.levels,
             options: &self.options,
             coefficients,
             motion: &self.motion,
-            substeps: taken.division.substeps,
+            substeps: decision.division.substeps,
             attributes,
         };
         let plan = Plan::new(&inputs, &mut self.buffers);
-        let mut plan = if observed { plan.observed(&self.motion, taken.dt, attributes) } else { plan };
-        self.in_step = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(taken.dt));
+        let mut plan = if observed { plan.observed(&self.motion, decision.dt, attributes) } else { plan };
+        self.in_step = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(decision.dt));
         self.ahead = self.in_step.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
         self.watch.tell(&mut plan.params, self.ahead);
         (&mut self.engine, plan)
     }
 
     /// Updates everything the next step depends on, and makes the report.
-    fn stepped(
+    fn finish(
         &mut self,
         stepped: Result<Option<Statistics>, Failure>,
-        taken: Taken,
+        decision: StepDecision,
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
         let before = mem::replace(&mut self.bounds, self.ahead);
@@ -307,7 +308,7 @@ impl Deformer {
             self.bounds = before;
             error
         })?;
-        let Taken { dt, rate, division: Division { substeps, .. }, .. } = taken;
+        let StepDecision { dt, rate, division: Division { substeps, .. }, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.watch = self.in_step.0;
@@ -317,9 +318,9 @@ impl Deformer {
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(&taken, limited, self.in_step.1);
+        let mut warnings = self.warnings(&decision, limited, self.in_step.1);
         warnings.extend(self.contact_warnings(attributes));
-        let stretch = self.judged(taken, seen.as_ref(), &mut warnings);
+        let stretch = self.evaluate(decision, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let contacts = self.engine.contact().map_or(0, |tally| tally.contacts);
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;

@@ -103,8 +103,8 @@ impl Deformer {
     /// As [`Deformer::step`].
     #[cfg(feature = "gpu")]
     pub fn run_forces(&mut self, dt: f32, attributes: &Attributes, repeats: u32) -> Result<(), StepError> {
-        let Some(taken) = self.ready(dt, attributes)? else { return Ok(()) };
-        let (engine, plan) = self.job(&taken, attributes);
+        let Some(decision) = self.prepare(dt, attributes)? else { return Ok(()) };
+        let (engine, plan) = self.plan(&decision, attributes);
         let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
         let run = hybrid.run_forces(&plan, repeats);
         run.map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Deformer, Taken};
+use super::{Deformer, StepDecision};
 use crate::attributes::{Attributes, Collider, Shape, invalid};
 #[cfg(feature = "gpu")]
 use crate::device::IN_BROWSER;
@@ -90,9 +90,10 @@ impl Deformer {
 
     /// The warning that pins or meshes move faster than contact resolves in a step. Without contact their speed is not
     /// looked at.
-    pub(super) fn contact_outruns(&self, taken: &Taken) -> Option<Warning> {
+    pub(super) fn contact_outruns(&self, decision: &StepDecision) -> Option<Warning> {
         let thickness = self.options.contact.unwrap_or_default().thickness;
-        let (speed, resolved) = (taken.load.kinematic_speed as f32, thickness / (SUBSTEPS as f32 * taken.division.length.h));
+        let (speed, resolved) =
+            (decision.load.kinematic_speed as f32, thickness / (SUBSTEPS as f32 * decision.division.length.h));
         (speed > 1.001 * resolved && !self.cloth.triangles.is_empty()).then_some(Warning::ContactOutruns { speed, resolved })
     }
 

@@ -1,6 +1,6 @@
 //! Prediction of a step before it is taken, its warnings, and the translation of failures into errors.
 
-use super::{Deformer, Taken};
+use super::{Deformer, StepDecision};
 use crate::attributes::Attributes;
 #[cfg(feature = "gpu")]
 use crate::device::fault::{Excess, GpuFault};
@@ -46,8 +46,8 @@ impl Deformer {
     /// # Errors
     /// As the checks of [`Deformer::step`]; a step of 0 s has no forecast and is an error too.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
-        let taken = self.taken(dt, attributes)?;
-        let Taken { load, controller, division: Division { substeps, length }, levels, .. } = taken;
+        let decision = self.decide(dt, attributes)?;
+        let StepDecision { load, controller, division: Division { substeps, length }, levels, .. } = decision;
         let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;
         let strain = match self.options.method {
             Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest),
@@ -57,7 +57,7 @@ impl Deformer {
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
         let (_, led) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt));
-        let warnings = self.warnings(&taken, limited, led);
+        let warnings = self.warnings(&decision, limited, led);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
@@ -75,8 +75,8 @@ impl Deformer {
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices and pins and colliders
     /// moved as in `led`.
-    pub(super) fn warnings(&self, taken: &Taken, limited: usize, led: Led) -> Vec<Warning> {
-        let &Taken { dt, division: Division { substeps, .. }, .. } = taken;
+    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize, led: Led) -> Vec<Warning> {
+        let &StepDecision { dt, division: Division { substeps, .. }, .. } = decision;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });
@@ -89,7 +89,7 @@ impl Deformer {
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: led.pin.0, speed, carried });
         let collider = outrun(led.collider.1).filter(|_| self.cloth.longest > 0.0);
         let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: led.collider.0, speed, carried });
-        [limited, needed, slivers, pin, collider, self.contact_outruns(taken)].into_iter().flatten().collect()
+        [limited, needed, slivers, pin, collider, self.contact_outruns(decision)].into_iter().flatten().collect()
     }
 
     /// Translates a failure into the caller's terms: the mesh's vertex indices, units and a remedy.

@@ -1,6 +1,6 @@
 //! How a bound on strain is kept: choosing the substeps of the next step, and learning from the last one.
 
-use super::{Deformer, Taken};
+use super::{Deformer, StepDecision};
 use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
@@ -13,9 +13,9 @@ use crate::step::substep_count::{FRAMES, is_gale};
 ///
 /// On an H200 a substep takes 6 us without levels and 17 us with the finest, at any size below 16,384 vertices, because a
 /// level's colors are swept one after another; with bending 8 to 9 us, and 20. Without levels, cloths of 4,000 vertices take
-/// 1.3 to 2.5 times as many substeps for the same bound, one of 14,161 takes 3.9 times (`benches/results/quality.md`), and a
-/// hung sheet of 65,536 takes 11 times (`gpu_h200.md`). With contact of triangles a substep takes 60 us and more, so levels always
-/// pay: a folded sheet of 1,600 takes 1.2 ms with them and 2.0 without (`contact.md`).
+/// 1.3 to 2.5 times as many substeps for the same bound, one of 14,161 takes 3.9 times (`benches/results/quality.md`),
+/// and a hung sheet of 65,536 takes 11 times (`gpu_h200.md`). With contact of triangles a substep takes 60 us and more,
+/// so levels always pay: a folded sheet of 1,600 takes 1.2 ms with them and 2.0 without (`contact.md`).
 const LEVELS_PAY: usize = 8192;
 
 /// The largest coarsest level, in aggregates, that keeps a bound on strain with as many substeps as all coarser levels
@@ -63,8 +63,8 @@ impl Deformer {
         }
     }
 
-    /// Whether a step without contact of triangles keeps the bound on strain on a GPU with more substeps instead of levels, because
-    /// they take less time.
+    /// Whether a step without contact of triangles keeps the bound on strain on a GPU with more substeps instead of
+    /// levels, because they take less time.
     pub(super) fn trades_levels(&self, attributes: &Attributes) -> bool {
         let may = match self.options.levels {
             Levels::Auto => self.cloth.rest.len() < LEVELS_PAY,
@@ -84,23 +84,28 @@ impl Deformer {
     /// Discards what was learned from the motion, and wakes the cloth.
     pub(super) fn forget(&mut self) {
         (self.controller, self.seen) = (Controller::default(), None);
-        self.unjudged.clear();
+        self.awaiting_statistics.clear();
         self.wake();
     }
 
     /// Evaluates the oldest step whose statistics had not arrived, and learns from it.
-    pub(super) fn judged(&mut self, taken: Taken, seen: Option<&Statistics>, warnings: &mut Vec<Warning>) -> Option<Stretch> {
-        self.controller = taken.controller;
+    pub(super) fn evaluate(
+        &mut self,
+        decision: StepDecision,
+        seen: Option<&Statistics>,
+        warnings: &mut Vec<Warning>,
+    ) -> Option<Stretch> {
+        self.controller = decision.controller;
         if !self.is_observed() {
-            self.unjudged.clear();
+            self.awaiting_statistics.clear();
             return None;
         }
-        self.unjudged.push_back(taken);
+        self.awaiting_statistics.push_back(decision);
         let seen = seen?;
-        let taken = self.unjudged.pop_front()?;
+        let decision = self.awaiting_statistics.pop_front()?;
         let promise = self.promise();
         if let Some(promise) = promise {
-            warnings.extend(self.learned(&taken, promise, seen));
+            warnings.extend(self.learn(&decision, promise, seen));
         }
         self.seen = Some(*seen);
         let share = seen.stretch_of(f64::from(promise.map_or(Quality::MOST_OF_THE_AREA, |promise| promise.share)));
@@ -108,8 +113,8 @@ impl Deformer {
     }
 
     /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
-    fn learned(&mut self, taken: &Taken, promise: Promise, seen: &Statistics) -> Option<Warning> {
-        let Taken { dt, load, division, .. } = taken;
+    fn learn(&mut self, decision: &StepDecision, promise: Promise, seen: &Statistics) -> Option<Warning> {
+        let StepDecision { dt, load, division, .. } = decision;
         let excess = excess(&self.cloth, load, seen, promise.share);
         self.controller.learn(&self.rates, &self.cloth, load, excess, division.length.longest, *dt);
         let missed = excess > f64::from(promise.stretch);

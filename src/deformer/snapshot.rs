@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use glam::{Vec3, Vec4};
 
 use super::sleep::Stillness;
-use super::{Deformer, Taken};
+use super::{Deformer, StepDecision};
 use crate::attributes::Collider;
 use crate::error::{StateError, StepError};
 use crate::kernels::limits::MAX_POSITION;
@@ -119,7 +119,7 @@ struct State {
     engine: Past,
     motion: Motion,
     controller: Controller,
-    unjudged: VecDeque<Taken>,
+    awaiting_statistics: VecDeque<StepDecision>,
     seen: Option<Statistics>,
     pace: Pace,
     still: Stillness,
@@ -130,14 +130,14 @@ struct State {
 }
 
 recorded!(Content { identity, lanes, state });
-recorded!(State { x, p, engine, motion, controller, unjudged, seen, pace, still, watch, bounds, colliders, gravity });
-recorded!(Taken { dt, load, controller, rate, division, levels });
+recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, colliders, gravity });
+recorded!(StepDecision { dt, load, controller, rate, division, levels });
 
-impl Default for Taken {
-    fn default() -> Taken {
+impl Default for StepDecision {
+    fn default() -> StepDecision {
         let (load, controller, division) = Default::default();
         let _: Division = division;
-        Taken { dt: 0.0, load, controller, rate: 0.0, division, levels: 0 }
+        StepDecision { dt: 0.0, load, controller, rate: 0.0, division, levels: 0 }
     }
 }
 
@@ -172,7 +172,7 @@ impl Deformer {
             engine,
             motion: self.motion.clone(),
             controller: self.controller,
-            unjudged: self.unjudged.clone(),
+            awaiting_statistics: self.awaiting_statistics.clone(),
             seen: self.seen,
             pace: self.pace.clone(),
             still: self.still.clone(),
@@ -218,10 +218,10 @@ impl Deformer {
         if !resumed.map_err(|failure| StateError::Step(self.failed(failure)))? {
             return Err(StateError::Altered);
         }
-        let State { motion, controller, unjudged, seen, pace, still, watch, bounds, colliders, gravity, .. } = state;
+        let State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, colliders, gravity, .. } = state;
         self.watch = self.watch.with_past(&watch);
         self.in_step = (self.watch, Led::default());
-        (self.motion, self.controller, self.unjudged, self.seen) = (motion, controller, unjudged, seen);
+        (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
         (self.colliders, self.gravity) = (colliders, gravity);
         self.shown = false;
@@ -231,7 +231,7 @@ impl Deformer {
     /// Whether a state can belong to this cloth.
     fn fits(&self, state: &State) -> bool {
         let (vertices, pins) = (self.cloth.rest.len(), self.cloth.pinned.len());
-        let State { x, p, engine, motion, unjudged, seen, .. } = state;
+        let State { x, p, engine, motion, awaiting_statistics, seen, .. } = state;
         let is_bounded = |v: &Vec3| v.abs().cmple(Vec3::splat(MAX_POSITION)).all();
         let counts = |seen: &Statistics| seen.speed.iter().map(|&count| u64::from(count)).sum::<u64>() <= vertices as u64;
         [x.len(), p.len()] == [vertices; 2]
@@ -239,7 +239,7 @@ impl Deformer {
             && motion.h >= 0.0
             && motion.pins.len() == pins
             && motion.pin_velocities.len() <= pins
-            && unjudged.len() == engine.untold.len()
+            && awaiting_statistics.len() == engine.untold.len()
             && seen.iter().chain(&engine.untold).all(counts)
     }
 
