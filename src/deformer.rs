@@ -44,7 +44,7 @@ use crate::step::motion::Motion;
 use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::{Division, FRAMES, Rates};
-use crate::step::watch::{Led, Watch};
+use crate::step::watch::{Fastest, Watch};
 
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
 /// not halve their time.
@@ -88,7 +88,7 @@ pub struct Deformer {
     /// What the motion is checked against: the state of that check now and after the current step, and the bounds on speed
     /// (m/s) and edge length (m) of the last step and of the current one.
     watch: Watch,
-    in_step: (Watch, Led),
+    in_step: (Watch, Fastest),
     bounds: (f32, f32),
     ahead: (f32, f32),
     buffers: PlanBuffers,
@@ -145,7 +145,7 @@ impl Deformer {
             pace: Pace::default(),
             still: Stillness::default(),
             watch,
-            in_step: (watch, Led::default()),
+            in_step: (watch, Fastest::default()),
             bounds: (f32::MAX, f32::MAX),
             ahead: (f32::MAX, f32::MAX),
             buffers: PlanBuffers::default(),

@@ -9,7 +9,7 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::Fabric;
 use crate::options::Options;
 use crate::step::motion::Motion;
-use crate::step::watch::{Led, Watch};
+use crate::step::watch::{Fastest, Watch};
 
 impl Deformer {
     /// Changes the fabric from the next step on; [`Deformer::reset`] keeps the change.
@@ -71,7 +71,7 @@ impl Deformer {
         }
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
-        self.in_step = (self.watch, Led::default());
+        self.in_step = (self.watch, Fastest::default());
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
         (self.cloth, self.options, self.shown) = (cloth, options, false);
         self.wake();

@@ -10,7 +10,7 @@ use crate::model::cloth::Slivers;
 use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::{Division, FRAMES, Rates};
-use crate::step::watch::Led;
+use crate::step::watch::Fastest;
 
 /// Prediction of a step from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
@@ -56,8 +56,8 @@ impl Deformer {
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
-        let (_, led) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt));
-        let warnings = self.warnings(&decision, limited, led);
+        let (_, fastest) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt));
+        let warnings = self.warnings(&decision, limited, fastest);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
@@ -74,8 +74,8 @@ impl Deformer {
     }
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices and pins and colliders
-    /// moved as in `led`.
-    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize, led: Led) -> Vec<Warning> {
+    /// whose fastest move as `fastest` says.
+    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize, fastest: Fastest) -> Vec<Warning> {
         let &StepDecision { dt, division: Division { substeps, .. }, .. } = decision;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
@@ -85,10 +85,10 @@ impl Deformer {
         // A sweep passes a pull on by one edge length per substep.
         let carried = f64::from(self.cloth.longest) * f64::from(substeps) / f64::from(dt);
         let outrun = |speed: f64| (speed > carried).then_some([speed as f32, carried as f32]);
-        let pin = outrun(led.pin.1).filter(|_| self.options.method != Method::Springs);
-        let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: led.pin.0, speed, carried });
-        let collider = outrun(led.collider.1).filter(|_| self.cloth.longest > 0.0);
-        let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: led.collider.0, speed, carried });
+        let pin = outrun(fastest.pin.1).filter(|_| self.options.method != Method::Springs);
+        let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
+        let collider = outrun(fastest.collider.1).filter(|_| self.cloth.longest > 0.0);
+        let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: fastest.collider.0, speed, carried });
         [limited, needed, slivers, pin, collider, self.contact_outruns(decision)].into_iter().flatten().collect()
     }
 

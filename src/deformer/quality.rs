@@ -5,7 +5,7 @@ use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
-use crate::step::controller::{Caution, Controller, LEAST, Promise, excess, most};
+use crate::step::controller::{Caution, Controller, LEAST, StrainBound, excess, most};
 use crate::step::load::Load;
 use crate::step::substep_count::{FRAMES, is_gale};
 
@@ -39,19 +39,19 @@ impl Deformer {
     }
 
     /// The bound on strain, if the quality has one and the method can keep it.
-    pub(super) fn promise(&self) -> Option<Promise> {
-        Promise::of(self.options.quality).filter(|_| self.options.method == Method::SmallSteps)
+    pub(super) fn strain_bound(&self) -> Option<StrainBound> {
+        StrainBound::of(self.options.quality).filter(|_| self.options.method == Method::SmallSteps)
     }
 
     /// Whether a step needs statistics.
     pub(super) fn is_observed(&self) -> bool {
-        self.promise().is_some() || self.options.sleep.is_some()
+        self.strain_bound().is_some() || self.options.sleep.is_some()
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).
     pub(super) fn controlled(&self, dt: f32, load: &Load, caution: Caution) -> Controller {
-        match (self.promise(), self.options.quality) {
-            (Some(promise), _) => self.controller.next(&self.rates, &self.cloth, (promise, caution), load, dt),
+        match (self.strain_bound(), self.options.quality) {
+            (Some(strain_bound), _) => self.controller.next(&self.rates, &self.cloth, (strain_bound, caution), load, dt),
             (None, Quality::Budget(time)) => {
                 // The controller counts substeps per 1/60 s.
                 let steps = f64::from(dt) * FRAMES;
@@ -71,12 +71,12 @@ impl Deformer {
             Levels::Off => true,
             Levels::Count(_) => false,
         };
-        may && self.backend() == Backend::Gpu && self.promise().is_some() && !is_gale(&self.cloth, attributes)
+        may && self.backend() == Backend::Gpu && self.strain_bound().is_some() && !is_gale(&self.cloth, attributes)
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
     pub(super) fn most_levels(&self) -> usize {
-        let keeps = self.options.levels == Levels::Auto && self.backend() == Backend::Gpu && self.promise().is_some();
+        let keeps = self.options.levels == Levels::Auto && self.backend() == Backend::Gpu && self.strain_bound().is_some();
         let aggregates = (0..).map(|level| self.cloth.rest.len() >> (4 + 2 * level));
         if keeps { 1 + aggregates.take_while(|&count| count > COARSE_ENOUGH).count() } else { usize::MAX }
     }
@@ -103,23 +103,23 @@ impl Deformer {
         self.awaiting_statistics.push_back(decision);
         let seen = seen?;
         let decision = self.awaiting_statistics.pop_front()?;
-        let promise = self.promise();
-        if let Some(promise) = promise {
-            warnings.extend(self.learn(&decision, promise, seen));
+        let strain_bound = self.strain_bound();
+        if let Some(strain_bound) = strain_bound {
+            warnings.extend(self.learn(&decision, strain_bound, seen));
         }
         self.seen = Some(*seen);
-        let share = seen.stretch_of(f64::from(promise.map_or(Quality::MOST_OF_THE_AREA, |promise| promise.share)));
+        let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
     }
 
     /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
-    fn learn(&mut self, decision: &StepDecision, promise: Promise, seen: &Statistics) -> Option<Warning> {
+    fn learn(&mut self, decision: &StepDecision, strain_bound: StrainBound, seen: &Statistics) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
-        let excess = excess(&self.cloth, load, seen, promise.share);
+        let excess = excess(&self.cloth, load, seen, strain_bound.share);
         self.controller.learn(&self.rates, &self.cloth, load, excess, division.length.longest, *dt);
-        let missed = excess > f64::from(promise.stretch);
-        let slivers = self.cloth.slivers.edges as f32 > (1.0 - promise.share) * self.cloth.links.len() as f32;
+        let missed = excess > f64::from(strain_bound.stretch);
+        let slivers = self.cloth.slivers.edges as f32 > (1.0 - strain_bound.share) * self.cloth.links.len() as f32;
         let cause = if slivers { Cause::Slivers } else { load.cause(&self.cloth) };
-        missed.then_some(Warning::StrainMissed { stretch: excess as f32, promised: promise.stretch, cause })
+        missed.then_some(Warning::StrainMissed { stretch: excess as f32, promised: strain_bound.stretch, cause })
     }
 }

@@ -17,7 +17,7 @@ use crate::step::controller::Controller;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
 use crate::step::substep_count::Division;
-use crate::step::watch::{Led, Watch};
+use crate::step::watch::{Fastest, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
@@ -220,7 +220,7 @@ impl Deformer {
         }
         let State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, colliders, gravity, .. } = state;
         self.watch = self.watch.with_past(&watch);
-        self.in_step = (self.watch, Led::default());
+        self.in_step = (self.watch, Fastest::default());
         (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
         (self.colliders, self.gravity) = (colliders, gravity);

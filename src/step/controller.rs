@@ -24,7 +24,7 @@ const NOTHING: f64 = 1e-9;
 pub(crate) struct Caution {
     /// The factor in the strain law before anything was measured.
     first_factor: f64,
-    /// The controller aims at this share of the promised stretch.
+    /// The controller aims at this share of the bound on stretch.
     aim: f64,
 }
 
@@ -38,19 +38,19 @@ impl Caution {
     pub(crate) const LATE: Caution = Caution { first_factor: 1.2, aim: 0.55 };
 }
 
-/// A promise that `share` of the cloth's area is stretched at most by `stretch` beyond the fabric's own stretch under
+/// A bound on strain: `share` of the cloth's area is stretched at most by `stretch` beyond the fabric's own stretch under
 /// its load.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Promise {
+pub(crate) struct StrainBound {
     pub stretch: f32,
     pub share: f32,
 }
 
-impl Promise {
-    pub(crate) fn of(quality: Quality) -> Option<Promise> {
+impl StrainBound {
+    pub(crate) fn of(quality: Quality) -> Option<StrainBound> {
         match quality {
-            Quality::Strain(stretch) => Some(Promise { stretch, share: Quality::MOST_OF_THE_AREA }),
-            Quality::Hold { stretch, share } => Some(Promise { stretch, share }),
+            Quality::Strain(stretch) => Some(StrainBound { stretch, share: Quality::MOST_OF_THE_AREA }),
+            Quality::Hold { stretch, share } => Some(StrainBound { stretch, share }),
             _ => None,
         }
     }
@@ -86,12 +86,12 @@ impl Controller {
         &self,
         rates: &Rates,
         cloth: &Cloth,
-        (promise, caution): (Promise, Caution),
+        (strain_bound, caution): (StrainBound, Caution),
         load: &Load,
         dt: f32,
     ) -> Controller {
         let factor = if self.count == 0.0 { caution.first_factor } else { self.factor };
-        let asked = Controller { factor, ..*self }.asked(rates, cloth, caution.aim * f64::from(promise.stretch), load);
+        let asked = Controller { factor, ..*self }.asked(rates, cloth, caution.aim * f64::from(strain_bound.stretch), load);
         let low = self.low + f64::from(dt);
         let (count, low) = match low > PATIENCE {
             _ if asked >= self.count => (asked, 0.0),

@@ -70,7 +70,7 @@ recorded!(Watch { speed, spread, fallen, fastest, gone } but { per_mass, wave, b
 
 /// The fastest pin and the fastest collider of a step: index in its list, and speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Led {
+pub(crate) struct Fastest {
     pub pin: (usize, f64),
     pub collider: (usize, f64),
 }
@@ -108,26 +108,26 @@ impl Watch {
     }
 
     /// Adds a step of `dt` (s) that starts from `motion`. Also returns what is fastest in it.
-    pub(crate) fn with_step(&self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) -> (Watch, Led) {
-        let mut led = Led::default();
+    pub(crate) fn with_step(&self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) -> (Watch, Fastest) {
+        let mut of_step = Fastest::default();
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
         for (index, (to, from)) in targets.enumerate() {
             let speed = (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt;
-            if speed > led.pin.1 {
-                led.pin = (index, speed);
+            if speed > of_step.pin.1 {
+                of_step.pin = (index, speed);
             }
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let speed = travel(&now.shape, &last.shape) / dt;
-            if speed > led.collider.1 {
-                led.collider = (index, speed);
+            if speed > of_step.collider.1 {
+                of_step.collider = (index, speed);
             }
         }
         let wind = attributes.wind.as_dvec3().length();
-        let fastest = self.fastest.max(wind).max(led.pin.1).max(led.collider.1);
+        let fastest = self.fastest.max(wind).max(of_step.pin.1).max(of_step.collider.1);
         let fallen = self.fallen + attributes.gravity.as_dvec3().length() * dt;
-        let gone = self.gone + led.collider.1 * dt;
-        (Watch { fallen, fastest, gone, ..*self }, led)
+        let gone = self.gone + of_step.collider.1 * dt;
+        (Watch { fallen, fastest, gone, ..*self }, of_step)
     }
 
     /// The bounds of a step: on the cloth's RMS speed (m/s), and on the length of an edge (m).
