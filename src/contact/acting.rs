@@ -2,12 +2,12 @@
 
 use glam::Vec4;
 
-use super::corners::Corners;
 use super::group::{Group, Weights};
 use super::pairs::Kind;
 use super::portions::Portion;
 use super::ranges::Ranges;
 use super::start::Vertex;
+use super::vertex_pairs::VertexPairs;
 use super::workers::Workers;
 use crate::simd::MAX_LANES;
 
@@ -21,7 +21,7 @@ pub(super) struct Acting {
     pub pushes: Vec<[Vec4; MAX_LANES]>,
     pub weights: Vec<Weights>,
     /// The pairs of each vertex, in ranges of vertices.
-    pub corners: Vec<Corners>,
+    pub vertex_pairs: Vec<VertexPairs>,
     pub ranges: Ranges,
     /// For each vertex its inverse mass (1/kg) times the sum of its weights.
     pub mobility: Vec<f32>,
@@ -43,16 +43,16 @@ impl Acting {
 
     /// Takes over the weights of vertices in their pairs; first collects these pairs if they have changed.
     pub(super) fn weigh(&mut self, portions: &[Portion], have_changed: bool, vertices: &mut [Vertex], workers: Workers<'_>) {
-        let Acting { weights, ranges, corners, mobility, .. } = self;
+        let Acting { weights, ranges, vertex_pairs, mobility, .. } = self;
         let (ranges, weights) = (*ranges, &**weights);
-        corners.resize_with(corners.len().max(ranges.count), Corners::default);
+        vertex_pairs.resize_with(vertex_pairs.len().max(ranges.count), VertexPairs::default);
         mobility.resize(vertices.len(), 0.0);
-        let parts = vertices.chunks_mut(ranges.len()).zip(mobility.chunks_mut(ranges.len())).zip(corners).enumerate();
-        workers.each(parts, |(range, ((vertices, mobility), corners))| {
+        let parts = vertices.chunks_mut(ranges.len()).zip(mobility.chunks_mut(ranges.len())).zip(vertex_pairs).enumerate();
+        workers.each(parts, |(range, ((vertices, mobility), vertex_pairs))| {
             if have_changed {
-                corners.collect(portions, ranges, range, vertices.len());
+                vertex_pairs.collect(portions, ranges, range, vertices.len());
             }
-            corners.weigh(weights, |vertex, weight| {
+            vertex_pairs.weigh(weights, |vertex, weight| {
                 // The last slice may have places left.
                 if let (Some(vertex), Some(mobility)) = (vertices.get_mut(vertex), mobility.get_mut(vertex)) {
                     (vertex.weight, *mobility) = (weight, vertex.x.w * weight);

@@ -22,7 +22,6 @@ mod carry;
 mod common_motion;
 mod contacts;
 mod contours;
-mod corners;
 pub(crate) mod crossings;
 mod detection;
 #[cfg(feature = "gpu")]
@@ -53,6 +52,7 @@ mod touches;
 mod tree;
 mod truncation;
 pub(crate) mod untangle;
+mod vertex_pairs;
 mod vertices;
 mod workers;
 

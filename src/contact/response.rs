@@ -6,10 +6,10 @@ use glam::Vec4;
 
 use super::acting::{Acting, for_groups};
 use super::contacts::Contacts;
-use super::corners::Sums;
 use super::group::{Group, Weights};
 use super::lanes::{corners_of, number, scattered, store, store_vector, vector};
 use super::pairs::between;
+use super::vertex_pairs::Sums;
 use super::vertices::Collide;
 use super::workers::Workers;
 use crate::kernels::contact::DEPENETRATION;
@@ -63,24 +63,24 @@ impl Contacts {
     /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
     /// up the corrections of positions.
     fn apply_impulses(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, workers: Workers<'_>, width: Width) {
-        let Contacts { acting: Acting { impulses, pushes, corners, ranges, .. }, vertices, x, u, .. } = self;
+        let Contacts { acting: Acting { impulses, pushes, vertex_pairs, ranges, .. }, vertices, x, u, .. } = self;
         let (impulses, pushes) = (impulses.as_flattened(), pushes.as_flattened());
         let state = x.chunks(ranges.len()).zip(u.chunks_mut(ranges.len()));
-        workers.each(state.zip(vertices.chunks_mut(ranges.len())).zip(corners), |(((x, u), vertices), corners)| {
-            let mut sums = std::mem::take(&mut corners.sums);
-            simd::run(width, Sums { corners, from: impulses, to: &mut sums });
+        workers.each(state.zip(vertices.chunks_mut(ranges.len())).zip(vertex_pairs), |(((x, u), vertices), pairs)| {
+            let mut sums = std::mem::take(&mut pairs.sums);
+            simd::run(width, Sums { pairs, from: impulses, to: &mut sums });
             for ((u, vertex), sum) in
                 u.iter_mut().zip(&*vertices).zip(sums.as_flattened()).filter(|((_, vertex), _)| vertex.acts())
             {
                 *u = (xyz(*u) + xyz(*sum) * vertex.x.w).extend(0.0);
             }
             if is_first {
-                simd::run(width, Sums { corners, from: pushes, to: &mut sums });
+                simd::run(width, Sums { pairs, from: pushes, to: &mut sums });
                 for (vertex, sum) in vertices.iter_mut().zip(sums.as_flattened()).filter(|(vertex, _)| vertex.acts()) {
                     vertex.push += xyz(*sum) * vertex.x.w;
                 }
             }
-            corners.sums = sums;
+            pairs.sums = sums;
             simd::run(width, Collide { plan, substep, vertices, x, u });
         });
     }

@@ -1,5 +1,5 @@
-//! The active pairs of each vertex, in slices of several vertices, which take as many places as the one with most pairs.
-//! So vertices are summed up at once by SIMD lanes, each in the order of its pairs.
+//! The active pairs of each vertex, in slices of several vertices that are padded to the longest list of a slice (sliced ELLPACK;
+//! Monakov, Lokhmotov and Avetisyan 2010). So vertices are summed up at once by SIMD lanes, each in the order of its pairs.
 
 use glam::Vec4;
 
@@ -13,7 +13,7 @@ pub(super) const SLICE: usize = MAX_LANES / 4;
 
 /// The active pairs of a range of vertices.
 #[derive(Debug, Default)]
-pub(super) struct Corners {
+pub(super) struct VertexPairs {
     /// A pair of each vertex of a slice, then the next of each; the weights there, and their places among all weights.
     pairs: Vec<[u32; SLICE]>,
     weights: Vec<[f32; SLICE]>,
@@ -26,11 +26,11 @@ pub(super) struct Corners {
     pub sums: Vec<[Vec4; SLICE]>,
 }
 
-impl Corners {
+impl VertexPairs {
     /// Collects the pairs of `vertices` vertices, which are those of a range. Places that are left get a weight that is
     /// always 0.
     pub(super) fn collect(&mut self, portions: &[Portion], ranges: Ranges, range: usize, vertices: usize) {
-        let Corners { pairs, weights, places, starts, counts, .. } = self;
+        let VertexPairs { pairs, weights, places, starts, counts, .. } = self;
         let groups = || {
             let groups = portions.iter().flat_map(|portion| (portion.before..).zip(&portion.groups).zip(&portion.ranges));
             groups.filter(|(_, ranges)| **ranges >> range & 1 != 0).map(|(group, _)| group)
@@ -92,7 +92,7 @@ impl Corners {
 
 /// Sums up what vertices receive from their pairs; `from` has one vector for each pair.
 pub(super) struct Sums<'a> {
-    pub corners: &'a Corners,
+    pub pairs: &'a VertexPairs,
     pub from: &'a [Vec4],
     pub to: &'a mut Vec<[Vec4; SLICE]>,
 }
@@ -100,7 +100,7 @@ pub(super) struct Sums<'a> {
 impl Loop for Sums<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Sums { corners: Corners { pairs, weights, starts, .. }, from, to } = self;
+        let Sums { pairs: VertexPairs { pairs, weights, starts, .. }, from, to } = self;
         to.resize(starts.len() - 1, [Vec4::ZERO; SLICE]);
         for (slice, to) in to.iter_mut().enumerate() {
             let of = starts[slice] as usize..starts[slice + 1] as usize;
