@@ -101,7 +101,7 @@ impl GpuContact {
             gpu.write(&self.buffers.tracks, TRACK * self.table.vertices as usize, motions);
         }
         self.substeps = plan.substeps.len();
-        self.course.begin(&self.status, self.substeps);
+        self.choice.begin(&self.status, self.substeps);
         (self.is_kept, self.max_carry) = (false, 0.0);
     }
 
@@ -123,7 +123,7 @@ impl GpuContact {
             self.kept.note_pinched(pinched, are_all);
             return Ok(Judgment::Good);
         }
-        self.course.change(status.stopped, needed > 0);
+        self.choice.change(status.stopped, needed > 0);
         // The common motion differs a little from substep to substep.
         self.max_carry = self.max_carry.max(1.25 * f32::from_bits(status.needed_carry));
         if needed > self.room || space > self.space {

@@ -1,7 +1,7 @@
 //! The dispatches of contact in a substep.
 
 use super::GpuContact;
-use super::course::Response;
+use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::table::Table;
@@ -36,11 +36,11 @@ const GLANCED: usize = 16_384;
 impl GpuContact {
     /// Limit on the dispatches of a substep.
     pub(crate) fn dispatches(&self, index: usize) -> usize {
-        let detection = if self.course.may_detect(index) { OF_DETECTION } else { 0 };
+        let detection = if self.choice.may_detect(index) { OF_DETECTION } else { 0 };
         let start = if index == 0 { OF_START } else { 0 };
         1 + start
             + detection
-            + match self.course.response {
+            + match self.choice.response {
                 Response::None => 0,
                 Response::Glance => 1,
                 Response::Full if self.max_carry > 0.0 => OF_RESPONSE + 3 * ROUNDS,
@@ -52,7 +52,7 @@ impl GpuContact {
     /// [`crate::gpu::state::PING_PONG`].
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
-        let (may_detect, response) = (self.course.may_detect(index), self.course.response);
+        let (may_detect, response) = (self.choice.may_detect(index), self.choice.response);
         let begin_contact = match response {
             _ if may_detect => &stages.begin_contact,
             Response::None => &stages.begin_alone,

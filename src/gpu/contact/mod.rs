@@ -6,8 +6,8 @@
 //! bit for bit as if there had been enough. Therefore each step waits for the GPU once, and is committed after that.
 
 mod attempt;
-mod course;
 mod encode;
+mod kernel_choice;
 mod past;
 mod stages;
 pub(crate) mod status;
@@ -29,8 +29,8 @@ use crate::options::{Contact, Crossing};
 use crate::step::plan::Plan;
 
 pub(crate) use attempt::Judgment;
-use course::{Course, Response};
 use encode::MANY;
+use kernel_choice::{KernelChoice, Response};
 use stages::Stages;
 use status::{BOX, ContactParams, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
 
@@ -100,7 +100,7 @@ pub(crate) struct GpuContact {
     staging: wgpu::Buffer,
     /// As of the end of the last good step.
     status: Status,
-    course: Course,
+    choice: KernelChoice,
     /// How far (m) vertices may be taken along in this step, besides the common motion.
     max_carry: f32,
     /// Number of substeps of the current step.
@@ -151,7 +151,7 @@ impl GpuContact {
             stages: None,
             staging,
             status,
-            course: Course::default(),
+            choice: KernelChoice::default(),
             max_carry: 0.0,
             substeps: 0,
             many: MANY,
@@ -231,7 +231,7 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, course, max_carry, .. } = self;
+        let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
         let [of_vertices, of_edges] = kept.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
@@ -259,7 +259,7 @@ impl GpuContact {
             beside: table.beside,
             of_vertices: table.of_vertices,
             // Without a response, any pair must stop the step.
-            room: if course.response == Response::None { 0 } else { *room as u32 },
+            room: if choice.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
             has_kinematic: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
             meshes_rest: kept.meshes_rest().into(),
@@ -271,7 +271,7 @@ impl GpuContact {
             per_mass,
             box_edges: table.box_edges,
             features: table.features,
-            spacing: course.spacing(),
+            spacing: choice.spacing(),
             max_carry: if kept.may_carry() { *max_carry } else { 0.0 },
             may_carry: kept.may_carry().into(),
             padding: [0; 2],

@@ -6,10 +6,10 @@ use super::status::{CLOSE, EARLY, FAR_SPACING, SPACING, Status};
 /// Number of steps that run the response, and number that may detect in any substep, after a step that needed to.
 const CAUTIOUS: u32 = 6;
 const WATCHFUL: u32 = 2;
-/// Number of steps without more than one detection after which it may be due less often, and number after one in which that was
-/// too late.
-const CALM: i32 = 6;
-const NOT_CALM: i32 = -30;
+/// Number of steps without more than one detection after which detection may be due less often.
+const CALM: u32 = 6;
+/// Number of calm steps that are not counted, after a step in which detection was due less often and therefore too late.
+const WARY: u32 = 30;
 
 /// What a step does about listed pairs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -25,39 +25,47 @@ pub(super) enum Response {
 
 /// The kernels of an attempt.
 #[derive(Debug, Default)]
-pub(super) struct Course {
+pub(super) struct KernelChoice {
     pub response: Response,
     /// Detection may be due in every so many substeps.
     spacing: u32,
-    /// Number of steps since the last one with more than one detection.
-    calm: i32,
-    /// Number of steps left in which at least this response must run, and in which detection may be due in any substep.
-    responding: (u32, Response),
-    looking: u32,
+    /// Number of steps since the last one with more than one detection, and number of further ones that are not counted.
+    calm_steps: u32,
+    wary_for: u32,
+    /// Number of steps left in which at least this response must run.
+    at_least_for: u32,
+    at_least: Response,
+    /// Number of steps left in which detection may be due in any substep.
+    detecting_for: u32,
 }
 
-impl Course {
+impl KernelChoice {
     /// Chooses the kernels for the first attempt of a step of some substeps that starts from `status`.
     pub(super) fn begin(&mut self, status: &Status, substeps: usize) {
-        let (left, least) = self.responding;
         self.response = match status {
             Status { near: 0, acting: 0, listed: 0, .. } => Response::None,
             Status { near: 0, acting: 0, .. } => Response::Glance,
             _ => Response::Full,
         };
-        if left > 0 {
-            self.response = self.response.max(least);
-            self.responding.0 -= 1;
+        if self.at_least_for > 0 {
+            self.response = self.response.max(self.at_least);
+            self.at_least_for -= 1;
         }
         // If detection is nearly always due, there is no use in expecting that it is not.
         let is_frequent = 2 * (status.detections * SPACING) as usize > substeps;
-        self.calm = if status.detections > 1 { self.calm.min(0) } else { self.calm.saturating_add(1) };
-        self.spacing = match self.calm {
-            _ if self.looking > 0 || is_frequent => 1,
+        if status.detections > 1 {
+            self.calm_steps = 0;
+        } else if self.wary_for > 0 {
+            self.wary_for -= 1;
+        } else {
+            self.calm_steps = self.calm_steps.saturating_add(1);
+        }
+        self.spacing = match self.calm_steps {
+            _ if self.detecting_for > 0 || is_frequent => 1,
             CALM.. => FAR_SPACING.min(substeps as u32).max(SPACING),
             _ => SPACING,
         };
-        self.looking = self.looking.saturating_sub(1);
+        self.detecting_for = self.detecting_for.saturating_sub(1);
     }
 
     /// Chooses the kernels for another attempt, after this one stopped; `has_pairs` says that pairs were found without
@@ -70,15 +78,15 @@ impl Course {
         }
         if stopped & EARLY != 0 {
             if self.spacing > SPACING {
-                self.calm = NOT_CALM;
+                (self.calm_steps, self.wary_for) = (0, WARY);
             }
-            (self.spacing, self.looking) = (1, WATCHFUL);
+            (self.spacing, self.detecting_for) = (1, WATCHFUL);
         }
     }
 
     fn need(&mut self, response: Response) {
         self.response = response;
-        self.responding = (CAUTIOUS, response);
+        (self.at_least_for, self.at_least) = (CAUTIOUS, response);
     }
 
     /// Detection may be due in every so many substeps.
@@ -93,5 +101,5 @@ impl Course {
 }
 
 #[cfg(test)]
-#[path = "../../../tests/unit/gpu_course.rs"]
+#[path = "../../../tests/unit/gpu_kernel_choice.rs"]
 mod tests;
