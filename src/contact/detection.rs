@@ -31,7 +31,7 @@ const GROUP: usize = 256;
 
 /// Limit on the number of pairs of leaves: this many, plus this many per leaf. A heap has tens per leaf; a cloth in a
 /// single point has all pairs.
-const CROWD: [usize; 2] = [100_000, 512];
+const MAX_LEAF_PAIRS: [usize; 2] = [100_000, 512];
 /// Limit on the number of listed pairs, each of which takes about 230 bytes: this many, plus this many per vertex. A cloth at rest
 /// whose thickness is the largest that is allowed has a million, a twisted one 400 per vertex.
 const LISTED: [usize; 2] = [1 << 21, 256];
@@ -164,7 +164,7 @@ impl Detection {
             cloth.walk_across(bodies, walk, across);
         }
         let pairs = own.len() + across.len();
-        if pairs > CROWD[0] + (CROWD[1] << cloth.leaves.depth.max(bodies.leaves.depth)) {
+        if pairs > MAX_LEAF_PAIRS[0] + (MAX_LEAF_PAIRS[1] << cloth.leaves.depth.max(bodies.leaves.depth)) {
             return Err(pairs);
         }
         let tasks = own.len().div_ceil(GRAIN) + across.len().div_ceil(GRAIN);

@@ -52,8 +52,8 @@ impl TriangleContact {
             self.list_all(path, is_free, width)
         };
         self.detection.strayed = strayed;
-        if let Err(crowd) = listed {
-            (self.crowd, self.detection.is_fitted) = (crowd, false);
+        if let Err(too_many) = listed {
+            (self.too_many, self.detection.is_fitted) = (too_many, false);
             return false;
         }
         true

@@ -192,7 +192,7 @@ pub(crate) struct TriangleContact {
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
     /// The number of pairs of leaves if there were too many to test; 0 otherwise.
-    pub crowd: usize,
+    pub too_many: usize,
     pub tally: Tally,
     kept: Kept,
 }
@@ -222,7 +222,7 @@ impl TriangleContact {
             push: Pushes::default(),
             max_carry: 0.0,
             h: 0.0,
-            crowd: 0,
+            too_many: 0,
             tally: Tally::default(),
             kept: Kept::default(),
         })
@@ -261,7 +261,7 @@ impl TriangleContact {
 
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
-        (self.tally, self.crowd, self.max_carry) = (Tally::default(), 0, 0.0);
+        (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
         self.ignored.begin();
         self.keep();
         let jumped = self.bodies.begin(plan, self.options.friction);
@@ -285,7 +285,7 @@ impl TriangleContact {
         workers: Workers<'_>,
         width: Width,
     ) {
-        if self.crowd > 0 {
+        if self.too_many > 0 {
             return;
         }
         let now = Now { plan, substep, workers, width };

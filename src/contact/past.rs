@@ -107,7 +107,7 @@ impl TriangleContact {
             contacts: _,
             push: _,
             max_carry: _,
-            crowd: _,
+            too_many: _,
             tally: _,
             kept: _,
         } = self;

@@ -192,14 +192,14 @@ impl Cpu {
     pub(crate) fn step(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Result<(), Failure> {
         let step = self.steps.saturating_add(1);
         let cause = self.run(plan, external);
-        let crowd = self.contact.as_ref().map_or(0, |contact| contact.crowd);
-        let failure = match (cause, crowd) {
+        let too_many = self.contact.as_ref().map_or(0, |contact| contact.too_many);
+        let failure = match (cause, too_many) {
             (None, 0) => {
                 self.steps = step;
                 return Ok(());
             }
             (Some(cause), 0) => Failure::Unstable { cause, step },
-            (_, crowd) => Failure::Crowded(crowd),
+            (_, pairs) => Failure::Crowded(pairs),
         };
         self.revert();
         Err(failure)
