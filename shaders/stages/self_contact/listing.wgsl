@@ -66,24 +66,24 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
 }
 
 // The position of a pair of the previous list.
-fn place_before(k: u32) -> u32 {
+fn previous_place(k: u32) -> u32 {
     let with_vertices = contact_state.status.vertices_before;
     let edges = k - with_vertices;
     let first = (1u - contact_state.status.half) * contact_params.room;
     return first + select(contact_params.room - 1u - edges, k, k < with_vertices);
 }
 
-// The chain that a pair of the previous list is in. There is a power of two of them.
-fn chain_of(row: u32, other: u32) -> u32 {
+// The bucket that a pair of the previous list is in. There is a power of two of them.
+fn bucket_of(row: u32, other: u32) -> u32 {
     let mixed = (row * 0x9e3779b1u) ^ (other * 0x85ebca6bu);
-    return (mixed ^ (mixed >> 15u)) & (arrayLength(&chains) - 1u);
+    return (mixed ^ (mixed >> 15u)) & (arrayLength(&buckets) - 1u);
 }
 
 // The multipliers of a pair in the previous list.
-fn held_before(row: u32, other: u32) -> vec4f {
-    var next = atomicLoad(&chains[chain_of(row, other)]);
+fn previous_lambda(row: u32, other: u32) -> vec4f {
+    var next = atomicLoad(&buckets[bucket_of(row, other)]);
     while next != 0u {
-        let at = place_before(next - 1u);
+        let at = previous_place(next - 1u);
         if pairs[at].row == row && pairs[at].other == other {
             return pairs[at].lambda;
         }
@@ -92,17 +92,17 @@ fn held_before(row: u32, other: u32) -> vec4f {
     return vec4f();
 }
 
-// Puts a pair of the previous list into a chain if it has multipliers: an element of `chains` is 1 more than the number of a
+// Puts a pair of the previous list into a bucket if it has multipliers: an element of `buckets` is 1 more than the number of a
 // pair, whose `next` is 1 more than that of another, or 0 at the end.
-fn chain(k: u32) {
-    let at = place_before(k);
+fn insert(k: u32) {
+    let at = previous_place(k);
     if any(pairs[at].lambda != vec4f()) {
-        pairs[at].next = atomicExchange(&chains[chain_of(pairs[at].row, pairs[at].other)], k + 1u);
+        pairs[at].next = atomicExchange(&buckets[bucket_of(pairs[at].row, pairs[at].other)], k + 1u);
     }
 }
 
 // Computes the boxes of the triangles, edges and vertices, and the bounds of the normals of the cloth's triangles. Puts the
-// previous list's pairs into chains.
+// previous list's pairs into buckets.
 @compute @workgroup_size(WORKGROUP)
 fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     if !is_due() {
@@ -121,12 +121,12 @@ fn prepare(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     // Only those that acted in the previous substep have multipliers. At the start of a step it is not known which did.
     if index_of_substep() > 0u {
         for (var k = first; k < contact_state.status.acted; k += stride) {
-            chain(listed_at(k));
+            insert(listed_at(k));
         }
         return;
     }
     for (var k = first; k < contact_state.status.vertices_before + contact_state.status.edges_before; k += stride) {
-        chain(k);
+        insert(k);
     }
 }
 
@@ -190,7 +190,7 @@ fn measure(
         let index = first_listed[u32(is_edge)] + rank;
         if thickness > 0.0 && index < contact_params.room {
             let corners = corners_of(is_edge, candidate.x, candidate.y);
-            let held = held_before(candidate.x, candidate.y);
+            let held = previous_lambda(candidate.x, candidate.y);
             pairs[contact_state.status.half * contact_params.room + select(index, contact_params.room - 1u - index, is_edge)] =
                 Listed(corners, held, candidate.y, thickness, candidate.x, 0u);
         }

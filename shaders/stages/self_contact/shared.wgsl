@@ -62,7 +62,7 @@ struct ContactParams {
     travel: vec4f,
 }
 
-// A listed pair. Its first feature is number `row`, `other` is the second. `next` leads to another pair of its chain.
+// A listed pair. Its first feature is number `row`, `other` is the second. `next` leads to another pair of its bucket.
 struct Listed {
     corners: vec4u,
     // Multipliers [kg m]: xyz of friction, w of the normal.
@@ -197,7 +197,7 @@ struct ContactState {
 @group(1) @binding(3) var<storage, read_write> vertices: array<Vertex>;
 @group(1) @binding(4) var<storage, read_write> tracks: array<Track>;
 @group(1) @binding(5) var<storage, read_write> nodes: array<Node>;
-@group(1) @binding(6) var<storage, read_write> chains: array<atomic<u32>>;
+@group(1) @binding(6) var<storage, read_write> buckets: array<atomic<u32>>;
 @group(1) @binding(7) var<storage, read_write> pairs: array<Listed>;
 @group(1) @binding(8) var<storage, read_write> near: array<vec4u>;
 @group(1) @binding(9) var<storage, read_write> sums: array<atomic<i32>>;

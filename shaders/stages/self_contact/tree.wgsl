@@ -43,15 +43,15 @@ fn tree_of(is_mesh: bool) -> Tree {
 }
 
 // Starts the path of each vertex, and chooses how far it may stray from how far it strayed since the last detection.
-// Also empties the chains.
+// Also empties the buckets.
 @compute @workgroup_size(WORKGROUP)
 fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
     if i >= contact_params.all_vertices || !is_due() {
         return;
     }
-    for (var k = i; k < arrayLength(&chains); k += contact_params.all_vertices) {
-        atomicStore(&chains[k], 0u);
+    for (var k = i; k < arrayLength(&buckets); k += contact_params.all_vertices) {
+        atomicStore(&buckets[k], 0u);
     }
     let x_i = vertices[i].x.xyz;
     let u_i = vertices[i].u.xyz;

@@ -13,7 +13,7 @@ const X: usize = 2;
 const VERTICES: usize = 3;
 const TRACKS: usize = 4;
 const NODES: usize = 5;
-const CHAINS: usize = 6;
+const BUCKETS: usize = 6;
 const PAIRS: usize = 7;
 const NEAR: usize = 8;
 const SUMS: usize = 9;
@@ -86,13 +86,13 @@ impl Stages {
             begin_alone: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0), ("HAS_CONTACT", 0.0)]),
             decide: stage(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE]),
             decide_between: told(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE], &[("MAY_DETECT", 0.0)]),
-            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, CHAINS, CONTACT_STATE]),
-            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, CHAINS, PAIRS, NEAR, CONTACT_STATE, BOXES, NORMALS]),
+            begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, BUCKETS, CONTACT_STATE]),
+            prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, BUCKETS, PAIRS, NEAR, CONTACT_STATE, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, CONTACT_STATE, BOXES, NORMALS]),
             refit: stage(shaders::TREE, "refit", &[NODES, CONTACT_STATE]),
             descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, CONTACT_STATE, SCRATCH]),
             compare: stage(shaders::CANDIDATES, "compare", &[TABLE, CONTACT_STATE, BOXES, SCRATCH]),
-            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, CHAINS, PAIRS, CONTACT_STATE, IGNORED, SCRATCH]),
+            measure: stage(shaders::LISTING, "measure", &[TABLE, TRACKS, BUCKETS, PAIRS, CONTACT_STATE, IGNORED, SCRATCH]),
             glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, CONTACT_STATE]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE]),
             warm_start: of_few_or_many("warm_start"),
@@ -121,7 +121,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &
         vertices,
         tracks,
         nodes,
-        chains,
+        buckets,
         pairs,
         near,
         sums,
@@ -138,7 +138,7 @@ fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &
         Bind::Write(vertices),
         Bind::Write(tracks),
         Bind::Write(nodes),
-        Bind::Write(chains),
+        Bind::Write(buckets),
         Bind::Write(pairs),
         Bind::Write(near),
         Bind::Write(sums),
