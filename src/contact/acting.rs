@@ -3,10 +3,10 @@
 use glam::Vec4;
 
 use super::group::{Group, Weights};
+use super::input::Vertex;
 use super::pairs::Kind;
 use super::portions::Portion;
 use super::ranges::Ranges;
-use super::start::Vertex;
 use super::vertex_pairs::VertexPairs;
 use super::workers::Workers;
 use crate::simd::MAX_LANES;

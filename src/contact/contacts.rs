@@ -7,12 +7,12 @@ use glam::{DVec3, Vec3A, Vec4};
 use super::acting::{Acting, for_groups};
 use super::approach::{PatchMotion, patch};
 use super::common_motion::CommonMotion;
+use super::input::{ContactInput, Vertex};
 use super::near::{Find, FindAgain};
 use super::pairs::{Kind, Listed};
 use super::portions::{PORTION, Portion};
 use super::ranges::Ranges;
 use super::rows::Rows;
-use super::start::{Start, Vertex};
 use super::vertex_pairs::SLICE;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
@@ -62,56 +62,56 @@ pub(super) struct Contacts {
 impl Contacts {
     /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`. Returns the
     /// momentum (kg m) that truncation removes, or how far (m) vertices would have to be taken along if that is more than
-    /// [`Start::max_carry`]: then nothing is held, and this must be called again.
+    /// [`ContactInput::max_carry`]: then nothing is held, and this must be called again.
     pub(super) fn hold_apart(
         &mut self,
         lists: &mut [Rows; 2],
-        start: Start<'_>,
+        input: ContactInput<'_>,
         plan: &Plan<'_>,
         substep: &Substep,
         scale: f32,
     ) -> Result<DVec3, f32> {
-        let (threads, mass) = ((start.workers, start.width), &plan.cloth.mass);
-        self.gather(lists, start);
+        let (threads, mass) = ((input.workers, input.width), &plan.cloth.mass);
+        self.gather(lists, input);
         if !self.has_near() {
             return Ok(DVec3::ZERO);
         }
-        self.respond(plan, substep, scale, start.workers, start.width);
-        let mut lost = self.truncate(mass, start.workers, start.width);
-        if start.may_carry {
-            self.carry(start.max_carry, start.thickness, mass, &mut lost, threads)?;
+        self.respond(plan, substep, scale, input.workers, input.width);
+        let mut lost = self.truncate(mass, input.workers, input.width);
+        if input.may_carry {
+            self.carry(input.max_carry, input.thickness, mass, &mut lost, threads)?;
         }
         Ok(lost)
     }
 
     /// Finds the near pairs of the lists, in order, and the active ones among them.
-    fn gather(&mut self, lists: &mut [Rows; 2], start: Start<'_>) {
-        if self.friction != start.friction {
-            self.keep(lists, start.workers);
+    fn gather(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) {
+        if self.friction != input.friction {
+            self.keep(lists, input.workers);
             self.forget();
-            start.friction.clone_into(&mut self.friction);
+            input.friction.clone_into(&mut self.friction);
         }
         let is_known = self.is_numbered;
         if !is_known {
-            self.number(lists, start.x.len(), start.workers);
+            self.number(lists, input.x.len(), input.workers);
         } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
-            self.number_more(lists, start.workers);
+            self.number_more(lists, input.workers);
         }
         self.carried.clear();
-        self.copy(start);
-        let ranges = Ranges::of(self.order.len(), SLICE, start.workers);
+        self.copy(input);
+        let ranges = Ranges::of(self.order.len(), SLICE, input.workers);
         let is_known = is_known & (ranges == std::mem::replace(&mut self.acting.ranges, ranges));
-        self.find(lists, is_known, start);
+        self.find(lists, is_known, input);
         let Contacts { portions, used, acting, vertices, x, u, .. } = self;
         let portions = &mut portions[..*used];
         let have_changed = !is_known || portions.iter().any(|portion| !portion.joining.is_empty());
         if have_changed {
             acting.number(portions);
         }
-        for_groups(portions, (&mut acting.weights, &mut []), start.workers, &|kind, _, groups, weights, _: &mut [()]| {
-            simd::run(start.width, FindAgain { kind, groups, weights, x, u, most_push: start.most_push });
+        for_groups(portions, (&mut acting.weights, &mut []), input.workers, &|kind, _, groups, weights, _: &mut [()]| {
+            simd::run(input.width, FindAgain { kind, groups, weights, x, u, most_push: input.most_push });
         });
-        acting.weigh(portions, have_changed, vertices, start.workers);
+        acting.weigh(portions, have_changed, vertices, input.workers);
     }
 
     /// Discards what depends on the lists, because they have changed.
@@ -134,12 +134,12 @@ impl Contacts {
     }
 
     /// Copies the state of the vertices, and bounds the motion of each patch.
-    fn copy(&mut self, start: Start<'_>) {
+    fn copy(&mut self, input: ContactInput<'_>) {
         let Contacts { vertices, x, u, by, order, common_motion, motions, .. } = self;
         vertices.resize(order.len(), Vertex::default());
         [&mut *u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
-        let last_common_motion = std::mem::replace(common_motion, start.common_motion);
-        let part = start.workers.part(order.len(), GRAIN);
+        let last_common_motion = std::mem::replace(common_motion, input.common_motion);
+        let part = input.workers.part(order.len(), GRAIN);
         let (mut vertices, mut x, mut u, mut order, mut motions) =
             (&mut **vertices, &mut **x, &mut **u, &**order, &mut **motions);
         let mut first = 0;
@@ -152,21 +152,21 @@ impl Contacts {
             let state = (vertices.split_off_mut(..count)?, x.split_off_mut(..count)?, u.split_off_mut(..count)?);
             Some((of.start, order.split_off(..count)?, state, motions.split_off_mut(..of.len())?))
         });
-        start.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
+        input.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
             let mut state = vertices.iter_mut().zip(x.iter_mut().zip(u));
             for order in order.chunk_by(|&a, &b| patch(a) == patch(b)) {
                 let mut all = PatchMotion::NONE;
                 for (&index, (vertex, (x, u))) in order.iter().zip(state.by_ref()) {
                     let of = index as usize;
-                    let moved = xyz(start.x[of]) - xyz(*x) - last_common_motion.at(xyz(*x));
+                    let moved = xyz(input.x[of]) - xyz(*x) - last_common_motion.at(xyz(*x));
                     let is_known = x.w >= 0.0;
-                    let base = start.common_motion.at(xyz(start.x[of]));
-                    *u = start.u[of].with_w(0.0);
-                    let least = if start.x[of].w > 0.0 { start.max_carry } else { 0.0 };
-                    *x = start.x[of].with_w((xyz(*u) - base).length().max(least));
-                    let push = start.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
+                    let base = input.common_motion.at(xyz(input.x[of]));
+                    *u = input.u[of].with_w(0.0);
+                    let least = if input.x[of].w > 0.0 { input.max_carry } else { 0.0 };
+                    *x = input.x[of].with_w((xyz(*u) - base).length().max(least));
+                    let push = input.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                     let travel = (xyz(*u) + push - base).length().max(least);
-                    *vertex = Vertex { index, x: start.x[of], push, weight: 0.0, travel, reach: start.surface.reach[of] };
+                    *vertex = Vertex { index, x: input.x[of], push, weight: 0.0, travel, reach: input.surface.reach[of] };
                     all.join(&PatchMotion { moved: if is_known { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
                 }
                 motions[patch(order[0]) - first] = all;
@@ -176,11 +176,11 @@ impl Contacts {
 
     /// Finds the near pairs among those that have not acted since they were listed. If the groups are not known, they are
     /// made anew.
-    fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, start: Start<'_>) {
+    fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, input: ContactInput<'_>) {
         let Contacts { corners, safe_until, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
-        let owner = |vertex: u32| start.surface.owner[vertices[vertex as usize].index as usize];
-        let friction = |[a, _, _, d]: [u32; 4]| start.friction[owner(a).max(owner(d)) as usize];
+        let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
+        let friction = |[a, _, _, d]: [u32; 4]| input.friction[owner(a).max(owner(d)) as usize];
         let mut portions = &mut portions[..*used];
         let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
             let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
@@ -191,17 +191,17 @@ impl Contacts {
             (of.corners, of.thickness, of.safe_until) = (corners, thickness, safe_until);
         }
         let counts = left.each_ref().map(|left| left.portions.len());
-        let parts = (0..start.workers.count()).map(|part| {
-            let mut counts = counts.iter().map(|count| start.workers.share(part, *count));
+        let parts = (0..input.workers.count()).map(|part| {
+            let mut counts = counts.iter().map(|count| input.workers.share(part, *count));
             left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
         });
-        start.workers.each(parts, |parts| {
+        input.workers.each(parts, |parts| {
             parts.into_iter().flat_map(ListSlice::portions).for_each(
                 |ListSlice { portions, pairs, corners, thickness, lambda, safe_until }| {
-                    let (portion, most_push) = (&mut portions[0], start.most_push);
+                    let (portion, most_push) = (&mut portions[0], input.most_push);
                     portion.bunches.take(portion.kind, pairs, motions.len());
-                    portion.bunches.advance(motions, start.most_push, start.thickness);
-                    simd::run(start.width, Find { corners, thickness, x, u, safe_until, most_push, portion });
+                    portion.bunches.advance(motions, input.most_push, input.thickness);
+                    simd::run(input.width, Find { corners, thickness, x, u, safe_until, most_push, portion });
                     if !portion.joining.is_empty() || !is_known {
                         portion.join((pairs, corners), lambda, safe_until, friction, ranges);
                     }

@@ -69,7 +69,7 @@ pub(super) struct Detection {
 
 /// The input of a detection.
 #[derive(Clone, Copy)]
-pub(super) struct Scene<'a> {
+pub(super) struct DetectionInput<'a> {
     pub surface: &'a Surface,
     /// Whether contact of the cloth with itself is on.
     pub has_self_contact: bool,
@@ -85,17 +85,17 @@ impl Detection {
     /// left out. If there are too many pairs of leaves, returns their number as an error.
     pub(super) fn run(
         &mut self,
-        scene: Scene<'_>,
+        input: DetectionInput<'_>,
         [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
         is_ignored: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<(), usize> {
-        self.fit(scene, [cloth, bodies]);
-        let tasks = self.find(scene, [cloth, bodies], true, is_ignored)?;
-        let (rows, ranges) = (rows(&scene), ranges(&scene));
+        self.fit(input, [cloth, bodies]);
+        let tasks = self.find(input, [cloth, bodies], true, is_ignored)?;
+        let (rows, ranges) = (rows(&input), ranges(&input));
         for (kind, lists) in lists.iter_mut().enumerate() {
             let found = || self.findings[..tasks].iter().map(|finding| &finding.found[kind]);
-            lists.fill(rows[kind], ranges[kind], found, &mut self.before, scene.path.workers);
+            lists.fill(rows[kind], ranges[kind], found, &mut self.before, input.path.workers);
         }
         Ok(())
     }
@@ -103,12 +103,12 @@ impl Detection {
     /// Lists more pairs, after the vertices that `strayed` got new paths.
     pub(super) fn run_around(
         &mut self,
-        scene: Scene<'_>,
+        input: DetectionInput<'_>,
         strayed: &[u32],
         [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
     ) -> Result<(), usize> {
-        let Scene { surface, path, scope, .. } = scene;
+        let DetectionInput { surface, path, scope, .. } = input;
         for &vertex in strayed {
             self.middle[vertex as usize] = midpoint(path, scope, vertex as usize);
         }
@@ -120,7 +120,7 @@ impl Detection {
             }
             tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, scope.substeps);
         }
-        let tasks = self.find(scene, [cloth, bodies], false, |_, _, _| false)?;
+        let tasks = self.find(input, [cloth, bodies], false, |_, _, _| false)?;
         for (kind, lists) in lists.iter_mut().enumerate() {
             lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs), &mut self.added);
         }
@@ -128,15 +128,15 @@ impl Detection {
     }
 
     /// Fits all bounds to the paths.
-    pub(super) fn fit(&mut self, scene: Scene<'_>, trees: [&mut Tree; 2]) {
-        let Scene { surface, path, scope, .. } = scene;
+    pub(super) fn fit(&mut self, input: DetectionInput<'_>, trees: [&mut Tree; 2]) {
+        let DetectionInput { surface, path, scope, .. } = input;
         self.middle.resize(path.x.len(), Vec4::ZERO);
         path.workers.chunks(&mut self.middle, GROUP, |first, middle| {
             (first..).zip(middle).for_each(|(vertex, y)| *y = midpoint(path, scope, vertex));
         });
-        for (tree, rests) in trees.into_iter().zip([false, scene.bodies_rest]) {
+        for (tree, rests) in trees.into_iter().zip([false, input.bodies_rest]) {
             if !rests {
-                self.bound(&scene, tree.leaves.all());
+                self.bound(&input, tree.leaves.all());
                 tree.refit(surface, &self.boxes[TRIANGLES], path, scope.substeps);
             }
         }
@@ -146,18 +146,18 @@ impl Detection {
     /// Finds all pairs, or only those that may be new. Returns the number of tasks that did.
     fn find(
         &mut self,
-        scene: Scene<'_>,
+        input: DetectionInput<'_>,
         [cloth, bodies]: [&mut Tree; 2],
         all: bool,
         is_ignored: impl Fn(Kind, u32, &Listed) -> bool + Sync,
     ) -> Result<usize, usize> {
-        let Scene { surface, path, scope, .. } = scene;
+        let DetectionInput { surface, path, scope, .. } = input;
         let workers = if all { path.workers } else { Workers::ALONE };
         let walk = Walk { scope, all, workers };
         let [own, across] = &mut self.leaves;
         own.clear();
         across.clear();
-        if scene.has_self_contact {
+        if input.has_self_contact {
             cloth.walk(walk, own);
         }
         if surface.has_bodies() {
@@ -171,7 +171,7 @@ impl Detection {
         self.findings.resize_with(self.findings.len().max(tasks), Finding::default);
         let (findings, left) = self.findings[..tasks].split_at_mut(own.len().div_ceil(GRAIN));
         let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
-        let ranges = ranges(&scene);
+        let ranges = ranges(&input);
         let (listed_in_all, most) = (AtomicUsize::new(0), most_listed(path.x.len()));
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
             let part = path.workers.small_part(findings.len(), 1);
@@ -183,12 +183,12 @@ impl Detection {
                     }
                     near.iter_mut().for_each(Vec::clear);
                     let (trees, is_own) = ([cloth, other], std::ptr::eq(cloth, other));
-                    simd::run(scene.width, Candidates { surface, scope, boxes, trees, is_own, leaves, near });
+                    simd::run(input.width, Candidates { surface, scope, boxes, trees, is_own, leaves, near });
                     for kind in Kind::ALL {
                         let FoundPairs { pairs: listed, ranges: of } = &mut found[kind as usize];
                         listed.clear();
                         let near = &near[kind as usize];
-                        simd::run(scene.width, Measure { surface, scope, middle, u: path.u, kind, near, listed });
+                        simd::run(input.width, Measure { surface, scope, middle, u: path.u, kind, near, listed });
                         listed.retain(|(row, pair)| !is_ignored(kind, *row, pair));
                         *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
                         listed_in_all.fetch_add(listed.len(), Ordering::Relaxed);
@@ -201,8 +201,8 @@ impl Detection {
     }
 
     /// Computes the boxes of some triangles, edges and vertices.
-    fn bound(&mut self, scene: &Scene<'_>, [triangles, edges, vertices]: [Range<usize>; 3]) {
-        let Scene { surface, path, .. } = *scene;
+    fn bound(&mut self, input: &DetectionInput<'_>, [triangles, edges, vertices]: [Range<usize>; 3]) {
+        let DetectionInput { surface, path, .. } = *input;
         let middle = &self.middle;
         let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
         of_triangles.bound(triangles, path.workers, |item| around(middle, &surface.triangles[item]));
@@ -221,13 +221,13 @@ impl Detection {
 }
 
 /// The number of first features of pairs of each kind.
-fn rows(scene: &Scene<'_>) -> [usize; 2] {
-    [scene.path.x.len(), scene.surface.edges.len()]
+fn rows(input: &DetectionInput<'_>) -> [usize; 2] {
+    [input.path.x.len(), input.surface.edges.len()]
 }
 
 /// The same, divided among the threads.
-fn ranges(scene: &Scene<'_>) -> [Ranges; 2] {
-    rows(scene).map(|rows| Ranges::of(rows, 1, scene.path.workers))
+fn ranges(input: &DetectionInput<'_>) -> [Ranges; 2] {
+    rows(input).map(|rows| Ranges::of(rows, 1, input.path.workers))
 }
 
 /// The midpoint of a vertex's path (m); w is the distance that it may stray from it.

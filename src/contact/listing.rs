@@ -3,7 +3,7 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::detection::Scene;
+use super::detection::DetectionInput;
 use super::ignored::IgnoredPairs;
 use super::paths::Paths;
 use super::surface::Surface;
@@ -75,29 +75,31 @@ impl TriangleContact {
             self.ignored.follow(surface, path.x, self.has_self_contact, options.thickness, &[]);
         }
         self.contacts.keep(lists, path.workers);
-        let scene = scene(surface, *options, self.has_self_contact, bodies.are_known, paths, path.workers, width);
+        let input = detection_input(surface, *options, self.has_self_contact, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let ignored = &self.ignored;
         self.contacts.forget();
-        detection.run(scene, [of_cloth, of_bodies], lists, |kind, first, pair| ignored.has(kind, first, pair))
+        detection.run(input, [of_cloth, of_bodies], lists, |kind, first, pair| ignored.has(kind, first, pair))
     }
 
     /// Lists more pairs, around some vertices that get new paths.
     fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
         let TriangleContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         if !detection.is_fitted {
-            detection
-                .fit(scene(surface, *options, self.has_self_contact, false, paths, path.workers, width), [of_cloth, of_bodies]);
+            detection.fit(
+                detection_input(surface, *options, self.has_self_contact, false, paths, path.workers, width),
+                [of_cloth, of_bodies],
+            );
         }
         paths.restart(strayed, path, surface, MIN_MARGIN * options.thickness, is_free);
         bodies.are_known &= bodies.are_still;
-        let scene = scene(surface, *options, self.has_self_contact, false, paths, path.workers, width);
-        detection.run_around(scene, strayed, [of_cloth, of_bodies], lists)
+        let input = detection_input(surface, *options, self.has_self_contact, false, paths, path.workers, width);
+        detection.run_around(input, strayed, [of_cloth, of_bodies], lists)
     }
 }
 
 /// The input of a detection along some paths.
-fn scene<'a>(
+fn detection_input<'a>(
     surface: &'a Surface,
     options: Contact,
     has_self_contact: bool,
@@ -105,8 +107,8 @@ fn scene<'a>(
     paths: &'a Paths,
     workers: Workers<'a>,
     width: Width,
-) -> Scene<'a> {
+) -> DetectionInput<'a> {
     let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers };
     let scope = DetectionScope { substeps: paths.ahead, thickness: options.thickness };
-    Scene { surface, has_self_contact, bodies_rest, path, scope, width }
+    DetectionInput { surface, has_self_contact, bodies_rest, path, scope, width }
 }

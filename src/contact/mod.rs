@@ -28,6 +28,7 @@ mod detection;
 pub(crate) mod device;
 mod group;
 mod ignored;
+mod input;
 mod lanes;
 mod listing;
 mod measure;
@@ -44,7 +45,6 @@ mod ranges;
 mod response;
 mod reused;
 mod rows;
-mod start;
 mod surface;
 #[cfg(feature = "gpu")]
 pub(crate) mod table;
@@ -78,6 +78,7 @@ use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::most_listed;
 use ignored::IgnoredPairs;
+use input::ContactInput;
 pub(crate) use past::ContactPast;
 use past::Kept;
 use paths::Paths;
@@ -86,7 +87,6 @@ pub(crate) use pinches::BISECTIONS;
 #[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;
 use rows::Rows;
-use start::Start;
 use surface::Surface;
 use tree::Tree;
 use vertices::PushOut;
@@ -132,7 +132,7 @@ struct Path<'a> {
 
 /// A substep, and what works on it.
 #[derive(Clone, Copy)]
-struct Now<'a> {
+struct SubstepContext<'a> {
     plan: &'a Plan<'a>,
     substep: &'a Substep,
     workers: Workers<'a>,
@@ -288,17 +288,17 @@ impl TriangleContact {
         if self.too_many > 0 {
             return;
         }
-        let now = Now { plan, substep, workers, width };
+        let context = SubstepContext { plan, substep, workers, width };
         self.bodies.advance(plan, substep, x, u);
         self.part_touches(x);
-        self.push_out(now, x, u);
+        self.push_out(context, x, u);
         let common_motion = self.bodies.common_motion(plan, x, u, self.options.thickness);
-        if !self.list(now, x, u, common_motion.is_none()) {
+        if !self.list(context, x, u, common_motion.is_none()) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
         if self.tally.listed > 0 {
-            self.hold_apart(now, x, u, common_motion);
+            self.hold_apart(context, x, u, common_motion);
         }
         // Otherwise those of all vertices were added with what holds pairs apart.
         if self.tally.near == 0 {
@@ -317,7 +317,7 @@ impl TriangleContact {
 
     /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
     /// impossible: see [`TriangleContact::detect`].
-    fn list(&mut self, Now { workers, width, .. }: Now<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
+    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
         let path = Path { x, u, margin: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let may_stray = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
@@ -331,13 +331,13 @@ impl TriangleContact {
 
     /// Holds the listed pairs apart that come near. They move relative to `common_motion`; without one the cloth is free,
     /// and they move relative to its mean motion.
-    fn hold_apart(&mut self, now: Now<'_>, x: &mut [Vec4], u: &mut [Vec4], common_motion: Option<CommonMotion>) {
-        let Now { plan, substep, width, .. } = now;
-        let workers = now.workers.for_items(self.tally.listed as usize, PAIRS);
+    fn hold_apart(&mut self, context: SubstepContext<'_>, x: &mut [Vec4], u: &mut [Vec4], common_motion: Option<CommonMotion>) {
+        let SubstepContext { plan, substep, width, .. } = context;
+        let workers = context.workers.for_items(self.tally.listed as usize, PAIRS);
         let scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
         self.h = plan.params.h;
         let push = self.push.of_vertices();
-        let mut start = Start {
+        let mut input = ContactInput {
             x,
             u,
             push,
@@ -352,13 +352,13 @@ impl TriangleContact {
             width,
         };
         let lost = loop {
-            match self.contacts.hold_apart(&mut self.lists, start, plan, substep, scale) {
+            match self.contacts.hold_apart(&mut self.lists, input, plan, substep, scale) {
                 Ok(lost) => break lost,
                 // Now the near pairs are found for cloth that is taken along so far.
-                Err(travel) => start.max_carry = travel,
+                Err(travel) => input.max_carry = travel,
             }
         };
-        self.max_carry = start.max_carry;
+        self.max_carry = input.max_carry;
         if self.contacts.has_near() {
             self.contacts.finish(x, u, push, workers);
             // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
@@ -376,7 +376,7 @@ impl TriangleContact {
     }
 
     /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.
-    fn push_out(&mut self, Now { plan, substep, workers, width }: Now<'_>, x: &[Vec4], u: &mut [Vec4]) {
+    fn push_out(&mut self, SubstepContext { plan, substep, workers, width }: SubstepContext<'_>, x: &[Vec4], u: &mut [Vec4]) {
         let Pushes { of, most } = &mut self.push;
         let was_pushed = std::mem::take(most) > 0.0;
         if plan.bodies.is_empty() {

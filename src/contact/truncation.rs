@@ -21,7 +21,7 @@ use crate::kernels::pair::share_above;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width};
 
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
-/// [`Vertex::reach`](super::start::Vertex::reach).
+/// [`Vertex::reach`](super::input::Vertex::reach).
 pub(super) const FARTHER: f32 = 0.45;
 
 impl Contacts {

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec4;
 
+use super::input::Vertex;
 use super::lanes::loaded;
-use super::start::Vertex;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;

@@ -10,7 +10,7 @@ use super::super::rows::Rows;
 use super::super::surface::Surface;
 use super::super::tree::{DetectionScope, Tree};
 use super::super::workers::Workers;
-use super::{Detection, Path, Scene};
+use super::{Detection, DetectionInput, Path};
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::Options;
@@ -58,11 +58,11 @@ impl Folded {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
         let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers: Workers::ALONE };
         let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
-        let scene = Scene { surface, has_self_contact: true, bodies_rest: false, path, scope, width: Width::detected() };
+        let input = DetectionInput { surface, has_self_contact: true, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
-            None => detection.run(scene, [of_cloth, of_bodies], lists, |_, _, _| false).unwrap(),
+            None => detection.run(input, [of_cloth, of_bodies], lists, |_, _, _| false).unwrap(),
             Some(vertices) => {
-                detection.run_around(scene, vertices, [of_cloth, of_bodies], lists).unwrap();
+                detection.run_around(input, vertices, [of_cloth, of_bodies], lists).unwrap();
             }
         }
     }

@@ -33,7 +33,7 @@ impl Vertex {
 
 /// The input of contact in a substep.
 #[derive(Clone, Copy)]
-pub(super) struct Start<'a> {
+pub(super) struct ContactInput<'a> {
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
     /// Corrections of positions (m) by colliders; empty if there are none.
