@@ -31,7 +31,7 @@ pub(crate) struct Integrator<'a> {
 
 /// What follows a vertex's move.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Then<'a> {
+pub(crate) enum AfterMove<'a> {
     /// Nothing: the next substep's force stages predict its displacement.
     Wait,
     /// Its displacement in the next substep is predicted at once, from the ambient acceleration alone.
@@ -54,11 +54,11 @@ impl Integrator<'_> {
         simd::run(self.width, Fall { x, u, vertices: range(&tile), ambient: self.ambient(substep), carry: substep.carry });
     }
 
-    /// Resolves collisions of some vertices, moves them, and does what `then` says.
-    pub(crate) fn advance(&self, task: &Task, ranges: &[Range<u32>], substep: &Substep, then: Then<'_>) {
+    /// Resolves collisions of some vertices, moves them, and does what `after` says.
+    pub(crate) fn advance(&self, task: &Task, ranges: &[Range<u32>], substep: &Substep, after: AfterMove<'_>) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         for vertices in ranges {
-            simd::run(self.width, Advance { integrator: self, x, u, vertices: range(vertices), substep, then });
+            simd::run(self.width, Advance { integrator: self, x, u, vertices: range(vertices), substep, after });
         }
     }
 
@@ -68,7 +68,7 @@ impl Integrator<'_> {
     }
 
     /// The scalar form of [`Integrator::advance`].
-    fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, then: Then<'_>) {
+    fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, after: AfterMove<'_>) {
         for i in vertices {
             let (from, by) = (x.get(i), u.get(i));
             let w = from.w;
@@ -79,14 +79,14 @@ impl Integrator<'_> {
                 }
             }
             let to = (at + by).extend(w);
-            let on = match then {
-                Then::Wait => by.extend(0.0),
-                Then::Fall(next) if w > 0.0 => {
+            let on = match after {
+                AfterMove::Wait => by.extend(0.0),
+                AfterMove::Fall(next) if w > 0.0 => {
                     let fall = Vec3A::from_vec4(self.ambient(next));
                     predict_displacement(by, Vec3A::splat(next.carry), fall).extend(0.0)
                 }
-                Then::Fall(_) => Vec4::ZERO,
-                Then::Check => {
+                AfterMove::Fall(_) => Vec4::ZERO,
+                AfterMove::Check => {
                     self.found.check(i, at + by, by);
                     by.extend(0.0)
                 }
@@ -152,18 +152,18 @@ struct Advance<'a> {
     u: View<'a>,
     vertices: Range<usize>,
     substep: &'a Substep,
-    then: Then<'a>,
+    after: AfterMove<'a>,
 }
 
 impl Loop for Advance<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Advance { integrator, x, u, substep, then, .. } = self;
+        let Advance { integrator, x, u, substep, after, .. } = self;
         let bodies = integrator.plan.bodies;
         let zero = L::splat(0.0);
-        let (carry, fall) = match then {
-            Then::Fall(next) => (L::splat(next.carry), L::repeat(integrator.ambient(next))),
-            Then::Wait | Then::Check => (L::splat(1.0), zero),
+        let (carry, fall) = match after {
+            AfterMove::Fall(next) => (L::splat(next.carry), L::repeat(integrator.ambient(next))),
+            AfterMove::Wait | AfterMove::Check => (L::splat(1.0), zero),
         };
         let fourth = zero.lt(L::repeat(Vec4::W));
         let VertexWatch { center, distance, travel, .. } = &integrator.found;
@@ -172,7 +172,7 @@ impl Loop for Advance<'_> {
         while self.vertices.end - first >= L::LANES {
             let (x_row, u_row) = (x.row::<L>(first as u32), u.row::<L>(first as u32));
             let mut clear = bodies.is_empty() || self.is_clear::<L>(first);
-            if clear && matches!(then, Then::Check) {
+            if clear && matches!(after, AfterMove::Check) {
                 for k in 0..4 {
                     let (from, by) = (x_row.get(k), u_row.get(k));
                     let away = L::select(fourth, zero, from + by - center);
@@ -185,17 +185,17 @@ impl Loop for Advance<'_> {
                     let (from, by) = (x_row.get(k), u_row.get(k));
                     // The w component, the inverse mass, is kept.
                     x_row.set(k, L::select(fourth, from, from + by));
-                    if matches!(then, Then::Fall(_)) {
+                    if matches!(after, AfterMove::Fall(_)) {
                         let on = predict_displacement(by, carry, fall);
                         u_row.set(k, L::select(fourth, zero, L::select(zero.lt(from.w()), on, zero)));
                     }
                 }
             } else {
-                integrator.advance_each(x, u, first..first + L::LANES, substep, then);
+                integrator.advance_each(x, u, first..first + L::LANES, substep, after);
             }
             first += L::LANES;
         }
-        integrator.advance_each(x, u, first..self.vertices.end, substep, then);
+        integrator.advance_each(x, u, first..self.vertices.end, substep, after);
     }
 }
 

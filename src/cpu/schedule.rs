@@ -11,7 +11,7 @@ use crate::simd::MAX_LANES;
 
 /// What the tasks of a stage iterate over.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Over {
+pub(super) enum Domain {
     /// A single task with exclusive access to the whole cloth.
     Everything,
     /// A single task for all levels from this one on.
@@ -31,7 +31,7 @@ pub(super) enum Over {
 impl Stage {
     /// What the tasks of this stage iterate over. With `chunks`, stages that treat each vertex independently use chunks
     /// instead of tiles.
-    pub(super) fn over(self, chunks: bool) -> Over {
+    pub(super) fn domain(self, chunks: bool) -> Domain {
         match self {
             Stage::Remember
             | Stage::BendMoments
@@ -42,15 +42,15 @@ impl Stage {
             | Stage::MoveAfterContact
                 if chunks =>
             {
-                Over::Chunks
+                Domain::Chunks
             }
-            Stage::Exchange => Over::Everything,
-            Stage::SmallLevels(first) => Over::SmallLevels(first),
-            Stage::PanelForces => Over::Triangles,
-            Stage::Restrict(level) => Over::Aggregates(level),
-            Stage::SweepLevel(level, round) => Over::PiecesOfLevel(level, round),
-            Stage::Sweep(round) | Stage::Tether(round) | Stage::Move(round) if round > 0 => Over::Borders(round),
-            _ => Over::Tiles,
+            Stage::Exchange => Domain::Everything,
+            Stage::SmallLevels(first) => Domain::SmallLevels(first),
+            Stage::PanelForces => Domain::Triangles,
+            Stage::Restrict(level) => Domain::Aggregates(level),
+            Stage::SweepLevel(level, round) => Domain::PiecesOfLevel(level, round),
+            Stage::Sweep(round) | Stage::Tether(round) | Stage::Move(round) if round > 0 => Domain::Borders(round),
+            _ => Domain::Tiles,
         }
     }
 
@@ -79,7 +79,9 @@ fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
     let mut passes: Vec<Pass> = Vec::new();
     for stage in stages {
         match passes.last_mut() {
-            Some(pass) if pass[0].over(chunks) == stage.over(chunks) && !stage.reads_neighbors_of(pass[0]) => pass.push(stage),
+            Some(pass) if pass[0].domain(chunks) == stage.domain(chunks) && !stage.reads_neighbors_of(pass[0]) => {
+                pass.push(stage)
+            }
             _ => passes.push(vec![stage]),
         }
     }
@@ -126,8 +128,8 @@ impl Schedule {
         let resources = Resources { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
         let mut tasks: Vec<PassTasks> = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
-            let is_local = |over| matches!(over, Over::Tiles | Over::Chunks | Over::Triangles | Over::Borders(_));
-            let follows = index > once && is_local(resources.over(pass)) && is_local(resources.over(&passes[index - 1]));
+            let is_local = |domain| matches!(domain, Domain::Tiles | Domain::Chunks | Domain::Triangles | Domain::Borders(_));
+            let follows = index > once && is_local(resources.domain(pass)) && is_local(resources.domain(&passes[index - 1]));
             tasks.push(PassTasks { touches: resources.touched(pass), awaits: resources.awaited(pass), follows });
         }
         Schedule { graph: Graph::new(tasks, once, resources.count()), passes, chunks }
@@ -155,8 +157,8 @@ fn chunks(partition: &Partition, count: usize) -> Vec<Range<u32>> {
 }
 
 impl Resources<'_> {
-    fn over(&self, pass: &Pass) -> Over {
-        pass[0].over(self.chunks.is_some())
+    fn domain(&self, pass: &Pass) -> Domain {
+        pass[0].domain(self.chunks.is_some())
     }
 
     fn count(&self) -> usize {
@@ -180,33 +182,33 @@ impl Resources<'_> {
     fn touched(&self, pass: &Pass) -> Vec<Vec<u32>> {
         let Resources { partition, coarse, .. } = *self;
         let tiles = 0..partition.tiles.len() as u32;
-        match self.over(pass) {
-            Over::Everything => vec![(0..self.count() as u32).collect()],
+        match self.domain(pass) {
+            Domain::Everything => vec![(0..self.count() as u32).collect()],
             // Includes the level that the first of them is restricted from.
-            Over::SmallLevels(first) => {
+            Domain::SmallLevels(first) => {
                 vec![(self.first_of_level(first.saturating_sub(1)) as u32..self.count() as u32).collect()]
             }
-            Over::Chunks => {
+            Domain::Chunks => {
                 let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
                 let around = pass[0].reads_neighbors();
                 let touched = |tile: u32| if around { partition.around[tile as usize].clone() } else { vec![tile] };
                 self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
             }
-            Over::Tiles if pass[0].reads_neighbors() => partition.around.clone(),
-            Over::Tiles => tiles.map(|tile| vec![tile]).collect(),
-            Over::Triangles => self.panel_tiles.to_vec(),
-            Over::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
-            Over::Aggregates(level) => {
+            Domain::Tiles if pass[0].reads_neighbors() => partition.around.clone(),
+            Domain::Tiles => tiles.map(|tile| vec![tile]).collect(),
+            Domain::Triangles => self.panel_tiles.to_vec(),
+            Domain::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
+            Domain::Aggregates(level) => {
                 let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.restricted(level, chunk));
                 chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
             }
             // A piece of the first round also receives the coarser correction for its whole tile, whichever edges it
             // has.
-            Over::PiecesOfLevel(level, 0) => {
+            Domain::PiecesOfLevel(level, 0) => {
                 let first = self.first_of_level(level) as u32;
                 (0..coarse.partition(level).tiles.len() as u32).map(|tile| vec![first + tile]).collect()
             }
-            Over::PiecesOfLevel(level, round) => {
+            Domain::PiecesOfLevel(level, round) => {
                 let first = self.first_of_level(level) as u32;
                 let pieces = coarse.partition(level).rounds[round].iter();
                 pieces.map(|piece| piece.touches.iter().map(|tile| first + tile).collect()).collect()
@@ -222,12 +224,12 @@ impl Resources<'_> {
     /// of its aggregates; the next task to write those is the prolongation, which waits for the aggregates.
     fn awaited(&self, pass: &Pass) -> Vec<Vec<u32>> {
         let Resources { partition, coarse, .. } = *self;
-        match self.over(pass) {
-            Over::Tiles if pass.contains(&Stage::Correct) => {
+        match self.domain(pass) {
+            Domain::Tiles if pass.contains(&Stage::Correct) => {
                 let labels = |tile: &Range<u32>| self.of_level(0, coarse.labels(0, tile.clone()));
                 partition.tiles.iter().map(labels).collect()
             }
-            Over::Aggregates(level) => {
+            Domain::Aggregates(level) => {
                 // A task could begin as soon as the members of its aggregates are ready. It waits for all tiles
                 // instead: the sweep of the smallest levels needs all aggregates anyway, and a worker without other
                 // work would restrict vertices that are in another core's cache rather than help that worker with its
@@ -241,7 +243,7 @@ impl Resources<'_> {
             }
             // In the first round the piece of a tile receives the correction of the next coarser level for that whole
             // tile.
-            Over::PiecesOfLevel(level, 0) if level + 1 < coarse.len() => {
+            Domain::PiecesOfLevel(level, 0) if level + 1 < coarse.len() => {
                 let labels = |tile: &Range<u32>| self.of_level(level + 1, coarse.labels(level + 1, tile.clone()));
                 coarse.partition(level).tiles.iter().map(labels).collect()
             }

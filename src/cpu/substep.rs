@@ -5,9 +5,9 @@ use std::ops::Range;
 use crate::cpu::correction::Correction;
 use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::forces::Forces;
-use crate::cpu::integrate::{Integrator, Then};
+use crate::cpu::integrate::{AfterMove, Integrator};
 use crate::cpu::partition::{Partition, Piece};
-use crate::cpu::schedule::{Over, Pass};
+use crate::cpu::schedule::{Domain, Pass};
 use crate::cpu::stages::{Stage, Terms};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::shared::{Task, View};
@@ -78,7 +78,7 @@ impl Stepper<'_> {
     fn stage(&self, task: &Task, stage: Stage, index: usize, part: usize) {
         let substep = &self.plan.substeps[index];
         let tile = || match self.chunks {
-            Some(chunks) if stage.over(true) == Over::Chunks => chunks[part].clone(),
+            Some(chunks) if stage.domain(true) == Domain::Chunks => chunks[part].clone(),
             _ => self.partition.tiles[part].clone(),
         };
         match stage {
@@ -135,12 +135,12 @@ impl Stepper<'_> {
     }
 
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {
-        let then = match self.plan.substeps.get(index + 1) {
-            None => Then::Check,
-            Some(next) if self.terms.falls() => Then::Fall(next),
-            Some(_) => Then::Wait,
+        let after = match self.plan.substeps.get(index + 1) {
+            None => AfterMove::Check,
+            Some(next) if self.terms.falls() => AfterMove::Fall(next),
+            Some(_) => AfterMove::Wait,
         };
-        self.integrator.advance(task, vertices, &self.plan.substeps[index], then);
+        self.integrator.advance(task, vertices, &self.plan.substeps[index], after);
         self.external.into_iter().for_each(|external| (external.moved)(task, self.state(task), vertices, index));
     }
 }

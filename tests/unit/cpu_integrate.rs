@@ -60,10 +60,10 @@ fn what_is_told_to_be_clear_is_clear() {
             let (x_view, u_view) = (&shared_x, &shared_u);
             let integrator =
                 Integrator { plan: &plan, x: x_view, u: u_view, good, found, width: width.unwrap_or(Width::detected()) };
-            let (substep, then) = (&plan.substeps[0], Then::Fall(&plan.substeps[1]));
+            let (substep, after) = (&plan.substeps[0], AfterMove::Fall(&plan.substeps[1]));
             match width {
-                Some(_) => integrator.advance(&task, &[0..37, 37..count as u32], substep, then),
-                None => integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, then),
+                Some(_) => integrator.advance(&task, &[0..37, 37..count as u32], substep, after),
+                None => integrator.advance_each(x_view.within(&task), u_view.within(&task), 0..count, substep, after),
             }
             [x, u].map(|values| values.iter().map(Vec4::to_array).collect::<Vec<_>>())
         };
