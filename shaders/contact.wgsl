@@ -124,7 +124,7 @@ fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32) -> T
     let dd = outside * (dy - side * core_step);
     let start = length(d0);
     let end = length(d0 + dd);
-    if dot(outside, vec3f(1.0)) > 1.0 && end > LEAST_LENGTH {
+    if dot(outside, vec3f(1.0)) > 1.0 && end > MIN_LENGTH {
         return Touch(true, (d0 + dd) / end, start - radius + (2.0 * dot(d0, dd) + dot(dd, dd)) / (start + end));
     }
     let axis = farthest(beyond);
@@ -154,7 +154,7 @@ fn box_gap(y: vec3f, core: vec3f, radius: f32) -> Gap {
     let outside = positive(beyond);
     let d = outside * beyond;
     let l = length(d);
-    if dot(outside, vec3f(1.0)) > 1.0 && l > LEAST_LENGTH {
+    if dot(outside, vec3f(1.0)) > 1.0 && l > MIN_LENGTH {
         return Gap(side * d / l, l - radius);
     }
     let axis = farthest(beyond);
@@ -224,7 +224,7 @@ fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     }
     let after = before + (2.0 * dot(d0, du) + travel2) / max(start + end, 1e-20) - growth;
     var n = vec3f(0.0, 1.0, 0.0);
-    if end > LEAST_LENGTH {
+    if end > MIN_LENGTH {
         n = d / end;
     }
     return respond(x, u, n, before, after, step, body.friction);

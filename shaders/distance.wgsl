@@ -11,7 +11,7 @@ const TURN_GUARD: f32 = 0.5;
 const STRETCH_GUARD: f32 = 0.44;
 const SLACK_BAND: f32 = 6.5e-4;
 // Lower bound of lengths [m] that are used as divisors.
-const LEAST_LENGTH: f32 = 1e-12;
+const MIN_LENGTH: f32 = 1e-12;
 
 // The impulse of an edge: along its direction at the substep's start (SHAKE) and without a square root, unless it has turned
 // or stretched far.
@@ -40,7 +40,7 @@ fn inverse_length(r: f32) -> f32 {
 // The impulse of an edge along its current direction.
 fn relax_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;
-    let l = max(length(d), LEAST_LENGTH);
+    let l = max(length(d), MIN_LENGTH);
     return d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * l) - 1.0));
 }
 

@@ -8,6 +8,6 @@ struct Spring {
 
 // The force on one end of the spring; `d` points from that end to the other.
 fn spring_force(d: vec3f, spring: Spring) -> vec3f {
-    let l = max(length(d), LEAST_LENGTH);
+    let l = max(length(d), MIN_LENGTH);
     return d * (spring.stiffness * (l - spring.rest) / l);
 }

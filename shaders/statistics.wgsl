@@ -3,8 +3,8 @@
 
 const CLASSES: u32 = 128u;
 const BITS: u32 = 20u;
-const LEAST_STRETCH: f32 = 0.000244140625;
-const LEAST_SPEED: f32 = 0.0009765625;
+const MIN_STRETCH: f32 = 0.000244140625;
+const MIN_SPEED: f32 = 0.0009765625;
 const WHOLE: u32 = 1073741824u;
 const ONE: f32 = 67108864.0;
 const MOST: f32 = 32.0;

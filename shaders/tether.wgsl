@@ -23,5 +23,5 @@ fn tethered(d0: vec3f, du: vec3f, reach: f32, share: f32) -> vec3f {
     if dot(d0, d) > TETHER_TURN_GUARD * l0 * l && l0 > TETHER_SHORT_GUARD * reach {
         return d0 * (-share * (l - reach) / l0);
     }
-    return d * (-share * (l - reach) / max(l, LEAST_LENGTH));
+    return d * (-share * (l - reach) / max(l, MIN_LENGTH));
 }

@@ -20,7 +20,7 @@ const CONVERGED: f64 = 2e-6;
 const FIRST_STEPS: u32 = 64;
 
 /// Largest number of steps per frame of the reference.
-const MOST_STEPS: u32 = 1 << 16;
+const MAX_STEPS: u32 = 1 << 16;
 
 /// A hanging cloth.
 pub(crate) struct Scene {
@@ -120,7 +120,7 @@ impl Scene {
             let last = changes.iter().copied().fold(0.0, f64::max);
             // Twice the steps take twice the time. A run that becomes unstable ends early and costs little.
             let spent = 2.0 * start.elapsed().as_secs_f64() > budget && last.is_finite();
-            if last > CONVERGED && !spent && steps < MOST_STEPS {
+            if last > CONVERGED && !spent && steps < MAX_STEPS {
                 (states, before) = (finer, changes);
                 continue;
             }

@@ -271,13 +271,13 @@ fn not_negative(text: &str) -> Result<f32, String> {
 }
 
 /// Most frames a second: a step takes at least a nanosecond.
-const MOST_FPS: f32 = 1e9;
+const MAX_FPS: f32 = 1e9;
 
 /// Frames a second, between which a step must have a length that can be computed.
 pub(crate) fn check_rate(fps: f32) -> Result<f32, String> {
     match (1.0 / fps).is_finite() {
-        true if fps <= MOST_FPS => Ok(fps),
-        true => Err(format!("a frame of 1/{fps} seconds is too short; give at most {MOST_FPS} frames a second")),
+        true if fps <= MAX_FPS => Ok(fps),
+        true => Err(format!("a frame of 1/{fps} seconds is too short; give at most {MAX_FPS} frames a second")),
         false => Err(format!("a frame of 1/{fps} seconds is not finite; give more frames a second")),
     }
 }

@@ -11,7 +11,7 @@ override PANELS: u32 = 0u;
 
 // The table has, for bending: the number of passes in use (0 if the step has no bending), room for 16 passes, a row per
 // vertex, and the slices of the rings.
-const MOST_PASSES: u32 = 16u;
+const MAX_PASSES: u32 = 16u;
 // Vectors that bending stores per vertex.
 const BEND_VECTORS: u32 = 6u;
 
@@ -33,7 +33,7 @@ fn is_filtered() -> bool {
 }
 
 fn bend_rows() -> u32 {
-    return BENDING + 1u + 4u * MOST_PASSES;
+    return BENDING + 1u + 4u * MAX_PASSES;
 }
 
 fn row_of(v: u32) -> BendRow {

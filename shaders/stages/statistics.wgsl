@@ -28,7 +28,7 @@ fn count(
     for (var i = item(id, groups); i < arrayLength(&gauges); i += all) {
         let gauge = gauges[i];
         let stretched = stretch(length(x[gauge.ends.x].xyz - x[gauge.ends.y].xyz), gauge.inverse_rest);
-        atomicAdd(&stretches[class_of(stretched, LEAST_STRETCH)], gauge.weight);
+        atomicAdd(&stretches[class_of(stretched, MIN_STRETCH)], gauge.weight);
         sum.x += f32(gauge.weight) * min(stretched, MOST);
         worst = max(worst, stretched);
     }
@@ -40,7 +40,7 @@ fn count(
         high = max(high, x[i].xyz);
         if x[i].w > 0.0 {
             let speed = length(p[i].xyz - params.drift) / params.h;
-            atomicAdd(&speeds[class_of(speed, LEAST_SPEED)], 1u);
+            atomicAdd(&speeds[class_of(speed, MIN_SPEED)], 1u);
             sum.y += min(speed * speed, SLOW * SLOW);
             fastest = max(fastest, speed);
         }

@@ -19,7 +19,7 @@ const GAP: f64 = 16.0;
 const ROUNDS: usize = 50;
 /// Least sum of squared weights of the vertices of a pair that may move. If the closest points are all but pinned, the others
 /// would have to move without limit.
-const LEAST_SUM: f64 = 0.1;
+const MIN_SUM: f64 = 0.1;
 /// Most pairs of boxes to compare, per triangle. Cloth that is crammed into one place has more, and stays as it is.
 const ROOM: usize = 500;
 
@@ -53,7 +53,7 @@ pub(super) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
             let sum: f64 = weights.iter().zip(share).map(|(weight, share)| share * weight * weight).sum();
             if distance < gap && sum > 0.0 {
                 is_apart &= distance > 0.9 * gap;
-                let along = *normal * ((gap - distance) / sum.max(LEAST_SUM));
+                let along = *normal * ((gap - distance) / sum.max(MIN_SUM));
                 corners
                     .iter()
                     .zip(weights)

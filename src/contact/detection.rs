@@ -37,7 +37,7 @@ const MAX_LEAF_PAIRS: [usize; 2] = [100_000, 512];
 const LISTED: [usize; 2] = [1 << 21, 256];
 
 /// The largest number of pairs that are listed of so many vertices.
-pub(crate) fn most_listed(vertices: usize) -> usize {
+pub(crate) fn max_listed(vertices: usize) -> usize {
     LISTED[0] + LISTED[1] * vertices
 }
 
@@ -172,7 +172,7 @@ impl Detection {
         let (findings, left) = self.findings[..tasks].split_at_mut(own.len().div_ceil(GRAIN));
         let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
         let ranges = ranges(&input);
-        let (listed_in_all, most) = (AtomicUsize::new(0), most_listed(path.x.len()));
+        let (listed_in_all, most) = (AtomicUsize::new(0), max_listed(path.x.len()));
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
             let part = path.workers.small_part(findings.len(), 1);
             let parts = findings.chunks_mut(part).zip(leaves.chunks(part * GRAIN));

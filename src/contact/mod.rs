@@ -76,7 +76,7 @@ use common_motion::CommonMotion;
 use contacts::Contacts;
 use detection::Detection;
 #[cfg(feature = "gpu")]
-pub(crate) use detection::most_listed;
+pub(crate) use detection::max_listed;
 use ignored::IgnoredPairs;
 use input::ContactInput;
 pub(crate) use past::ContactPast;
@@ -104,11 +104,11 @@ pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("UNWINDING", crate::kernels::pair::UNWINDING),
     ("LASTS", paths::LASTS),
     ("MARGIN_DECAY", paths::MARGIN_DECAY),
-    ("AHEAD_LEAST", paths::AHEAD[0]),
-    ("AHEAD_MOST", paths::AHEAD[1]),
+    ("MIN_AHEAD", paths::AHEAD[0]),
+    ("MAX_AHEAD", paths::AHEAD[1]),
     ("FARTHER_AHEAD", paths::FARTHER_AHEAD),
     ("CONE_COSINE", normals::CONE_COSINE),
-    ("MOST_EXCESS", tree::MOST_EXCESS),
+    ("MAX_EXCESS", tree::MAX_EXCESS),
     ("ACTING", near::ACTING),
     ("FARTHER", truncation::FARTHER),
     ("COINCIDENT", pinches::COINCIDENT),

@@ -98,7 +98,7 @@ pub(crate) struct Schedule {
 }
 
 /// Minimum number of vertices in a chunk.
-const LEAST_CHUNK: usize = 128;
+const MIN_CHUNK: usize = 128;
 
 impl Schedule {
     /// The schedules of a step. Without contact of triangles there is one. With it there are three, because contact
@@ -148,7 +148,7 @@ struct Resources<'a> {
 /// Splits the tiles into about `count` chunks, each of which starts at a multiple of the SIMD width.
 fn chunks(partition: &Partition, count: usize) -> Vec<Range<u32>> {
     let vertices = partition.tiles.last().map_or(0, |tile| tile.end as usize);
-    let length = (vertices / count).max(LEAST_CHUNK).next_multiple_of(MAX_LANES);
+    let length = (vertices / count).max(MIN_CHUNK).next_multiple_of(MAX_LANES);
     let of_tile = |tile: &Range<u32>| {
         let Range { start, end } = *tile;
         (start..end).step_by(length).map(move |start| start..end.min(start + length as u32)).collect::<Vec<_>>()

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::kernels::integrate::xyz;
 use crate::kernels::statistics::{
-    LEAST_SPEED, LEAST_STRETCH, MOST, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, ordered, stretch,
+    MIN_SPEED, MIN_STRETCH, MOST, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, ordered, stretch,
 };
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width, vector_of_lane};
 
@@ -50,7 +50,7 @@ impl Observed<'_> {
             simd::run(self.width, EdgeLengths { x: self.x, gauges, lengths: &mut lengths });
             for (&length, gauge) in lengths.iter().zip(gauges) {
                 let stretch = stretch(length, gauge.inverse_rest);
-                seen.stretch[class_of(stretch, LEAST_STRETCH)] += gauge.weight;
+                seen.stretch[class_of(stretch, MIN_STRETCH)] += gauge.weight;
                 sum += gauge.weight as f32 * stretch.min(MOST);
                 worst = worst.max(stretch);
             }
@@ -72,7 +72,7 @@ impl Observed<'_> {
                 (low, high) = (low.min(at), high.max(at));
                 // Pins do not count: their motion is prescribed.
                 let (speed, counts) = if x.w > 0.0 { (length / self.h, 1) } else { (0.0, 0) };
-                seen.speed[class_of(speed, LEAST_SPEED)] += counts;
+                seen.speed[class_of(speed, MIN_SPEED)] += counts;
                 sum += (speed * speed).min(SLOW * SLOW);
                 fastest = fastest.max(speed);
             }

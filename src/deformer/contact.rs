@@ -7,7 +7,7 @@ use crate::attributes::{Attributes, Collider, Shape, invalid};
 #[cfg(feature = "gpu")]
 use crate::device::IN_BROWSER;
 use crate::error::StepError;
-use crate::model::checks::MOST_THICKNESS;
+use crate::model::checks::MAX_THICKNESS;
 #[cfg(feature = "gpu")]
 use crate::options::Backend;
 use crate::options::{Contact, Quality, Warning};
@@ -45,8 +45,7 @@ impl Deformer {
         }
         let across = cloth.extent as f32;
         // A thickness that was chosen was compared with the cloth when the cloth was made.
-        if let (Some(index), true) =
-            (mesh_colliders(attributes).next(), across > 0.0 && thickness > MOST_THICKNESS * cloth.extent)
+        if let (Some(index), true) = (mesh_colliders(attributes).next(), across > 0.0 && thickness > MAX_THICKNESS * cloth.extent)
         {
             let remedy = format!(
                 "is kept {} m away, which must be at most half of the cloth's {across} m; make the cloth with Options::contact",

@@ -14,17 +14,17 @@ const HEADER: usize = 4;
 /// The position of a vertex that is not in the tile.
 const NO_PLACE: u32 = u32::MAX;
 /// Limit on the vertices in all tiles per vertex of the cloth. With more, recomputing them costs more than it saves.
-const MOST_HELD: usize = 12;
+const MAX_HELD: usize = 12;
 
 /// Tiles in the layout that `stages/bend_tile.wgsl` reads.
 #[derive(Debug)]
 pub(crate) struct BendTiles {
     /// For each tile, the words at which the list of its rings, the list of its vertices, the slices of their entries and
-    /// its aggregates start; then these. The list of rings has their number, the number of the tile's own vertices, and the number of
-    /// vertices up to the end of each ring. The list of vertices has one more ring, which the outermost one reads. Entries
-    /// refer to vertices by their positions in that list. If a level is averaged too, each tile has whole aggregates of
-    /// it: their number, each with the position of its first vertex, the number of vertices, then for each vertex the
-    /// position of its aggregate's first one and its share of the aggregate's mass.
+    /// its aggregates start; then these. The list of rings has their number, the number of the tile's own vertices, and
+    /// the number of vertices up to the end of each ring. The list of vertices has one more ring, which the outermost one
+    /// reads. Entries refer to vertices by their positions in that list. If a level is averaged too, each tile has whole
+    /// aggregates of it: their number, each with the position of its first vertex, the number of vertices, then for each
+    /// vertex the position of its aggregate's first one and its share of the aggregate's mass.
     pub table: Vec<u32>,
     pub count: usize,
     /// Most vertices of a tile: those with moments, and all.
@@ -66,7 +66,7 @@ impl BendTiles {
             let (vertices, ends) = with_rings(own, entries, rings, most.room, &mut place)?;
             let held = ends[rings];
             held_by_all += held;
-            if held_by_all > MOST_HELD * rest.len().max(256) {
+            if held_by_all > MAX_HELD * rest.len().max(256) {
                 return None;
             }
             tiles.largest = tiles.largest.max(held);
@@ -104,8 +104,8 @@ fn push_aggregates(table: &mut Vec<u32>, group: &[u32], level: &Level) {
     table.extend(of_vertices);
 }
 
-/// Appends the entries of `count` vertices to a table, as `stages/bend_in_workgroup.wgsl` reads them. `place` is the position that
-/// stands for a vertex.
+/// Appends the entries of `count` vertices to a table, as `stages/bend_in_workgroup.wgsl` reads them. `place` is the
+/// position that stands for a vertex.
 pub(crate) fn push_rings<'a>(
     table: &mut Vec<u32>,
     count: usize,

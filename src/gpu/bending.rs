@@ -9,7 +9,7 @@ use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
 use crate::multigrid::hierarchy::Level;
-use crate::step::bending::{BendRows, MOST_PASSES};
+use crate::step::bending::{BendRows, MAX_PASSES};
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -55,7 +55,7 @@ impl Bending {
             rows: gpu.filled("bend rows", &plan.coefficients.bending.rows),
             spans: gpu.filled("bend spans", &entries.spans),
             entries: gpu.filled("bend entries", &entries.items),
-            passes: gpu.make("bend passes", (MOST_PASSES * SLOT) as u64, usage),
+            passes: gpu.make("bend passes", (MAX_PASSES * SLOT) as u64, usage),
         };
         Bending { lists, prepared: None, kernels: Vec::new(), in_use: 0 }
     }

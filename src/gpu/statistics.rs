@@ -12,7 +12,7 @@ use crate::gpu::stage::{Bind, Stage, WORKGROUP};
 use crate::kernels::statistics::{Statistics, StrainGauge};
 
 /// Most workgroups that compute statistics; each adds its result to that of the others.
-const MOST_WORKGROUPS: usize = 256;
+const MAX_WORKGROUPS: usize = 256;
 
 /// The stage that computes statistics, and the statistics that have not been returned yet.
 #[derive(Debug)]
@@ -69,7 +69,7 @@ impl Counter {
 
     /// Encodes the statistics of the cloth's own state.
     pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MOST_WORKGROUPS));
+        self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MAX_WORKGROUPS));
     }
 
     /// Requests the statistics after everything submitted. Returns the oldest that have not been returned if they are from

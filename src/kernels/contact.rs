@@ -5,7 +5,7 @@ use glam::Vec3A;
 
 use rounded_box::contact_box;
 
-use super::distance::LEAST_LENGTH;
+use super::distance::MIN_LENGTH;
 use super::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
 
@@ -108,7 +108,7 @@ fn contact_round(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Pa
         return respond(x, u, n, before, after - growth, step, body.friction, params.h);
     }
     let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - growth;
-    let n = if end > LEAST_LENGTH { d / end } else { Vec3A::Y };
+    let n = if end > MIN_LENGTH { d / end } else { Vec3A::Y };
     respond(x, u, n, before, after, step, body.friction, params.h)
 }
 

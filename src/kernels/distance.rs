@@ -26,7 +26,7 @@ pub(crate) const STRETCH_GUARD: f32 = 0.44;
 /// and pushes less the closer it is to that limit.
 pub(crate) const SLACK_BAND: f32 = 6.5e-4;
 /// Lower bound of lengths (m) that are used as divisors.
-pub(crate) const LEAST_LENGTH: f32 = 1e-12;
+pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
 /// The correction of an edge. Its impulse is `-scale * inverse_weight * direction`: add `w_a` times that to `u_a` and
 /// subtract `w_b` times it from `u_b`.
@@ -85,7 +85,7 @@ pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     let nowhere = L::splat(0.0).lt(L::splat(0.0));
     let (d, one) = (d0 + du, L::splat(1.0));
-    let length = d.dot(d).sqrt().max(L::splat(LEAST_LENGTH));
+    let length = d.dot(d).sqrt().max(L::splat(MIN_LENGTH));
     EdgeCorrection { scale: one - one / (inverse_rest * length), at_start: nowhere }
 }
 

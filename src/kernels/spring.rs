@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
 
-use super::distance::LEAST_LENGTH;
+use super::distance::MIN_LENGTH;
 
 /// A spring seen from one of its ends.
 #[repr(C)]
@@ -18,6 +18,6 @@ pub(crate) struct Spring {
 
 /// The force (N) of a spring on one end, `k (l - l0) d / l`, where `d` (m) points from that end to the other.
 pub(crate) fn spring_force(d: Vec3A, spring: &Spring) -> Vec3A {
-    let length = d.length().max(LEAST_LENGTH);
+    let length = d.length().max(MIN_LENGTH);
     d * (spring.stiffness * (length - spring.rest) / length)
 }

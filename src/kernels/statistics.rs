@@ -13,9 +13,9 @@ pub(crate) const CLASSES: usize = 128;
 /// gives eight classes per octave.
 pub(crate) const BITS: u32 = f32::MANTISSA_DIGITS - 1 - 3;
 /// The least stretch that is told from none: the lower end of class 1.
-pub(crate) const LEAST_STRETCH: f32 = 1.0 / 4096.0;
+pub(crate) const MIN_STRETCH: f32 = 1.0 / 4096.0;
 /// The least speed (m/s) that is told from rest: the lower end of class 1.
-pub(crate) const LEAST_SPEED: f32 = 1.0 / 1024.0;
+pub(crate) const MIN_SPEED: f32 = 1.0 / 1024.0;
 /// The total area of all gauges as an integer.
 pub(crate) const WHOLE: u32 = 1 << 30;
 /// 1 as a fixed-point number, for means that are summed as integers.
@@ -112,13 +112,13 @@ impl Statistics {
         let counted: u64 = self.stretch[1..].iter().map(|&area| u64::from(area)).sum();
         let whole = u64::from(WHOLE).max(counted);
         let exceeded = (1.0 - share) * whole as f64;
-        quantile(&self.stretch, LEAST_STRETCH, exceeded).min(f32::from_bits(self.worst_stretch))
+        quantile(&self.stretch, MIN_STRETCH, exceeded).min(f32::from_bits(self.worst_stretch))
     }
 
     /// The speed (m/s) that this share of the free vertices does not exceed.
     pub(crate) fn speed_of(&self, share: f64) -> f32 {
         let counted: u64 = self.speed.iter().map(|&count| u64::from(count)).sum();
-        quantile(&self.speed, LEAST_SPEED, (1.0 - share) * counted as f64).min(f32::from_bits(self.fastest))
+        quantile(&self.speed, MIN_SPEED, (1.0 - share) * counted as f64).min(f32::from_bits(self.fastest))
     }
 
     /// Mean stretch of the area.

@@ -49,6 +49,6 @@ pub(crate) fn tethered<L: Lanes>(d0: Vector<L>, du: Vector<L>, reach: L, share: 
     let excess = L::select(reach.lt(length), length - reach, zero);
     let turned = (L::splat(TETHER_TURN_GUARD) * length0 * length).lt(d0.dot(d));
     let at_start = L::and(turned, (L::splat(TETHER_SHORT_GUARD) * reach).lt(length0));
-    let by = share * excess / L::select(at_start, length0, length.max(L::splat(super::distance::LEAST_LENGTH)));
+    let by = share * excess / L::select(at_start, length0, length.max(L::splat(super::distance::MIN_LENGTH)));
     Vector::select(at_start, d0, d) * (zero - by)
 }

@@ -11,13 +11,13 @@ use glam::Vec3A;
 use crate::simd::Lanes;
 
 /// Upper bound of the squares, so that their product with a mass stays finite.
-pub(crate) const MOST_SQUARE: f32 = 1e30;
+pub(crate) const MAX_SQUARE: f32 = 1e30;
 
 /// The share of the allowed kinetic energy of one component of a displacement `p` (m). `mass` (kg) is 0 for pins, whose
 /// motion is prescribed. `per_length` is `1 / (V h)` (1/m), `per_mass` is `1 / M` (1/kg).
 #[inline(always)]
 pub(crate) fn energy_share<L: Lanes>(p: L, mass: L, per_length: L, per_mass: L) -> L {
-    let (most, ratio) = (L::splat(MOST_SQUARE), p * per_length);
+    let (most, ratio) = (L::splat(MAX_SQUARE), p * per_length);
     let square = ratio * ratio;
     L::select(square.lt(most), square, most) * (mass * per_mass)
 }

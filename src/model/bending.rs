@@ -13,7 +13,7 @@
 use glam::Vec4;
 
 use crate::kernels::bending::BendEntry;
-use crate::kernels::distance::LEAST_LENGTH;
+use crate::kernels::distance::MIN_LENGTH;
 use crate::model::csr::Csr;
 use crate::model::mesh::{self, EdgeIndex};
 
@@ -56,7 +56,7 @@ impl Bending {
             let longest = (0..3).map(|k| x[k].distance_squared(x[(k + 1) % 3])).fold(0.0, f64::max);
             // The triangle has no plane and no cotangents, or is too small for its curvature to be finite. It gets no
             // bending stiffness.
-            if double_area <= 1e-9 * longest || longest < f64::from(LEAST_LENGTH).powi(2) {
+            if double_area <= 1e-9 * longest || longest < f64::from(MIN_LENGTH).powi(2) {
                 continue;
             }
             let dot = [0, 1, 2].map(|k| (x[(k + 1) % 3] - x[k]).dot(x[(k + 2) % 3] - x[k]));

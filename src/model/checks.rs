@@ -31,8 +31,8 @@ pub(crate) fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
 
 /// Bounds on the thickness of contact as shares of the cloth's size. Below the first, rounding of positions is as much as what
 /// contact leaves between cloth that touches, and heaps cross at any number of substeps.
-const LEAST_THICKNESS: f64 = 1e-4;
-pub(crate) const MOST_THICKNESS: f64 = 0.5;
+const MIN_THICKNESS: f64 = 1e-4;
+pub(crate) const MAX_THICKNESS: f64 = 0.5;
 /// What contact may compare: so many vertices within the thickness of each, or so many pairs of such vertices in all, each of
 /// which takes about 350 bytes.
 const NEAR: usize = 16;
@@ -44,7 +44,7 @@ const SAMPLES: usize = 32;
 pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Result<(), BuildError> {
     let refuse = |value: String, remedy| Err(BuildError::Value { name: "contact.thickness".to_owned(), value, remedy });
     let on_cloth = || format!("{thickness} m on cloth {} m across", extent as f32);
-    let [least, most] = [LEAST_THICKNESS, MOST_THICKNESS].map(|share| share * extent);
+    let [least, most] = [MIN_THICKNESS, MAX_THICKNESS].map(|share| share * extent);
     if f64::from(thickness) < least {
         let remedy = "must be at least 0.0001 of that, since positions in single precision keep no smaller distance; choose more";
         return refuse(on_cloth(), remedy);

@@ -35,7 +35,7 @@ use crate::kernels::bending::{BendPass, BendRow};
 use crate::model::bending::Bending;
 
 /// Maximum number of passes.
-pub(crate) const MOST_PASSES: usize = 16;
+pub(crate) const MAX_PASSES: usize = 16;
 
 /// Mean share of the rigidity that may be lost to the stability limit before [`BendRows::limited`] reports it.
 const LOST: f64 = 0.05;
@@ -92,7 +92,7 @@ fn passes(needed: &[f64], damped: bool) -> usize {
     }
     let nearest = (bent.len() - 1) * 95 / 100;
     let z = *bent.select_nth_unstable_by(nearest, f64::total_cmp).1;
-    (1..MOST_PASSES).find(|&count| limit(count, damped) >= z).unwrap_or(MOST_PASSES)
+    (1..MAX_PASSES).find(|&count| limit(count, damped) >= z).unwrap_or(MAX_PASSES)
 }
 
 /// The largest `h² g` that is stable with so many passes. With a single pass, damping takes half of the limit.

@@ -32,7 +32,7 @@ use crate::step::substep_count::{Length, Rates};
 /// Factor between what can be explained and the bound.
 const MARGIN: f64 = 8.0;
 /// Extent (m) below which edges cannot be told from rounding errors of positions, so lengths are not checked.
-const LEAST_EXTENT: f64 = 1e-6;
+const MIN_EXTENT: f64 = 1e-6;
 /// Ratio of the peak stress in motion to the static stress `rho g L`.
 pub(crate) const TRANSIENT: f64 = 5.0;
 /// Each step checks one of so many parts of the edges, in turn; `stages/watch.wgsl` has the same constant. Checking an
@@ -138,7 +138,7 @@ impl Watch {
         let explained = self.speed + self.fallen + self.fastest + elastic + self.spread / h;
         let speed = coarse(MARGIN * explained);
         let extent = cloth.extents.length();
-        if extent < LEAST_EXTENT {
+        if extent < MIN_EXTENT {
             return (speed, f32::MAX);
         }
         let stress = TRANSIENT * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes)) * cloth.extent;

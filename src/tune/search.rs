@@ -8,7 +8,7 @@ use crate::error::{BuildError, StepError};
 use crate::options::{Levels, Method, Quality};
 
 /// Most runs of the scene.
-const MOST_CLIPS: usize = 20;
+const MAX_CLIPS: usize = 20;
 /// Number of substeps of the second reference run relative to the first, and the displacement (m) of its vertices at
 /// the start.
 const AGAIN: f64 = 1.42;
@@ -204,7 +204,7 @@ impl<'a> Search<'a> {
         if let Some(trial) = self.trials.iter().find(|trial| trial.setting == setting) {
             return Ok(self.keeps(trial));
         }
-        if self.trials.len() >= MOST_CLIPS - 1 - TERMS.len() {
+        if self.trials.len() >= MAX_CLIPS - 1 - TERMS.len() {
             return Ok(false);
         }
         let trial = match finished(self.scene.play(&setting, 0.0))? {

@@ -23,7 +23,7 @@ fn each_piece_is_done_once() {
         on(threads, || {
             Team::gather(4, |team| {
                 for round in 0..rounds {
-                    let count = round % (MOST_PIECES + 1);
+                    let count = round % (MAX_PIECES + 1);
                     assert_eq!(sum(team, count), (count * (count + 1) / 2) as u64, "{threads} threads");
                 }
             });
@@ -64,8 +64,8 @@ fn threads_work_at_once() {
     });
 }
 
-/// A panic, of the lender or of another thread, reaches the caller after all pieces that were begun are done, and the threads can be
-/// recruited again.
+/// A panic, of the lender or of another thread, reaches the caller after all pieces that were begun are done, and the
+/// threads can be recruited again.
 #[test]
 fn a_panic_passes_through() {
     on(4, || {

@@ -9,7 +9,7 @@ fn numbers(count: u32) -> impl Iterator<Item = f32> {
 
 #[test]
 fn classes_are_in_order_and_an_eighth_of_an_octave_wide() {
-    for least in [LEAST_STRETCH, LEAST_SPEED] {
+    for least in [MIN_STRETCH, MIN_SPEED] {
         assert_eq!(class_of(0.0, least), 0);
         assert_eq!(class_of(0.999 * least, least), 0);
         assert_eq!(class_of(least, least), 1);
@@ -26,7 +26,7 @@ fn classes_are_in_order_and_an_eighth_of_an_octave_wide() {
 fn a_share_is_that_of_plain_sorting() {
     let stretches: Vec<f32> = numbers(10_000).map(|x| 0.3 * x * x * x).collect();
     let mut seen = Statistics::NONE;
-    stretches.iter().for_each(|&stretch| seen.stretch[class_of(stretch, LEAST_STRETCH)] += WHOLE / 10_000);
+    stretches.iter().for_each(|&stretch| seen.stretch[class_of(stretch, MIN_STRETCH)] += WHOLE / 10_000);
     seen.worst_stretch = stretches.iter().copied().fold(0.0, f32::max).to_bits();
     let mut sorted = stretches;
     sorted.sort_unstable_by(f32::total_cmp);

@@ -14,7 +14,7 @@ const SAMPLES: usize = 3;
 /// The camera need not see colliders that are farther from the cloth than this share of its size.
 const AROUND: f32 = 0.46;
 /// The largest [`Lamp::softness`].
-const MOST_SOFTNESS: usize = 5;
+const MAX_SOFTNESS: usize = 5;
 
 /// What all frames share.
 pub(super) struct Stage<'a> {
@@ -58,7 +58,7 @@ impl<'a> Stage<'a> {
             // The sun, and the sky, which is a very soft light from above.
             lamps: [
                 Lamp { frame: Frame::parallel(middle, radius, SUN), texels: 512, softness: 3 },
-                Lamp { frame: Frame::parallel(middle, radius, Vec3::Y), texels: 96, softness: MOST_SOFTNESS },
+                Lamp { frame: Frame::parallel(middle, radius, Vec3::Y), texels: 96, softness: MAX_SOFTNESS },
             ],
             middle,
             radius,
@@ -200,7 +200,7 @@ impl Moment<'_> {
         let first = at.xy().floor() - *softness as f32;
         let width = 0.55 * (softness * softness) as f32;
         let weights = |axis: f32| {
-            let mut weights = [0.0; 2 * MOST_SOFTNESS + 1];
+            let mut weights = [0.0; 2 * MAX_SOFTNESS + 1];
             weights.iter_mut().enumerate().for_each(|(k, weight)| *weight = (-(axis - k as f32).powi(2) / width).exp());
             weights
         };

@@ -21,7 +21,7 @@ use crate::Failure;
 use crate::arguments::{BACKENDS, FORMATS, Format, LEVELS, METHODS};
 
 /// Largest size of a scene file (bytes).
-const MOST_BYTES: u64 = 1 << 24;
+const MAX_BYTES: u64 = 1 << 24;
 
 /// A scene.
 #[derive(Debug, Default, Deserialize)]
@@ -372,9 +372,9 @@ impl Source {
         let mut text = String::new();
         let opened = fs::File::open(path).map_err(|error| wrong(&error))?;
         // A path that is not a regular file may be endless.
-        opened.take(MOST_BYTES + 1).read_to_string(&mut text).map_err(|error| wrong(&error))?;
-        if text.len() as u64 > MOST_BYTES {
-            return Err(wrong(&format_args!("it is longer than {MOST_BYTES} bytes, which no scene is")));
+        opened.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(|error| wrong(&error))?;
+        if text.len() as u64 > MAX_BYTES {
+            return Err(wrong(&format_args!("it is longer than {MAX_BYTES} bytes, which no scene is")));
         }
         Source::parse(path, text, None)
     }

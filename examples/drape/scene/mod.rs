@@ -33,10 +33,10 @@ use timeline::{NO_PREROLL, Timeline};
 const OTHER_PICTURES: [&str; 10] = ["jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "svg", "mp4", "mov"];
 
 /// Most substeps per 1/60 s.
-const MOST_SUBSTEPS: u32 = 65536;
+const MAX_SUBSTEPS: u32 = 65536;
 
 /// Strongest gusts, relative to the wind.
-const MOST_STRENGTH: f32 = 1e6;
+const MAX_STRENGTH: f32 = 1e6;
 
 /// Everything that a run needs.
 pub(crate) struct Scene {
@@ -179,9 +179,9 @@ fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>, timeline: Timeli
         return Err(source.wrong_in(wind, format_args!("lift = {} must not exceed drag", lift.0)));
     }
     if let Some((source, wind)) = given
-        && let Some(gusts) = wind.get_ref().gusts.as_ref().filter(|gusts| gusts.strength.0 > MOST_STRENGTH)
+        && let Some(gusts) = wind.get_ref().gusts.as_ref().filter(|gusts| gusts.strength.0 > MAX_STRENGTH)
     {
-        let what = format_args!("gusts.strength = {} must be at most {MOST_STRENGTH} times the wind", gusts.strength.0);
+        let what = format_args!("gusts.strength = {} must be at most {MAX_STRENGTH} times the wind", gusts.strength.0);
         return Err(source.wrong_in(wind, what));
     }
     if let Some((source, wind)) = given
@@ -229,7 +229,7 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     if named.len() > 1 || (file.share.is_some() && strain.is_none()) {
         return Err(wrong("give one of substeps, strain and budget, and a share to a strain alone"));
     }
-    if file.substeps.is_some_and(|count| count.0 > MOST_SUBSTEPS) {
+    if file.substeps.is_some_and(|count| count.0 > MAX_SUBSTEPS) {
         return Err(wrong("substeps must be 1 to 65536"));
     }
     if file.share.is_some_and(|share| !(0.5..=1.0).contains(&share.0)) {

@@ -13,7 +13,7 @@ const FRAMES: u32 = 120;
 const RATE: f32 = 60.0;
 
 /// Most frames of a preroll.
-const MOST_PREROLL: f64 = 1e6;
+const MAX_PREROLL: f64 = 1e6;
 
 /// What is wrong with a `start` in a scene without a preroll.
 pub(super) const NO_PREROLL: &str = "`start` needs a preroll; give `preroll` in seconds, or leave out `start`";
@@ -55,8 +55,8 @@ impl Timeline {
         let given = scene.and_then(|(source, file)| file.preroll.as_ref().map(|preroll| (source, preroll)));
         let seconds = arguments.preroll.or(given.map(|(_, preroll)| preroll.get_ref().0)).unwrap_or(0.0);
         let count = f64::from(seconds) * f64::from(fps);
-        if count > MOST_PREROLL {
-            let message = format!("preroll = {seconds} s has more than {MOST_PREROLL} frames; give fewer seconds");
+        if count > MAX_PREROLL {
+            let message = format!("preroll = {seconds} s has more than {MAX_PREROLL} frames; give fewer seconds");
             return Err(match given {
                 Some((source, preroll)) if arguments.preroll.is_none() => source.wrong_in(preroll, message),
                 _ => Failure::input(message).of("--preroll"),

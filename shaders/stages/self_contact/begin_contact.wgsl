@@ -16,8 +16,8 @@ const SAMPLES: u32 = 32u;
 // Number of substeps for which a vertex should stay close to its path.
 const LASTS: f32 = 12.0;
 // Range of the number of substeps that detection looks ahead, and the factor by which it grows.
-const AHEAD_LEAST: f32 = 6.0;
-const AHEAD_MOST: f32 = 64.0;
+const MIN_AHEAD: f32 = 6.0;
+const MAX_AHEAD: f32 = 64.0;
 const FARTHER_AHEAD: f32 = 1.5;
 
 // A vertex's part of the reduction: for a free cloth the mean by mass, otherwise the range of the pins' displacements besides
@@ -180,13 +180,13 @@ fn begin_substep() {
             contact_state.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);
         }
         contact_state.status.over = over + 1.0;
-        var ahead = AHEAD_LEAST;
+        var ahead = MIN_AHEAD;
         if ends {
             ahead = select(FARTHER_AHEAD * contact_state.status.ahead, contact_state.status.ahead / FARTHER_AHEAD, long);
         } else if over >= 0.0 {
             ahead = FARTHER_AHEAD * over;
         }
-        contact_state.status.ahead = clamp(floor(ahead + 0.5), AHEAD_LEAST, AHEAD_MOST);
+        contact_state.status.ahead = clamp(floor(ahead + 0.5), MIN_AHEAD, MAX_AHEAD);
         contact_state.status.since = 0.0;
         contact_state.status.detections += 1u;
     } else {

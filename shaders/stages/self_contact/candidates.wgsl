@@ -143,7 +143,7 @@ fn compare(
         workgroupBarrier();
         note(all, first_found[u32(is_edge)] + rank);
         // The numbers must not overflow.
-        if broadcast(max(first_found[0], first_found[1]), lane) > MOST_OF_ALL {
+        if broadcast(max(first_found[0], first_found[1]), lane) > MAX_PAIRS {
             return;
         }
     }

@@ -6,19 +6,19 @@ override LANES: u32 = 128u;
 
 // The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `CONE_COSINE`:
 // `src/contact/tree/mod.rs`.
-const MOST_EXCESS: f32 = 0.6;
+const MAX_EXCESS: f32 = 0.6;
 // Number of nodes that can be held. With the last `LEVELS` of these places left, one node is replaced by its children at a
 // time, which needs at most a place for each level.
 const HELD: u32 = 1024u;
 const LEVELS: u32 = 32u;
 // Number of leaves that are met, or more, before they are noted; and limit on it: `LANES` more.
 const MET: u32 = 64u;
-const MOST_MET: u32 = 192u;
+const MAX_MET: u32 = 192u;
 
 // The nodes that may meet the leaf and whose children are not tested yet, the last ones first; and the leaves.
 var<workgroup> held: array<u32, HELD>;
 var<workgroup> held_count: atomic<u32>;
-var<workgroup> met: array<u32, MOST_MET>;
+var<workgroup> met: array<u32, MAX_MET>;
 var<workgroup> met_count: atomic<u32>;
 var<workgroup> first_met: u32;
 
@@ -28,7 +28,7 @@ fn is_clear(a: u32, b: u32) -> bool {
         return true;
     }
     let more = select(0.0, number(contact_params.excess + b), a != b);
-    if number(contact_params.excess + a) + more >= MOST_EXCESS {
+    if number(contact_params.excess + a) + more >= MAX_EXCESS {
         return false;
     }
     let low = min(nodes[a].normal_low, nodes[b].normal_low);
@@ -142,7 +142,7 @@ fn note_met(leaf: u32, count: u32, lane: u32) -> bool {
         }
     }
     workgroupBarrier();
-    return first < MOST_OF_ALL;
+    return first < MAX_PAIRS;
 }
 
 @compute @workgroup_size(LANES)

@@ -3,7 +3,7 @@
 // that are close enough. The order of these lists has no effect on the result.
 
 // Limit on the number of pairs. Beyond it, all cloth is in one place.
-const MOST_OF_ALL: u32 = 0x10000000u;
+const MAX_PAIRS: u32 = 0x10000000u;
 // Each unit of space has room for so many pairs of leaves, and for so many candidates.
 const LEAF_PAIRS: u32 = 2u;
 const CANDIDATES: u32 = 8u;
@@ -35,7 +35,7 @@ fn goes_on() -> bool {
 fn demand_space(items: u32, each: u32) {
     if items > each * space() {
         atomicMax(&contact_state.status.space_needed, (items + each - 1u) / each);
-        atomicOr(&contact_state.status.stopped, select(NO_ROOM, CROWDED, items > MOST_OF_ALL));
+        atomicOr(&contact_state.status.stopped, select(NO_ROOM, CROWDED, items > MAX_PAIRS));
     }
 }
 

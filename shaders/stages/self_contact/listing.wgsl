@@ -215,7 +215,7 @@ fn reserve(lane: u32) {
         let listed = atomicAdd(&contact_state.status.listed, more) + more;
         if listed > contact_params.room {
             atomicMax(&contact_state.status.needed, listed);
-            atomicOr(&contact_state.status.stopped, select(NO_ROOM, CROWDED, listed > MOST_OF_ALL));
+            atomicOr(&contact_state.status.stopped, select(NO_ROOM, CROWDED, listed > MAX_PAIRS));
         }
     }
 }

@@ -12,7 +12,7 @@ const MEAN: f32 = 0.4;
 // Limit on the part that this takes of a vertex's margin.
 const ASIDE: f32 = 0.5;
 // Distance [m] that counts as nothing. Numbers remain finite if it is divided by.
-const LEAST_DISTANCE: f32 = 1e-12;
+const MIN_DISTANCE: f32 = 1e-12;
 
 // Number of invocations that bound a leaf.
 const PARTS: u32 = 4u;
@@ -66,10 +66,10 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
         margin = clamp(far, MIN_MARGIN_SHARE * max_margin, max_margin);
         if i < contact_params.vertices {
             let aside = (track.by.xyz + strayed / contact_state.status.over - u_i) * MEAN;
-            by += aside * min(1.0, ASIDE * margin / max(length(aside), LEAST_DISTANCE));
+            by += aside * min(1.0, ASIDE * margin / max(length(aside), MIN_DISTANCE));
         }
     }
-    tracks[i] = Track(vec4f(x_i, margin), vec4f(by, 1.0 / max(margin, LEAST_DISTANCE)));
+    tracks[i] = Track(vec4f(x_i, margin), vec4f(by, 1.0 / max(margin, MIN_DISTANCE)));
 }
 
 // An invocation's part of the bounds of a leaf.

@@ -18,7 +18,7 @@ use crate::model::disjoint_sets::DisjointSets;
 pub(super) use walk::Walk;
 
 /// Limit on the excess angle ([`Surface::excess`], rad) below which cloth that is not folded over cannot meet itself.
-pub(super) const MOST_EXCESS: f32 = 0.6;
+pub(super) const MAX_EXCESS: f32 = 0.6;
 
 /// By what distances are enlarged that are compared with rounded ones.
 const ROUNDED: f32 = 1.01;

@@ -5,7 +5,7 @@
 
 use super::super::workers::Workers;
 use super::refit::MOVED;
-use super::{DetectionScope, MOST_EXCESS, Tree, in_one_cone};
+use super::{DetectionScope, MAX_EXCESS, Tree, in_one_cone};
 
 /// Levels that are traversed before the rest is divided into tasks.
 const SHARED_LEVELS: u32 = 5;
@@ -121,7 +121,7 @@ impl Tree {
     fn is_flat(&self, [a, b]: [u32; 2], level: u32) -> bool {
         let excess = self.excess[a as usize] + if a == b { 0.0 } else { self.excess[b as usize] };
         let is_beside = || self.beside[level as usize].of(a - (1 << level)).binary_search(&(b - (1 << level))).is_ok();
-        excess < MOST_EXCESS && (a == b || is_beside())
+        excess < MAX_EXCESS && (a == b || is_beside())
     }
 }
 

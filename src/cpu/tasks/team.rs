@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use rayon::Yield;
 
-use super::shared::{Fork, MOST_PIECES};
+use super::shared::{Fork, MAX_PIECES};
 
 /// Polls in vain after which a thread looks for other work in the pool: some tens of microseconds.
 const POLLS: u32 = 1024;
@@ -41,7 +41,7 @@ pub(crate) struct Team {
 impl Team {
     /// Does some work on this thread, with a team of so many threads of the pool, this one among them.
     pub(crate) fn gather<R: Send>(threads: usize, work: impl FnOnce(&Team) -> R + Send) -> R {
-        let threads = threads.clamp(1, MOST_PIECES);
+        let threads = threads.clamp(1, MAX_PIECES);
         let (came, away, is_over) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicBool::new(false));
         Team { threads, fork: Fork::new(), came, away, is_over }.recruit(threads - 1, work)
     }
@@ -50,7 +50,7 @@ impl Team {
         self.threads
     }
 
-    /// Calls `work` with each number below `count`, at most [`MOST_PIECES`], on the threads of the team.
+    /// Calls `work` with each number below `count`, at most [`MAX_PIECES`], on the threads of the team.
     pub(crate) fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
         self.fork.lend(count, work);
     }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, TRACK, Told};
 use super::{Good, GpuContact};
-use crate::contact::most_listed;
+use crate::contact::max_listed;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
@@ -137,7 +137,7 @@ impl GpuContact {
     /// The largest number of pairs to have room for, in both halves of the list, and the largest space for what detection
     /// compares: as much as the CPU lists, if the device allows it.
     fn most(&self, gpu: &Gpu) -> [usize; 2] {
-        let most = most_listed(self.table.vertices as usize);
+        let most = max_listed(self.table.vertices as usize);
         [2 * size_of::<Listed>(), SPACE].map(|bytes| most.min(gpu.most_table_bytes() / bytes))
     }
 

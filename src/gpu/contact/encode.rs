@@ -17,8 +17,8 @@ const OF_DETECTION: usize = 8;
 const OF_START: usize = 2;
 const OF_RESPONSE: usize = 9 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
-const LEAST_ITEMS: usize = 4096;
-const MOST_ITEMS: usize = 1 << 18;
+const MIN_ITEMS: usize = 4096;
+const MAX_ITEMS: usize = 1 << 18;
 /// Invocations per workgroup of the kernels that compare boxes, measure candidates, and look for near pairs: `LANES` of
 /// `candidates.wgsl`, `listing.wgsl` and `near.wgsl`.
 const COMPARERS: usize = 256;
@@ -81,7 +81,7 @@ impl GpuContact {
 
     /// The number of invocations for the pairs, given their number before the step.
     fn items(&self, before: u32) -> usize {
-        (2 * before as usize).clamp(LEAST_ITEMS, self.room.clamp(LEAST_ITEMS, MOST_ITEMS))
+        (2 * before as usize).clamp(MIN_ITEMS, self.room.clamp(MIN_ITEMS, MAX_ITEMS))
     }
 
     fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
@@ -95,7 +95,7 @@ impl GpuContact {
             stages.refit.dispatch_workgroups(pass, group, &[], 1 + mesh_leaves.min(1) as usize);
         }
         stages.descend.dispatch_workgroups(pass, group, &[], 1 << depth);
-        let compared = (self.status.leaf_pairs as usize * features as usize).min(MOST_ITEMS) as u32;
+        let compared = (self.status.leaf_pairs as usize * features as usize).min(MAX_ITEMS) as u32;
         stages.compare.dispatch_workgroups(pass, group, &[], self.items(compared).div_ceil(COMPARERS));
         let measured = self.items(self.status.candidates + self.status.edge_candidates);
         stages.measure.dispatch_workgroups(pass, group, &[], measured.div_ceil(MEASURERS));

@@ -37,8 +37,8 @@ use status::{BOX, ContactParams, Listed, NEAR, NODE, NORMALS, PART, SPACE, Statu
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
 const ROOM_OF_VERTEX: usize = 16;
-const MOST_ROOM: usize = 1 << 18;
-const LEAST_ROOM: usize = 4096;
+const MAX_ROOM: usize = 1 << 18;
+const MIN_ROOM: usize = 4096;
 
 /// GPU buffers; `pairs` has two halves, one of which contains the current list. `near` is used by detection, too, which begins
 /// before pairs are near.
@@ -115,7 +115,7 @@ impl GpuContact {
         let (kept, mut table) = OnDevice::new(cloth, contact, meshes)?;
         let words = std::mem::take(&mut table.words);
         let (vertices, all) = (cloth.rest.len(), table.vertices as usize);
-        let room = (ROOM_OF_VERTEX * vertices).min(MOST_ROOM).max(vertices).max(LEAST_ROOM);
+        let room = (ROOM_OF_VERTEX * vertices).min(MAX_ROOM).max(vertices).max(MIN_ROOM);
         let groups = vertices.div_ceil(WORKGROUP) + table.mesh_vertices().div_ceil(WORKGROUP);
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {

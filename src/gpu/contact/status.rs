@@ -185,7 +185,7 @@ pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
 #[cfg(test)]
 pub(crate) const SAMPLES: u32 = 32;
 #[cfg(test)]
-pub(crate) const LEAST_DISTANCE: f32 = 1e-12;
+pub(crate) const MIN_DISTANCE: f32 = 1e-12;
 #[cfg(test)]
 pub(crate) const MIN_MARGIN_SHARE: f32 = 0.5;
 #[cfg(test)]
@@ -200,6 +200,6 @@ pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection may be due in every so many substeps, and in every so many of calm cloth.
 pub(crate) const SPACING: u32 = 5;
 pub(crate) const FAR_SPACING: u32 = 20;
-/// `MOST_OF_ALL`, `LEAF_PAIRS`, `CANDIDATES`, `HELD`, `LEVELS`, `MET`, `MOST_MET`.
+/// `MAX_PAIRS`, `LEAF_PAIRS`, `CANDIDATES`, `HELD`, `LEVELS`, `MET`, `MAX_MET`.
 #[cfg(test)]
 pub(crate) const DETECTION: [u32; 7] = [1 << 28, 2, 8, 1024, 32, 64, 192];

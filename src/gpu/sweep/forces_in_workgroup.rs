@@ -6,7 +6,7 @@ use crate::gpu::bend_tiles::push_rings;
 use crate::gpu::slices::push_slices;
 use crate::kernels::bending::BendPass;
 use crate::model::cloth::Cloth;
-use crate::step::bending::MOST_PASSES;
+use crate::step::bending::MAX_PASSES;
 use crate::step::plan::Plan;
 
 /// Vectors that bending stores per vertex: `BEND_VECTORS` of the shader.
@@ -70,7 +70,7 @@ impl ForceTable {
         let count = if plan.bending { passes.len() as u32 } else { 0 };
         let mut words = vec![count];
         words.extend(bytemuck::cast_slice::<_, u32>(passes));
-        words.resize(1 + size_of::<BendPass>() / size_of::<u32>() * MOST_PASSES, 0);
+        words.resize(1 + size_of::<BendPass>() / size_of::<u32>() * MAX_PASSES, 0);
         words.extend(bytemuck::cast_slice::<_, u32>(&bending.rows));
         gpu.write(table, size_of::<u32>() * self.bending, &words);
     }
@@ -78,5 +78,5 @@ impl ForceTable {
 
 /// Words of the number of passes, the passes, and a row per vertex.
 fn words_that_change(vertices: usize) -> usize {
-    1 + 4 * MOST_PASSES + 3 * vertices
+    1 + 4 * MAX_PASSES + 3 * vertices
 }

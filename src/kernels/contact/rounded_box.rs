@@ -3,7 +3,7 @@
 use glam::{Vec3A, Vec4, Vec4Swizzles};
 
 use super::{Body, SWEEP_STEPS, SWEPT, respond};
-use crate::kernels::distance::LEAST_LENGTH;
+use crate::kernels::distance::MIN_LENGTH;
 use crate::kernels::params::{Params, Substep};
 
 /// [`contact_body`](super::contact_body) for a box that moves and rotates, computed in the frame of the box.
@@ -44,7 +44,7 @@ fn box_end(y: Vec3A, dy: Vec3A, core: Vec3A, core_step: Vec3A, radius: f32) -> (
     let d0 = outside * (y - side * core);
     let dd = outside * (dy - side * core_step);
     let (start, end) = (d0.length(), (d0 + dd).length());
-    if outside.element_sum() > 1.0 && end > LEAST_LENGTH {
+    if outside.element_sum() > 1.0 && end > MIN_LENGTH {
         return ((d0 + dd) / end, start - radius + (2.0 * d0.dot(dd) + dd.dot(dd)) / (start + end));
     }
     let axis = farthest(beyond);
@@ -75,7 +75,7 @@ fn box_gap(y: Vec3A, core: Vec3A, radius: f32) -> (Vec3A, f32) {
     let outside = positive(beyond);
     let d = outside * beyond;
     let length = d.length();
-    if outside.element_sum() > 1.0 && length > LEAST_LENGTH {
+    if outside.element_sum() > 1.0 && length > MIN_LENGTH {
         return (side * d / length, length - radius);
     }
     let axis = farthest(beyond);

@@ -241,7 +241,7 @@ impl MappedVectors {
 }
 
 /// Most pieces of work that can be lent at once.
-pub(crate) const MOST_PIECES: usize = 64;
+pub(crate) const MAX_PIECES: usize = 64;
 /// States of a piece: it is nobody's, offered to everybody, or being done.
 const FREE: u8 = 0;
 const OFFERED: u8 = 1;
@@ -260,7 +260,7 @@ pub(crate) struct Fork {
     is_lent: AtomicBool,
     count: AtomicUsize,
     /// The state of each piece, in cache lines of its own.
-    pieces: [PieceState; MOST_PIECES],
+    pieces: [PieceState; MAX_PIECES],
 }
 
 #[derive(Debug)]
@@ -269,14 +269,14 @@ struct PieceState(AtomicU8);
 
 impl Fork {
     pub(crate) fn new() -> Fork {
-        let pieces = [const { PieceState(AtomicU8::new(FREE)) }; MOST_PIECES];
+        let pieces = [const { PieceState(AtomicU8::new(FREE)) }; MAX_PIECES];
         Fork { work: AtomicPtr::default(), is_lent: AtomicBool::new(false), count: AtomicUsize::new(0), pieces }
     }
 
-    /// Calls `work` with each number below `count`, at most [`MOST_PIECES`], together with the threads that
+    /// Calls `work` with each number below `count`, at most [`MAX_PIECES`], together with the threads that
     /// [`claim`](Fork::claim) pieces. Within work that is lent already, this thread does it alone.
     pub(crate) fn lend(&self, count: usize, work: &Work<'_>) {
-        assert!(count <= MOST_PIECES, "there is a place for each piece");
+        assert!(count <= MAX_PIECES, "there is a place for each piece");
         if self.is_lent.swap(true, Ordering::Acquire) {
             return (0..count).for_each(work);
         }
