@@ -11,13 +11,13 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A};
 
-use super::contacts::Contacts;
+use super::contacts::{Contacts, Held};
+use super::input::ContactInput;
 use super::pairs::{Kind, between, closest};
 use super::pinches::{distance, moves_through};
-use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::CLEARANCE;
-use crate::simd::{Vector, Width};
+use crate::simd::Vector;
 
 /// How many times in a substep more vertices may be taken along.
 pub(crate) const ROUNDS: usize = 8;
@@ -33,22 +33,15 @@ struct RunOver {
 }
 
 impl Contacts {
-    /// Takes vertices along with what runs over them, after truncation, and adds to the momentum (kg m) `lost` by that. If those
-    /// may move farther than `max_carry` (m) besides the common motion, for which near pairs were not found, returns how far they
-    /// may, and changes nothing.
-    pub(super) fn carry(
-        &mut self,
-        max_carry: f32,
-        thickness: f32,
-        mass: &[f32],
-        lost: &mut DVec3,
-        (workers, width): (Workers<'_>, Width),
-    ) -> Result<(), f32> {
+    /// Carries vertices with what runs over them, after truncation has removed `lost` of the momentum (kg m). Near pairs were not
+    /// found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if there are such,
+    /// changes nothing.
+    pub(super) fn carry(&mut self, input: ContactInput<'_>, mass: &[f32], mut lost: DVec3) -> Held {
         for round in 0..ROUNDS {
-            let pairs = self.run_over(thickness);
+            let pairs = self.run_over(input.thickness);
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
-            if round == 0 && travel > max_carry {
-                return Err(travel);
+            if round == 0 && travel > input.max_carry {
+                return Held::NeedsCarry(travel);
             }
             if pairs.is_empty() {
                 break;
@@ -58,14 +51,14 @@ impl Contacts {
                     if !self.is_kinematic(place) {
                         self.u[place as usize] = self.u[leader as usize];
                         self.vertices[place as usize].push = Vec3A::ZERO;
-                        self.by[place as usize].w = 1.0;
+                        self.relative[place as usize].w = 1.0;
                         self.carried.push(place);
                     }
                 }
             }
-            *lost += self.truncate(mass, workers, width);
+            lost += self.truncate(mass, input.workers, input.width);
         }
-        Ok(())
+        Held::Done { lost }
     }
 
     /// Those of the pairs whose plane has passed a vertex.
@@ -105,6 +98,6 @@ impl Contacts {
 
     /// Whether a vertex is kinematic, or carried, as of the last truncation.
     fn is_kinematic(&self, place: u32) -> bool {
-        self.by[place as usize].w > 0.0
+        self.relative[place as usize].w > 0.0
     }
 }

@@ -45,13 +45,14 @@ pub(super) struct Contacts {
     pub portions: Vec<Portion>,
     pub used: usize,
     pub vertices: Vec<Vertex>,
-    /// Positions and displacements (m) of the vertices, and displacements relative to the cloth as a whole. The w of a
-    /// position is the length of that displacement at the start, negative if the vertex was not listed in the last substep;
-    /// that of the last is 1 if the vertex is kinematic or carried.
+    /// Positions (m) of the vertices. w: how far (m) the vertex was about to move relative to the common motion; negative if it
+    /// was not listed in the last substep.
     pub x: Vec<Vec4>,
+    /// Displacements (m) of the vertices; w is unused.
     pub u: Vec<Vec4>,
-    pub by: Vec<Vec4>,
-    /// The vertices that are taken along in this substep, as places.
+    /// Displacements (m) relative to the common motion, in its axes. w: 1 if the vertex is kinematic or carried, otherwise 0.
+    pub relative: Vec<Vec4>,
+    /// The vertices that are carried in this substep, as places.
     pub carried: Vec<u32>,
     /// The share of its displacement that truncation leaves each vertex.
     pub shares: Vec<f32>,
@@ -59,10 +60,16 @@ pub(super) struct Contacts {
     pub acting: Acting,
 }
 
+/// The result of [`Contacts::hold_apart`].
+pub(super) enum Held {
+    /// Pairs are held apart. Truncation has removed `lost` of the cloth's momentum (kg m).
+    Done { lost: DVec3 },
+    /// Nothing is held, because vertices must be carried this far (m), which is more than [`ContactInput::max_carry`].
+    NeedsCarry(f32),
+}
+
 impl Contacts {
-    /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`. Returns the
-    /// momentum (kg m) that truncation removes, or how far (m) vertices would have to be taken along if that is more than
-    /// [`ContactInput::max_carry`]: then nothing is held, and this must be called again.
+    /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`.
     pub(super) fn hold_apart(
         &mut self,
         lists: &mut [Rows; 2],
@@ -70,41 +77,48 @@ impl Contacts {
         plan: &Plan<'_>,
         substep: &Substep,
         scale: f32,
-    ) -> Result<DVec3, f32> {
-        let (threads, mass) = ((input.workers, input.width), &plan.cloth.mass);
+    ) -> Held {
         self.gather(lists, input);
         if !self.has_near() {
-            return Ok(DVec3::ZERO);
+            return Held::Done { lost: DVec3::ZERO };
         }
         self.respond(plan, substep, scale, input.workers, input.width);
-        let mut lost = self.truncate(mass, input.workers, input.width);
-        if input.may_carry {
-            self.carry(input.max_carry, input.thickness, mass, &mut lost, threads)?;
-        }
-        Ok(lost)
+        let lost = self.truncate(&plan.cloth.mass, input.workers, input.width);
+        if input.may_carry { self.carry(input, &plan.cloth.mass, lost) } else { Held::Done { lost } }
     }
 
     /// Finds the near pairs of the lists, in order, and the active ones among them.
     fn gather(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) {
+        let keeps_groups = self.update_numbering(lists, input);
+        self.carried.clear();
+        self.copy(input);
+        self.find(lists, keeps_groups, input);
+        self.refresh_groups(keeps_groups, input);
+    }
+
+    /// Numbers the vertices of the lists as far as they are not. Returns whether the groups of the last substep remain valid.
+    fn update_numbering(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) -> bool {
         if self.friction != input.friction {
             self.keep(lists, input.workers);
             self.forget();
             input.friction.clone_into(&mut self.friction);
         }
-        let is_known = self.is_numbered;
-        if !is_known {
+        let was_numbered = self.is_numbered;
+        if !was_numbered {
             self.number(lists, input.x.len(), input.workers);
         } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
             self.number_more(lists, input.workers);
         }
-        self.carried.clear();
-        self.copy(input);
         let ranges = Ranges::of(self.order.len(), SLICE, input.workers);
-        let is_known = is_known & (ranges == std::mem::replace(&mut self.acting.ranges, ranges));
-        self.find(lists, is_known, input);
+        let last_ranges = std::mem::replace(&mut self.acting.ranges, ranges);
+        was_numbered && ranges == last_ranges
+    }
+
+    /// Finds out which of the pairs in groups act, and sums up the weights of vertices in them.
+    fn refresh_groups(&mut self, keeps_groups: bool, input: ContactInput<'_>) {
         let Contacts { portions, used, acting, vertices, x, u, .. } = self;
         let portions = &mut portions[..*used];
-        let have_changed = !is_known || portions.iter().any(|portion| !portion.joining.is_empty());
+        let have_changed = !keeps_groups || portions.iter().any(|portion| !portion.joining.is_empty());
         if have_changed {
             acting.number(portions);
         }
@@ -135,9 +149,9 @@ impl Contacts {
 
     /// Copies the state of the vertices, and bounds the motion of each patch.
     fn copy(&mut self, input: ContactInput<'_>) {
-        let Contacts { vertices, x, u, by, order, common_motion, motions, .. } = self;
+        let Contacts { vertices, x, u, relative, order, common_motion, motions, .. } = self;
         vertices.resize(order.len(), Vertex::default());
-        [&mut *u, by].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
+        [&mut *u, relative].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
         let last_common_motion = std::mem::replace(common_motion, input.common_motion);
         let part = input.workers.part(order.len(), GRAIN);
         let (mut vertices, mut x, mut u, mut order, mut motions) =
@@ -159,7 +173,7 @@ impl Contacts {
                 for (&index, (vertex, (x, u))) in order.iter().zip(state.by_ref()) {
                     let of = index as usize;
                     let moved = xyz(input.x[of]) - xyz(*x) - last_common_motion.at(xyz(*x));
-                    let is_known = x.w >= 0.0;
+                    let was_listed = x.w >= 0.0;
                     let base = input.common_motion.at(xyz(input.x[of]));
                     *u = input.u[of].with_w(0.0);
                     let least = if input.x[of].w > 0.0 { input.max_carry } else { 0.0 };
@@ -167,16 +181,16 @@ impl Contacts {
                     let push = input.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                     let travel = (xyz(*u) + push - base).length().max(least);
                     *vertex = Vertex { index, x: input.x[of], push, weight: 0.0, travel, reach: input.surface.reach[of] };
-                    all.join(&PatchMotion { moved: if is_known { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
+                    all.join(&PatchMotion { moved: if was_listed { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
                 }
                 motions[patch(order[0]) - first] = all;
             }
         });
     }
 
-    /// Finds the near pairs among those that have not acted since they were listed. If the groups are not known, they are
-    /// made anew.
-    fn find(&mut self, lists: &mut [Rows; 2], is_known: bool, input: ContactInput<'_>) {
+    /// Finds the near pairs among those that have not acted since they were listed. Makes the groups
+    /// anew unless it `keeps_groups`.
+    fn find(&mut self, lists: &mut [Rows; 2], keeps_groups: bool, input: ContactInput<'_>) {
         let Contacts { corners, safe_until, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
         let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
@@ -202,10 +216,10 @@ impl Contacts {
                     portion.bunches.take(portion.kind, pairs, motions.len());
                     portion.bunches.advance(motions, input.most_push, input.thickness);
                     simd::run(input.width, Find { corners, thickness, x, u, safe_until, most_push, portion });
-                    if !portion.joining.is_empty() || !is_known {
+                    if !portion.joining.is_empty() || !keeps_groups {
                         portion.join((pairs, corners), lambda, safe_until, friction, ranges);
                     }
-                    if !is_known {
+                    if !keeps_groups {
                         // Pairs that do not act have no multipliers.
                         lambda.fill(Vec4::ZERO);
                     }

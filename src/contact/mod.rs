@@ -73,7 +73,7 @@ use bodies::Bodies;
 #[cfg(feature = "gpu")]
 pub(crate) use carry::ROUNDS;
 use common_motion::CommonMotion;
-use contacts::Contacts;
+use contacts::{Contacts, Held};
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::max_listed;
@@ -353,9 +353,9 @@ impl TriangleContact {
         };
         let lost = loop {
             match self.contacts.hold_apart(&mut self.lists, input, plan, substep, scale) {
-                Ok(lost) => break lost,
-                // Now the near pairs are found for cloth that is taken along so far.
-                Err(travel) => input.max_carry = travel,
+                Held::Done { lost } => break lost,
+                // The next time, near pairs are found for cloth that is carried this far.
+                Held::NeedsCarry(travel) => input.max_carry = travel,
             }
         };
         self.max_carry = input.max_carry;

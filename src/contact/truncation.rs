@@ -27,28 +27,28 @@ pub(super) const FARTHER: f32 = 0.45;
 impl Contacts {
     /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes.
     pub(super) fn truncate(&mut self, mass: &[f32], workers: Workers<'_>, width: Width) -> DVec3 {
-        let Contacts { portions, used, vertices, u, by, shares, carried, common_motion, .. } = self;
+        let Contacts { portions, used, vertices, u, relative, shares, carried, common_motion, .. } = self;
         let part = workers.part(vertices.len(), GRAIN);
         shares.resize(vertices.len(), 1.0);
-        let parts = vertices.chunks(part).zip(by.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
-        workers.each(parts, |(((vertices, by), u), shares)| {
-            for (((vertex, by), &u), share) in vertices.iter().zip(by).zip(u).zip(shares) {
+        let parts = vertices.chunks(part).zip(relative.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
+        workers.each(parts, |(((vertices, relative), u), shares)| {
+            for (((vertex, relative), &u), share) in vertices.iter().zip(relative).zip(u).zip(shares) {
                 let way = xyz(u) + vertex.push - common_motion.at(xyz(vertex.x));
                 let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
                 *share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
-                *by = common_motion.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
+                *relative = common_motion.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
         });
         for place in carried.iter().map(|&place| place as usize) {
-            (by[place].w, shares[place]) = (1.0, 1.0);
+            (relative[place].w, shares[place]) = (1.0, 1.0);
         }
-        let (by, portions): (&[Vec4], _) = (by, &mut portions[..*used]);
+        let (relative, portions): (&[Vec4], _) = (relative, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
                 let (mut truncated, mut passed) = (std::mem::take(&mut portion.truncated), std::mem::take(&mut portion.passed));
                 truncated.clear();
                 passed.clear();
-                simd::run(width, Shares { portion, by, truncated: &mut truncated, passed: &mut passed });
+                simd::run(width, Shares { portion, relative, truncated: &mut truncated, passed: &mut passed });
                 (portion.truncated, portion.passed) = (truncated, passed);
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
@@ -75,7 +75,7 @@ impl Contacts {
 /// Computes the share of its displacement, relative to the mean, that each vertex of near pairs may take.
 struct Shares<'a> {
     portion: &'a Portion,
-    by: &'a [Vec4],
+    relative: &'a [Vec4],
     truncated: &'a mut Vec<(u32, f32)>,
     passed: &'a mut Vec<[u32; 4]>,
 }
@@ -83,7 +83,7 @@ struct Shares<'a> {
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, by, truncated, passed } = self;
+        let Shares { portion, relative, truncated, passed } = self;
         let kind = portion.kind;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         for (block, first) in portion.blocks().flat_map(|block| (0..MAX_LANES).step_by(L::LANES).map(move |first| (block, first)))
@@ -93,7 +93,7 @@ impl Loop for Shares<'_> {
                 continue;
             }
             let places = &block.corners[first..first + L::LANES];
-            let (by, is_kinematic) = whole_corners_of::<L>(by, places);
+            let (relative, is_kinematic) = whole_corners_of::<L>(relative, places);
             let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
             let mut heights = [zero; 4];
             let mut towards = [zero; 4];
@@ -102,7 +102,7 @@ impl Loop for Shares<'_> {
                 let is_first = k < kind.first_side();
                 let side = if is_first { one } else { L::splat(-1.0) };
                 heights[k] = number(&block.heights[k], first);
-                towards[k] = (zero - side) * normal.dot(by[k]);
+                towards[k] = (zero - side) * normal.dot(relative[k]);
                 // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane
                 // moves with it.
                 let out = (clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
