@@ -142,7 +142,7 @@ fn motion_of(vertex: u32, x: &[Vec4], u: &[Vec4]) -> (Vec3A, Vec3A) {
     (xyz(x[vertex as usize]), xyz(u[vertex as usize]))
 }
 
-/// The same for the pins, at the start of a step.
+/// The places (m) of the pins at the start of a step, and their displacements (m) in its first substep.
 pub(super) fn kinematic_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> + Clone {
     plan.cloth.pinned.iter().zip(plan.pins_from).map(|(&vertex, &from)| {
         let pin = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).map(|place| &plan.pins[place]);
@@ -157,7 +157,8 @@ pub(super) fn motions(plan: &Plan<'_>) -> impl Iterator<Item = [Vec3; 2]> + Clon
     plan.meshes.iter().flat_map(|body| motions_of(body, plan.cloth.origin))
 }
 
-/// The same for the vertices of one body, in a loop that compilers vectorize. `origin` is that of the local coordinates (m).
+/// The motions of the vertices of one body, as in [`motions`], in a loop that compilers vectorize. `origin` is that of
+/// the local coordinates (m).
 pub(super) fn motions_of(body: &MeshBody, origin: Vec3) -> impl Iterator<Item = [Vec3; 2]> + Clone {
     body.from.positions.iter().zip(&body.to.positions).map(move |(&from, &to)| [from - origin, to - from])
 }

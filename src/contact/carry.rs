@@ -1,11 +1,10 @@
-//! Cloth that goes along with what runs over it.
+//! Cloth that is carried by what runs over it.
 //!
-//! What is led from outside does not stop, and what truncation stops moves with the common motion. Where pins and bodies
-//! move differently, that is the motion of neither, so a fast body would get through what was stopped in its way. The
-//! vertices of pairs that this happens to go along with the side that leads them, as if they were led, too, and
-//! everything is truncated once more. So a body takes along one layer of cloth after the other, as far as it moves in a
-//! substep, and however fast. Only what is led from both sides is pinched ([`pinches`](super::pinches)). While anything
-//! crosses, nothing is taken along, because what crosses would not part.
+//! Kinematic vertices cannot be truncated. A truncated cloth vertex moves with the common motion, which is that of none of them
+//! if pins and bodies move differently, so a fast body would pass it. Therefore the cloth vertices of a pair whose plane a
+//! kinematic vertex has shifted past them take over that vertex's displacement ("carried"), and truncation is repeated. A body
+//! thus carries layer after layer, however far it moves. Cloth between two kinematic sides cannot be carried: it is pinched
+//! ([`pinches`](super::pinches)). While anything crosses, nothing is carried, because crossing parts would not separate.
 
 use std::ops::Range;
 
@@ -19,13 +18,13 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::pair::CLEARANCE;
 use crate::simd::Vector;
 
-/// How many times in a substep more vertices may be taken along.
+/// How many times in a substep more vertices may be carried.
 pub(crate) const ROUNDS: usize = 8;
 /// A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps: it
 /// would soon be so close that rounding decides on which side it is.
 pub(super) const CLOSER: f32 = 0.5;
 
-/// A pair of which one side runs over the other one, which is to go along.
+/// A pair of which one side runs over the other one, which is to be carried.
 struct RunOver {
     /// The kinematic vertex that moves farthest towards the other side, as a place among the vertices of listed pairs.
     leader: u32,
@@ -61,7 +60,7 @@ impl Contacts {
         Held::Done { lost }
     }
 
-    /// Those of the pairs whose plane has passed a vertex.
+    /// The pairs that are run over, among those whose plane has passed a vertex.
     fn run_over(&self, thickness: f32) -> Vec<RunOver> {
         let is_run_over = |&(kind, places): &(Kind, [u32; 4])| {
             let (from, to) = (places.map(|place| self.start(place)), places.map(|place| self.end(place)));
@@ -72,7 +71,7 @@ impl Contacts {
         self.passed().filter(is_run_over).filter_map(|(kind, places)| self.follow(kind, places)).collect()
     }
 
-    /// Which vertices of a pair are to go along with which; `None` if all are kinematic.
+    /// Which vertices of a pair are to be carried by which; `None` if all are kinematic.
     fn follow(&self, kind: Kind, places: [u32; 4]) -> Option<RunOver> {
         let corners = places.map(|place| self.start(place)).map(|x| Vector { x: x.x, y: x.y, z: x.z });
         let weights = closest(kind, corners);

@@ -154,7 +154,7 @@ impl OnDevice {
         self.may_cross || !self.ignored.crossings.is_empty()
     }
 
-    /// Whether it must because moving pins or mesh colliders intersect pins.
+    /// Whether pins or mesh colliders are moved through each other in this step, so that intersections must be searched for.
     pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
         let pins_may = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
         pins_may && self.pins_cross(plan)
@@ -208,12 +208,12 @@ impl OnDevice {
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
-    /// Whether vertices may be taken along with what runs over them.
+    /// Whether vertices may be carried by what runs over them.
     pub(crate) fn may_carry(&self) -> bool {
         self.ignored.crossings.is_empty()
     }
 
-    /// Whether there may be such pairs.
+    /// Whether cloth may have been pinched in the last step.
     pub(crate) fn is_pinched(&self) -> bool {
         self.may_cross || !self.pinched.is_empty()
     }

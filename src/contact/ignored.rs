@@ -17,9 +17,9 @@ const RINGS: usize = 2;
 /// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
 pub(super) struct IgnoredPairs {
-    /// Each an edge and a triangle, sorted.
+    /// Known intersections: each an edge and a triangle, sorted.
     pub crossings: Vec<[u32; 2]>,
-    /// Those that have moved through each other in this step. They need not intersect any more.
+    /// Pairs of an edge and a triangle that have moved through each other in this step. They need not intersect any more.
     through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
     pairs: [Vec<[u32; 2]>; 2],
@@ -91,42 +91,14 @@ impl IgnoredPairs {
     /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
     /// these apart.
     pub(super) fn kinematics_cross(surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) -> bool {
-        let is_kinematic = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
-        let cloth = surface.of_cloth();
-        // Kinematic parts of the cloth are all around its pins, which are few.
-        let kinematic = (0..cloth.min(x.len()) as u32).filter(|vertex| is_kinematic(&[*vertex]));
-        let mut around: Vec<u32> = kinematic.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
-        let mut edges: Vec<u32> = around.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
-        edges.retain(|&edge| is_kinematic(&surface.edges[edge as usize]));
-        around.retain(|&triangle| is_kinematic(&surface.triangles[triangle as usize]));
-        [&mut edges, &mut around].into_iter().for_each(|of| {
-            of.sort_unstable();
-            of.dedup();
-        });
+        let (mut edges, mut triangles) = kinematic_features(surface, x);
         if edges.is_empty() {
             return false;
         }
-        let mut edges: Vec<[u32; 2]> = edges.into_iter().map(|edge| surface.edges[edge as usize]).collect();
-        let mut triangles: Vec<[u32; 3]> = around.into_iter().map(|triangle| surface.triangles[triangle as usize]).collect();
-        // Of the bodies only what is in the region of kinematic cloth needs a test, and its edges only if there are triangles.
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for &vertex in edges.iter().flatten() {
-            let at = x[vertex as usize].truncate();
-            (low, high) = (low.min(at), high.max(at));
-        }
-        // For each vertex a bit for each side of the region that it is beyond. What has all of its vertices beyond the
-        // same side is not there.
-        let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
-        let beyond: Vec<u32> = x.get(cloth..).unwrap_or_default().iter().map(beyond).collect();
-        let is_there =
-            |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize - cloth]) == 0;
-        let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
-        if !triangles.is_empty() {
-            let of_bodies = &surface.edges[surface.edges.partition_point(|ends| of_cloth(ends))..];
-            edges.extend(of_bodies.iter().filter(|ends| is_there(*ends)));
-        }
-        let of_bodies = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
-        triangles.extend(of_bodies.iter().filter(|corners| is_there(*corners)));
+        // Only what is around the kinematic cloth can intersect it, and edges of bodies only if they meet its triangles.
+        let (body_edges, body_triangles) = bodies_within(surface, x, bounds(&edges, x), !triangles.is_empty());
+        edges.extend(body_edges);
+        triangles.extend(body_triangles);
         let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
         let may_collide = |a, b| surface.may_collide(a, b, has_self_contact);
         features.are_close(may_collide) && !features.crossings(may_collide).is_empty()
@@ -152,7 +124,7 @@ impl IgnoredPairs {
         self.all(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
     }
 
-    /// The same of the cloth with bodies: the index of the body of each one.
+    /// For each intersection of the cloth with a body, in this step too: the index of the body.
     pub(super) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
         let owner = |vertex: u32| surface.owner[vertex as usize];
         let owners = self.all(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
@@ -175,6 +147,48 @@ impl IgnoredPairs {
         let pairs = &self.pairs[kind as usize];
         !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
     }
+}
+
+/// The edges and triangles of the cloth whose vertices are all kinematic, given by vertices.
+fn kinematic_features(surface: &Surface, x: &[Vec4]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
+    let is_kinematic = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
+    // They are all around the pins, which are few.
+    let pins = (0..surface.of_cloth().min(x.len()) as u32).filter(|vertex| is_kinematic(&[*vertex]));
+    let mut triangles: Vec<u32> = pins.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
+    let mut edges: Vec<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+    edges.retain(|&edge| is_kinematic(&surface.edges[edge as usize]));
+    triangles.retain(|&triangle| is_kinematic(&surface.triangles[triangle as usize]));
+    [&mut edges, &mut triangles].into_iter().for_each(|of| {
+        of.sort_unstable();
+        of.dedup();
+    });
+    let edges = edges.into_iter().map(|edge| surface.edges[edge as usize]);
+    let triangles = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]);
+    (edges.collect(), triangles.collect())
+}
+
+/// The box around some edges.
+fn bounds(edges: &[[u32; 2]], x: &[Vec4]) -> [Vec3; 2] {
+    edges.iter().flatten().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &vertex| {
+        let at = x[vertex as usize].truncate();
+        [low.min(at), high.max(at)]
+    })
+}
+
+/// The edges (if `with_edges`) and triangles of bodies that may reach into a box, given by vertices.
+fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edges: bool) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
+    let cloth = surface.of_cloth();
+    // For each vertex a bit for each side of the box that it is beyond. A feature with all of its vertices beyond the same side
+    // does not reach into the box.
+    let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
+    let beyond: Vec<u32> = x.get(cloth..).unwrap_or_default().iter().map(beyond).collect();
+    let may_reach = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize - cloth]) == 0;
+    let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
+    let edges = &surface.edges[surface.edges.partition_point(|ends| of_cloth(ends))..];
+    let edges = edges.iter().filter(|ends| with_edges && may_reach(*ends)).copied();
+    let triangles = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
+    let triangles = triangles.iter().filter(|corners| may_reach(*corners)).copied();
+    (edges.collect(), triangles.collect())
 }
 
 /// The vertices of an edge and of a triangle.

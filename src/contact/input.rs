@@ -17,10 +17,10 @@ pub(super) struct Vertex {
     pub push: Vec3A,
     /// Sum of its weights in the pairs that act.
     pub weight: f32,
-    /// How far (m) it was about to move relative to the common motion, and half of the smallest thickness around
-    /// it.
+    /// How far (m) it was about to move relative to the common motion.
     pub travel: f32,
-    pub reach: f32,
+    /// See [`Surface::half_gap`].
+    pub half_gap: f32,
 }
 
 impl Vertex {
@@ -38,12 +38,12 @@ pub(super) struct ContactInput<'a> {
     pub u: &'a [Vec4],
     /// Corrections of positions (m) by colliders; empty if there are none.
     pub push: &'a [Vec4],
-    /// The length of the longest of them (m).
+    /// The length of the longest correction (m).
     pub most_push: f32,
     pub common_motion: CommonMotion,
-    /// How far (m) vertices may move besides the common motion when they are taken along.
+    /// How far (m) vertices may be carried besides the common motion.
     pub max_carry: f32,
-    /// Whether they may be at all.
+    /// Whether vertices may be carried at all.
     pub may_carry: bool,
     pub surface: &'a Surface,
     /// The thickness (m) of pairs that are not closer at rest.

@@ -12,7 +12,7 @@ pub(super) fn corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]]) -> [V
     [L::transpose(a), L::transpose(b), L::transpose(c), L::transpose(d)]
 }
 
-/// The same with the w of each corner.
+/// All corners of as many pairs as lanes, of which `places` has at least as many, and the w of each corner.
 #[inline(always)]
 pub(super) fn whole_corners_of<L: Registers>(from: &[Vec4], places: &[[u32; 4]]) -> ([Vector<L>; 4], [L; 4]) {
     let [a, b, c, d] = L::gather(from, &places[..L::LANES]);

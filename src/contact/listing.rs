@@ -41,11 +41,11 @@ impl TriangleContact {
         if self.kinematics_moved && !self.may_cross {
             self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x, self.has_self_contact, self.options.thickness);
         }
-        let may_stray = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
+        let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let is_known = !self.may_cross && self.ignored.crossings.is_empty();
         let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
         let mut strayed = std::mem::take(&mut self.detection.strayed);
-        let listed = if is_listed && self.paths.strayed(may_stray, is_free, &mut strayed) {
+        let listed = if is_listed && self.paths.strayed(moving_path, is_free, &mut strayed) {
             self.list_around(&strayed, path, is_free, width)
         } else {
             self.tally.detections += 1;
@@ -63,8 +63,11 @@ impl TriangleContact {
     fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
         let TriangleContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
-        let lists_are = [4 * listed < path.x.len(), listed > 4 * (path.x.len() + self.tally.near as usize)];
-        paths.adapt(path, lists_are, surface, MIN_MARGIN * options.thickness, is_free);
+        // A short list may become longer: margins are as large as the surface allows. A list is long if it has several times as
+        // many pairs as a substep works on, which are the vertices' and the near ones.
+        let is_short = 4 * listed < path.x.len();
+        let is_long = listed > 4 * (path.x.len() + self.tally.near as usize);
+        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * options.thickness, is_free);
         if bodies.are_still {
             paths.margin[bodies.first..].fill(0.0);
         }

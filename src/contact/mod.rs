@@ -7,6 +7,11 @@
 //! [`truncation`] then shortens displacements so that the two sides of a pair stay on their sides of a plane, whatever
 //! the response achieved.
 //!
+//! Detection assumes that vertices move along straight [`paths`], and is repeated when they leave them by more than a
+//! margin. Kinematic vertices (of pins and mesh bodies) cannot be truncated, so they carry the cloth that they would run
+//! over ([`carry`]). Where they leave it no room, it is pinched, and may cross ([`pinches`]). Contact ignores the pairs
+//! that cross until the cloth has left the intersection ([`ignored`]).
+//!
 //! # Practice
 //! [`TriangleContact::resolve`] runs in each substep, after the sweeps and before positions are updated. It loops over
 //! vertices, pairs and leaves. Each item writes only its own data and gathers the contributions of others in a fixed
@@ -147,7 +152,7 @@ struct Pushes {
 }
 
 impl Pushes {
-    /// Those of all vertices; none if no collider pushes.
+    /// The corrections of all vertices; none if no collider pushes.
     fn of_vertices(&self) -> &[Vec4] {
         if self.most > 0.0 { &self.of } else { &[] }
     }
@@ -187,7 +192,7 @@ pub(crate) struct TriangleContact {
     /// In this step, pins move, or mesh bodies move and there are pins. Kinematic vertices may be made to intersect.
     kinematics_moved: bool,
     push: Pushes,
-    /// How far (m) vertices may be taken along in this step, besides the common motion.
+    /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
@@ -320,8 +325,8 @@ impl TriangleContact {
     fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
         let path = Path { x, u, margin: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
-        let may_stray = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
-        if !self.paths.hold(may_stray, is_free, width) && !self.detect(path, moving, is_free, width) {
+        let moving_path = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
+        if !self.paths.are_followed(moving_path, is_free, width) && !self.detect(path, moving, is_free, width) {
             return false;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);

@@ -107,7 +107,7 @@ impl Contacts {
         *used = after + portions_of(lists[1].pairs.len());
         portions.resize_with(portions.len().max(*used), Portion::default);
         portions[known..*used].iter_mut().for_each(Portion::clear);
-        // The first list gets its portions from the end.
+        // New portions were appended behind those of both lists; those of the first list are rotated to its end.
         portions[before..known + after - before].rotate_right(after - before);
         for (index, portion) in portions[..*used].iter_mut().enumerate() {
             portion.kind = Kind::ALL[usize::from(index >= after)];

@@ -52,7 +52,7 @@ impl ContactPast {
     }
 }
 
-/// The same as a step began with it, to go back to if the step fails. Buffers are kept from step to step.
+/// The state at the start of a step, to go back to if the step fails. Buffers are kept from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
     bodies: Vec<Arc<Mesh>>,

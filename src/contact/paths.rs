@@ -85,7 +85,7 @@ impl Paths {
     /// Whether all vertices will be close to their paths after this substep. If `is_free`, there are no kinematic
     /// vertices, and the mean deviation is subtracted first: a common translation brings no two vertices closer to each
     /// other.
-    pub(super) fn hold(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
+    pub(super) fn are_followed(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
         let Some(since) = self.since else { return false };
         if since >= self.ahead || self.from.len() < path.x.len() {
             return false;
@@ -151,11 +151,11 @@ impl Paths {
     }
 
     /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
-    /// last; with `few` listed pairs, as far as the surface allows. Looks farther ahead if the last paths lasted,
-    /// unless the list `is_long` already.
-    pub(super) fn adapt(&mut self, path: Path<'_>, [few, is_long]: [bool; 2], surface: &Surface, least: f32, is_free: bool) {
+    /// last; if the list `is_short`, the margins are the largest that the surface allows. Looks farther ahead if the last paths
+    /// lasted, unless the list `is_long` already.
+    pub(super) fn adapt(&mut self, path: Path<'_>, is_short: bool, is_long: bool, surface: &Surface, least: f32, is_free: bool) {
         let most = &surface.max_margin;
-        let known = self.since.filter(|_| self.from.len() == path.x.len() && !few);
+        let known = self.since.filter(|_| self.from.len() == path.x.len() && !is_short);
         let mut margin = std::mem::take(&mut self.margin);
         margin.resize(path.x.len(), 0.0);
         if let Some(since) = known {

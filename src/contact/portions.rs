@@ -86,8 +86,8 @@ impl DuePairs {
         places.truncate(count);
     }
 
-    /// Copies what is needed of the pairs, all before any is measured: what was stored by small pieces takes long to
-    /// load at once.
+    /// Copies what is needed of the pairs, all before any is measured: a wide load right after narrow stores to the same bytes
+    /// stalls (store forwarding).
     #[inline(always)]
     pub(super) fn take<L: Registers>(&mut self, of_pairs: &[[u32; 4]], thickness_of: &[f32]) {
         let DuePairs { places, corners, thickness } = self;

@@ -42,9 +42,10 @@ pub(super) struct Surface {
     bodies: u32,
     /// The triangles at each vertex.
     pub at: Csr<u32>,
-    /// For each vertex a lower bound (m) of half its distance at rest from features that are not adjacent, at most the
+    /// For each vertex half of the least height (m) of the triangles around it, between a tenth of the thickness and the
+    /// thickness: a lower bound of half its distance at rest from features that are not adjacent. That of bodies is the
     /// thickness.
-    pub reach: Vec<f32>,
+    pub half_gap: Vec<f32>,
     /// Largest distance (m) that a vertex may stray from its path. It is limited so that where cloth lies flat,
     /// neighboring features are not listed because of it.
     pub max_margin: Vec<f32>,
@@ -113,7 +114,7 @@ impl Surface {
             owner: vec![0; vertices],
             bodies: 0,
             at: Csr::new(0, std::iter::empty()),
-            reach: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
+            half_gap: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
             max_margin: heights.iter().map(max_margin).collect(),
             excess: Vec::new(),
         };
@@ -165,7 +166,7 @@ impl Surface {
         self.rest.resize(vertices, Vec4::ZERO);
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);
-        self.reach.resize(vertices, thickness);
+        self.half_gap.resize(vertices, thickness);
         self.max_margin.resize(vertices, 0.5 * thickness);
     }
 

@@ -87,8 +87,8 @@ impl Table {
         table.add(&items);
         let of_vertex = |vertex: usize| {
             let [x, y, z] = xyz(surface.rest[vertex]).to_array().map(f32::to_bits);
-            let [reach, max_margin] = [surface.reach[vertex], surface.max_margin[vertex]].map(f32::to_bits);
-            [surface.piece[vertex], reach, max_margin, x, y, z]
+            let [half_gap, max_margin] = [surface.half_gap[vertex], surface.max_margin[vertex]].map(f32::to_bits);
+            [surface.piece[vertex], half_gap, max_margin, x, y, z]
         };
         table.of_vertices = table.add((0..vertices).map(of_vertex).collect::<Vec<_>>().as_flattened());
         table

@@ -1,14 +1,15 @@
 //! Guarantees that the two sides of a near pair stay on either side of the plane halfway between them, whatever moves
 //! them.
 //!
-//! Displacements are taken relative to a common rigid motion of the cloth, which brings nothing closer together, and
-//! scaled to the largest share with which a vertex stays on its side of all its planes. (Lan et al. 2022 truncate along
-//! the path; with one share per vertex, no order of pairs is needed.) Pairs that are not near need no plane: truncation
-//! lets no vertex move farther than it was about to before the response, apart from an allowance ([`FARTHER`]). The
-//! momentum that truncation removes is returned to the cloth as a whole if nothing else holds it.
+//! Each near pair gets the plane halfway between its closest points. A vertex's displacement relative to the common motion is
+//! scaled by the largest factor in [0, 1] that keeps the vertex on its side of the planes of all its pairs. The common motion is
+//! rigid, so it need not be scaled. (Lan et al. 2022 truncate along the path; with one factor per vertex, no order of pairs is
+//! needed.) Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
+//! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole if
+//! nothing else holds it.
 //!
-//! The displacement of a kinematic vertex cannot be shortened, so a plane moves with it. Where it passes a vertex, this
-//! may have to go along ([`carry`](super::carry)), or cloth is pinched ([`pinches`](super::pinches)).
+//! The displacement of a kinematic vertex cannot be shortened, so a plane moves with it. Where it passes a vertex,
+//! this vertex may have to be carried ([`carry`](super::carry)), or cloth is pinched ([`pinches`](super::pinches)).
 
 use glam::{DVec3, Vec4};
 
@@ -21,7 +22,7 @@ use crate::kernels::pair::share_above;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width};
 
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
-/// [`Vertex::reach`](super::input::Vertex::reach).
+/// [`Vertex::half_gap`](super::input::Vertex::half_gap).
 pub(super) const FARTHER: f32 = 0.45;
 
 impl Contacts {
@@ -34,7 +35,7 @@ impl Contacts {
         workers.each(parts, |(((vertices, relative), u), shares)| {
             for (((vertex, relative), &u), share) in vertices.iter().zip(relative).zip(u).zip(shares) {
                 let way = xyz(u) + vertex.push - common_motion.at(xyz(vertex.x));
-                let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.reach);
+                let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.half_gap);
                 *share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
                 *relative = common_motion.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }
@@ -72,7 +73,7 @@ impl Contacts {
     }
 }
 
-/// Computes the share of its displacement, relative to the mean, that each vertex of near pairs may take.
+/// Computes the share of its displacement relative to the common motion that each vertex of near pairs may take.
 struct Shares<'a> {
     portion: &'a Portion,
     relative: &'a [Vec4],
@@ -103,8 +104,8 @@ impl Loop for Shares<'_> {
                 let side = if is_first { one } else { L::splat(-1.0) };
                 heights[k] = number(&block.heights[k], first);
                 towards[k] = (zero - side) * normal.dot(relative[k]);
-                // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane
-                // moves with it.
+                // Kinematic and carried corners are not truncated. As far as one of them would cross the plane, the plane
+                // is shifted; if both sides push, by the difference.
                 let out = (clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
                 if is_first {
                     shift_from_first = shift_from_first.max(out);

@@ -185,10 +185,10 @@ pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
 
 /// The share of the last substep's multipliers with which a pair starts that is too close by `depth` (m).
 ///
-/// At rest that is all: where the iterations converge slowly, what is taken off would be left as a velocity. A pair that
-/// is deep does not rest. It may be squeezed by what leaves it no room, and its multipliers would grow until it is free
-/// and then throw it out. The share decreases with the depth, because a stack that an impact has made deep cannot rise
-/// again while each substep takes a tenth off what carries it: ten sheets stayed at half of their height.
+/// 1 for pairs that are at most [`DEEP`] thicknesses too close: at rest every reduction would remain as a velocity, because few
+/// iterations do not make up for it. Beyond that the share decreases with the depth, so that the multipliers of cloth without
+/// room do not grow until they throw it out. A constant factor would hold down compressed stacks: ten sheets stayed at half their
+/// height.
 #[inline(always)]
 pub(crate) fn warm_share<L: Lanes>(depth: L, thickness: L) -> L {
     let deep = (depth - thickness * L::splat(DEEP)).max(L::splat(0.0));

@@ -70,6 +70,6 @@ pub(crate) struct Substep {
     pub rate: f32,
     /// Where the substep begins within the step, from 0 to 1.
     pub start: f32,
-    /// Where it ends, likewise.
+    /// Where the substep ends within the step, from 0 to 1.
     pub end: f32,
 }

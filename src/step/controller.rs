@@ -111,7 +111,7 @@ impl Controller {
         self.factor * rates.strain(load.stress(cloth), f64::from(longest))
     }
 
-    /// The same with another number of substeps in 1/60 s.
+    /// The state with another number of substeps in 1/60 s.
     pub(crate) fn with_count(&self, count: f64) -> Controller {
         Controller { count, ..*self }
     }

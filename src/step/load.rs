@@ -38,7 +38,8 @@ impl Load {
         self.stress_without_wind(cloth) + self.pressure * cloth.extent
     }
 
-    /// The same without the wind, which stretches the cloth little as long as the cloth gives way to it.
+    /// Membrane stress (N/m) as in [`Load::stress`], but without the wind, which stretches the cloth little as long as
+    /// the cloth gives way to it.
     pub(crate) fn stress_without_wind(&self, cloth: &Cloth) -> f64 {
         let speed = self.cloth_speed.max(self.collider_speed);
         cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)

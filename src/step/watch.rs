@@ -52,7 +52,8 @@ pub(crate) struct Watch {
     wave: f64,
     /// Whether the fabric resists bending.
     bends: bool,
-    /// The least stiffness (N/m) of any part of the fabric; infinite likewise.
+    /// The least stiffness (N/m) of any part of the fabric; infinite if the fabric is inextensible or the method ignores
+    /// stiffness.
     softest: f64,
     /// The fastest vertex (m/s) of the state when it was set.
     speed: f64,

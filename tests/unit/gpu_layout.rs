@@ -133,6 +133,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("PROBES", Literal::U32(contact::TABLE[1])),
         ("SUMS", Literal::U32(contact::SUMS as u32)),
         ("WEIGHT", Literal::U32(contact::PLACES[0])),
+        ("LEADER", Literal::U32(0)),
         ("IMPULSE", Literal::U32(contact::PLACES[1])),
         ("PUSHED", Literal::U32(contact::PLACES[2])),
         ("SHARE", Literal::U32(contact::PLACES[3])),

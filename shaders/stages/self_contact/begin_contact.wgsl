@@ -173,16 +173,16 @@ fn begin_substep() {
         atomicStore(&contact_state.status.leaf_pairs, 0u);
         atomicStore(&contact_state.status.candidates, 0u);
         atomicStore(&contact_state.status.edge_candidates, 0u);
-        let few = 4u * listed < contact_params.all_vertices;
-        let long = listed > 4u * (contact_params.all_vertices + was_near);
+        let is_short = 4u * listed < contact_params.all_vertices;
+        let is_long = listed > 4u * (contact_params.all_vertices + was_near);
         contact_state.status.longer = -1.0;
-        if over >= 0.0 && !few {
+        if over >= 0.0 && !is_short {
             contact_state.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);
         }
         contact_state.status.over = over + 1.0;
         var ahead = MIN_AHEAD;
         if ends {
-            ahead = select(FARTHER_AHEAD * contact_state.status.ahead, contact_state.status.ahead / FARTHER_AHEAD, long);
+            ahead = select(FARTHER_AHEAD * contact_state.status.ahead, contact_state.status.ahead / FARTHER_AHEAD, is_long);
         } else if over >= 0.0 {
             ahead = FARTHER_AHEAD * over;
         }

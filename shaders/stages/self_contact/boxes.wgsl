@@ -18,7 +18,7 @@ struct StoredBox {
     c: vec4f,
 }
 
-// Those of the triangles, followed by those of the edges and by those of the vertices in `order`.
+// The boxes of the triangles, followed by those of the edges and by those of the vertices in `order`.
 @group(1) @binding(15) var<storage, read_write> boxes: array<StoredBox>;
 
 fn packed(box: Box) -> StoredBox {
@@ -93,10 +93,6 @@ fn leaves() -> u32 {
 // What the number of a node exceeds that in its own tree by.
 fn before_tree(node: u32) -> u32 {
     return select(0u, 2u * leaves(), node >= 2u * leaves());
-}
-
-fn node_of_leaf(leaf: u32) -> u32 {
-    return leaves() + leaf + select(0u, contact_params.mesh_leaves, leaf >= leaves());
 }
 
 fn box_of_node(n: u32) -> Box {

@@ -1,14 +1,16 @@
-// Cloth that goes along with what runs over it.
+// Cloth that is carried by what runs over it.
 
 // A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
 const CLOSER: f32 = 0.5;
 
 override LANES: u32 = 256u;
+// The sum of weights, which is free after the response (`finish` has cleared it): 1 + the vertex that carries this one.
+const LEADER: u32 = 0u;
 
-// Number of vertices that are taken along.
+// Number of vertices that are carried.
 var<workgroup> carried: atomic<u32>;
 
-// Which corners of a pair are to go along with a kinematic vertex; none if all are kinematic.
+// Which corners of a pair are to be carried by a kinematic vertex; none if all are kinematic.
 struct RunOver {
     leader: u32,
     followers: vec4<bool>,
@@ -46,7 +48,8 @@ fn is_run_over(pair: Passed) -> bool {
     return after < CLEARANCE * contact_params.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
 }
 
-// Finds out whether a pair is run over, and what follows what. A corner without a weight is not where the pair is closest.
+// Finds out whether a pair is run over, and which corners are to be carried by which. A corner without a weight is not
+// where the pair is closest.
 fn run_over(pair: Passed) -> RunOver {
     if contact_params.may_carry == 0u || !is_run_over(pair) {
         return RunOver(NONE, vec4<bool>());
@@ -88,7 +91,8 @@ fn stop_if_far(leader: u32) {
     }
 }
 
-// Takes vertices of pairs along, after truncation. If several pairs want to take a vertex along, the highest leader does.
+// Carries vertices of pairs, after truncation. If a vertex is in several pairs that are run over, the kinematic vertex with the
+// highest index carries it.
 @compute @workgroup_size(LANES)
 fn carry(@builtin(local_invocation_index) lane: u32) {
     let count = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
@@ -98,14 +102,14 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
         stop_if_far(found.leader);
         for (var c = 0u; c < 4u; c++) {
             if found.followers[c] {
-                atomicMax(&sums[SUMS * (told[c] & ~MARK) + WEIGHT], i32(found.leader + 1u));
+                atomicMax(&sums[SUMS * (told[c] & ~MARK) + LEADER], i32(found.leader + 1u));
             }
         }
     }
     storageBarrier();
     for (var k = lane; k < count; k += LANES) {
         for (var c = 0u; c < 4u; c++) {
-            take_along(pairs[place_of_passed(k)].corners[c] & ~MARK);
+            follow_leader(pairs[place_of_passed(k)].corners[c] & ~MARK);
         }
     }
     workgroupBarrier();
@@ -118,12 +122,12 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// Takes a vertex along with its leader, if it has one. Until the end of the substep its inverse mass is negative.
-fn take_along(v: u32) {
+// Moves a vertex like its leader, if it has one. Until the end of the substep its inverse mass is negative.
+fn follow_leader(v: u32) {
     if v >= contact_params.vertices {
         return;
     }
-    let leader = atomicExchange(&sums[SUMS * v + WEIGHT], 0);
+    let leader = atomicExchange(&sums[SUMS * v + LEADER], 0);
     if leader > 0 {
         vertices[v].x.w = -abs(vertices[v].x.w);
         vertices[v].u = vec4f(vertices[u32(leader) - 1u].u.xyz, vertices[v].u.w);

@@ -78,7 +78,7 @@ fn meets(leaf: u32, node: u32, level: u32) -> bool {
     return is_after(leaf, node, level) && !is_clear((leaves() + leaf) >> (contact_params.depth - level), node);
 }
 
-// Whether it meets a node of mesh colliders.
+// Whether the leaf meets a node of mesh colliders.
 fn meets_mesh(leaf: u32, node: u32) -> bool {
     return !are_apart(box_of_node(leaves() + leaf), box_of_node(node));
 }

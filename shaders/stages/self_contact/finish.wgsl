@@ -19,7 +19,7 @@ fn finish(
     let near_pairs = atomicLoad(&contact_state.status.near) + atomicLoad(&contact_state.status.acting);
     let is_touched = is_new && !has_stopped() && near_pairs > 0u;
     if i < contact_params.vertices && is_touched && vertices[i].x.w != 0.0 {
-        // That of a vertex that is taken along is negative.
+        // The inverse mass of a vertex that is carried is negative.
         let w = abs(vertices[i].x.w);
         var u = vertices[i].u.xyz;
         var push = vertices[i].push.xyz;

@@ -21,7 +21,7 @@ struct Closest {
 fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
     let corners = pair.corners;
     let at = positions(corners);
-    // What is taken along may move farther.
+    // A vertex that is carried may move farther.
     let least = contact_params.max_carry * contact_params.max_carry;
     let travel = max(vec4f(least), vec4f(
         square(u.a - mean - by_turning(at.a)),

@@ -8,7 +8,7 @@ struct Normals {
     high: vec3f,
 }
 
-// Those of the normals of each triangle of the cloth on its path.
+// Bounds of the normals of each triangle of the cloth on its path.
 @group(1) @binding(17) var<storage, read_write> normals: array<Normals>;
 
 // Whether all unit vectors within bounds are in one cone of `CONE_COSINE`.

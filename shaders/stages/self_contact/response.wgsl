@@ -4,13 +4,13 @@
 // thickness is 2^23 of them, so sums may reach 256 thicknesses. Each iteration of the response is a dispatch over
 // pairs, followed by one over vertices that applies the sums.
 
-// How much farther contact may move a vertex than it was about to move, as a multiple of its reach.
+// How much farther contact may move a vertex than it was about to move, as a multiple of its `half_gap_of`.
 const FARTHER: f32 = 0.45;
 
 // Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
 // some time even if there is little to add.
 override COLLECTS: bool = false;
-// Whether displacements are truncated once more in a substep, because vertices were taken along.
+// Whether displacements are truncated once more in a substep, because vertices were carried.
 override AGAIN: bool = false;
 // Number of vertices for which a workgroup collects, and of places at which one is looked for.
 const PLACES: u32 = 256u;
@@ -270,7 +270,7 @@ fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_wo
     let push = vertices[i].push.xyz + summed(i, PUSHED);
     vertices[i].push = vec4f(push, 0.0);
     let way = way_with(i, push);
-    let most = vertices[i].way.w + FARTHER * reach_of(i);
+    let most = vertices[i].way.w + FARTHER * half_gap_of(i);
     vertices[i].way = vec4f(without_turning(way), vertices[i].way.w);
     if length(way) > most && vertices[i].x.w > 0.0 {
         atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / length(way)));
@@ -308,24 +308,25 @@ fn truncate_pair(n: Near) {
         dot(n.normal, way_of(n.corners.z)),
         dot(n.normal, way_of(n.corners.w)),
     );
-    // Vertices that are kinematic or carried are never truncated. Where one moves across the plane, the plane moves with it.
+    // Kinematic and carried corners are not truncated. As far as one of them would cross the plane, the plane is shifted;
+    // if both sides push, by the difference.
     let w = vec4f(a.w, b.w, c.w, d.w);
     let is_kinematic = w <= vec4f();
     let out = select(vec4f(), max(clearance - (heights - towards), vec4f()), is_kinematic);
-    let down = most_of(out * firsts);
-    let up = most_of(out * (1.0 - firsts));
-    let left = heights - sides * (up - down);
+    let shift_from_first = most_of(out * firsts);
+    let shift_from_second = most_of(out * (1.0 - firsts));
+    let shifted = heights - sides * (shift_from_second - shift_from_first);
     // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
     // into each other.
-    if any(select(left, vec4f(), is_kinematic) < vec4f()) || up + down > 2.0 * clearance {
+    if any(select(shifted, vec4f(), is_kinematic) < vec4f()) || shift_from_second + shift_from_first > 2.0 * clearance {
         let at = atomicAdd(&contact_state.status.passed, 1u);
         let is_edge = n.listed >= with_vertices;
         pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
     }
-    truncate_vertex(n.corners.x, w.x, share_above(left.x, clearance, towards.x));
-    truncate_vertex(n.corners.y, w.y, share_above(left.y, clearance, towards.y));
-    truncate_vertex(n.corners.z, w.z, share_above(left.z, clearance, towards.z));
-    truncate_vertex(n.corners.w, w.w, share_above(left.w, clearance, towards.w));
+    truncate_vertex(n.corners.x, w.x, share_above(shifted.x, clearance, towards.x));
+    truncate_vertex(n.corners.y, w.y, share_above(shifted.y, clearance, towards.y));
+    truncate_vertex(n.corners.z, w.z, share_above(shifted.z, clearance, towards.z));
+    truncate_vertex(n.corners.w, w.w, share_above(shifted.w, clearance, towards.w));
 }
 
 fn most_of(v: vec4f) -> f32 {

@@ -171,7 +171,7 @@ struct Status {
     // Number of pairs of this substep whose plane has passed a vertex, and of those of this step that are pinched.
     passed: atomic<u32>,
     pinched: atomic<u32>,
-    // Number of vertices that were taken along just now; as bits, how far they would have to be [m] besides the common motion, at
+    // Number of vertices that were carried just now; as bits, how far they would have to be [m] besides the common motion, at
     // most, if the step stopped for that reason.
     carried: u32,
     needed_carry: atomic<u32>,
@@ -215,8 +215,8 @@ const EARLY: u32 = 8u;
 const CLOSE: u32 = 16u;
 const RUN_OVER: u32 = 32u;
 
-// Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections; and
-// the bits of the share that truncation leaves.
+// Number of integers per vertex, and their indices: the sum of weights (between `finish` and the end of the substep: `LEADER` of
+// carry.wgsl), three for impulses, three for corrections; and the bits of the share that truncation leaves.
 const SUMS: u32 = 8u;
 const WEIGHT: u32 = 0u;
 const IMPULSE: u32 = 1u;
@@ -309,7 +309,8 @@ fn piece_of(v: u32) -> u32 {
     return table[contact_params.of_vertices + 6u * v];
 }
 
-fn reach_of(v: u32) -> f32 {
+// Half of the least height of the triangles around a vertex, as far as contact needs it: `Surface::half_gap`.
+fn half_gap_of(v: u32) -> f32 {
     return number(contact_params.of_vertices + 6u * v + 1u);
 }
 

@@ -9,7 +9,7 @@ use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
 const ITERATIONS: usize = crate::contact::ITERATIONS;
-/// How many times more vertices may be taken along.
+/// How many times in a substep more vertices may be carried.
 const ROUNDS: usize = crate::contact::ROUNDS;
 /// Dispatches of a detection, with the decision whether it is due, and of the response.
 const OF_DETECTION: usize = 8;
@@ -24,7 +24,7 @@ const MAX_ITEMS: usize = 1 << 18;
 const COMPARERS: usize = 256;
 const MEASURERS: usize = 128;
 const FINDERS: usize = 256;
-/// And of the one that bounds leaves: `BOUNDERS` of `tree.wgsl`.
+/// Invocations per workgroup of the kernel that bounds leaves: `BOUNDERS` of `tree.wgsl`.
 const BOUNDERS: usize = 128;
 /// Levels below the root of the largest tree that `bound` bounds down to where a descent begins.
 const BOUND_AT_ONCE: u32 = FIRST_LEVEL + 1 + (BOUNDERS / PARTS).ilog2();

@@ -93,7 +93,7 @@ pub(crate) struct GpuContact {
     space: usize,
     buffers: Buffers,
     good: Good,
-    /// Whether that is the state at the start of this step.
+    /// Whether `good` is the state at the start of this step.
     is_kept: bool,
     /// `None` if the kernels must be bound to new buffers.
     stages: Option<Stages>,
@@ -101,7 +101,7 @@ pub(crate) struct GpuContact {
     /// As of the end of the last good step.
     status: Status,
     choice: KernelChoice,
-    /// How far (m) vertices may be taken along in this step, besides the common motion.
+    /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
     /// Number of substeps of the current step.
     substeps: usize,
@@ -174,7 +174,7 @@ impl GpuContact {
         self.kept.must_search()
     }
 
-    /// Whether it needs them because pins or mesh colliders are moved through each other.
+    /// Whether pins or mesh colliders are moved through each other in this step, so that it needs the positions for a search.
     pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
         self.kept.kinematics_cross(plan)
     }

@@ -54,7 +54,7 @@ pub(super) struct Stages {
     pub apply_impulses_last: Stage,
     pub truncate: Stage,
     pub finish: Stage,
-    /// Used as often as vertices may be taken along in a substep: `carry`, and `truncate` and `finish` once more.
+    /// Used as often as more vertices may be carried in a substep: `carry`, and `truncate` and `finish` once more.
     pub carry: [Stage; 3],
     pub give_back: Stage,
     /// Used if there are kinematic vertices.
