@@ -88,6 +88,8 @@ pub(crate) use past::ContactPast;
 use past::Kept;
 use paths::Paths;
 #[cfg(all(test, feature = "gpu"))]
+pub(crate) use paths::SAMPLES;
+#[cfg(all(test, feature = "gpu"))]
 pub(crate) use pinches::BISECTIONS;
 #[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;

@@ -26,7 +26,7 @@ const FEW: f32 = 0.01;
 /// Factor by which such a vertex may stray farther.
 const LONGER: f32 = 1.5;
 /// Number of vertices from which the common deviation is estimated.
-const SAMPLES: usize = 32;
+pub(crate) const SAMPLES: usize = 32;
 
 /// The paths since the last detection.
 #[derive(Debug, Clone, Default)]

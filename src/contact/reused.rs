@@ -1,6 +1,6 @@
 //! A list that is filled anew in each substep, in the same memory.
 
-use std::ops::{Deref, DerefMut};
+use std::ops::Deref;
 
 /// A list whose items stay in memory when it is cleared. A new item may be any that was there before.
 #[derive(Debug, Default)]
@@ -37,12 +37,5 @@ impl<T> Deref for Reused<T> {
     #[inline(always)]
     fn deref(&self) -> &[T] {
         &self.items[..self.used]
-    }
-}
-
-impl<T> DerefMut for Reused<T> {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut [T] {
-        &mut self.items[..self.used]
     }
 }

@@ -159,47 +159,25 @@ pub(crate) struct Track {
 
 /// `PINCHED` of `shared.wgsl`.
 pub(crate) const PINCHED: usize = 64;
-/// Sizes in bytes of structs that only the shaders access.
+/// Sizes in bytes of structs that only the shaders access, for buffers.
 pub(super) const VERTEX: usize = 64;
 pub(super) const TRACK: usize = 32;
 pub(super) const NODE: usize = 96;
 pub(super) const BOX: usize = 48;
 pub(super) const NORMALS: usize = 32;
+pub(super) const NEAR: usize = 80;
+/// Size in bytes of a unit of space for what detection compares: `LEAF_PAIRS` pairs of leaves and `CANDIDATES` candidates of
+/// `detection.wgsl`.
+pub(super) const SPACE: usize = 80;
+pub(super) const PART: usize = 32;
 /// Number of invocations that bound a leaf: `PARTS` of `tree.wgsl`.
 pub(crate) const PARTS: usize = 4;
 /// The level of the trees with which a descent begins: `FIRST_LEVEL` of `boxes.wgsl`.
 pub(crate) const FIRST_LEVEL: u32 = 6;
-pub(super) const NEAR: usize = 80;
-/// A unit of space for what detection compares: [`DETECTION`] tells of what.
-pub(super) const SPACE: usize = 80;
-pub(super) const PART: usize = 32;
 /// Number of sums per vertex: `SUMS` of `shared.wgsl`.
 pub(crate) const SUMS: usize = 8;
 /// The sums of a vertex that nothing touches: the last is the share that truncation leaves, as bits.
 pub(super) const NO_SUMS: [u32; SUMS] = [0, 0, 0, 0, 0, 0, 0, 1.0_f32.to_bits()];
-/// Constants that only the shaders use; tests compare them.
-#[cfg(test)]
-pub(crate) const PLACES: [u32; 4] = [0, 1, 4, 7];
-#[cfg(test)]
-pub(crate) const UNITS: [f32; 2] = [262_144.0, 8_388_608.0];
-#[cfg(test)]
-pub(crate) const SAMPLES: u32 = 32;
-#[cfg(test)]
-pub(crate) const MIN_DISTANCE: f32 = 1e-12;
-#[cfg(test)]
-pub(crate) const MIN_MARGIN_SHARE: f32 = 0.5;
-#[cfg(test)]
-pub(crate) const MEAN: f32 = 0.4;
-#[cfg(test)]
-pub(crate) const ASIDE: f32 = 0.5;
-/// `PLACES` and `PROBES` of `response.wgsl`.
-#[cfg(test)]
-pub(crate) const TABLE: [u32; 2] = [256, 8];
-#[cfg(test)]
-pub(crate) const SHARES: [f32; 2] = [0.45, 1e-3];
 /// Detection may be due in every so many substeps, and in every so many of calm cloth.
 pub(crate) const SPACING: u32 = 5;
 pub(crate) const FAR_SPACING: u32 = 20;
-/// `MAX_PAIRS`, `LEAF_PAIRS`, `CANDIDATES`, `HELD`, `LEVELS`, `MET`, `MAX_MET`.
-#[cfg(test)]
-pub(crate) const DETECTION: [u32; 7] = [1 << 28, 2, 8, 1024, 32, 64, 192];
