@@ -11,6 +11,7 @@ use glam::{DVec3, Vec4};
 use super::crossings::{Features, pierced};
 use super::overlaps::{Span, around, for_overlaps};
 use super::touches::Touches;
+use crate::model::mesh::along;
 
 /// The distance (m) of what was moved apart, in units of the distance that counts as touching: so much that single
 /// precision knows the direction, also between large triangles.
@@ -105,11 +106,6 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
     });
     pairs.sort_unstable_by_key(|pair| pair.corners);
     if room > 0 { pairs } else { Vec::new() }
-}
-
-/// The parameter of the point of a segment that is nearest to `p`.
-fn along(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
-    ((p - a).dot(b - a) / (b - a).length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
 /// The weights of the point of a triangle that is nearest to `p`.

@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A, Vec4};
 use super::common_motion::CommonMotion;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
-use crate::model::mesh::Mesh;
+use crate::model::mesh::{Mesh, bounds};
 use crate::step::plan::{MeshBody, Plan};
 
 /// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
@@ -120,8 +120,7 @@ impl Bodies {
 
     /// Lists the vertices near the cloth, and returns [`Bodies::travel`].
     fn find_near(&mut self, plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
-        let cloth = x[..plan.cloth.rest.len()].iter().map(|x| x.truncate());
-        let [low, high] = cloth.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+        let [low, high] = bounds(x[..plan.cloth.rest.len()].iter().map(|x| x.truncate()));
         let enlargement = Vec3::splat(NEAR * (high - low).max_element());
         self.near.clear();
         let mut travel = None;

@@ -9,6 +9,7 @@ use super::crossings::Features;
 use super::pairs::{Kind, Listed, crossing_of};
 use super::pinches::Pinched;
 use super::surface::Surface;
+use crate::model::mesh::bounds;
 use crate::options::Crossing;
 
 /// The rings of triangles around known intersections in which others are searched for. One would suffice.
@@ -96,7 +97,8 @@ impl IgnoredPairs {
             return false;
         }
         // Only what is around the kinematic cloth can intersect it, and edges of bodies only if they meet its triangles.
-        let (body_edges, body_triangles) = bodies_within(surface, x, bounds(&edges, x), !triangles.is_empty());
+        let region = bounds(edges.iter().flatten().map(|&vertex| x[vertex as usize].truncate()));
+        let (body_edges, body_triangles) = bodies_within(surface, x, region, !triangles.is_empty());
         edges.extend(body_edges);
         triangles.extend(body_triangles);
         let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
@@ -165,14 +167,6 @@ fn kinematic_features(surface: &Surface, x: &[Vec4]) -> (Vec<[u32; 2]>, Vec<[u32
     let edges = edges.into_iter().map(|edge| surface.edges[edge as usize]);
     let triangles = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]);
     (edges.collect(), triangles.collect())
-}
-
-/// The box around some edges.
-fn bounds(edges: &[[u32; 2]], x: &[Vec4]) -> [Vec3; 2] {
-    edges.iter().flatten().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &vertex| {
-        let at = x[vertex as usize].truncate();
-        [low.min(at), high.max(at)]
-    })
 }
 
 /// The edges (if `with_edges`) and triangles of bodies that may reach into a box, given by vertices.

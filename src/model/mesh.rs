@@ -1,5 +1,6 @@
 //! Triangle meshes: the shape the cloth is cut from.
 
+use std::borrow::Borrow;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -110,8 +111,14 @@ impl Recorded for Arc<Mesh> {
 }
 
 /// The lowest and highest corner of the bounding box of some points; infinite in reverse if there are none.
-pub(crate) fn bounds<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
-    points.into_iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
+pub(crate) fn bounds<V: Borrow<Vec3>>(points: impl IntoIterator<Item = V>) -> [Vec3; 2] {
+    let points = points.into_iter().map(|x| *x.borrow());
+    points.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
+/// The parameter, from 0 to 1, of the point of a segment that is nearest to `x`.
+pub(crate) fn along(x: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+    ((x - a).dot(b - a) / (b - a).length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
 /// Distance (m) from a point to a triangle: to its plane if the projection lies inside, else to the nearest side.
@@ -121,10 +128,7 @@ fn to_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     if n.length_squared() > 0.0 && is_over(a, b) && is_over(b, c) && is_over(c, a) {
         return (x - a).dot(n).abs() / n.length();
     }
-    let to_side = |a: DVec3, b: DVec3| {
-        let t = ((x - a).dot(b - a) / (b - a).length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        x.distance(a + (b - a) * t)
-    };
+    let to_side = |a: DVec3, b: DVec3| x.distance(a + (b - a) * along(x, [a, b]));
     to_side(a, b).min(to_side(b, c)).min(to_side(c, a))
 }
 

@@ -7,6 +7,7 @@ use glam::{Mat3, Vec3};
 use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
+use crate::model::mesh::bounds;
 use crate::options::Cause;
 use crate::record::recorded;
 use crate::step::motion::Motion;
@@ -149,7 +150,7 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
         let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
         pins.chain(held).chain(meshes.map(|(&to, &from)| to - from))
     };
-    let [low, high] = moves().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], by| [low.min(by), high.max(by)]);
+    let [low, high] = bounds(moves());
     let middle = 0.5 * (low + high);
     f64::from(moves().map(|by| by.distance(middle)).fold(0.0, f32::max)) / f64::from(dt)
 }
