@@ -1,5 +1,5 @@
-// A render mesh that follows the cloth: each vertex stands at some height above an affine combination of a triangle's corners. The
-// theory is in src/binding.rs.
+// A render mesh that follows the cloth: each vertex stands at some height above an affine combination of a triangle's
+// corners. The theory is in src/binding.rs.
 
 struct BoundVertex {
     corners: vec3u,

@@ -1,6 +1,7 @@
-// A substep of one tile in workgroup memory: what plain, bent and corrected tiles share. Besides its own vertices, the workgroup holds a halo: all vertices on
-// which they depend through the colors of the sweep. It recomputes the halo without storing it. So no workgroup waits
-// for another, and the result is the same as if the colors were swept one after another over the whole cloth.
+// A substep of one tile in workgroup memory: what plain, bent and corrected tiles share. Besides its own vertices, the
+// workgroup holds a halo: all vertices on which they depend through the colors of the sweep. It recomputes the halo
+// without storing it. So no workgroup waits for another, and the result is the same as if the colors were swept one after
+// another over the whole cloth.
 
 @group(1) @binding(1) var<storage, read> x: array<vec4f>;
 // The last displacements, or this substep's if a prediction stage ran.

@@ -6,8 +6,9 @@ use crate::attributes::{Collider, Shape};
 use crate::kernels::contact::{self, Body};
 use crate::model::cloth::Cloth;
 
-/// A collider as the kernels take it, in local coordinates, moving from `last` to `now` during the step. Round surfaces are enlarged by 1.2
-/// times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between its ends.
+/// A collider as the kernels take it, in local coordinates, moving from `last` to `now` during the step. Round surfaces
+/// are enlarged by 1.2 times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between
+/// its ends.
 pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
     let &Cloth { origin, longest, .. } = cloth;
     let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);

@@ -172,7 +172,8 @@ fn every_path_agrees_with_the_cpu() {
     }
 }
 
-/// Bending agrees with the CPU in one pass and in several, damped and undamped, in tiles, with a dispatch per stage, and in one workgroup.
+/// Bending agrees with the CPU in one pass and in several, damped and undamped, in tiles, with a dispatch per stage, and
+/// in one workgroup.
 #[test]
 fn bending_agrees_with_the_cpu_on_every_path() {
     let gpu = Gpu::shared(true).unwrap();
@@ -240,8 +241,8 @@ fn tiles_correct_by_a_level_as_a_dispatch_of_its_own_does() {
     }
 }
 
-/// The tiles that bend the cloth average it for the levels as a dispatch of its own does, up to rounding, also after steps in which
-/// they do not, because pins are moved.
+/// The tiles that bend the cloth average it for the levels as a dispatch of its own does, up to rounding, also after
+/// steps in which they do not, because pins are moved.
 #[test]
 fn tiles_that_bend_average_for_the_levels() {
     let gpu = Gpu::shared(true).unwrap();
@@ -267,8 +268,8 @@ fn tiles_that_bend_average_for_the_levels() {
     }
 }
 
-/// In a crowd, each cloth that is too large for the path of a single workgroup when it is alone takes one dispatch, whatever forces it and
-/// the other cloths have.
+/// In a crowd, each cloth that is too large for the path of a single workgroup when it is alone takes one dispatch,
+/// whatever forces it and the other cloths have.
 #[test]
 fn each_of_a_crowd_is_one_dispatch() {
     let gpu = Gpu::shared(true).unwrap();
