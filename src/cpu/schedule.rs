@@ -80,7 +80,7 @@ fn fuse(stages: Vec<Stage>, chunks: bool) -> Vec<Pass> {
     for stage in stages {
         match passes.last_mut() {
             Some(pass) if pass[0].domain(chunks) == stage.domain(chunks) && !stage.reads_neighbors_of(pass[0]) => {
-                pass.push(stage)
+                pass.push(stage);
             }
             _ => passes.push(vec![stage]),
         }
