@@ -153,10 +153,10 @@ impl Engine {
 
     /// Whether an earlier step is now known to have failed although it returned no error. Never waits.
     #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU says so at once"))]
-    pub(crate) fn told(&mut self) -> Result<bool, Failure> {
+    pub(crate) fn has_failed_late(&mut self) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.told(),
+            Engine::Gpu(gpu) => gpu.has_failed_late(),
             _ => Ok(false),
         }
     }

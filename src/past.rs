@@ -10,9 +10,9 @@ pub(crate) struct Past {
     /// Number of good steps since the state was set.
     pub steps: u32,
     /// Statistics of steps that a GPU has taken and not returned yet.
-    pub untold: Vec<Statistics>,
+    pub pending: Vec<Statistics>,
     /// State of the cloth's contact with itself.
     pub contact: Option<contact::ContactPast>,
 }
 
-recorded!(Past { steps, untold, contact });
+recorded!(Past { steps, pending, contact });

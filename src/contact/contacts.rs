@@ -99,7 +99,7 @@ impl Contacts {
     /// Numbers the vertices of the lists as far as they are not. Returns whether the groups of the last substep remain valid.
     fn update_numbering(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) -> bool {
         if self.friction != input.friction {
-            self.keep(lists, input.workers);
+            self.store_multipliers(lists, input.workers);
             self.forget();
             input.friction.clone_into(&mut self.friction);
         }
@@ -229,7 +229,7 @@ impl Contacts {
     }
 
     /// Stores the multipliers in the lists.
-    pub(super) fn keep(&mut self, lists: &mut [Rows; 2], workers: Workers<'_>) {
+    pub(super) fn store_multipliers(&mut self, lists: &mut [Rows; 2], workers: Workers<'_>) {
         if !self.is_numbered {
             return;
         }

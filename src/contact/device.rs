@@ -27,7 +27,7 @@ pub(crate) const MARK: u32 = 1 << 31;
 
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
-pub(crate) struct OnDevice {
+pub(crate) struct HostContact {
     surface: Surface,
     has_self_contact: bool,
     bodies: Bodies,
@@ -67,9 +67,9 @@ pub(crate) struct DevicePair {
     pub lambda: Vec4,
 }
 
-impl OnDevice {
+impl HostContact {
     /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
-    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<(OnDevice, Table)> {
+    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<(HostContact, Table)> {
         let thickness = contact.unwrap_or_default().thickness;
         let (mut surface, leaves) = Surface::new(cloth, thickness)?;
         let tree = Tree::of_cloth(&surface, leaves);
@@ -82,7 +82,7 @@ impl OnDevice {
         }
         let table = Table::new(&surface, &tree, of_meshes.as_ref(), range);
         let bodies = Bodies::new(range[0], meshes);
-        let kept = OnDevice {
+        let contact = HostContact {
             surface,
             has_self_contact: contact.is_some(),
             bodies,
@@ -93,7 +93,7 @@ impl OnDevice {
             thickness,
             motions: Vec::new(),
         };
-        Some((kept, table))
+        Some((contact, table))
     }
 
     /// Whether these are its mesh colliders.
@@ -185,7 +185,7 @@ impl OnDevice {
     /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
-        let OnDevice { surface, has_self_contact, ignored, thickness, .. } = self;
+        let HostContact { surface, has_self_contact, ignored, thickness, .. } = self;
         let pinched = std::mem::take(&mut self.pinched);
         if std::mem::take(&mut self.may_cross) {
             ignored.find(surface, x, *has_self_contact, *thickness);
@@ -194,13 +194,13 @@ impl OnDevice {
         ignored.follow(surface, x, *has_self_contact, *thickness, &pinched)
     }
 
-    /// Notes the pairs that were pinched in a step, as `pinches.wgsl` tells them, and whether these `are_all`.
-    pub(crate) fn note_pinched(&mut self, told: &[[u32; 4]], are_all: bool) {
+    /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, and whether these `are_all`.
+    pub(crate) fn note_pinched(&mut self, marked: &[[u32; 4]], are_all: bool) {
         self.may_cross |= !are_all;
-        let pinched = told.iter().map(|told| {
-            let [is_edge, is_through, ..] = told.map(|corner| corner & MARK != 0);
+        let pinched = marked.iter().map(|marked| {
+            let [is_edge, is_through, ..] = marked.map(|corner| corner & MARK != 0);
             let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
-            Pinched { kind, corners: told.map(|corner| corner & !MARK), is_through }
+            Pinched { kind, corners: marked.map(|corner| corner & !MARK), is_through }
         });
         let pinched: Vec<Pinched> = pinched.collect();
         self.ignored.begin();

@@ -77,7 +77,7 @@ impl TriangleContact {
         } else {
             self.ignored.follow(surface, path.x, self.has_self_contact, options.thickness, &[]);
         }
-        self.contacts.keep(lists, path.workers);
+        self.contacts.store_multipliers(lists, path.workers);
         let input = detection_input(surface, *options, self.has_self_contact, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let ignored = &self.ignored;

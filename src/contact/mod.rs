@@ -84,8 +84,8 @@ use detection::Detection;
 pub(crate) use detection::max_listed;
 use ignored::IgnoredPairs;
 use input::ContactInput;
+use past::Checkpoint;
 pub(crate) use past::ContactPast;
-use past::Kept;
 use paths::Paths;
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) use paths::SAMPLES;
@@ -201,7 +201,7 @@ pub(crate) struct TriangleContact {
     /// The number of pairs of leaves if there were too many to test; 0 otherwise.
     pub too_many: usize,
     pub tally: Tally,
-    kept: Kept,
+    checkpoint: Checkpoint,
 }
 
 impl TriangleContact {
@@ -231,7 +231,7 @@ impl TriangleContact {
             h: 0.0,
             too_many: 0,
             tally: Tally::default(),
-            kept: Kept::default(),
+            checkpoint: Checkpoint::default(),
         })
     }
 
@@ -270,7 +270,7 @@ impl TriangleContact {
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
         self.ignored.begin();
-        self.keep();
+        self.save();
         let jumped = self.bodies.begin(plan, self.options.friction);
         self.bodies.place(plan, self.options.thickness, x, u);
         self.may_cross |= jumped;
@@ -379,7 +379,7 @@ impl TriangleContact {
 
     /// Ends a step: puts what belongs to its state in the lists.
     pub(crate) fn end(&mut self, workers: Workers<'_>) {
-        self.contacts.keep(&mut self.lists, workers);
+        self.contacts.store_multipliers(&mut self.lists, workers);
     }
 
     /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.

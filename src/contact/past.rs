@@ -54,7 +54,7 @@ impl ContactPast {
 
 /// The state at the start of a step, to go back to if the step fails. Buffers are kept from step to step.
 #[derive(Debug, Default)]
-pub(super) struct Kept {
+pub(super) struct Checkpoint {
     bodies: Vec<Arc<Mesh>>,
     lists: [Rows; 2],
     paths: Paths,
@@ -65,22 +65,22 @@ pub(super) struct Kept {
 
 impl TriangleContact {
     /// Keeps what a failed step is to leave as it was.
-    pub(crate) fn keep(&mut self) {
-        let Kept { bodies, lists, paths, crossings, may_cross, h } = &mut self.kept;
+    pub(crate) fn save(&mut self) {
+        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &mut self.checkpoint;
         bodies.clone_from(&self.bodies.last);
-        lists.iter_mut().zip(&self.lists).for_each(|(kept, rows)| kept.copy_from(rows));
+        lists.iter_mut().zip(&self.lists).for_each(|(saved, rows)| saved.copy_from(rows));
         paths.copy_from(&self.paths);
         crossings.clone_from(&self.ignored.crossings);
         (*may_cross, *h) = (self.may_cross, self.h);
     }
 
     /// Goes back to where the last step began.
-    pub(crate) fn revert(&mut self) {
-        let Kept { bodies, lists, paths, crossings, may_cross, h } = &self.kept;
+    pub(crate) fn roll_back(&mut self) {
+        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &self.checkpoint;
         if bodies.len() == self.bodies.last.len() {
             self.bodies.forget(bodies);
         }
-        self.lists.iter_mut().zip(lists).for_each(|(rows, kept)| rows.copy_from(kept));
+        self.lists.iter_mut().zip(lists).for_each(|(rows, saved)| rows.copy_from(saved));
         self.paths.copy_from(paths);
         if self.ignored.crossings != *crossings {
             self.ignored.take(crossings.clone(), &self.surface);
@@ -109,7 +109,7 @@ impl TriangleContact {
             max_carry: _,
             too_many: _,
             tally: _,
-            kept: _,
+            checkpoint: _,
         } = self;
         let rows = |rows: &Rows| ListedRows {
             starts: rows.starts.clone(),

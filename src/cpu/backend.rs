@@ -105,13 +105,13 @@ impl Cpu {
 
     pub(crate) fn past(&self) -> Past {
         let contact = self.contact.as_deref().map(TriangleContact::past);
-        Past { steps: self.steps, untold: Vec::new(), contact }
+        Past { steps: self.steps, pending: Vec::new(), contact }
     }
 
     /// Resumes from a state and a recorded past. Returns false if this cloth cannot have such a past; positions and
     /// displacements are then unchanged.
     pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, [x, p]: [&[Vec4]; 2], past: &Past) -> bool {
-        if !past.untold.is_empty() {
+        if !past.pending.is_empty() {
             return false;
         }
         match &past.contact {
@@ -155,7 +155,7 @@ impl Cpu {
 
     fn replace_contact(&mut self, contact: Option<Box<TriangleContact>>) {
         let mut replaced = self.set_contact(contact);
-        replaced.iter_mut().for_each(|contact| contact.keep());
+        replaced.iter_mut().for_each(|contact| contact.save());
         self.replaced = Some(Replaced(replaced));
     }
 
@@ -201,7 +201,7 @@ impl Cpu {
             (Some(cause), 0) => Failure::Unstable { cause, step },
             (_, pairs) => Failure::Crowded(pairs),
         };
-        self.revert();
+        self.roll_back();
         Err(failure)
     }
 
@@ -214,11 +214,11 @@ impl Cpu {
     }
 
     /// Restores the state at the start of the last step.
-    pub(crate) fn revert(&mut self) {
+    pub(crate) fn roll_back(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
         if !self.put_back_contact() {
-            self.contact.iter_mut().for_each(|contact| contact.revert());
+            self.contact.iter_mut().for_each(|contact| contact.roll_back());
         }
     }
 

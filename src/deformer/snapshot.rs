@@ -239,8 +239,8 @@ impl Deformer {
             && motion.h >= 0.0
             && motion.pins.len() == pins
             && motion.pin_velocities.len() <= pins
-            && awaiting_statistics.len() == engine.untold.len()
-            && seen.iter().chain(&engine.untold).all(counts)
+            && awaiting_statistics.len() == engine.pending.len()
+            && seen.iter().chain(&engine.pending).all(counts)
     }
 
     /// Hashes of the mesh and of each option that the state depends on, with their names.

@@ -224,8 +224,8 @@ impl Deformer {
 
     /// Fails if the GPU has reported by now that a previous step failed, and reads the state it returned to.
     pub(super) fn look_back(&mut self) -> Result<(), StepError> {
-        let told = self.engine.told();
-        if told.map_err(|failure| self.failed(failure))? {
+        let has_failed = self.engine.has_failed_late();
+        if has_failed.map_err(|failure| self.failed(failure))? {
             self.shown = false;
             self.show()?;
         }

@@ -39,7 +39,7 @@ impl Deformer {
         if let Some(place) = x.iter().position(is_out) {
             return Err(WarpError::TooFar { vertex: self.cloth.order[place] as usize });
         }
-        past.untold.iter_mut().for_each(|seen| seen.warp(&rigid));
+        past.pending.iter_mut().for_each(|seen| seen.warp(&rigid));
         past.contact.iter_mut().for_each(|contact| contact.warp(&rigid));
         let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &past);
         resumed.map_err(|failure| self.failed(failure))?;

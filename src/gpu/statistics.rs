@@ -22,13 +22,13 @@ pub(crate) struct Counter {
     /// Items to count.
     items: usize,
     /// Statistics of the last steps, the oldest first.
-    untold: VecDeque<Untold>,
+    pending: VecDeque<Pending>,
     /// Staging buffers that can be used again.
     free: Vec<wgpu::Buffer>,
 }
 
 #[derive(Debug)]
-enum Untold {
+enum Pending {
     UnderWay(UnderWay),
     /// The statistics have arrived and are returned when it is their turn.
     Here(Box<Statistics>),
@@ -56,7 +56,7 @@ impl Counter {
         let bound = [&gauges, &state.x, &state.p].map(Bind::Read).into_iter().chain([Bind::Write(&counted)]).collect();
         let entry = Entry { shader: shaders::STATISTICS, name: "count", constants: &[] };
         let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        Counter { stage, counted, items, untold: VecDeque::new(), free: Vec::new() }
+        Counter { stage, counted, items, pending: VecDeque::new(), free: Vec::new() }
     }
 
     /// Dispatches to compute statistics.
@@ -81,29 +81,29 @@ impl Counter {
         let mapped = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&mapped);
         staging.map_async(wgpu::MapMode::Read, .., move |result| told.store(result.is_ok(), Ordering::Release));
-        self.untold.push_back(Untold::UnderWay(UnderWay { staging, submission, mapped }));
+        self.pending.push_back(Pending::UnderWay(UnderWay { staging, submission, mapped }));
         let late = if waits { 0 } else { Counter::LATE };
-        if self.untold.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
+        if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);
         }
-        let Some(oldest) = self.untold.pop_front() else { return Ok(None) };
+        let Some(oldest) = self.pending.pop_front() else { return Ok(None) };
         self.arrived(gpu, oldest).map(Some)
     }
 
     /// Whether the oldest statistics have arrived.
     fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
         gpu.poll(wgpu::PollType::Poll)?;
-        Ok(self.untold.front().is_none_or(|untold| match untold {
-            Untold::UnderWay(under_way) => under_way.mapped.load(Ordering::Acquire),
-            Untold::Here(_) => true,
+        Ok(self.pending.front().is_none_or(|pending| match pending {
+            Pending::UnderWay(under_way) => under_way.mapped.load(Ordering::Acquire),
+            Pending::Here(_) => true,
         }))
     }
 
     /// Waits for statistics.
-    fn arrived(&mut self, gpu: &Gpu, untold: Untold) -> Result<Statistics, GpuFault> {
-        let UnderWay { staging, submission, mapped } = match untold {
-            Untold::UnderWay(under_way) => under_way,
-            Untold::Here(seen) => return Ok(*seen),
+    fn arrived(&mut self, gpu: &Gpu, pending: Pending) -> Result<Statistics, GpuFault> {
+        let UnderWay { staging, submission, mapped } = match pending {
+            Pending::UnderWay(under_way) => under_way,
+            Pending::Here(seen) => return Ok(*seen),
         };
         gpu.poll(wgpu::PollType::Poll)?;
         if !mapped.load(Ordering::Acquire) {
@@ -119,20 +119,20 @@ impl Counter {
     }
 
     /// Waits for the statistics of the last steps, and keeps them to be returned later.
-    pub(crate) fn untold(&mut self, gpu: &Gpu) -> Result<Vec<Statistics>, GpuFault> {
-        let untold = std::mem::take(&mut self.untold);
-        let seen: Vec<Statistics> = untold.into_iter().map(|untold| self.arrived(gpu, untold)).collect::<Result<_, _>>()?;
+    pub(crate) fn pending(&mut self, gpu: &Gpu) -> Result<Vec<Statistics>, GpuFault> {
+        let pending = std::mem::take(&mut self.pending);
+        let seen: Vec<Statistics> = pending.into_iter().map(|pending| self.arrived(gpu, pending)).collect::<Result<_, _>>()?;
         self.resume(&seen);
         Ok(seen)
     }
 
     /// Continues with statistics of the last steps that have not been returned.
-    pub(crate) fn resume(&mut self, untold: &[Statistics]) {
-        self.untold = untold.iter().map(|&seen| Untold::Here(Box::new(seen))).collect();
+    pub(crate) fn resume(&mut self, pending: &[Statistics]) {
+        self.pending = pending.iter().map(|&seen| Pending::Here(Box::new(seen))).collect();
     }
 
     /// Drops the statistics that have not been returned.
     pub(crate) fn forget(&mut self) {
-        self.untold.clear();
+        self.pending.clear();
     }
 }

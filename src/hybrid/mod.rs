@@ -199,7 +199,7 @@ impl Hybrid {
             }),
         );
         *mapped = step.finish().map_err(|reason| {
-            cpu.revert();
+            cpu.roll_back();
             Failure::Gpu(reason)
         })?;
         stepped.map(|()| complete)

@@ -27,9 +27,9 @@ struct Passed {
     is_through: bool,
 }
 
-fn passed_pair(told: vec4u) -> Passed {
-    let is_edge = (told.x & MARK) != 0u;
-    let v = told & vec4u(~MARK);
+fn passed_pair(marked: vec4u) -> Passed {
+    let is_edge = (marked.x & MARK) != 0u;
+    let v = marked & vec4u(~MARK);
     let start = positions(v);
     let end = Four(end_of(v.x), end_of(v.y), end_of(v.z), end_of(v.w));
     let is_flat = volume(start) * volume(end) <= 0.0;
@@ -97,12 +97,12 @@ fn stop_if_far(leader: u32) {
 fn carry(@builtin(local_invocation_index) lane: u32) {
     let count = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
     for (var k = lane; k < count; k += LANES) {
-        let told = pairs[place_of_passed(k)].corners;
-        let found = run_over(passed_pair(told));
+        let marked = pairs[place_of_passed(k)].corners;
+        let found = run_over(passed_pair(marked));
         stop_if_far(found.leader);
         for (var c = 0u; c < 4u; c++) {
             if found.followers[c] {
-                atomicMax(&sums[SUMS * (told[c] & ~MARK) + LEADER], i32(found.leader + 1u));
+                atomicMax(&sums[SUMS * (marked[c] & ~MARK) + LEADER], i32(found.leader + 1u));
             }
         }
     }
@@ -143,15 +143,15 @@ fn follow_leader(v: u32) {
 fn find_pinched(@builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&contact_state.status.passed);
     for (var k = lane; k < count; k += LANES) {
-        let told = pairs[place_of_passed(k)].corners;
-        let pair = passed_pair(told);
+        let marked = pairs[place_of_passed(k)].corners;
+        let pair = passed_pair(marked);
         if contact_params.max_carry == 0.0 {
             stop_if_far(run_over(pair).leader);
         }
         if pair.is_flat {
             let at = atomicAdd(&contact_state.status.pinched, 1u);
             if at < PINCHED {
-                contact_state.pinched[at] = vec4u(told.x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
+                contact_state.pinched[at] = vec4u(marked.x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
             }
         }
     }

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, TRACK, Told};
-use super::{Good, GpuContact};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, StatusReadback, TRACK};
+use super::{Checkpoint, GpuContact};
 use crate::contact::max_listed;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
@@ -49,21 +49,21 @@ impl GpuContact {
     }
 
     /// Encodes a copy of the state to which the step may have to be rolled back, unless that was done.
-    pub(crate) fn keep(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        if std::mem::replace(&mut self.is_kept, true) {
+    pub(crate) fn save(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        if std::mem::replace(&mut self.is_saved, true) {
             return;
         }
-        let GpuContact { buffers, good, room, .. } = &*self;
-        encoder.copy_buffer_to_buffer(&buffers.tracks, 0, &good.tracks, 0, good.tracks.size());
-        self.copy_pairs(encoder, (&buffers.pairs, *room), (&good.pairs, good.room), self.status.half);
+        let GpuContact { buffers, checkpoint, room, .. } = &*self;
+        encoder.copy_buffer_to_buffer(&buffers.tracks, 0, &checkpoint.tracks, 0, checkpoint.tracks.size());
+        self.copy_pairs(encoder, (&buffers.pairs, *room), (&checkpoint.pairs, checkpoint.room), self.status.half);
     }
 
     /// Rolls back to the saved state.
-    pub(crate) fn go_back(&mut self, gpu: &Gpu) {
-        let GpuContact { buffers, good, room, .. } = &*self;
+    pub(crate) fn roll_back(&mut self, gpu: &Gpu) {
+        let GpuContact { buffers, checkpoint, room, .. } = &*self;
         let mut encoder = gpu.encoder();
-        encoder.copy_buffer_to_buffer(&good.tracks, 0, &buffers.tracks, 0, good.tracks.size());
-        self.copy_pairs(&mut encoder, (&good.pairs, good.room), (&buffers.pairs, *room), 0);
+        encoder.copy_buffer_to_buffer(&checkpoint.tracks, 0, &buffers.tracks, 0, checkpoint.tracks.size());
+        self.copy_pairs(&mut encoder, (&checkpoint.pairs, checkpoint.room), (&buffers.pairs, *room), 0);
         gpu.queue().submit([encoder.finish()]);
         self.status.half = 0;
     }
@@ -76,9 +76,9 @@ impl GpuContact {
         let [most_room, most_space] = self.most(gpu);
         let room = grown(self.room, needed, most_room);
         self.make_room(gpu, room, grown(self.space, space, most_space));
-        self.go_back(gpu);
-        self.good = Good::new(gpu, &self.table, self.room);
-        self.is_kept = false;
+        self.roll_back(gpu);
+        self.checkpoint = Checkpoint::new(gpu, &self.table, self.room);
+        self.is_saved = false;
     }
 
     /// Replaces the list by an empty one with room for this many pairs, and with this space for what detection compares.
@@ -90,37 +90,37 @@ impl GpuContact {
 
     /// Notes how mesh colliders move in the step.
     pub(crate) fn note_meshes(&mut self, plan: &Plan<'_>) {
-        if self.kept.begin(plan, self.options.friction) {
+        if self.on_cpu.begin(plan, self.options.friction) {
             self.status.since = NEVER;
         }
     }
 
     /// Starts a step: uploads the motion of mesh colliders and chooses the kernels of the first attempt, which saves the state.
     pub(crate) fn begin(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if let Some(motions) = self.kept.motions(plan) {
+        if let Some(motions) = self.on_cpu.motions(plan) {
             gpu.write(&self.buffers.tracks, TRACK * self.table.vertices as usize, motions);
         }
         self.substeps = plan.substeps.len();
         self.choice.begin(&self.status, self.substeps);
-        (self.is_kept, self.max_carry) = (false, 0.0);
+        (self.is_saved, self.max_carry) = (false, 0.0);
     }
 
     /// Waits for the result of an attempt, and rolls back unless it is good.
     pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Judgment, GpuFault> {
-        let told: Told = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
-        let status = told.status;
+        let readback: StatusReadback = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
+        let status = readback.status;
         let (needed, space) = (status.needed as usize, status.space_needed as usize);
         let has = |reason| status.stopped & reason != 0;
         let [most_room, most_space] = self.most(gpu);
         if has(CROWDED) || needed > most_room || space > most_space {
-            self.go_back(gpu);
+            self.roll_back(gpu);
             self.forget();
             return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
         }
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
-            let (pinched, are_all) = told.pinched();
-            self.kept.note_pinched(pinched, are_all);
+            let (pinched, are_all) = readback.pinched();
+            self.on_cpu.note_pinched(pinched, are_all);
             return Ok(Judgment::Good);
         }
         self.choice.change(status.stopped, needed > 0);
@@ -129,7 +129,7 @@ impl GpuContact {
         if needed > self.room || space > self.space {
             self.grow(gpu, needed, space);
         } else {
-            self.go_back(gpu);
+            self.roll_back(gpu);
         }
         Ok(Judgment::Again)
     }
@@ -143,6 +143,6 @@ impl GpuContact {
 
     /// Encodes a copy of the status after the step's commands.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.copy_buffer_to_buffer(&self.buffers.contact_state, 0, &self.staging, 0, size_of::<Told>() as u64);
+        encoder.copy_buffer_to_buffer(&self.buffers.contact_state, 0, &self.staging, 0, size_of::<StatusReadback>() as u64);
     }
 }

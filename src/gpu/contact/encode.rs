@@ -63,7 +63,7 @@ impl GpuContact {
             bound_meshes.dispatch(pass, group, &[], self.table.mesh_vertices());
         }
         // Mesh colliders that stand still are put in place once.
-        let meshes_move = index == 0 || (!self.kept.meshes_rest() && (may_detect || response > Response::None));
+        let meshes_move = index == 0 || (!self.on_cpu.meshes_rest() && (may_detect || response > Response::None));
         begin_contact.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
         if may_detect || response == Response::Full {
             let decide = if may_detect { &stages.decide } else { &stages.decide_between };

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use glam::Vec4;
 
 use crate::contact::Tally;
-use crate::contact::device::OnDevice;
+use crate::contact::device::HostContact;
 use crate::contact::table::Table;
 use crate::device::Gpu;
 use crate::gpu::forces::Forces;
@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use encode::MANY;
 use kernel_choice::{KernelChoice, Response};
 use stages::Stages;
-use status::{BOX, ContactParams, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, TRACK, Told, VERTEX};
+use status::{BOX, ContactParams, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, StatusReadback, TRACK, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -62,26 +62,26 @@ pub(super) struct Buffers {
 
 /// The state to which a step is rolled back.
 #[derive(Debug)]
-struct Good {
+struct Checkpoint {
     tracks: wgpu::Buffer,
     pairs: wgpu::Buffer,
     /// Number of pairs that there is room for.
     room: usize,
 }
 
-impl Good {
-    fn new(gpu: &Gpu, table: &Table, room: usize) -> Good {
+impl Checkpoint {
+    fn new(gpu: &Gpu, table: &Table, room: usize) -> Checkpoint {
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let tracks = buffer("paths before", TRACK * table.vertices as usize);
         let pairs = buffer("pairs before", room * size_of::<Listed>());
-        Good { tracks, pairs, room }
+        Checkpoint { tracks, pairs, room }
     }
 }
 
 /// The state of contact of a cloth with itself, kept between steps.
 #[derive(Debug)]
 pub(crate) struct GpuContact {
-    kept: OnDevice,
+    on_cpu: HostContact,
     options: Contact,
     table: Table,
     /// Number of the cloth's vertices.
@@ -92,9 +92,9 @@ pub(crate) struct GpuContact {
     room: usize,
     space: usize,
     buffers: Buffers,
-    good: Good,
-    /// Whether `good` is the state at the start of this step.
-    is_kept: bool,
+    checkpoint: Checkpoint,
+    /// Whether `checkpoint` is the state at the start of this step.
+    is_saved: bool,
     /// `None` if the kernels must be bound to new buffers.
     stages: Option<Stages>,
     staging: wgpu::Buffer,
@@ -112,7 +112,7 @@ pub(crate) struct GpuContact {
 impl GpuContact {
     /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<GpuContact> {
-        let (kept, mut table) = OnDevice::new(cloth, contact, meshes)?;
+        let (on_cpu, mut table) = HostContact::new(cloth, contact, meshes)?;
         let words = std::mem::take(&mut table.words);
         let (vertices, all) = (cloth.rest.len(), table.vertices as usize);
         let room = (ROOM_OF_VERTEX * vertices).min(MAX_ROOM).max(vertices).max(MIN_ROOM);
@@ -128,17 +128,17 @@ impl GpuContact {
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR.max(SPACE) * room),
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
-            contact_state: buffer("state of contact", size_of::<Told>() + PART * groups),
+            contact_state: buffer("state of contact", size_of::<StatusReadback>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             ignored: Sent::storage(gpu, "ignored pairs", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * table.boxes()),
             normals: buffer("normals in contact", NORMALS * cloth.triangles.len()),
         };
-        let good = Good::new(gpu, &table, room);
-        let staging = gpu.staging("status", size_of::<Told>() as u64);
+        let checkpoint = Checkpoint::new(gpu, &table, room);
+        let staging = gpu.staging("status", size_of::<StatusReadback>() as u64);
         let status = Status::nothing();
         Some(GpuContact {
-            kept,
+            on_cpu,
             options: contact.unwrap_or_default(),
             table,
             vertices,
@@ -146,8 +146,8 @@ impl GpuContact {
             room,
             space: room,
             buffers,
-            good,
-            is_kept: false,
+            checkpoint,
+            is_saved: false,
             stages: None,
             staging,
             status,
@@ -160,7 +160,7 @@ impl GpuContact {
 
     /// Discards everything that depends on positions, because the state was replaced.
     pub(crate) fn forget(&mut self) {
-        self.kept.forget();
+        self.on_cpu.forget();
         self.status = Status::nothing();
     }
 
@@ -171,25 +171,25 @@ impl GpuContact {
 
     /// Whether the next step needs the positions on the CPU first, to search for intersections.
     pub(crate) fn must_search(&self) -> bool {
-        self.kept.must_search()
+        self.on_cpu.must_search()
     }
 
     /// Whether pins or mesh colliders are moved through each other in this step, so that it needs the positions for a search.
     pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
-        self.kept.kinematics_cross(plan)
+        self.on_cpu.kinematics_cross(plan)
     }
 
     /// Whether these are its mesh colliders.
     pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
-        self.kept.is_of(meshes)
+        self.on_cpu.is_of(meshes)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
     /// from which to start instead, if anything touched exactly.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
-        let crossed = !self.kept.ignored().iter().all(Vec::is_empty);
-        let moved = self.kept.find_crossings(plan, x, self.status.since == status::NEVER);
-        if crossed || !self.kept.ignored().iter().all(Vec::is_empty) {
+        let crossed = !self.on_cpu.ignored().iter().all(Vec::is_empty);
+        let moved = self.on_cpu.find_crossings(plan, x, self.status.since == status::NEVER);
+        if crossed || !self.on_cpu.ignored().iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
@@ -198,19 +198,19 @@ impl GpuContact {
 
     /// Whether cloth may have been pinched in the last step, so that `ignore_pinched` must be called.
     pub(crate) fn is_pinched(&self) -> bool {
-        self.kept.is_pinched()
+        self.on_cpu.is_pinched()
     }
 
     /// Ignores the pairs of what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m).
     pub(crate) fn ignore_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
-        if self.kept.ignore_pinched(plan, x) {
+        if self.on_cpu.ignore_pinched(plan, x) {
             self.status.since = status::NEVER;
         }
     }
 
     /// Intersections found by the last search, with itself and with mesh colliders.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        self.kept.crossings()
+        self.on_cpu.crossings()
     }
 
     /// Collects the sums of pairs in workgroups from so many acting pairs on.
@@ -231,13 +231,13 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { kept, options, table, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
-        let [of_vertices, of_edges] = kept.ignored();
+        let GpuContact { on_cpu, options, table, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
+        let [of_vertices, of_edges] = on_cpu.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
         });
-        let [turn_x, turn_y, turn_z, center, travel] = kept.turn(plan);
+        let [turn_x, turn_y, turn_z, center, travel] = on_cpu.turn(plan);
         let contact_params = ContactParams {
             thickness: options.thickness,
             friction: options.friction,
@@ -262,8 +262,8 @@ impl GpuContact {
             room: if choice.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
             has_kinematic: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
-            meshes_rest: kept.meshes_rest().into(),
-            has_self_contact: kept.has_self_contact().into(),
+            meshes_rest: on_cpu.meshes_rest().into(),
+            has_self_contact: on_cpu.has_self_contact().into(),
             ignored: of_vertices.len() as u32,
             ignored_edges: of_edges.len() as u32,
             groups: vertices.div_ceil(WORKGROUP) as u32,
@@ -272,8 +272,8 @@ impl GpuContact {
             box_edges: table.box_edges,
             features: table.features,
             spacing: choice.spacing(),
-            max_carry: if kept.may_carry() { *max_carry } else { 0.0 },
-            may_carry: kept.may_carry().into(),
+            max_carry: if on_cpu.may_carry() { *max_carry } else { 0.0 },
+            may_carry: on_cpu.may_carry().into(),
             padding: [0; 2],
             turn_x,
             turn_y,

@@ -14,7 +14,7 @@ impl GpuContact {
     pub(crate) fn past(&self, gpu: &Gpu) -> Result<ContactPast, GpuFault> {
         let Status { half, since, ahead, h, listed, .. } = self.status;
         if since < 0.0 && listed == 0 {
-            return Ok(self.kept.past(&DeviceLists { h, ..DeviceLists::default() }));
+            return Ok(self.on_cpu.past(&DeviceLists { h, ..DeviceLists::default() }));
         }
         let (tracks, paths) = (&self.buffers.tracks, (TRACK * self.table.vertices as usize) as u64);
         let [with_vertices, with_edges] = self.places(self.room);
@@ -37,7 +37,7 @@ impl GpuContact {
             let pair =
                 |&Listed { corners, lambda, other, thickness, .. }: &Listed| DevicePair { corners, other, thickness, lambda };
             let start = |row| pairs.partition_point(|pair| pair.row < row) as u32;
-            self.kept.past(&DeviceLists {
+            self.on_cpu.past(&DeviceLists {
                 starts: (0..=self.table.rows).map(start).collect(),
                 pairs: pairs.iter().map(pair).collect(),
                 from: tracks.iter().map(|track| track.start).collect(),
@@ -51,7 +51,7 @@ impl GpuContact {
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     pub(crate) fn resume(&mut self, gpu: &Gpu, past: &ContactPast) -> bool {
-        let Some(lists) = self.kept.resume(past) else { return false };
+        let Some(lists) = self.on_cpu.resume(past) else { return false };
         let DeviceLists { starts, pairs, from, by, ahead, since, h } = lists;
         if pairs.len() > self.room {
             self.grow(gpu, pairs.len(), 0);

@@ -63,14 +63,14 @@ pub(super) struct Stages {
 
 impl Stages {
     pub(super) fn new(gpu: &Gpu, forces: &Forces, buffers: &Buffers, has_meshes: bool) -> Stages {
-        let told = |shader: Shader, name: &'static str, uses: &[usize], constants: &[(&'static str, f64)]| {
+        let stage_with = |shader: Shader, name: &'static str, uses: &[usize], constants: &[(&'static str, f64)]| {
             let bound = groups(&forces.states, |from, to| bound(buffers, uses, from, to));
             Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
         };
-        let stage = |shader, name, uses: &[usize]| told(shader, name, uses, &[]);
+        let stage = |shader, name, uses: &[usize]| stage_with(shader, name, uses, &[]);
         let of_few_or_many = |name| {
             let uses = [VERTICES, NEAR, SUMS, CONTACT_STATE];
-            [0.0, 1.0].map(|collects| told(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
+            [0.0, 1.0].map(|collects| stage_with(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
         };
         let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
         let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
@@ -82,10 +82,15 @@ impl Stages {
                 [stage(shaders::BODIES, "bound_cloth", &[X, CONTACT_STATE]), bound_meshes]
             }),
             begin_contact: stage(shaders::BEGIN_CONTACT, "begin_contact", &by_begin),
-            begin_between: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0)]),
-            begin_alone: told(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0), ("HAS_CONTACT", 0.0)]),
+            begin_between: stage_with(shaders::BEGIN_CONTACT, "begin_contact", &by_begin, &[("MAY_DETECT", 0.0)]),
+            begin_alone: stage_with(
+                shaders::BEGIN_CONTACT,
+                "begin_contact",
+                &by_begin,
+                &[("MAY_DETECT", 0.0), ("HAS_CONTACT", 0.0)],
+            ),
             decide: stage(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE]),
-            decide_between: told(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE], &[("MAY_DETECT", 0.0)]),
+            decide_between: stage_with(shaders::BEGIN_CONTACT, "decide", &[CONTACT_STATE], &[("MAY_DETECT", 0.0)]),
             begin_paths: stage(shaders::TREE, "begin_paths", &[TABLE, VERTICES, TRACKS, BUCKETS, CONTACT_STATE]),
             prepare: stage(shaders::LISTING, "prepare", &[TABLE, TRACKS, BUCKETS, PAIRS, NEAR, CONTACT_STATE, BOXES, NORMALS]),
             bound: stage(shaders::TREE, "bound", &[TABLE, NODES, CONTACT_STATE, BOXES, NORMALS]),
@@ -105,8 +110,8 @@ impl Stages {
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, CONTACT_STATE, X_OUT, P_OUT]),
             carry: [
                 stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE]),
-                told(shaders::RESPONSE, "truncate", &of_pairs, &[("AGAIN", 1.0)]),
-                told(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
+                stage_with(shaders::RESPONSE, "truncate", &of_pairs, &[("AGAIN", 1.0)]),
+                stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
             ],
             find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, CONTACT_STATE]),
         }

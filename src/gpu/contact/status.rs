@@ -75,15 +75,15 @@ impl Status {
     }
 }
 
-/// What the CPU is told after a step: the status, and the corners of the pairs that are pinched, as far as there is room.
+/// What the CPU reads after a step: the status, and the corners of the pairs that are pinched, as far as there is room.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(crate) struct Told {
+pub(crate) struct StatusReadback {
     pub status: Status,
     pub pinched: [[u32; 4]; PINCHED],
 }
 
-impl Told {
+impl StatusReadback {
     /// The corners of pinched pairs, as far as there is room, and whether these are all.
     pub(super) fn pinched(&self) -> (&[[u32; 4]], bool) {
         let count = self.status.pinched as usize;

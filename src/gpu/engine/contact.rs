@@ -137,13 +137,13 @@ impl GpuEngine {
         let GpuEngine { contact, forces, .. } = self;
         contact.iter_mut().for_each(|contact| contact.prepare(gpu, plan, forces));
         Gpu::refused()?;
-        let keep = |encoder: &mut wgpu::CommandEncoder| self.contact.iter_mut().for_each(|contact| contact.keep(encoder));
-        let mut submission = Submission::in_portions(gpu, keep);
+        let save = |encoder: &mut wgpu::CommandEncoder| self.contact.iter_mut().for_each(|contact| contact.save(encoder));
+        let mut submission = Submission::in_portions(gpu, save);
         self.encode_substeps(&mut submission, swept, Some(plan));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
         if !searched && contact.kinematics_cross(plan) {
-            contact.go_back(gpu);
+            contact.roll_back(gpu);
             return Ok(Judgment::Search);
         }
         // The device waits for the commit, so it is encoded before the judgment.

@@ -42,9 +42,9 @@ impl GpuEngine {
         gpu.checked(|| {
             let staging = gpu.staging("found", commit.found.size());
             let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Defects>)?;
-            let untold = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.untold(gpu))?;
+            let pending = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.pending(gpu))?;
             let contact = contact.as_ref().map(|contact| contact.past(gpu)).transpose()?;
-            Ok(Past { steps: found.steps, untold, contact })
+            Ok(Past { steps: found.steps, pending, contact })
         })
         .map_err(Failure::Gpu)
     }
@@ -58,7 +58,7 @@ impl GpuEngine {
         past: &Past,
     ) -> Result<bool, Failure> {
         self.is_whole()?;
-        if past.untold.len() > Counter::LATE {
+        if past.pending.len() > Counter::LATE {
             return Ok(false);
         }
         let gpu = self.gpu.clone();
@@ -67,13 +67,13 @@ impl GpuEngine {
         }
         let counter = gpu.checked(|| {
             let GpuEngine { forces, counter, .. } = &mut *self;
-            let counts = !past.untold.is_empty();
+            let counts = !past.pending.is_empty();
             Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
         });
         self.counter = counter.map_err(Failure::Gpu)?;
         self.put(x, p);
         self.commit.go_on(&gpu, Defects { steps: past.steps, ..Defects::NOTHING });
-        self.counter.iter_mut().for_each(|counter| counter.resume(&past.untold));
+        self.counter.iter_mut().for_each(|counter| counter.resume(&past.pending));
         Ok(true)
     }
 
@@ -106,7 +106,7 @@ impl GpuEngine {
     }
 
     /// Whether a step is now known to have failed. Never waits.
-    pub(crate) fn told(&mut self) -> Result<bool, Failure> {
+    pub(crate) fn has_failed_late(&mut self) -> Result<bool, Failure> {
         let found = self.report.arrived(&self.gpu).map_err(Failure::Gpu)?;
         Ok(found.is_some_and(|found| self.verdict(found).is_err()))
     }
