@@ -171,8 +171,9 @@ impl Deformer {
     ///
     /// # Errors
     /// If `dt` or an attribute is out of its range, or the motion became unstable ([`StepError::Unstable`]); the state
-    /// is then unchanged. On the GPU, instability is detected when the state is next read or by a later step, at most
-    /// about sixteen steps later. That step is not taken, and the state is that of the last good step.
+    /// is then unchanged. On the GPU an instability is reported by the next read of the state, or by one of the next sixteen
+    /// steps. The step that reports it is not taken, the steps since the unstable one are lost, and the state is that of the
+    /// last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
         self.step_on(dt, attributes, false)
     }

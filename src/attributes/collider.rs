@@ -15,7 +15,7 @@ use crate::record::{Recorded, Tape, Unreadable, recorded};
 pub struct Collider {
     /// The surface of the body.
     pub shape: Shape,
-    /// Coefficient of Coulomb friction, 0 or above.
+    /// Coefficient of Coulomb friction between this collider and the cloth, 0 or above. It is not combined with any other.
     pub friction: f32,
     /// A number that identifies this collider from step to step, whatever else is in the list; no two colliders may
     /// have the same. `None`: it is matched by its order (see [`Attributes::colliders`](crate::Attributes::colliders)).
@@ -136,6 +136,7 @@ impl Collider {
     /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and that pins and meshes move no faster than the
     /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). With [`Backend::Gpu`](crate::Backend::Gpu)
     /// such a step waits for the GPU once; in a browser, which cannot wait, it returns an error.
+    /// [`Backend::Auto`](crate::Backend::Auto) is decided before the first collider is known.
     ///
     /// The mesh of the last step is kept to know where each vertex comes from. Pass a new mesh in each step in which it
     /// moves, and the same `Arc` while it stands still, which is cheaper.

@@ -32,14 +32,6 @@ pub(super) fn scattered<L: Registers>(from: Vector<L>, to: &mut [Vec4; MAX_LANES
     }
 }
 
-/// Loads as many consecutive vectors as lanes.
-#[inline(always)]
-pub(super) fn loaded<L: Registers>(from: &[Vec4]) -> Vector<L> {
-    let each = L::VECTORS;
-    let (a, b) = (L::load(&from[..each]), L::load(&from[each..2 * each]));
-    L::transpose([a, b, L::load(&from[2 * each..3 * each]), L::load(&from[3 * each..4 * each])])
-}
-
 /// A number for each lane.
 #[inline(always)]
 pub(super) fn number<L: Registers>(of: &[f32; MAX_LANES], first: usize) -> L {

@@ -5,11 +5,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::Vec4;
 
 use super::input::Vertex;
-use super::lanes::loaded;
+use super::lanes::store;
 use crate::kernels::contact::{Clear, contact_body};
-use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
-use crate::simd::{Loop, Registers};
+use crate::simd::{Loop, MAX_LANES, Registers, Vector, load_vectors, store_vectors};
 use crate::step::plan::Plan;
 
 /// Moves vertices out of the colliders.
@@ -27,34 +26,36 @@ impl Loop for PushOut<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let PushOut { plan, substep, x, u, push, most } = self;
-        let mut farthest = 0.0_f32;
-        for first in (0..x.len()).step_by(L::LANES) {
-            let end = x.len().min(first + L::LANES);
-            let mut is_clear = end - first == L::LANES;
-            if is_clear {
-                let (x, u) = (loaded::<L>(&x[first..end]), loaded::<L>(&u[first..end]));
-                for body in plan.bodies {
-                    is_clear &= L::all(Clear::of(body, substep, plan.params.fraction).of_vertices(x, u));
+        let zero = L::splat(0.0);
+        let mut farthest = zero;
+        let groups = x.chunks(L::LANES).zip(u.chunks_mut(L::LANES)).zip(push.chunks_mut(L::LANES));
+        for ((x, u), push) in groups {
+            let (at, by) = (load_vectors::<L>(x), load_vectors::<L>(u));
+            let (from, is_free, by) = (L::transpose(at), zero.lt(L::fourth(at)), L::transpose(by));
+            let (mut at, mut by, mut is_clear) = (from, by, true);
+            for body in plan.bodies {
+                if L::all(Clear::of(body, substep, plan.params.fraction).of_vertices(at, by)) {
+                    continue;
                 }
+                let (out, held) = contact_body(at, by, body, substep, &plan.params);
+                (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
+                is_clear = false;
             }
             if is_clear {
                 continue;
             }
-            for i in (first..end).filter(|&i| x[i].w > 0.0) {
-                let from = xyz(x[i]);
-                let (mut at, mut by) = (from, xyz(u[i]));
-                for body in plan.bodies {
-                    (at, by) = contact_body(at, by, body, substep, &plan.params);
-                }
-                u[i] = by.extend(0.0);
-                if at != from {
-                    push[i] = (at - from).extend(0.0);
-                    farthest = farthest.max((at - from).length_squared()).max(f32::MIN_POSITIVE);
-                }
+            store_vectors(L::vectors(by), u);
+            let way = at - from;
+            let square = way.dot(way);
+            if L::any(zero.lt(square)) {
+                store_vectors(L::vectors(way), push);
+                farthest = farthest.max(square);
             }
         }
+        let mut all = [0.0; MAX_LANES];
+        store(&mut all, farthest);
         // The bits of numbers that are not negative are in the order of the numbers.
-        most.fetch_max(farthest.to_bits(), Ordering::Relaxed);
+        most.fetch_max(all.into_iter().fold(0.0, f32::max).to_bits(), Ordering::Relaxed);
     }
 }
 
@@ -73,14 +74,19 @@ impl Loop for Collide<'_> {
         let Collide { plan, substep, vertices, x, u } = self;
         for body in plan.bodies {
             let clear = Clear::of(body, substep, plan.params.fraction);
-            for first in (0..x.len()).step_by(L::LANES) {
-                let end = x.len().min(first + L::LANES);
-                if end - first == L::LANES && L::all(clear.of_vertices(loaded::<L>(&x[first..end]), loaded::<L>(&u[first..end])))
-                {
+            let groups = x.chunks(L::LANES).zip(u.chunks_mut(L::LANES)).zip(vertices.chunks(L::LANES));
+            for ((x, u), vertices) in groups {
+                if !vertices.iter().any(Vertex::acts) {
                     continue;
                 }
-                for i in (first..end).filter(|&i| vertices[i].acts()) {
-                    u[i] = contact_body(xyz(x[i]), xyz(u[i]), body, substep, &plan.params).1.extend(0.0);
+                let (at, by) = (L::transpose(load_vectors::<L>(x)), L::transpose(load_vectors::<L>(u)));
+                if L::all(clear.of_vertices(at, by)) {
+                    continue;
+                }
+                let mut held = [Vec4::ZERO; MAX_LANES];
+                store_vectors(L::vectors(contact_body(at, by, body, substep, &plan.params).1), &mut held);
+                for ((u, held), _) in u.iter_mut().zip(held).zip(vertices).filter(|(_, vertex)| vertex.acts()) {
+                    *u = held;
                 }
             }
         }

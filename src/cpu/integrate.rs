@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{Vec3, Vec4};
 
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
@@ -11,7 +11,7 @@ use crate::cpu::watch::VertexWatch;
 use crate::kernels::contact::{Clear, contact_body};
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::Substep;
-use crate::simd::{self, Loop, Registers, Width};
+use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width, load_vectors, store_vectors};
 use crate::step::plan::Plan;
 
 /// The state, and the copy of it that a failed step is undone from.
@@ -66,35 +66,6 @@ impl Integrator<'_> {
     fn ambient(&self, substep: &Substep) -> Vec4 {
         (Vec3::from(self.plan.params.acceleration) * substep.gain).extend(0.0)
     }
-
-    /// The scalar form of [`Integrator::advance`].
-    fn advance_each(&self, x: View<'_>, u: View<'_>, vertices: Range<usize>, substep: &Substep, after: AfterMove<'_>) {
-        for i in vertices {
-            let (from, by) = (x.get(i), u.get(i));
-            let w = from.w;
-            let (mut at, mut by) = (xyz(from), xyz(by));
-            if w > 0.0 {
-                for body in self.plan.bodies {
-                    (at, by) = contact_body(at, by, body, substep, &self.plan.params);
-                }
-            }
-            let to = (at + by).extend(w);
-            let on = match after {
-                AfterMove::Wait => by.extend(0.0),
-                AfterMove::Fall(next) if w > 0.0 => {
-                    let fall = Vec3A::from_vec4(self.ambient(next));
-                    predict_displacement(by, Vec3A::splat(next.carry), fall).extend(0.0)
-                }
-                AfterMove::Fall(_) => Vec4::ZERO,
-                AfterMove::Check => {
-                    self.found.check(i, at + by, by);
-                    by.extend(0.0)
-                }
-            };
-            x.set(i, to);
-            u.set(i, on);
-        }
-    }
 }
 
 fn range(vertices: &Range<u32>) -> Range<usize> {
@@ -144,8 +115,7 @@ impl Loop for Fall<'_> {
     }
 }
 
-/// The SIMD form of [`Integrator::advance_each`]. It handles groups of vertices that surely touch no collider and are
-/// within bounds; other groups go through the scalar form.
+/// Resolves collisions, moves vertices, and predicts or checks.
 struct Advance<'a> {
     integrator: &'a Integrator<'a>,
     x: View<'a>,
@@ -158,59 +128,101 @@ struct Advance<'a> {
 impl Loop for Advance<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Advance { integrator, x, u, substep, after, .. } = self;
-        let bodies = integrator.plan.bodies;
-        let zero = L::splat(0.0);
-        let (carry, fall) = match after {
-            AfterMove::Fall(next) => (L::splat(next.carry), L::repeat(integrator.ambient(next))),
-            AfterMove::Wait | AfterMove::Check => (L::splat(1.0), zero),
-        };
-        let fourth = zero.lt(L::repeat(Vec4::W));
-        let VertexWatch { center, distance, travel, .. } = &integrator.found;
-        let (center, distance, travel) = (L::repeat(center.extend(0.0)), L::splat(*distance), L::splat(*travel));
         let mut first = self.vertices.start;
         while self.vertices.end - first >= L::LANES {
-            let (x_row, u_row) = (x.row::<L>(first as u32), u.row::<L>(first as u32));
-            let mut clear = bodies.is_empty() || self.is_clear::<L>(first);
-            if clear && matches!(after, AfterMove::Check) {
-                for k in 0..4 {
-                    let (from, by) = (x_row.get(k), u_row.get(k));
-                    let away = L::select(fourth, zero, from + by - center);
-                    let by = L::select(fourth, zero, by);
-                    clear &= L::all(L::and(away.abs().lt(distance), by.abs().lt(travel)));
-                }
-            }
-            if clear {
-                for k in 0..4 {
-                    let (from, by) = (x_row.get(k), u_row.get(k));
-                    // The w component, the inverse mass, is kept.
-                    x_row.set(k, L::select(fourth, from, from + by));
-                    if matches!(after, AfterMove::Fall(_)) {
-                        let on = predict_displacement(by, carry, fall);
-                        u_row.set(k, L::select(fourth, zero, L::select(zero.lt(from.w()), on, zero)));
-                    }
-                }
-            } else {
-                integrator.advance_each(x, u, first..first + L::LANES, substep, after);
+            let (x, u) = (self.x.row::<L>(first as u32), self.u.row::<L>(first as u32));
+            let mut state = [[x.get(0), x.get(1), x.get(2), x.get(3)], [u.get(0), u.get(1), u.get(2), u.get(3)]];
+            self.group(&mut state, first, L::LANES);
+            for k in 0..4 {
+                x.set(k, state[0][k]);
+                u.set(k, state[1][k]);
             }
             first += L::LANES;
         }
-        integrator.advance_each(x, u, first..self.vertices.end, substep, after);
+        let count = self.vertices.end - first;
+        if count > 0 {
+            let mut rest = [[Vec4::ZERO; MAX_LANES]; 2];
+            for lane in 0..count {
+                (rest[0][lane], rest[1][lane]) = (self.x.get(first + lane), self.u.get(first + lane));
+            }
+            let mut state = [load_vectors::<L>(&rest[0][..count]), load_vectors::<L>(&rest[1][..count])];
+            self.group(&mut state, first, count);
+            store_vectors(state[0], &mut rest[0]);
+            store_vectors(state[1], &mut rest[1]);
+            for lane in 0..count {
+                self.x.set(first + lane, rest[0][lane]);
+                self.u.set(first + lane, rest[1][lane]);
+            }
+        }
     }
 }
 
 impl Advance<'_> {
-    /// Whether one group of vertices, as many as there are lanes, surely touches no collider.
+    /// Advances the positions and displacements of one group of vertices, the first `count` of which are to be checked.
     #[inline(always)]
-    fn is_clear<L: Registers>(&self, first: usize) -> bool {
-        let (x, u) = (self.x.vectors::<L>(first), self.u.vectors::<L>(first));
-        let plan = self.integrator.plan;
-        for body in plan.bodies {
-            if !L::all(Clear::of(body, self.substep, plan.params.fraction).of_vertices(x, u)) {
-                return false;
+    fn group<L: Registers>(&self, [x, u]: &mut [[L; 4]; 2], first: usize, count: usize) {
+        let integrator = self.integrator;
+        let zero = L::splat(0.0);
+        let fourth = zero.lt(L::repeat(Vec4::W));
+        if !integrator.plan.bodies.is_empty() {
+            self.collide(x, u);
+        }
+        for k in 0..4 {
+            // The w component, the inverse mass, is kept.
+            x[k] = L::select(fourth, x[k], x[k] + u[k]);
+        }
+        match self.after {
+            AfterMove::Wait => {}
+            AfterMove::Fall(next) => {
+                let (carry, fall) = (L::splat(next.carry), L::repeat(integrator.ambient(next)));
+                for k in 0..4 {
+                    let on = predict_displacement(u[k], carry, fall);
+                    u[k] = L::select(fourth, zero, L::select(zero.lt(x[k].w()), on, zero));
+                }
+            }
+            AfterMove::Check => {
+                let VertexWatch { center, distance, travel, .. } = &integrator.found;
+                let (center, distance, travel) = (L::repeat(center.extend(0.0)), L::splat(*distance), L::splat(*travel));
+                let mut within = true;
+                for k in 0..4 {
+                    let away = L::select(fourth, zero, x[k] - center);
+                    let by = L::select(fourth, zero, u[k]);
+                    within &= L::all(L::and(away.abs().lt(distance), by.abs().lt(travel)));
+                }
+                if !within {
+                    let (mut at, mut by) = ([Vec4::ZERO; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
+                    store_vectors(*x, &mut at);
+                    store_vectors(*u, &mut by);
+                    (0..count).for_each(|lane| integrator.found.check(first + lane, xyz(at[lane]), xyz(by[lane])));
+                }
             }
         }
-        true
+    }
+
+    /// Resolves collisions of a group of vertices, with one body after the other; bodies that surely touch none of them are
+    /// left out.
+    #[inline(always)]
+    fn collide<L: Registers>(&self, x: &mut [L; 4], u: &mut [L; 4]) {
+        let plan = self.integrator.plan;
+        let (mut at, mut by, mut is_clear) = (L::transpose(*x), L::transpose(*u), true);
+        let is_free = L::splat(0.0).lt(L::fourth(*x));
+        for body in plan.bodies {
+            if L::all(Clear::of(body, self.substep, plan.params.fraction).of_vertices(at, by)) {
+                continue;
+            }
+            let (out, held) = contact_body(at, by, body, self.substep, &plan.params);
+            (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
+            is_clear = false;
+        }
+        if is_clear {
+            return;
+        }
+        let fourth = L::splat(0.0).lt(L::repeat(Vec4::W));
+        let (at, by) = (L::vectors(at), L::vectors(by));
+        for k in 0..4 {
+            x[k] = L::select(fourth, x[k], at[k]);
+            u[k] = by[k];
+        }
     }
 }
 

@@ -110,9 +110,9 @@ impl Deformer {
         Ok(())
     }
 
-    /// Says where the colliders are now, so that the next step moves them from there. Without this, those of the first
-    /// step arrive without a velocity. A frame of a scene that begins with colliders in motion:
-    /// `cloth.place_colliders(&scene.at(0.0))` before the first step, which has those of its own end.
+    /// Sets where the colliders are now, so that the next step moves them from there. Without this, those of the first step
+    /// arrive without a velocity. For a scene that begins in motion, call it once before the first step with the colliders
+    /// at time 0; the first step is then given those at its end.
     ///
     /// # Errors
     /// If a value is out of its range, as in [`Deformer::step`]; nothing then changes.
@@ -140,9 +140,9 @@ impl Deformer {
     }
 
     /// The edges of the cloth that pass through its triangles, computed in double precision, whether
-    /// [`Options::contact`](crate::Options::contact) is set or not. Where moves of a ten-thousandth of the thickness of
-    /// contact would undo it, cloth merely touches. The time grows as the power 1.5 of the number of
-    /// vertices.
+    /// [`Options::contact`](crate::Options::contact) is set or not. Crossings that would disappear if the cloth moved by a
+    /// ten-thousandth of the contact thickness count as touching and are left out. The time grows as the power 1.5 of the
+    /// number of vertices.
     ///
     /// # Errors
     /// As [`Deformer::positions`].

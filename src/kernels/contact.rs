@@ -1,4 +1,4 @@
-//! Collision of a vertex with an analytic collider. Scalar code, because few vertices are close to a collider.
+//! Collision of vertices with an analytic collider.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
@@ -51,8 +51,10 @@ pub(crate) const DEPENETRATION: f32 = 1.0;
 pub(crate) const SWEPT: f32 = 0.25;
 /// Maximum number of steps along a path.
 pub(crate) const SWEEP_STEPS: u32 = 24;
+/// A path touches a body at less than this share of its radius, or of half a box's thickness.
+const TOUCHING: f32 = 0.001;
 
-/// Resolves the collision of a vertex at `x` that is about to move by `u` with one body. Returns `(x, u)` afterwards.
+/// Resolves the collision of vertices at `x`, about to move by `u`, with one body. Returns `(x, u)` afterwards.
 ///
 /// The gap is computed from displacements, so that its rounding error is relative to `u`, not to `x`. Computed from
 /// positions it would lose part of `h² g` at hundreds of substeps, and with it part of the friction (0.4 % of the
@@ -60,117 +62,186 @@ pub(crate) const SWEEP_STEPS: u32 = 24;
 /// which the vertex already was inside is removed from `x` at a bounded speed, which adds no velocity. The remaining
 /// depth is removed from `u`, and Coulomb friction, relative to the body's motion, is proportional to it. The path of a
 /// fast vertex is tested for the first touch.
-#[inline]
-pub(crate) fn contact_body(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
-    match body.kind {
+#[inline(always)]
+pub(crate) fn contact_body<L: Lanes>(
+    x: Vector<L>,
+    u: Vector<L>,
+    body: &Body,
+    substep: &Substep,
+    params: &Params,
+) -> (Vector<L>, Vector<L>) {
+    let meeting = match body.kind {
         PLANE => {
             let (a, a_step) = axis_end(body, substep, params);
-            let n = Vec3A::from(body.b);
-            let before = n.dot(x - a);
-            let after = before + n.dot(u - a_step);
-            respond(x, u, n, before, after, a_step, body.friction, params.h)
+            let (n, step) = (Vector::splat(body.b), splat(a_step));
+            let before = n.dot(x - splat(a));
+            Meeting { n, before, after: before + n.dot(u - step), step }
         }
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
-    }
+    };
+    respond(x, u, meeting, body.friction, params.h)
+}
+
+/// A vertex and a body in a substep.
+#[derive(Debug, Clone, Copy)]
+struct Meeting<L> {
+    /// The body's unit normal where the vertex touches it, or is nearest to it at the substep's end.
+    n: Vector<L>,
+    /// The signed gap (m) at the substep's start, and at its end if nothing is done.
+    before: L,
+    after: L,
+    /// The body's displacement (m) there.
+    step: Vector<L>,
+}
+
+/// Pushes vertices out along the normal, and applies friction. Returns `(x, u)` afterwards.
+#[inline(always)]
+fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, meeting: Meeting<L>, friction: f32, h: f32) -> (Vector<L>, Vector<L>) {
+    let Meeting { n, before, after, step } = meeting;
+    let zero = L::splat(0.0);
+    let depth = zero - after;
+    let old = depth.min((zero - before).max(zero));
+    let push = depth - old;
+    let pushed = n.mul_add(push, u);
+    let relative = pushed - step;
+    let slip = relative - n * n.dot(relative);
+    let share = L::splat(friction) * push / slip.length().max(L::splat(1e-30));
+    let held = pushed - slip * share.min(L::splat(1.0));
+    let inside = after.lt(zero);
+    let out = n.mul_add(old.min(L::splat(DEPENETRATION * h)), x);
+    (Vector::select(inside, out, x), Vector::select(inside, held, u))
 }
 
 /// [`Body::a`] at the start of a substep, and its displacement.
-#[inline]
+#[inline(always)]
 fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
     let travel = Vec3A::from(body.a_travel);
     (Vec3A::from(body.a) + travel * substep.start, travel * params.fraction)
 }
 
-/// [`contact_body`] for a sphere or a capsule.
-fn contact_round(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
+/// Of a sphere or a capsule.
+#[inline(always)]
+fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> Meeting<L> {
     let (a, a_step) = axis_end(body, substep, params);
     let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
     let b_step = Vec3A::from(body.b_travel) * params.fraction;
     let (taper, taper_step) = (body.c[0] + body.c_travel[0] * substep.start, body.c_travel[0] * params.fraction);
-    let t = nearest(a + a_step, b + b_step, taper + taper_step, x + u);
     let radius_a = body.radius + body.radius_travel * substep.start;
-    let radius = radius_a + taper * t;
-    let growth = body.radius_travel * params.fraction + taper_step * t;
-    let step = a_step + (b_step - a_step) * t;
-    let d0 = x - (a + (b - a) * t);
+    let t = nearest(a + a_step, b + b_step, taper + taper_step, x + u);
+    let radius = L::splat(taper).mul_add(t, L::splat(radius_a));
+    let growth = L::splat(taper_step).mul_add(t, L::splat(body.radius_travel * params.fraction));
+    let step = splat::<L>(b_step - a_step).mul_add(t, splat(a_step));
+    let d0 = x - splat::<L>(b - a).mul_add(t, splat(a));
     let du = u - step;
     let d = d0 + du;
-    let start = d0.length();
-    let end = d.length();
+    let (start, end) = (d0.length(), d.length());
     let before = start - radius;
-    let travel2 = du.length_squared();
+    let travel2 = du.dot(du);
+    let moved = d0.dot(du).mul_add(L::splat(2.0), travel2);
+    let mut after = before + moved / (start + end).max(L::splat(1e-20));
+    let mut n = Vector::select(L::splat(MIN_LENGTH).lt(end), d.over(end), Vector::splat([0.0, 1.0, 0.0]));
+    let swept_from = radius * L::splat(SWEPT);
     // A vertex at rest on the surface may be inside by a rounding error.
-    if before > -SWEPT * radius
-        && travel2 > SWEPT * SWEPT * radius * radius
-        && let Some((n, after)) = swept(x, du, a, b, radius_a, taper, travel2.sqrt())
-    {
-        return respond(x, u, n, before, after - growth, step, body.friction, params.h);
+    let is_fast = L::and((L::splat(0.0) - swept_from).lt(before), (swept_from * swept_from).lt(travel2));
+    if L::any(is_fast) {
+        let touch = swept(x, du, travel2.sqrt(), is_fast, Round { a, b, taper, radius: radius_a });
+        n = Vector::select(touch.hit, touch.n, n);
+        after = L::select(touch.hit, touch.after, after);
     }
-    let after = before + (2.0 * d0.dot(du) + travel2) / (start + end).max(1e-20) - growth;
-    let n = if end > MIN_LENGTH { d / end } else { Vec3A::Y };
-    respond(x, u, n, before, after, step, body.friction, params.h)
+    Meeting { n, before, after: after - growth, step }
 }
 
 /// Parameter, from 0 at `a` to 1 at `b`, of that ball of a round body whose surface is nearest to `x`. The body is the
 /// union of balls along the axis, with a radius larger by `taper` at `b`. On a cone the normal is inclined to the
 /// perpendicular of the axis by an angle of sine `taper / |b - a|`.
-fn nearest(a: Vec3A, b: Vec3A, taper: f32, x: Vec3A) -> f32 {
+#[inline(always)]
+fn nearest<L: Lanes>(a: Vec3A, b: Vec3A, taper: f32, x: Vector<L>) -> L {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let axis = b - a;
     let square = axis.length_squared();
-    let along = (x - a).dot(axis) / square.max(1e-20);
+    let from = x - splat(a);
+    let along = from.dot(splat(axis)) * L::splat(1.0 / square.max(1e-20));
     if taper == 0.0 {
-        return along.clamp(0.0, 1.0);
+        return along.max(zero).min(one);
     }
     let cone = square - taper * taper;
     if cone <= 0.0 {
         // The larger ball contains the smaller one.
-        return if taper > 0.0 { 1.0 } else { 0.0 };
+        return if taper > 0.0 { one } else { zero };
     }
-    let across = (x - a - axis * along).length();
-    (along + across * taper / (cone * square).sqrt()).clamp(0.0, 1.0)
+    let across = (from - splat::<L>(axis) * along).length();
+    across.mul_add(L::splat(taper / (cone * square).sqrt()), along).max(zero).min(one)
 }
 
-/// The first touch of the path `x + s du` with a round body: the normal there, and the gap between the path's end and
-/// the tangent plane. Steps along the path by the distance to the surface (sphere tracing: Hart 1996), which never
-/// passes through it.
-fn swept(x: Vec3A, du: Vec3A, a: Vec3A, b: Vec3A, radius: f32, taper: f32, travel: f32) -> Option<(Vec3A, f32)> {
-    let mut s = 0.0;
+/// A shape at rest.
+trait Surface {
+    fn gap<L: Lanes>(&self, x: Vector<L>) -> Gap<L>;
+}
+
+/// The hull of two balls around the ends `a` and `b` of an axis, with `radius` at `a` and `taper` more at `b`.
+struct Round {
+    a: Vec3A,
+    b: Vec3A,
+    taper: f32,
+    radius: f32,
+}
+
+impl Surface for Round {
+    #[inline(always)]
+    fn gap<L: Lanes>(&self, x: Vector<L>) -> Gap<L> {
+        let &Round { a, b, taper, radius } = self;
+        let t = nearest(a, b, taper, x);
+        let d = x - splat::<L>(b - a).mul_add(t, splat(a));
+        let (distance, radius) = (d.length(), L::splat(taper).mul_add(t, L::splat(radius)));
+        Gap { n: d.over(distance.max(L::splat(1e-20))), gap: distance - radius, touching: radius * L::splat(TOUCHING) }
+    }
+}
+
+/// The normal of a surface at its point nearest to a given point, the signed distance (m), and below which distance that
+/// counts as touching.
+#[derive(Debug, Clone, Copy)]
+struct Gap<L> {
+    n: Vector<L>,
+    gap: L,
+    touching: L,
+}
+
+/// The first touch of a path with a surface, if it is `hit`: the normal there, and the gap (m) between the path's end and
+/// the tangent plane.
+struct Touch<L: Lanes> {
+    hit: L::Mask,
+    n: Vector<L>,
+    after: L,
+}
+
+/// The first touch of the paths `x + s du`, of length `travel` and looked at only if `is_fast`, with a surface at rest. Steps
+/// along the path by the distance to the surface (sphere tracing: Hart 1996), which never passes through it.
+#[inline(always)]
+fn swept<L: Lanes>(x: Vector<L>, du: Vector<L>, travel: L, is_fast: L::Mask, surface: impl Surface) -> Touch<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let mut touch = Touch { hit: zero.lt(zero), n: Vector::zero(), after: zero };
+    let (mut s, mut is_on_its_way) = (zero, is_fast);
     for _ in 0..SWEEP_STEPS {
-        let at = x + du * s;
-        let t = nearest(a, b, taper, at);
-        let d = at - (a + (b - a) * t);
-        let distance = d.length();
-        let radius = radius + taper * t;
-        if distance < radius * 1.001 {
-            let n = d / distance.max(1e-20);
-            return Some((n, distance - radius + n.dot(du) * (1.0 - s)));
-        }
-        s += (distance - radius) / travel;
-        if s >= 1.0 {
-            return None;
+        let Gap { n, gap, touching } = surface.gap(du.mul_add(s, x));
+        let touches = L::and(is_on_its_way, gap.lt(touching));
+        touch.hit = L::or(touch.hit, touches);
+        touch.n = Vector::select(touches, n, touch.n);
+        touch.after = L::select(touches, n.dot(du).mul_add(one - s, gap), touch.after);
+        // A path that touches is over.
+        s = L::select(touches, one, s + gap / travel);
+        is_on_its_way = L::and(is_on_its_way, s.lt(one));
+        if !L::any(is_on_its_way) {
+            break;
         }
     }
-    None
+    touch
 }
 
-/// Pushes a vertex out along `n`, given its signed gap before and after the substep, and applies friction. Returns
-/// `(x, u)` afterwards.
-#[inline]
-#[expect(clippy::too_many_arguments, reason = "a contact has this many numbers; the shader's twin takes the same")]
-fn respond(x: Vec3A, u: Vec3A, n: Vec3A, before: f32, after: f32, step: Vec3A, friction: f32, h: f32) -> (Vec3A, Vec3A) {
-    if after >= 0.0 {
-        return (x, u);
-    }
-    let depth = -after;
-    let old = depth.min((-before).max(0.0));
-    let push = depth - old;
-    let u = u + n * push;
-    let relative = u - step;
-    let slip = relative - n * n.dot(relative);
-    let length = slip.length();
-    let u = u - slip * (friction * push / length.max(1e-30)).min(1.0);
-    (x + n * old.min(DEPENETRATION * h), u)
+/// The same vector in every lane.
+#[inline(always)]
+fn splat<L: Lanes>(v: Vec3A) -> Vector<L> {
+    Vector::splat(v.to_array())
 }
 
 /// A cheap conservative test: where vertices cannot touch a body in a substep.

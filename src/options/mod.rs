@@ -111,9 +111,10 @@ pub enum Levels {
     /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, if
     /// a mesh of fewer than 1000 vertices has at least an eighth of the substeps that would, or if the wind's pressure
     /// is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into small wrinkles.
-    /// With [`Quality::Strain`] or [`Quality::Hold`] on [`Backend::Gpu`], also none below 8192 vertices unless triangles may
-    /// touch, because levels take longer there than the additional substeps that keep the same bound without them, and from
-    /// there on none coarser than the first with at most 4096 aggregates: they take time and save no substeps.
+    ///
+    /// On [`Backend::Gpu`] with [`Quality::Strain`] or [`Quality::Hold`] and no contact of triangles: none below 8192 vertices,
+    /// because more substeps cost less there; above, only down to the first level with at most 4096 aggregates, because coarser
+    /// ones save no substeps.
     #[default]
     Auto,
     /// No levels are built or run.
@@ -171,10 +172,12 @@ pub struct Contact {
     /// piece of cloth are closer than twice this at rest, they are held at half of their distance at rest.
     ///
     /// At least 1e-4 of the cloth's size, since positions in single precision keep no smaller distance; below 2e-4, a heap needs
-    /// over a hundred substeps. At most half of the cloth's size, and less on a fine mesh: all vertices that are this close to each
-    /// other are compared, and beyond a million of such pairs and 16 for each vertex, the cloth is refused.
+    /// over a hundred substeps. At most half of the cloth's size. [`Deformer::new`](crate::Deformer::new) also refuses it if on average
+    /// a vertex has more than 16 others within the thickness and there are more than a million such pairs in all: choose less,
+    /// or a coarser mesh.
     pub thickness: f32,
-    /// Coefficient of Coulomb friction of cloth on cloth, 0 or above.
+    /// Coefficient of Coulomb friction of cloth on cloth, 0 or above. Colliders have their own
+    /// ([`Collider::friction`](crate::Collider::friction)).
     pub friction: f32,
 }
 

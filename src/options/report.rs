@@ -1,6 +1,6 @@
 //! What a step reports: what it did, how the cloth was stretched, and what the caller should know of.
 
-/// What a step did. Nothing is read back from the GPU for it.
+/// What a step did. A step on a GPU does not wait for it, except with contact of triangles.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct StepReport {
@@ -128,9 +128,9 @@ pub enum Warning {
         carried: f32,
     },
     /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so
-    /// that they may pass through cloth that is caught between them. What only one of them hits goes along with it. Take
-    /// more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up to 256 per 1/60 s for this), increase
-    /// [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
+    /// that they may pass through cloth that is caught between them. Cloth that only one of them hits is carried along
+    /// and does not let it through. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up to 256 per
+    /// 1/60 s for this), increase [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
     ContactOutruns {
         /// The largest speed (m/s) of any of them relative to the midpoint of the range of their velocities. A velocity
         /// that all have in common does not count.

@@ -102,6 +102,11 @@ pub(crate) trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Out
     fn sqrt(self) -> Self;
     /// If one of them is NaN, the result depends on the width.
     fn max(self, other: Self) -> Self;
+    /// `other` if either is NaN.
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(self.lt(other), self, other)
+    }
     /// False if either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// False if either is NaN.
@@ -109,6 +114,10 @@ pub(crate) trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Out
     fn and(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn or(one: Self::Mask, other: Self::Mask) -> Self::Mask;
     fn all(mask: Self::Mask) -> bool;
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        Self::bits(mask) != 0
+    }
     /// One bit per lane, the first lane in the lowest bit.
     fn bits(mask: Self::Mask) -> u32;
     /// `yes` in the lanes of the mask, `no` in the others.
@@ -191,6 +200,30 @@ pub(crate) trait Registers: Lanes {
 #[inline(always)]
 pub(crate) fn vector_of_lane(lane: usize, lanes: usize) -> usize {
     lanes / 4 * (lane % 4) + lane / 4
+}
+
+/// As many consecutive vectors as there are lanes. If `from` has fewer, the last one is repeated.
+#[inline(always)]
+pub(crate) fn load_vectors<L: Registers>(from: &[Vec4]) -> [L; 4] {
+    let mut padded = [Vec4::ZERO; MAX_LANES];
+    let mut all = from;
+    if from.len() < L::LANES {
+        padded.fill(from[from.len() - 1]);
+        padded[..from.len()].copy_from_slice(from);
+        all = &padded;
+    }
+    let each = L::VECTORS;
+    [L::load(&all[..each]), L::load(&all[each..2 * each]), L::load(&all[2 * each..3 * each]), L::load(&all[3 * each..4 * each])]
+}
+
+/// The inverse of [`load_vectors`].
+#[inline(always)]
+pub(crate) fn store_vectors<L: Registers>(vectors: [L; 4], to: &mut [Vec4]) {
+    let mut all = [Vec4::ZERO; MAX_LANES];
+    for k in 0..4 {
+        vectors[k].store(&mut all[k * L::VECTORS..(k + 1) * L::VECTORS]);
+    }
+    to.copy_from_slice(&all[..to.len()]);
 }
 
 #[cfg(test)]

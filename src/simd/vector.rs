@@ -35,6 +35,28 @@ impl<L: Lanes> Vector<L> {
     }
 
     #[inline(always)]
+    pub(crate) fn length(self) -> L {
+        self.dot(self).sqrt()
+    }
+
+    #[inline(always)]
+    pub(crate) fn abs(self) -> Vector<L> {
+        Vector { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
+    }
+
+    /// Times the inverse of a number.
+    #[inline(always)]
+    pub(crate) fn over(self, by: L) -> Vector<L> {
+        self * (L::splat(1.0) / by)
+    }
+
+    /// The products of the components.
+    #[inline(always)]
+    pub(crate) fn times(self, other: Vector<L>) -> Vector<L> {
+        Vector { x: self.x * other.x, y: self.y * other.y, z: self.z * other.z }
+    }
+
+    #[inline(always)]
     pub(crate) fn cross(self, other: Vector<L>) -> Vector<L> {
         Vector {
             x: self.z.neg_mul_add(other.y, self.y * other.z),

@@ -42,6 +42,16 @@ fn bodies(random: &mut fastrand::Rng) -> (Body, impl Fn(DVec3, f64) -> f64 + use
     (body, distance)
 }
 
+fn lane(v: Vec3A) -> Vector<f32> {
+    Vector::new(v.x, v.y, v.z)
+}
+
+/// [`contact_body`] for one vertex.
+fn contact_one(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
+    let (x, u) = contact_body(lane(x), lane(u), body, substep, params);
+    (Vec3A::new(x.x, x.y, x.z), Vec3A::new(u.x, u.y, u.z))
+}
+
 /// A vertex that would end inside a body ends at the nearest point of its surface; one that would not is not changed.
 #[test]
 fn what_would_end_inside_ends_on_the_surface() {
@@ -59,7 +69,7 @@ fn what_would_end_inside_ends_on_the_surface() {
             if before.abs() < 1e-5 || after.abs() < 1e-5 || before < 0.0 {
                 continue;
             }
-            let (at, by) = contact_body(x, u, &body, &substep, &params);
+            let (at, by) = contact_one(x, u, &body, &substep, &params);
             if after > 0.0 {
                 assert_eq!((at, by), (x, u), "{body:?}: it is {after} m outside");
                 continue;
@@ -96,8 +106,36 @@ fn a_vertex_that_sticks_goes_with_the_box() {
         let goal = Vec3A::from(center + by + to * place);
         // The displacement would take it slightly into the box.
         let inward = Vec3A::from(to * (-0.001 * place.normalize()));
-        let (at, moved) = contact_body(x, goal - x + inward, &body, &substep, &params);
+        let (at, moved) = contact_one(x, goal - x + inward, &body, &substep, &params);
         let off = (at + moved - goal).length();
         assert!(off < 2e-6, "{place}: {off} m from where the box goes");
     }
+}
+
+/// Vertices of which [`Clear`] says that they do not touch a body are not changed by it, slow and fast, near and far, and some of
+/// them are near.
+#[test]
+fn what_is_told_to_be_clear_is_clear() {
+    let mut random = fastrand::Rng::with_seed(8);
+    let substep = Substep { start: 0.3, ..Substep::default() };
+    let params = Params { h: 1.0 / 600.0, fraction: 0.5, ..Params::default() };
+    let (mut clear, mut near) = (0, 0);
+    for _ in 0..400 {
+        let (mut body, distance) = bodies(&mut random);
+        let is_plane = random.u8(0..4) == 0;
+        if is_plane {
+            (body.kind, body.b) = (PLANE, Vec3::from(body.b).normalize().to_array());
+        }
+        for size in [1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.5, 5.0] {
+            let mut vector = |size: f32| Vec3A::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5) * 2.0 * size;
+            let (x, u) = (Vec3A::from(body.a) + vector(1.2), vector(size));
+            if !Clear::of(&body, &substep, params.fraction).of_vertices(lane(x), lane(u)) {
+                continue;
+            }
+            clear += 1;
+            near += usize::from(!is_plane && distance(x.as_dvec3(), 0.3) < 0.5);
+            assert_eq!(contact_one(x, u, &body, &substep, &params), (x, u), "{body:?}");
+        }
+    }
+    assert!(clear > 500 && near > 50, "{clear} of 2800 are clear, {near} of them near");
 }

@@ -1,23 +1,26 @@
-//! Collision of a vertex with a rounded box that moves and rotates; in `shaders/contact.wgsl` with the other shapes.
+//! Collision of vertices with a rounded box that moves and rotates; in `shaders/contact.wgsl` with the other shapes.
 
 use glam::{Vec3A, Vec4, Vec4Swizzles};
 
-use super::{Body, SWEEP_STEPS, SWEPT, respond};
+use super::{Body, Gap, Meeting, SWEPT, Surface, TOUCHING, splat, swept};
 use crate::kernels::distance::MIN_LENGTH;
 use crate::kernels::params::{Params, Substep};
+use crate::simd::{Lanes, Vector};
 
-/// [`contact_body`](super::contact_body) for a box that moves and rotates, computed in the frame of the box.
+/// Computed in the frame of the box.
 ///
 /// The quaternion is interpolated linearly over the step. The rotation in a substep is computed from the quaternions'
 /// difference, as the vector `g` along the axis with length `tan(angle/2)`. The box's displacement under the vertex,
 /// `2 (g x r + g x (g x r)) / (1 + g²)`, then has a rounding error relative to itself, not to the position.
-pub(super) fn contact_box(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
-    let arm = x - (Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start);
+#[inline(always)]
+pub(super) fn contact_box<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> Meeting<L> {
+    let arm = x - splat(Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start);
     let rotation = Vec4::from(body.c) + Vec4::from(body.c_travel) * substep.start;
     let change = Vec4::from(body.c_travel) * params.fraction;
     let g = turn(rotation, change);
-    let across = g.cross(arm);
-    let step = Vec3A::from(body.a_travel) * params.fraction + (across + g.cross(across)) * (2.0 / (1.0 + g.dot(g)));
+    let across = splat::<L>(g).cross(arm);
+    let turned_by = (across + splat::<L>(g).cross(across)) * L::splat(2.0 / (1.0 + g.dot(g)));
+    let step = splat::<L>(Vec3A::from(body.a_travel) * params.fraction) + turned_by;
     let ends = (rotation + change).normalize();
     let y = turned_back(rotation.normalize(), arm);
     let dy = turned_back(ends, u - step);
@@ -26,79 +29,94 @@ pub(super) fn contact_box(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, pa
     let core_step = Vec3A::from(body.b_travel) * params.fraction;
     let radius = body.radius + body.radius_travel * substep.start;
     let growth = body.radius_travel * params.fraction;
-    let (_, before) = box_gap(y, core, radius);
+    let shape = RoundedBox { core, radius };
+    let before = shape.gap(y).gap;
+    let (mut n, mut after) = box_end(y, dy, core, core_step, radius);
     let thin = SWEPT * (core.min_element() + radius);
-    let travel2 = dy.length_squared();
-    let touch = if before > -thin && travel2 > thin * thin { swept_box(y, dy, core, radius, travel2.sqrt()) } else { None };
-    let (n, after) = touch.unwrap_or_else(|| box_end(y, dy, core, core_step, radius));
-    respond(x, u, turned(ends, n), before, after - growth, step, body.friction, params.h)
+    let travel2 = dy.dot(dy);
+    let is_fast = L::and(L::splat(-thin).lt(before), L::splat(thin * thin).lt(travel2));
+    if L::any(is_fast) {
+        let touch = swept(y, dy, travel2.sqrt(), is_fast, shape);
+        n = Vector::select(touch.hit, touch.n, n);
+        after = L::select(touch.hit, touch.after, after);
+    }
+    Meeting { n: turned(ends, n), before, after: after - L::splat(growth), step }
 }
 
 /// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
 /// from displacements. A point beyond one face only is nearest to that face, a point beyond several to their common
 /// edge or corner.
-fn box_end(y: Vec3A, dy: Vec3A, core: Vec3A, core_step: Vec3A, radius: f32) -> (Vec3A, f32) {
-    let side = toward(y + dy);
-    let beyond = (y + dy).abs() - (core + core_step);
+#[inline(always)]
+fn box_end<L: Lanes>(y: Vector<L>, dy: Vector<L>, core: Vec3A, core_step: Vec3A, radius: f32) -> (Vector<L>, L) {
+    let end = y + dy;
+    let side = toward(end);
+    let beyond = end.abs() - splat(core + core_step);
     let outside = positive(beyond);
-    let d0 = outside * (y - side * core);
-    let dd = outside * (dy - side * core_step);
-    let (start, end) = (d0.length(), (d0 + dd).length());
-    if outside.element_sum() > 1.0 && end > MIN_LENGTH {
-        return ((d0 + dd) / end, start - radius + (2.0 * d0.dot(dd) + dd.dot(dd)) / (start + end));
-    }
+    let d0 = outside.times(y - side.times(splat(core)));
+    let dd = outside.times(dy - side.times(splat(core_step)));
+    let d = d0 + dd;
+    let (start, length) = (d0.length(), d.length());
+    let grown = d0.dot(dd).mul_add(L::splat(2.0), dd.dot(dd)) / (start + length);
     let axis = farthest(beyond);
-    let n = side * axis;
-    (n, (n.dot(y) - axis.dot(core)) - radius + n.dot(dy) - axis.dot(core_step))
+    let n = side.times(axis);
+    let at_face = (n.dot(y) - axis.dot(splat(core))) - L::splat(radius) + n.dot(dy) - axis.dot(splat(core_step));
+    let is_edge = is_edge(outside, length);
+    (Vector::select(is_edge, d.over(length), n), L::select(is_edge, start - L::splat(radius) + grown, at_face))
 }
 
-/// The first touch of the path `y + s dy` with a box at rest; see [`swept`].
-fn swept_box(y: Vec3A, dy: Vec3A, core: Vec3A, radius: f32, travel: f32) -> Option<(Vec3A, f32)> {
-    let touching = 0.001 * (core.min_element() + radius);
-    let mut s = 0.0;
-    for _ in 0..SWEEP_STEPS {
-        let (n, gap) = box_gap(y + dy * s, core, radius);
-        if gap < touching {
-            return Some((n, gap + n.dot(dy) * (1.0 - s)));
-        }
-        s += gap / travel;
-        if s >= 1.0 {
-            return None;
-        }
-    }
-    None
+/// A box at rest: the half extents (m) of its core, and the radius of its edges.
+struct RoundedBox {
+    core: Vec3A,
+    radius: f32,
 }
 
-/// Normal and signed distance of the surface of a box at rest at its point nearest to `y`.
-fn box_gap(y: Vec3A, core: Vec3A, radius: f32) -> (Vec3A, f32) {
-    let (side, beyond) = (toward(y), y.abs() - core);
-    let outside = positive(beyond);
-    let d = outside * beyond;
-    let length = d.length();
-    if outside.element_sum() > 1.0 && length > MIN_LENGTH {
-        return (side * d / length, length - radius);
+impl Surface for RoundedBox {
+    #[inline(always)]
+    fn gap<L: Lanes>(&self, y: Vector<L>) -> Gap<L> {
+        let &RoundedBox { core, radius } = self;
+        let (side, beyond) = (toward(y), y.abs() - splat(core));
+        let outside = positive(beyond);
+        let d = outside.times(beyond);
+        let length = d.length();
+        let axis = farthest(beyond);
+        let is_edge = is_edge(outside, length);
+        Gap {
+            n: Vector::select(is_edge, side.times(d).over(length), side.times(axis)),
+            gap: L::select(is_edge, length, axis.dot(beyond)) - L::splat(radius),
+            touching: L::splat(TOUCHING * (core.min_element() + radius)),
+        }
     }
-    let axis = farthest(beyond);
-    (side * axis, axis.dot(beyond) - radius)
+}
+
+/// Whether points that are outside of some faces, and `length` (m) away from all that is inside of these, are nearest to an
+/// edge or a corner.
+#[inline(always)]
+fn is_edge<L: Lanes>(outside: Vector<L>, length: L) -> L::Mask {
+    L::and(L::splat(1.0).lt(outside.x + outside.y + outside.z), L::splat(MIN_LENGTH).lt(length))
 }
 
 /// The axis with the largest component; the first of equal ones.
-fn farthest(v: Vec3A) -> Vec3A {
-    match (v.x >= v.y && v.x >= v.z, v.y >= v.z) {
-        (true, _) => Vec3A::X,
-        (false, true) => Vec3A::Y,
-        (false, false) => Vec3A::Z,
-    }
+#[inline(always)]
+fn farthest<L: Lanes>(v: Vector<L>) -> Vector<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let most = v.x.max(v.y).max(v.z);
+    let x = L::select(v.x.lt(most), zero, one);
+    let y = L::select(v.y.lt(most), zero, one - x);
+    Vector::new(x, y, one - x - y)
 }
 
 /// For each axis 1 or -1, the sign of the side that `y` is on.
-fn toward(y: Vec3A) -> Vec3A {
-    Vec3A::select(y.cmplt(Vec3A::ZERO), Vec3A::NEG_ONE, Vec3A::ONE)
+#[inline(always)]
+fn toward<L: Lanes>(y: Vector<L>) -> Vector<L> {
+    let (zero, one, other) = (L::splat(0.0), L::splat(1.0), L::splat(-1.0));
+    Vector::new(L::select(y.x.lt(zero), other, one), L::select(y.y.lt(zero), other, one), L::select(y.z.lt(zero), other, one))
 }
 
 /// 1 for each positive component, 0 for the others.
-fn positive(v: Vec3A) -> Vec3A {
-    Vec3A::select(v.cmpgt(Vec3A::ZERO), Vec3A::ONE, Vec3A::ZERO)
+#[inline(always)]
+fn positive<L: Lanes>(v: Vector<L>) -> Vector<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    Vector::new(L::select(zero.lt(v.x), one, zero), L::select(zero.lt(v.y), one, zero), L::select(zero.lt(v.z), one, zero))
 }
 
 /// The rotation vector, along the axis with length `tan(angle/2)`, from a quaternion to one that differs by `change`.
@@ -110,13 +128,15 @@ fn turn(rotation: Vec4, change: Vec4) -> Vec3A {
 }
 
 /// Rotates a vector by a unit quaternion.
-fn turned(rotation: Vec4, v: Vec3A) -> Vec3A {
-    let axis = Vec3A::from_vec4(rotation);
-    let across = axis.cross(v) * 2.0;
-    v + across * rotation.w + axis.cross(across)
+#[inline(always)]
+fn turned<L: Lanes>(rotation: Vec4, v: Vector<L>) -> Vector<L> {
+    let axis = Vector::splat(rotation.xyz().to_array());
+    let across = axis.cross(v) * L::splat(2.0);
+    across.mul_add(L::splat(rotation.w), v) + axis.cross(across)
 }
 
 /// Rotates a vector by the inverse of a unit quaternion.
-fn turned_back(rotation: Vec4, v: Vec3A) -> Vec3A {
+#[inline(always)]
+fn turned_back<L: Lanes>(rotation: Vec4, v: Vector<L>) -> Vector<L> {
     turned((-rotation.xyz()).extend(rotation.w), v)
 }
