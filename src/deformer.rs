@@ -38,7 +38,7 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
-use crate::step::controller::{Caution, Controller};
+use crate::step::controller::Controller;
 use crate::step::load::Load;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
@@ -247,7 +247,7 @@ impl Deformer {
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
         let trades = thickness.is_none() && self.trades_levels(attributes);
-        let controller = self.controlled(dt, &load, if trades { Caution::LATE } else { Caution::USUAL });
+        let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades));
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;

@@ -63,6 +63,16 @@ impl Deformer {
         }
     }
 
+    /// How cautiously the substeps of a step with contact of triangles or without are chosen, and on a GPU with more substeps
+    /// instead of levels or not.
+    pub(super) fn caution(&self, has_contact: bool, trades: bool) -> Caution {
+        match self.backend() == Backend::Gpu && !has_contact {
+            false => Caution::PROMPT,
+            true if trades => Caution::LATE_WITHOUT_LEVELS,
+            true => Caution::LATE,
+        }
+    }
+
     /// Whether a step without contact of triangles keeps the bound on strain on a GPU with more substeps instead of
     /// levels, because they take less time.
     pub(super) fn trades_levels(&self, attributes: &Attributes) -> bool {
@@ -116,7 +126,8 @@ impl Deformer {
     fn learn(&mut self, decision: &StepDecision, strain_bound: StrainBound, seen: &Statistics) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
         let excess = excess(&self.cloth, load, seen, strain_bound.share);
-        self.controller.learn(&self.rates, &self.cloth, load, excess, division.length.longest, *dt);
+        let law = self.rates.strain(load.stress(&self.cloth), f64::from(division.length.longest));
+        self.controller.learn(law, excess, self.caution(self.engine.contact().is_some(), false), *dt);
         let missed = excess > f64::from(strain_bound.stretch);
         let slivers = self.cloth.slivers.edges as f32 > (1.0 - strain_bound.share) * self.cloth.links.len() as f32;
         let cause = if slivers { Cause::Slivers } else { load.cause(&self.cloth) };

@@ -10,10 +10,6 @@ use crate::step::substep_count::{FRAMES, Rates};
 
 /// Minimum number of substeps in 1/60 s.
 pub(crate) const LEAST: f64 = 5.0;
-/// Time constant (s) with which a factor that turned out too large decays.
-const MEMORY: f64 = 0.5;
-/// Time (s) for which fewer substeps must have sufficed before their number is lowered.
-const PATIENCE: f64 = 0.1;
 /// The number of substeps is lowered at most to this share at a time.
 const FALL: f64 = 0.8;
 /// A strain this small counts as zero; also the lower bound of the factor.
@@ -26,16 +22,33 @@ pub(crate) struct Caution {
     first_factor: f64,
     /// The controller aims at this share of the bound on stretch.
     aim: f64,
+    /// Time constant (s) with which a factor that turned out too large decays.
+    memory: f64,
+    /// Time (s) for which fewer substeps must have sufficed before their number is lowered.
+    patience: f64,
+    /// Numbers of substeps per octave that are chosen from: see [`Caution::rounded_up`].
+    per_octave: f64,
 }
 
 impl Caution {
-    /// For steps that are measured immediately, and for steps with coarse levels, whose strain grows less where the
-    /// prediction was wrong.
-    pub(crate) const USUAL: Caution = Caution { first_factor: 0.3, aim: 0.7 };
-    /// For steps without levels that are measured three steps later. In the nine scenes of `cargo bench --bench
-    /// quality`, 44 to 48 of 1440 frames then exceed the bound with the usual caution, 13 with an aim of 0.6, and 8 with this
-    /// one.
-    pub(crate) const LATE: Caution = Caution { first_factor: 1.2, aim: 0.55 };
+    /// For steps that are measured immediately. Their controller can react at once, so it need not remember for long:
+    /// compared with [`Caution::LATE`], fifteen scenes take 9 % fewer substeps, and two thirds as many of their frames
+    /// exceed the bound (`benches/results/quality.md`).
+    pub(crate) const PROMPT: Caution = Caution { first_factor: 0.3, aim: 0.6, memory: 0.35, patience: 0.05, per_octave: 6.0 };
+    /// For steps that are measured three steps later, with coarse levels, whose strain grows less where the prediction was
+    /// wrong.
+    pub(crate) const LATE: Caution = Caution { first_factor: 0.3, aim: 0.7, memory: 0.5, patience: 0.1, per_octave: 4.0 };
+    /// The same without levels. In the nine scenes of `cargo bench --bench quality`, 44 to 48 of 1440 frames then exceed the
+    /// bound with [`Caution::LATE`], 13 with an aim of 0.6, and 8 with this one.
+    pub(crate) const LATE_WITHOUT_LEVELS: Caution = Caution { first_factor: 1.2, aim: 0.55, ..Caution::LATE };
+
+    /// Rounds up to the next number of the form `ceil(2^(k/n))`, so that a light breeze does not change the number of
+    /// substeps in every step. These are integers, so any of them can be requested again as [`Quality::Substeps`].
+    fn rounded_up(self, count: f64) -> f64 {
+        let power = (self.per_octave * count.log2()).floor();
+        let [below, above] = [power, power + 1.0].map(|power| (power / self.per_octave).exp2().ceil());
+        if below >= count { below } else { above }
+    }
 }
 
 /// A bound on strain: `share` of the cloth's area is stretched at most by `stretch` beyond the fabric's own stretch under
@@ -75,7 +88,7 @@ recorded!(Controller { factor, count, low });
 
 impl Default for Controller {
     fn default() -> Controller {
-        Controller { factor: Caution::USUAL.first_factor, count: 0.0, low: 0.0 }
+        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0 }
     }
 }
 
@@ -91,11 +104,11 @@ impl Controller {
         dt: f32,
     ) -> Controller {
         let factor = if self.count == 0.0 { caution.first_factor } else { self.factor };
-        let asked = Controller { factor, ..*self }.asked(rates, cloth, caution.aim * f64::from(strain_bound.stretch), load);
+        let asked = Controller { factor, ..*self }.asked(rates, cloth, (strain_bound, caution), load);
         let low = self.low + f64::from(dt);
-        let (count, low) = match low > PATIENCE {
+        let (count, low) = match low > caution.patience {
             _ if asked >= self.count => (asked, 0.0),
-            true => (asked.max(rounded_up(FALL * self.count)).min(self.count), 0.0),
+            true => (asked.max(caution.rounded_up(FALL * self.count)).min(self.count), 0.0),
             false => (self.count, low),
         };
         Controller { factor, count, low }
@@ -117,17 +130,17 @@ impl Controller {
     }
 
     /// The number of substeps in 1/60 s that the law asks for.
-    fn asked(&self, rates: &Rates, cloth: &Cloth, stretch: f64, load: &Load) -> f64 {
+    fn asked(&self, rates: &Rates, cloth: &Cloth, (strain_bound, caution): (StrainBound, Caution), load: &Load) -> f64 {
+        let stretch = caution.aim * f64::from(strain_bound.stretch);
         let count = rates.keeping(load.stress(cloth), stretch / self.factor) / FRAMES;
         let most = most(rates, cloth);
-        rounded_up(count.min(most).max(LEAST)).min(most)
+        caution.rounded_up(count.min(most).max(LEAST)).min(most)
     }
 
-    /// Updates the factor from `excess`, the measured stretch beyond the fabric's own in a step of `dt` (s) with
-    /// substeps of at most `longest` (s).
-    pub(crate) fn learn(&mut self, rates: &Rates, cloth: &Cloth, load: &Load, excess: f64, longest: f32, dt: f32) {
-        let law = rates.strain(load.stress(cloth), f64::from(longest));
-        let faded = self.factor * (-f64::from(dt) / MEMORY).exp();
+    /// Updates the factor from the measured stretch beyond the fabric's own in a step of `dt` (s), for which the law with a
+    /// factor of 1 predicts `law`.
+    pub(crate) fn learn(&mut self, law: f64, excess: f64, caution: Caution, dt: f32) {
+        let faded = self.factor * (-f64::from(dt) / caution.memory).exp();
         self.factor = if law > NOTHING { faded.max(excess / law) } else { faded }.max(NOTHING);
     }
 }
@@ -145,12 +158,4 @@ pub(crate) fn excess(cloth: &Cloth, load: &Load, seen: &Statistics, share: f32) 
     let measured = f64::from(seen.stretch_of(f64::from(share)));
     let own = 2.0 * load.stress_without_wind(cloth) / cloth.stretch;
     (measured - own).max(0.1 * measured)
-}
-
-/// Rounds up to the next number of the form `ceil(2^(k/4))`, so that a light breeze does not change the number of
-/// substeps in every step. These are integers, so any of them can be requested again as [`Quality::Substeps`].
-fn rounded_up(count: f64) -> f64 {
-    let power = (4.0 * count.log2()).floor();
-    let [below, above] = [power, power + 1.0].map(|power| (0.25 * power).exp2().ceil());
-    if below >= count { below } else { above }
 }
