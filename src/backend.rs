@@ -34,7 +34,7 @@ pub(crate) enum Engine {
 /// takes 0.90 ms for 128 x 128 vertices and 16 cores take 1.03 ms; for 64 x 64 they take 0.64 ms and 0.56 ms.
 #[cfg(feature = "gpu")]
 const GPU_PAYS: usize = 16_384;
-/// The same with contact of triangles: in `benches/results/contact.md`, at the default quality, an H100 takes 2.8 and 7.9
+/// The same with contact of triangles: in `benches/results/contact.md`, at the default quality, an H100 takes 2.8 and 11
 /// ms for a sheet of 64 x 64 vertices that hangs and one that falls into a heap, and 16 cores of its host take 5.6 and 31
 /// ms. There it is faster from 400 vertices on, but smaller GPUs take as long for each of the many dispatches.
 #[cfg(feature = "gpu")]
