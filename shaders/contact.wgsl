@@ -38,6 +38,15 @@ struct Gap {
     gap: f32,
 }
 
+// Where a vertex meets a body in a substep: the body's normal where the vertex touches it, or is nearest to it at the end; the
+// signed gap at the substep's start, and at its end if nothing is done; and the body's displacement there.
+struct ContactPoint {
+    n: vec3f,
+    before: f32,
+    after: f32,
+    step: vec3f,
+}
+
 fn nearest(a: vec3f, b: vec3f, taper: f32, x: vec3f) -> f32 {
     let axis = b - a;
     let square = dot(axis, axis);
@@ -73,21 +82,22 @@ fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius_a: f32, taper: f32, tra
     return Touch(false, vec3f(), 0.0);
 }
 
-fn respond(x: vec3f, u: vec3f, n: vec3f, before: f32, after: f32, step: vec3f, friction: f32) -> Path {
-    if after >= 0.0 {
+fn respond(x: vec3f, u: vec3f, contact: ContactPoint, friction: f32) -> Path {
+    let n = contact.n;
+    if contact.after >= 0.0 {
         return Path(x, u);
     }
-    let depth = -after;
-    let old = min(depth, max(-before, 0.0));
+    let depth = -contact.after;
+    let old = min(depth, max(-contact.before, 0.0));
     let push = depth - old;
     let pushed = u + n * push;
-    let relative = pushed - step;
+    let relative = pushed - contact.step;
     let slip = relative - n * dot(n, relative);
     let held = pushed - slip * min(friction * push / max(length(slip), 1e-30), 1.0);
     return Path(x + n * min(old, DEPENETRATION * params.h), held);
 }
 
-fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
+fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
     let arm = x - (body.a + body.a_travel * substep.start);
     let rotation = body.c + body.c_travel * substep.start;
     let change = body.c_travel * params.fraction;
@@ -112,7 +122,7 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     if !touch.hit {
         touch = box_end(y, dy, core, core_step, radius);
     }
-    return respond(x, u, turned(ends, touch.n), before, touch.after - growth, step, body.friction);
+    return ContactPoint(turned(ends, touch.n), before, touch.after - growth, step);
 }
 
 // The point of a box's surface that is nearest to a path's end.
@@ -190,16 +200,9 @@ fn turned_back(rotation: vec4f, v: vec3f) -> vec3f {
     return turned(vec4f(-rotation.xyz, rotation.w), v);
 }
 
-fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
+fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
     let a = body.a + body.a_travel * substep.start;
     let a_step = body.a_travel * params.fraction;
-    if body.kind == PLANE {
-        let before = dot(body.b, x - a);
-        return respond(x, u, body.b, before, before + dot(body.b, u - a_step), a_step, body.friction);
-    }
-    if body.kind == BOX {
-        return contact_box(x, u, body, substep);
-    }
     let b = body.b + body.b_travel * substep.start;
     let b_step = body.b_travel * params.fraction;
     let taper = body.c.x + body.c_travel.x * substep.start;
@@ -219,7 +222,7 @@ fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
         let touch = swept(x, du, a, b, radius_a, taper, sqrt(travel2));
         if touch.hit {
-            return respond(x, u, touch.n, before, touch.after - growth, step, body.friction);
+            return ContactPoint(touch.n, before, touch.after - growth, step);
         }
     }
     let after = before + (2.0 * dot(d0, du) + travel2) / max(start + end, 1e-20) - growth;
@@ -227,5 +230,19 @@ fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     if end > MIN_LENGTH {
         n = d / end;
     }
-    return respond(x, u, n, before, after, step, body.friction);
+    return ContactPoint(n, before, after, step);
+}
+
+fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
+    var contact: ContactPoint;
+    if body.kind == PLANE {
+        let step = body.a_travel * params.fraction;
+        let before = dot(body.b, x - (body.a + body.a_travel * substep.start));
+        contact = ContactPoint(body.b, before, before + dot(body.b, u - step), step);
+    } else if body.kind == BOX {
+        contact = contact_box(x, u, body, substep);
+    } else {
+        contact = contact_round(x, u, body, substep);
+    }
+    return respond(x, u, contact, body.friction);
 }

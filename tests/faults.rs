@@ -313,7 +313,8 @@ fn a_forecast_comes_true() {
         assert_eq!(forecast.levels, levels, "{quality:?}");
         assert!((forecast.resolving - 166.0).abs() < 3.0, "S* = {}", forecast.resolving);
         if quality == Quality::Strain(0.05) {
-            assert!((0.03..=0.05).contains(&forecast.strain), "{} where 0.05 was asked for", forecast.strain);
+            // The controller aims at .6 of the bound; rounding up to a sixth of an octave leaves at least .79 of that.
+            assert!((0.0237..=0.0301).contains(&forecast.strain), "{} where 0.05 was asked for", forecast.strain);
         }
         let error = deformer.forecast(f32::NAN, &Attributes::default()).unwrap_err();
         assert!(matches!(error, StepError::TimeStep { .. }), "{error}");

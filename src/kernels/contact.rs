@@ -70,22 +70,22 @@ pub(crate) fn contact_body<L: Lanes>(
     substep: &Substep,
     params: &Params,
 ) -> (Vector<L>, Vector<L>) {
-    let meeting = match body.kind {
+    let contact = match body.kind {
         PLANE => {
             let (a, a_step) = axis_end(body, substep, params);
             let (n, step) = (Vector::splat(body.b), splat(a_step));
             let before = n.dot(x - splat(a));
-            Meeting { n, before, after: before + n.dot(u - step), step }
+            ContactPoint { n, before, after: before + n.dot(u - step), step }
         }
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
     };
-    respond(x, u, meeting, body.friction, params.h)
+    respond(x, u, contact, body.friction, params.h)
 }
 
 /// A vertex and a body in a substep.
 #[derive(Debug, Clone, Copy)]
-struct Meeting<L> {
+struct ContactPoint<L> {
     /// The body's unit normal where the vertex touches it, or is nearest to it at the substep's end.
     n: Vector<L>,
     /// The signed gap (m) at the substep's start, and at its end if nothing is done.
@@ -97,8 +97,8 @@ struct Meeting<L> {
 
 /// Pushes vertices out along the normal, and applies friction. Returns `(x, u)` afterwards.
 #[inline(always)]
-fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, meeting: Meeting<L>, friction: f32, h: f32) -> (Vector<L>, Vector<L>) {
-    let Meeting { n, before, after, step } = meeting;
+fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, contact: ContactPoint<L>, friction: f32, h: f32) -> (Vector<L>, Vector<L>) {
+    let ContactPoint { n, before, after, step } = contact;
     let zero = L::splat(0.0);
     let depth = zero - after;
     let old = depth.min((zero - before).max(zero));
@@ -122,7 +122,7 @@ fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
 
 /// Of a sphere or a capsule.
 #[inline(always)]
-fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> Meeting<L> {
+fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
     let (a, a_step) = axis_end(body, substep, params);
     let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
     let b_step = Vec3A::from(body.b_travel) * params.fraction;
@@ -149,7 +149,7 @@ fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    Meeting { n, before, after: after - growth, step }
+    ContactPoint { n, before, after: after - growth, step }
 }
 
 /// Parameter, from 0 at `a` to 1 at `b`, of that ball of a round body whose surface is nearest to `x`. The body is the

@@ -2,7 +2,7 @@
 
 use glam::{Vec3A, Vec4, Vec4Swizzles};
 
-use super::{Body, Gap, Meeting, SWEPT, Surface, TOUCHING, splat, swept};
+use super::{Body, ContactPoint, Gap, SWEPT, Surface, TOUCHING, splat, swept};
 use crate::kernels::distance::MIN_LENGTH;
 use crate::kernels::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
@@ -13,7 +13,13 @@ use crate::simd::{Lanes, Vector};
 /// difference, as the vector `g` along the axis with length `tan(angle/2)`. The box's displacement under the vertex,
 /// `2 (g x r + g x (g x r)) / (1 + g²)`, then has a rounding error relative to itself, not to the position.
 #[inline(always)]
-pub(super) fn contact_box<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> Meeting<L> {
+pub(super) fn contact_box<L: Lanes>(
+    x: Vector<L>,
+    u: Vector<L>,
+    body: &Body,
+    substep: &Substep,
+    params: &Params,
+) -> ContactPoint<L> {
     let arm = x - splat(Vec3A::from(body.a) + Vec3A::from(body.a_travel) * substep.start);
     let rotation = Vec4::from(body.c) + Vec4::from(body.c_travel) * substep.start;
     let change = Vec4::from(body.c_travel) * params.fraction;
@@ -40,7 +46,7 @@ pub(super) fn contact_box<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, sub
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    Meeting { n: turned(ends, n), before, after: after - L::splat(growth), step }
+    ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step }
 }
 
 /// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
