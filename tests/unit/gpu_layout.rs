@@ -189,6 +189,7 @@ fn shared_structs_agree_member_for_member() {
                 "Path",
                 "Touch",
                 "Gap",
+                "ContactPoint",
                 "Moment",
                 "Ring",
                 "Spin",
