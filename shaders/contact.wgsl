@@ -35,7 +35,7 @@ struct Touch {
 // The normal and the signed distance at the point of a surface that is nearest to a given point.
 struct Gap {
     n: vec3f,
-    gap: f32,
+    distance: f32,
 }
 
 // Where a vertex meets a body in a substep: the body's normal where the vertex touches it, or is nearest to it at the end; the
@@ -112,7 +112,7 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint
     let core_step = body.b_travel * params.fraction;
     let radius = body.radius + body.radius_travel * substep.start;
     let growth = body.radius_travel * params.fraction;
-    let before = box_gap(y, core, radius).gap;
+    let before = box_gap(y, core, radius).distance;
     let thin = SWEPT * (min(core.x, min(core.y, core.z)) + radius);
     let travel2 = dot(dy, dy);
     var touch = Touch(false, vec3f(), 0.0);
@@ -147,10 +147,10 @@ fn swept_box(y: vec3f, dy: vec3f, core: vec3f, radius: f32, travel: f32) -> Touc
     var s = 0.0;
     for (var k = 0u; k < SWEEP_STEPS; k++) {
         let at = box_gap(y + dy * s, core, radius);
-        if at.gap < touching {
-            return Touch(true, at.n, at.gap + dot(at.n, dy) * (1.0 - s));
+        if at.distance < touching {
+            return Touch(true, at.n, at.distance + dot(at.n, dy) * (1.0 - s));
         }
-        s += at.gap / travel;
+        s += at.distance / travel;
         if s >= 1.0 {
             break;
         }

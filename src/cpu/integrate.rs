@@ -131,27 +131,27 @@ impl Loop for Advance<'_> {
         let mut first = self.vertices.start;
         while self.vertices.end - first >= L::LANES {
             let (x, u) = (self.x.row::<L>(first as u32), self.u.row::<L>(first as u32));
-            let mut state = [[x.get(0), x.get(1), x.get(2), x.get(3)], [u.get(0), u.get(1), u.get(2), u.get(3)]];
-            self.group(&mut state, first, L::LANES);
+            let (mut at, mut by) = ([x.get(0), x.get(1), x.get(2), x.get(3)], [u.get(0), u.get(1), u.get(2), u.get(3)]);
+            self.group(&mut at, &mut by, first, L::LANES);
             for k in 0..4 {
-                x.set(k, state[0][k]);
-                u.set(k, state[1][k]);
+                x.set(k, at[k]);
+                u.set(k, by[k]);
             }
             first += L::LANES;
         }
         let count = self.vertices.end - first;
         if count > 0 {
-            let mut rest = [[Vec4::ZERO; MAX_LANES]; 2];
+            let (mut x, mut u) = ([Vec4::ZERO; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
             for lane in 0..count {
-                (rest[0][lane], rest[1][lane]) = (self.x.get(first + lane), self.u.get(first + lane));
+                (x[lane], u[lane]) = (self.x.get(first + lane), self.u.get(first + lane));
             }
-            let mut state = [load_vectors::<L>(&rest[0][..count]), load_vectors::<L>(&rest[1][..count])];
-            self.group(&mut state, first, count);
-            store_vectors(state[0], &mut rest[0]);
-            store_vectors(state[1], &mut rest[1]);
+            let (mut at, mut by) = (load_vectors::<L>(&x[..count]), load_vectors::<L>(&u[..count]));
+            self.group(&mut at, &mut by, first, count);
+            store_vectors(at, &mut x);
+            store_vectors(by, &mut u);
             for lane in 0..count {
-                self.x.set(first + lane, rest[0][lane]);
-                self.u.set(first + lane, rest[1][lane]);
+                self.x.set(first + lane, x[lane]);
+                self.u.set(first + lane, u[lane]);
             }
         }
     }
@@ -160,7 +160,7 @@ impl Loop for Advance<'_> {
 impl Advance<'_> {
     /// Advances the positions and displacements of one group of vertices, the first `count` of which are to be checked.
     #[inline(always)]
-    fn group<L: Registers>(&self, [x, u]: &mut [[L; 4]; 2], first: usize, count: usize) {
+    fn group<L: Registers>(&self, x: &mut [L; 4], u: &mut [L; 4], first: usize, count: usize) {
         let integrator = self.integrator;
         let zero = L::splat(0.0);
         let fourth = zero.lt(L::repeat(Vec4::W));

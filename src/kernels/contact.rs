@@ -194,7 +194,7 @@ impl Surface for Round {
         let t = nearest(a, b, taper, x);
         let d = x - splat::<L>(b - a).mul_add(t, splat(a));
         let (distance, radius) = (d.length(), L::splat(taper).mul_add(t, L::splat(radius)));
-        Gap { n: d.over(distance.max(L::splat(1e-20))), gap: distance - radius, touching: radius * L::splat(TOUCHING) }
+        Gap { n: d.over(distance.max(L::splat(1e-20))), distance: distance - radius, touching: radius * L::splat(TOUCHING) }
     }
 }
 
@@ -203,7 +203,7 @@ impl Surface for Round {
 #[derive(Debug, Clone, Copy)]
 struct Gap<L> {
     n: Vector<L>,
-    gap: L,
+    distance: L,
     touching: L,
 }
 
@@ -223,13 +223,13 @@ fn swept<L: Lanes>(x: Vector<L>, du: Vector<L>, travel: L, is_fast: L::Mask, sur
     let mut touch = Touch { hit: zero.lt(zero), n: Vector::zero(), after: zero };
     let (mut s, mut is_on_its_way) = (zero, is_fast);
     for _ in 0..SWEEP_STEPS {
-        let Gap { n, gap, touching } = surface.gap(du.mul_add(s, x));
-        let touches = L::and(is_on_its_way, gap.lt(touching));
+        let Gap { n, distance, touching } = surface.gap(du.mul_add(s, x));
+        let touches = L::and(is_on_its_way, distance.lt(touching));
         touch.hit = L::or(touch.hit, touches);
         touch.n = Vector::select(touches, n, touch.n);
-        touch.after = L::select(touches, n.dot(du).mul_add(one - s, gap), touch.after);
+        touch.after = L::select(touches, n.dot(du).mul_add(one - s, distance), touch.after);
         // A path that touches is over.
-        s = L::select(touches, one, s + gap / travel);
+        s = L::select(touches, one, s + distance / travel);
         is_on_its_way = L::and(is_on_its_way, s.lt(one));
         if !L::any(is_on_its_way) {
             break;

@@ -36,7 +36,7 @@ pub(super) fn contact_box<L: Lanes>(
     let radius = body.radius + body.radius_travel * substep.start;
     let growth = body.radius_travel * params.fraction;
     let shape = RoundedBox { core, radius };
-    let before = shape.gap(y).gap;
+    let before = shape.gap(y).distance;
     let (mut n, mut after) = box_end(y, dy, core, core_step, radius);
     let thin = SWEPT * (core.min_element() + radius);
     let travel2 = dy.dot(dy);
@@ -88,7 +88,7 @@ impl Surface for RoundedBox {
         let is_edge = is_edge(outside, length);
         Gap {
             n: Vector::select(is_edge, side.times(d).over(length), side.times(axis)),
-            gap: L::select(is_edge, length, axis.dot(beyond)) - L::splat(radius),
+            distance: L::select(is_edge, length, axis.dot(beyond)) - L::splat(radius),
             touching: L::splat(TOUCHING * (core.min_element() + radius)),
         }
     }
