@@ -62,10 +62,12 @@ fn any_groups_of_vertices_are_advanced_alike() {
             integrator.advance(&task, ranges, &plan.substeps[0], AfterMove::Fall(&plan.substeps[1]));
             [x, u].map(|values| values.iter().map(|v| v.truncate()).collect::<Vec<_>>())
         };
-        let (whole, cut) = ([0..count as u32], [0..37, 37..38, 38..count as u32 - 5, count as u32 - 5..count as u32]);
-        let narrow = run(Width::at_most(4), &whole);
+        let end = count as u32;
+        let (whole, cut) = (0..end, [0..37, 37..38, 38..end - 5, end - 5..end]);
+        let whole = std::slice::from_ref(&whole);
+        let narrow = run(Width::at_most(4), whole);
         for width in Width::all() {
-            let one = run(width, &whole);
+            let one = run(width, whole);
             assert_eq!(one, run(width, &cut), "{:?} {far} {size}, {width:?}", body.shape);
             for (one, narrow) in one.iter().flatten().zip(narrow.iter().flatten()) {
                 let apart = one.distance(*narrow);
