@@ -6,9 +6,9 @@ use glam::Vec4;
 
 use super::input::Vertex;
 use super::lanes::store;
-use crate::kernels::contact::{Clear, contact_body};
+use crate::kernels::contact::{Clear, contact_bodies, contact_body};
 use crate::kernels::params::Substep;
-use crate::simd::{Loop, MAX_LANES, Registers, Vector, load_vectors, store_vectors};
+use crate::simd::{Loop, MAX_LANES, Registers, load_vectors, store_vectors};
 use crate::step::plan::Plan;
 
 /// Moves vertices out of the colliders.
@@ -32,18 +32,7 @@ impl Loop for PushOut<'_> {
         for ((x, u), push) in groups {
             let (at, by) = (load_vectors::<L>(x), load_vectors::<L>(u));
             let (from, is_free, by) = (L::transpose(at), zero.lt(L::fourth(at)), L::transpose(by));
-            let (mut at, mut by, mut is_clear) = (from, by, true);
-            for body in plan.bodies {
-                if L::all(Clear::of(body, substep, plan.params.fraction).of_vertices(at, by)) {
-                    continue;
-                }
-                let (out, held) = contact_body(at, by, body, substep, &plan.params);
-                (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
-                is_clear = false;
-            }
-            if is_clear {
-                continue;
-            }
+            let Some((at, by)) = contact_bodies(from, by, is_free, plan.bodies, substep, &plan.params) else { continue };
             store_vectors(L::vectors(by), u);
             let way = at - from;
             let square = way.dot(way);

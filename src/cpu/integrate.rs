@@ -8,10 +8,10 @@ use glam::{Vec3, Vec4};
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::cpu::watch::VertexWatch;
-use crate::kernels::contact::{Clear, contact_body};
+use crate::kernels::contact::contact_bodies;
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::Substep;
-use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width, load_vectors, store_vectors};
+use crate::simd::{self, Loop, MAX_LANES, Registers, Width, load_vectors, store_vectors};
 use crate::step::plan::Plan;
 
 /// The state, and the copy of it that a failed step is undone from.
@@ -199,24 +199,13 @@ impl Advance<'_> {
         }
     }
 
-    /// Resolves collisions of a group of vertices, with one body after the other; bodies that surely touch none of them are
-    /// left out.
+    /// Resolves collisions of a group of vertices.
     #[inline(always)]
     fn collide<L: Registers>(&self, x: &mut [L; 4], u: &mut [L; 4]) {
         let plan = self.integrator.plan;
-        let (mut at, mut by, mut is_clear) = (L::transpose(*x), L::transpose(*u), true);
         let is_free = L::splat(0.0).lt(L::fourth(*x));
-        for body in plan.bodies {
-            if L::all(Clear::of(body, self.substep, plan.params.fraction).of_vertices(at, by)) {
-                continue;
-            }
-            let (out, held) = contact_body(at, by, body, self.substep, &plan.params);
-            (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
-            is_clear = false;
-        }
-        if is_clear {
-            return;
-        }
+        let (at, by) = (L::transpose(*x), L::transpose(*u));
+        let Some((at, by)) = contact_bodies(at, by, is_free, plan.bodies, self.substep, &plan.params) else { return };
         let fourth = L::splat(0.0).lt(L::repeat(Vec4::W));
         let (at, by) = (L::vectors(at), L::vectors(by));
         for k in 0..4 {

@@ -54,6 +54,29 @@ pub(crate) const SWEEP_STEPS: u32 = 24;
 /// A path touches a body at less than this share of its radius, or of half a box's thickness.
 const TOUCHING: f32 = 0.001;
 
+/// Resolves the collisions of vertices with one body after the other, where they are free to move. Returns `(x, u)` afterwards, or
+/// none if the vertices surely touch no body.
+#[inline(always)]
+pub(crate) fn contact_bodies<L: Lanes>(
+    x: Vector<L>,
+    u: Vector<L>,
+    is_free: L::Mask,
+    bodies: &[Body],
+    substep: &Substep,
+    params: &Params,
+) -> Option<(Vector<L>, Vector<L>)> {
+    let (mut at, mut by, mut is_clear) = (x, u, true);
+    for body in bodies {
+        if L::all(Clear::of(body, substep, params.fraction).of_vertices(at, by)) {
+            continue;
+        }
+        let (out, held) = contact_body(at, by, body, substep, params);
+        (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
+        is_clear = false;
+    }
+    (!is_clear).then_some((at, by))
+}
+
 /// Resolves the collision of vertices at `x`, about to move by `u`, with one body. Returns `(x, u)` afterwards.
 ///
 /// The gap is computed from displacements, so that its rounding error is relative to `u`, not to `x`. Computed from
