@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::device::fault::{Excess, GpuFault};
+use crate::device::pipelines::Pipeline;
 use crate::device::{Gpu, IN_BROWSER};
 
 thread_local! {
@@ -12,23 +13,28 @@ thread_local! {
     static REFUSED: Cell<Option<Excess>> = const { Cell::new(None) };
 }
 
+/// Runs `work`, and returns with its result the error of the device that it caused on this thread.
+pub(super) fn scoped<T>(device: &wgpu::Device, work: impl FnOnce() -> T) -> (T, Option<GpuFault>) {
+    let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+    let scopes = (!IN_BROWSER).then(|| filters.map(|filter| device.push_error_scope(filter)));
+    let result = work();
+    let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
+        [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
+    });
+    (result, errors.into_iter().flatten().next().map(GpuFault::from))
+}
+
 impl Gpu {
     /// Runs `work` and returns as an error what would otherwise be an uncaptured error of the device (validation,
     /// memory), what [`Gpu::make`] refused, and failures due to a lost device, which wgpu does not report itself. In a
     /// browser, device errors appear in its console instead.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
-        let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-        let scopes = (!IN_BROWSER).then(|| filters.map(|filter| self.device().push_error_scope(filter)));
         REFUSED.set(None);
-        let result = work();
-        let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
-            [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
-        });
+        let (result, fault) = scoped(self.device(), work);
+        let not_compiled = Pipeline::finish_all();
         // The first cause matters: whatever was refused or did not fit causes the errors after it.
         let refused = REFUSED.take().map(GpuFault::Limit);
-        let error = refused
-            .or_else(|| errors.into_iter().flatten().next().map(GpuFault::from))
-            .or_else(|| result.as_ref().err().cloned());
+        let error = refused.or(not_compiled).or(fault).or_else(|| result.as_ref().err().cloned());
         match error {
             None => result,
             Some(fault @ (GpuFault::Limit(_) | GpuFault::Memory(_))) => Err(fault),

@@ -6,7 +6,7 @@ pub(crate) mod fault;
 mod pipelines;
 mod reads;
 
-pub(crate) use pipelines::{Entry, Shader};
+pub(crate) use pipelines::{Entry, Pipeline, Shader};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,9 +1,12 @@
 //! Compiled kernels, kept with the device that they belong to.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::device::Gpu;
+use crate::device::errors::scoped;
+use crate::device::fault::GpuFault;
+use crate::device::{Gpu, IN_BROWSER};
 
 /// Shader, entry point, and its constants as bits.
 type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
@@ -24,34 +27,127 @@ pub(crate) struct Entry<'a> {
     pub constants: &'a [(&'static str, f64)],
 }
 
-/// The kernels compiled so far: compiling takes longer than everything else that a small cloth needs.
-pub(super) type Pipelines = Mutex<HashMap<Key, wgpu::ComputePipeline>>;
+/// The kernels used so far: compiling takes longer than everything else that a small cloth needs.
+#[derive(Debug, Default)]
+pub(super) struct Pipelines {
+    modules: Mutex<HashMap<&'static str, Arc<Module>>>,
+    pipelines: Mutex<HashMap<Key, Pipeline>>,
+}
+
+/// A shader, parsed when the first of its entry points is compiled.
+#[derive(Debug)]
+struct Module {
+    shader: Shader,
+    parsed: OnceLock<wgpu::ShaderModule>,
+}
+
+/// A kernel. All that a step needs are compiled at the same time, each by whichever thread is free first.
+#[derive(Debug, Clone)]
+pub(crate) struct Pipeline(Arc<Compilation>);
+
+#[derive(Debug)]
+struct Compilation {
+    device: wgpu::Device,
+    module: Arc<Module>,
+    name: &'static str,
+    constants: Vec<(&'static str, f64)>,
+    layout: wgpu::PipelineLayout,
+    compiled: OnceLock<(wgpu::ComputePipeline, Option<GpuFault>)>,
+}
+
+thread_local! {
+    /// The pipelines that [`Gpu::checked`] has yet to wait for on this thread.
+    static PENDING: RefCell<Vec<Pipeline>> = const { RefCell::new(Vec::new()) };
+}
 
 impl Gpu {
-    /// The pipeline of an entry point, compiled on first use.
-    pub(crate) fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> wgpu::ComputePipeline {
-        let device = self.device();
-        let constants = entry.constants.iter().map(|(name, value)| (*name, value.to_bits())).collect();
-        let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let pipeline = pipelines.entry((entry.shader.name, entry.name, constants)).or_insert_with(|| {
-            let source = wgpu::ShaderSource::Wgsl(entry.shader.source.concat().into());
-            let module = wgpu::ShaderModuleDescriptor { label: Some(entry.shader.name), source };
-            let module = device.create_shader_module(module);
+    /// The pipeline of an entry point. It is being compiled if this is its first use; [`Gpu::checked`] waits for it and returns
+    /// its errors.
+    pub(crate) fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> Pipeline {
+        let Entry { shader, name, constants } = entry;
+        let key = (shader.name, name, constants.iter().map(|(name, value)| (*name, value.to_bits())).collect());
+        let mut pipelines = self.0.pipelines.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        // What failed for want of memory may succeed the next time.
+        if pipelines.get(&key).is_some_and(Pipeline::has_failed) {
+            pipelines.remove(&key);
+        }
+        let pipeline = pipelines.entry(key).or_insert_with(|| {
             let bind_group_layouts = &layouts.map(Some);
-            let layout = wgpu::PipelineLayoutDescriptor { label: Some(entry.name), bind_group_layouts, immediate_size: 0 };
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry.name),
-                layout: Some(&device.create_pipeline_layout(&layout)),
-                module: &module,
-                entry_point: Some(entry.name),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: entry.constants,
-                    // Every kernel writes workgroup memory before it reads it.
-                    zero_initialize_workgroup_memory: false,
-                },
-                cache: None,
-            })
+            let layout = wgpu::PipelineLayoutDescriptor { label: Some(name), bind_group_layouts, immediate_size: 0 };
+            let made = Pipeline(Arc::new(Compilation {
+                device: self.device().clone(),
+                module: self.module(shader),
+                name,
+                constants: constants.to_vec(),
+                layout: self.device().create_pipeline_layout(&layout),
+                compiled: OnceLock::new(),
+            }));
+            if !IN_BROWSER {
+                let pipeline = made.clone();
+                rayon::spawn(move || _ = pipeline.get());
+            }
+            made
         });
+        if pipeline.0.compiled.get().is_none() {
+            PENDING.with_borrow_mut(|pending| pending.push(pipeline.clone()));
+        }
         pipeline.clone()
     }
+
+    fn module(&self, shader: Shader) -> Arc<Module> {
+        let mut modules = self.0.pipelines.modules.lock().unwrap_or_else(PoisonError::into_inner);
+        Arc::clone(modules.entry(shader.name).or_insert_with(|| Arc::new(Module { shader, parsed: OnceLock::new() })))
+    }
 }
+
+impl Pipeline {
+    /// Waits for the pipelines that this thread asked for. Returns the first error.
+    pub(super) fn finish_all() -> Option<GpuFault> {
+        let pending = PENDING.take();
+        pending.iter().map(|pipeline| pipeline.0.compiled().1.clone()).fold(None, Option::or)
+    }
+
+    fn has_failed(&self) -> bool {
+        self.0.compiled.get().is_some_and(|(_, fault)| fault.is_some())
+    }
+
+    /// The compiled pipeline.
+    pub(crate) fn get(&self) -> &wgpu::ComputePipeline {
+        &self.0.compiled().0
+    }
+}
+
+impl Compilation {
+    /// The pipeline, compiled by this thread unless another one has begun to.
+    fn compiled(&self) -> &(wgpu::ComputePipeline, Option<GpuFault>) {
+        self.compiled.get_or_init(|| {
+            scoped(&self.device, || {
+                self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(self.name),
+                    layout: Some(&self.layout),
+                    module: self.module.parsed(&self.device),
+                    entry_point: Some(self.name),
+                    compilation_options: wgpu::PipelineCompilationOptions {
+                        constants: &self.constants,
+                        // Every kernel writes workgroup memory before it reads it.
+                        zero_initialize_workgroup_memory: false,
+                    },
+                    cache: None,
+                })
+            })
+        })
+    }
+}
+
+impl Module {
+    fn parsed(&self, device: &wgpu::Device) -> &wgpu::ShaderModule {
+        self.parsed.get_or_init(|| {
+            let source = wgpu::ShaderSource::Wgsl(self.shader.source.concat().into());
+            device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(self.shader.name), source })
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/device_pipelines.rs"]
+mod tests;

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::device::{Entry, Gpu};
+use crate::device::{Entry, Gpu, Pipeline};
 
 /// Invocations per workgroup: `WORKGROUP` of `dispatch.wgsl`.
 pub(crate) const WORKGROUP: usize = 64;
@@ -124,7 +124,7 @@ impl BindGroup {
 /// buffers. A stage has several groups of the same layout if the state moves between buffers.
 #[derive(Debug)]
 pub(crate) struct Stage {
-    pipeline: wgpu::ComputePipeline,
+    pipeline: Pipeline,
     groups: Vec<BindGroup>,
 }
 
@@ -147,7 +147,7 @@ impl Stage {
     /// Dispatches this many workgroups.
     pub(crate) fn dispatch_workgroups(&self, pass: &mut wgpu::ComputePass<'_>, group: usize, offsets: &[u32], count: usize) {
         let rows = count.div_ceil(MAX_GROUPS).max(1);
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(self.pipeline.get());
         self.groups[group].set(pass, 1, offsets);
         pass.dispatch_workgroups(count.div_ceil(rows) as u32, rows as u32, 1);
     }
