@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::device::errors::scoped;
 use crate::device::fault::GpuFault;
@@ -70,6 +70,7 @@ impl Gpu {
         // What failed for want of memory may succeed the next time.
         if pipelines.get(&key).is_some_and(Pipeline::has_failed) {
             pipelines.remove(&key);
+            self.modules().remove(shader.name);
         }
         let pipeline = pipelines.entry(key).or_insert_with(|| {
             let bind_group_layouts = &layouts.map(Some);
@@ -95,8 +96,12 @@ impl Gpu {
     }
 
     fn module(&self, shader: Shader) -> Arc<Module> {
-        let mut modules = self.0.pipelines.modules.lock().unwrap_or_else(PoisonError::into_inner);
-        Arc::clone(modules.entry(shader.name).or_insert_with(|| Arc::new(Module { shader, parsed: OnceLock::new() })))
+        let make = || Arc::new(Module { shader, parsed: OnceLock::new() });
+        Arc::clone(self.modules().entry(shader.name).or_insert_with(make))
+    }
+
+    fn modules(&self) -> MutexGuard<'_, HashMap<&'static str, Arc<Module>>> {
+        self.0.pipelines.modules.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
