@@ -9,6 +9,8 @@ use crate::device::{Gpu, IN_BROWSER};
 
 /// How long a thread that waits for the device polls before it sleeps. A sleeping thread wakes up 0.05 to 0.3 ms late.
 const AWAKE: Duration = Duration::from_millis(4);
+/// How long a callback may take after the device has finished.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 impl Gpu {
     /// Copies buffers into `staging`, one after another.
@@ -67,6 +69,17 @@ impl Gpu {
             std::thread::yield_now();
         }
         self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
+    }
+
+    /// Waits for callbacks of work that the device has completed. They may be called by another thread that also waits for the
+    /// device, a moment later.
+    pub(crate) fn wait_for(&self, are_called: impl Fn() -> bool) -> Result<(), GpuFault> {
+        let begin = Instant::now();
+        while !are_called() && begin.elapsed() < PATIENCE {
+            std::thread::yield_now();
+            self.poll(wgpu::PollType::Poll)?;
+        }
+        Ok(())
     }
 
     /// Runs the callbacks of completed work.

@@ -1,8 +1,7 @@
 //! Statistics of a state on the GPU: computed after a step, and read some steps later.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu, IN_BROWSER};
@@ -39,7 +38,7 @@ struct UnderWay {
     staging: wgpu::Buffer,
     submission: wgpu::SubmissionIndex,
     /// Set by the callback when the device is polled: whether the buffer could be mapped.
-    mapped: Arc<AtomicBool>,
+    mapped: Arc<OnceLock<bool>>,
 }
 
 impl Counter {
@@ -78,9 +77,9 @@ impl Counter {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
         let submission = gpu.copy_to(&staging, &[&self.counted]);
-        let mapped = Arc::new(AtomicBool::new(false));
+        let mapped = Arc::new(OnceLock::new());
         let told = Arc::clone(&mapped);
-        staging.map_async(wgpu::MapMode::Read, .., move |result| told.store(result.is_ok(), Ordering::Release));
+        staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
         self.pending.push_back(Pending::UnderWay(UnderWay { staging, submission, mapped }));
         let late = if waits { 0 } else { Counter::LATE };
         if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
@@ -94,7 +93,7 @@ impl Counter {
     fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
         gpu.poll(wgpu::PollType::Poll)?;
         Ok(self.pending.front().is_none_or(|pending| match pending {
-            Pending::UnderWay(under_way) => under_way.mapped.load(Ordering::Acquire),
+            Pending::UnderWay(under_way) => under_way.mapped.get() == Some(&true),
             Pending::Here(_) => true,
         }))
     }
@@ -106,10 +105,11 @@ impl Counter {
             Pending::Here(seen) => return Ok(*seen),
         };
         gpu.poll(wgpu::PollType::Poll)?;
-        if !mapped.load(Ordering::Acquire) {
+        if mapped.get().is_none() {
             gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
+            gpu.wait_for(|| mapped.get().is_some())?;
         }
-        if !mapped.load(Ordering::Acquire) {
+        if mapped.get() != Some(&true) {
             return Err(gpu.unmapped("the statistics"));
         }
         let seen = staging.get_mapped_range(..).map(|bytes| bytemuck::pod_read_unaligned(&bytes));

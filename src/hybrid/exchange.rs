@@ -10,7 +10,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
 
 use glam::{Vec3, Vec4};
 
@@ -20,8 +19,6 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::{Bind, Forces, Stage, shaders};
 use crate::step::plan::Plan;
 
-/// How long a callback may take after the device has finished.
-const PATIENCE: Duration = Duration::from_secs(2);
 /// Size of three floats in bytes.
 const THREE: u64 = size_of::<Vec3>() as u64;
 /// The value of `ready` when both buffers are mapped.
@@ -175,12 +172,7 @@ impl Exchange {
     /// Waits until the buffers are mapped again.
     pub(crate) fn receive(&mut self, gpu: &Gpu) -> Result<Mapped, GpuFault> {
         gpu.wait()?;
-        // The callbacks may be called by another thread that also waits for the device, a moment later.
-        let start = Instant::now();
-        while self.ready.load(Ordering::Acquire) < BOTH && start.elapsed() < PATIENCE {
-            std::thread::yield_now();
-            gpu.poll(wgpu::PollType::Poll)?;
-        }
+        gpu.wait_for(|| self.ready.load(Ordering::Acquire) >= BOTH)?;
         if self.ready.load(Ordering::Acquire) != BOTH {
             return Err(gpu.unmapped("its buffers"));
         }
