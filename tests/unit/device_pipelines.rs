@@ -16,6 +16,7 @@ fn ask(gpu: &Gpu, entries: &[Entry<'_>]) -> Result<Vec<Pipeline>, GpuFault> {
     })
 }
 
+const ALONE: &[&str] = &["@compute @workgroup_size(2) fn main() ", "{}"];
 const GOOD: &[&str] = &["@compute @workgroup_size(1) fn main() ", "{}"];
 
 /// The error of a kernel is returned wherever it is asked for, and harms no other.
@@ -46,6 +47,5 @@ fn compiled_once() {
 fn threads_of_a_pool_do_not_wait_for_each_other() {
     let gpu = Gpu::shared(true).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    const ALONE: &[&str] = &["@compute @workgroup_size(2) fn main() ", "{}"];
     pool.install(|| ask(&gpu, &[entry(ALONE), entry(GOOD)])).unwrap();
 }
