@@ -5,16 +5,13 @@ mod common;
 
 use cloth_deformer::glam::{DVec3, Vec3, Vec4};
 use cloth_deformer::{Attributes, Backend, Binding, Collider, Deformer, Fabric, Gpu, Mesh, Options, Quality, wgpu};
-use common::{FRAME, play, rms};
+use common::{FRAME, device, play, rms};
 
-/// A device with wgpu's default limits, as a renderer has it.
+/// A device as a renderer has it.
 fn modest() -> Gpu {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
-    let descriptor = wgpu::DeviceDescriptor { required_limits: wgpu::Limits::default(), ..wgpu::DeviceDescriptor::default() };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    assert_eq!(device.limits().max_storage_buffers_per_shader_stage, 8);
-    Gpu::new(device, queue, "the caller's".to_owned())
+    let gpu = device("the caller's", |_| ());
+    assert_eq!(gpu.device().limits().max_storage_buffers_per_shader_stage, 8);
+    gpu
 }
 
 /// Reads the contents of a buffer.

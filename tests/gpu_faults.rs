@@ -6,20 +6,9 @@ mod common;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Collider, Contact, Deformer, Gpu, Levels, Mesh, Options, Quality, StepError, wgpu,
+    Attributes, Backend, BuildError, Collider, Contact, Deformer, Gpu, Levels, Mesh, Options, Quality, StepError,
 };
-use common::{FRAME, rms};
-
-/// A separate device with these limits, on any adapter.
-fn device(name: &str, change: impl FnOnce(&mut wgpu::Limits)) -> Gpu {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let mut required_limits = wgpu::Limits::default();
-    change(&mut required_limits);
-    let descriptor = wgpu::DeviceDescriptor { required_limits, ..wgpu::DeviceDescriptor::default() };
-    let (device, queue) = pollster::block_on(adapters[0].request_device(&descriptor)).expect("every adapter has as little");
-    Gpu::new(device, queue, name.to_owned())
-}
+use common::{FRAME, device, rms};
 
 fn on(gpu: &Gpu, backend: Backend) -> Options {
     Options { backend, gpu: Some(gpu.clone()), pinned: vec![0], quality: Quality::Substeps(2), ..Options::default() }

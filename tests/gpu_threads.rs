@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Contact, Deformer, Gpu, Mesh, Options, wgpu};
-use common::FRAME;
+use common::{FRAME, device};
 
 /// The cloth number `k`, stepped with the default quality, which reads statistics of every step. Returns where it is then.
 fn played(k: u32, frames: u32) -> Vec<Vec3> {
@@ -33,14 +33,6 @@ fn threads_share_a_device() {
     assert!(together == alone);
 }
 
-/// A device of the caller's own.
-fn device() -> Gpu {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let (device, queue) = pollster::block_on(adapters[0].request_device(&wgpu::DeviceDescriptor::default())).unwrap();
-    Gpu::new(device, queue, "the test's".to_owned())
-}
-
 /// Maps a buffer again and again, and takes its time in the callback. What the device has completed by then is told to others only
 /// after that.
 fn dawdle(gpu: &Gpu, is_over: &AtomicBool) {
@@ -56,7 +48,7 @@ fn dawdle(gpu: &Gpu, is_over: &AtomicBool) {
 /// A slow callback of the caller delays a step, but does not make it fail.
 #[test]
 fn callbacks_of_the_caller_may_be_slow() {
-    let gpu = device();
+    let gpu = device("the test's", |_| ());
     let over = AtomicBool::new(false);
     std::thread::scope(|scope| {
         (0..2).for_each(|_| _ = scope.spawn(|| dawdle(&gpu, &over)));

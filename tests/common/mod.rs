@@ -16,6 +16,8 @@ pub use hang::{grid_masses, hang, top};
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer};
+#[cfg(feature = "gpu")]
+use cloth_deformer::{Gpu, wgpu};
 
 /// The duration of a frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
@@ -23,6 +25,18 @@ pub const FRAME: f32 = 1.0 / 60.0;
 /// Attributes with a wind whose force exceeds single precision: no step can be taken with it.
 pub fn gale(attributes: &Attributes) -> Attributes {
     Attributes { wind: Vec3::splat(1e15), air_density: 1e30, ..attributes.clone() }
+}
+
+/// A device of the caller's own, with wgpu's default limits after a `change`.
+#[cfg(feature = "gpu")]
+pub fn device(name: &str, change: impl FnOnce(&mut wgpu::Limits)) -> Gpu {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let mut required_limits = wgpu::Limits::default();
+    change(&mut required_limits);
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..wgpu::DeviceDescriptor::default() };
+    let (device, queue) = pollster::block_on(adapters[0].request_device(&descriptor)).expect("every adapter has as little");
+    Gpu::new(device, queue, name.to_owned())
 }
 
 /// Steps `frames` frames of 1/60 s.
