@@ -1,15 +1,11 @@
 //! Compiled kernels, kept with the device that they belong to.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::device::errors::scoped;
 use crate::device::fault::GpuFault;
 use crate::device::{Gpu, IN_BROWSER};
-
-/// Shader, entry point, and its constants as bits.
-type Key = (&'static str, &'static str, Vec<(&'static str, u64)>);
 
 /// The source of a shader, with a unique name. It is kept in parts, one after another, because shaders share files and a
 /// program would contain these once for each.
@@ -28,11 +24,7 @@ pub(crate) struct Entry<'a> {
 }
 
 /// The kernels used so far: compiling takes longer than everything else that a small cloth needs.
-#[derive(Debug, Default)]
-pub(super) struct Pipelines {
-    modules: Mutex<HashMap<&'static str, Arc<Module>>>,
-    pipelines: Mutex<HashMap<Key, Pipeline>>,
-}
+pub(super) type Pipelines = Mutex<Vec<Pipeline>>;
 
 /// A shader, parsed when the first of its entry points is compiled.
 #[derive(Debug)]
@@ -65,49 +57,44 @@ impl Gpu {
     /// its errors.
     pub(crate) fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> Pipeline {
         let Entry { shader, name, constants } = entry;
-        let key = (shader.name, name, constants.iter().map(|(name, value)| (*name, value.to_bits())).collect());
-        let mut pipelines = self.0.pipelines.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         // What failed for want of memory may succeed the next time.
-        if pipelines.get(&key).is_some_and(Pipeline::has_failed) {
-            pipelines.remove(&key);
-            self.modules().remove(shader.name);
-        }
-        let pipeline = pipelines.entry(key).or_insert_with(|| {
+        let mut of_shader = pipelines.iter().filter(|made| made.0.module.shader.name == shader.name && !made.has_failed());
+        let same = of_shader.clone().find(|made| made.0.name == name && made.0.constants == constants).cloned();
+        let module = of_shader.next().map(|made| Arc::clone(&made.0.module));
+        let pipeline = same.unwrap_or_else(|| {
             let bind_group_layouts = &layouts.map(Some);
             let layout = wgpu::PipelineLayoutDescriptor { label: Some(name), bind_group_layouts, immediate_size: 0 };
             let made = Pipeline(Arc::new(Compilation {
                 device: self.device().clone(),
-                module: self.module(shader),
+                module: module.unwrap_or_else(|| Arc::new(Module { shader, parsed: OnceLock::new() })),
                 name,
                 constants: constants.to_vec(),
                 layout: self.device().create_pipeline_layout(&layout),
                 compiled: OnceLock::new(),
             }));
-            if !IN_BROWSER {
+            // A browser has one thread, and compiles in the background itself.
+            #[cfg(not(target_arch = "wasm32"))]
+            {
                 let pipeline = made.clone();
                 rayon::spawn(move || _ = pipeline.get());
             }
+            pipelines.push(made.clone());
             made
         });
-        if pipeline.0.compiled.get().is_none() {
+        if !IN_BROWSER && pipeline.0.compiled.get().is_none() {
             PENDING.with_borrow_mut(|pending| pending.push(pipeline.clone()));
         }
-        pipeline.clone()
-    }
-
-    fn module(&self, shader: Shader) -> Arc<Module> {
-        let make = || Arc::new(Module { shader, parsed: OnceLock::new() });
-        Arc::clone(self.modules().entry(shader.name).or_insert_with(make))
-    }
-
-    fn modules(&self) -> MutexGuard<'_, HashMap<&'static str, Arc<Module>>> {
-        self.0.pipelines.modules.lock().unwrap_or_else(PoisonError::into_inner)
+        pipeline
     }
 }
 
 impl Pipeline {
     /// Waits for the pipelines that this thread asked for. Returns the first error.
     pub(super) fn finish_all() -> Option<GpuFault> {
+        if IN_BROWSER {
+            return None;
+        }
         let pending = PENDING.take();
         pending.iter().map(|pipeline| pipeline.0.compiled().1.clone()).fold(None, Option::or)
     }
