@@ -3,7 +3,6 @@
 mod buffers;
 mod errors;
 pub(crate) mod fault;
-#[cfg_attr(target_arch = "wasm32", path = "browser_pipelines.rs")]
 mod pipelines;
 mod reads;
 
