@@ -6,22 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::device::fault::{Excess, GpuFault};
 use crate::device::pipelines::Pipeline;
+use crate::device::scopes::scoped;
 use crate::device::{Gpu, IN_BROWSER};
 
 thread_local! {
     /// What [`Gpu::make`] refused since [`Gpu::checked`] began. It is thread-local, as wgpu's error scopes are.
     static REFUSED: Cell<Option<Excess>> = const { Cell::new(None) };
-}
-
-/// Runs `work`, and returns with its result the error of the device that it caused on this thread.
-pub(super) fn scoped<T>(device: &wgpu::Device, work: impl FnOnce() -> T) -> (T, Option<GpuFault>) {
-    let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
-    let scopes = (!IN_BROWSER).then(|| filters.map(|filter| device.push_error_scope(filter)));
-    let result = work();
-    let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
-        [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
-    });
-    (result, errors.into_iter().flatten().next().map(GpuFault::from))
 }
 
 impl Gpu {
@@ -31,15 +21,21 @@ impl Gpu {
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
         REFUSED.set(None);
         let (result, fault) = scoped(self.device(), work);
+        let told = result.as_ref().err();
+        match self.cause(fault, told) {
+            None => result,
+            Some(cause) => Err(cause),
+        }
+    }
+
+    /// Why work failed that the device and the work itself say this about. Waits for the pipelines that it asked for.
+    fn cause(&self, fault: Option<GpuFault>, told: Option<&GpuFault>) -> Option<GpuFault> {
         let not_compiled = Pipeline::finish_all();
         // The first cause matters: whatever was refused or did not fit causes the errors after it.
         let refused = REFUSED.take().map(GpuFault::Limit);
-        let error = refused.or(not_compiled).or(fault).or_else(|| result.as_ref().err().cloned());
-        match error {
-            None => result,
-            Some(fault @ (GpuFault::Limit(_) | GpuFault::Memory(_))) => Err(fault),
-            Some(fault) => Err(if self.is_lost() { GpuFault::Lost } else { fault }),
-        }
+        let cause = refused.or(not_compiled).or(fault).or_else(|| told.cloned())?;
+        let is_sure = matches!(cause, GpuFault::Limit(_) | GpuFault::Memory(_));
+        Some(if !is_sure && self.is_lost() { GpuFault::Lost } else { cause })
     }
 
     /// Makes [`Gpu::checked`] fail with this excess, unless with an earlier one.

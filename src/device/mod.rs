@@ -5,6 +5,7 @@ mod errors;
 pub(crate) mod fault;
 mod pipelines;
 mod reads;
+mod scopes;
 
 pub(crate) use pipelines::{Entry, Pipeline, Shader};
 

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::device::errors::scoped;
 use crate::device::fault::GpuFault;
+use crate::device::scopes::scoped;
 use crate::device::{Gpu, IN_BROWSER};
 
 /// The source of a shader, with a unique name. It is kept in parts, one after another, because shaders share files and a
@@ -59,7 +59,8 @@ impl Gpu {
         let Entry { shader, name, constants } = entry;
         let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         // What failed for want of memory may succeed the next time.
-        let mut of_shader = pipelines.iter().filter(|made| made.0.module.shader.name == shader.name && !made.has_failed());
+        pipelines.retain(|made| !made.has_failed());
+        let mut of_shader = pipelines.iter().filter(|made| made.0.module.shader.name == shader.name);
         let same = of_shader.clone().find(|made| made.0.name == name && made.0.constants == constants).cloned();
         let module = of_shader.next().map(|made| Arc::clone(&made.0.module));
         let pipeline = same.unwrap_or_else(|| {

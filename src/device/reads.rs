@@ -12,6 +12,11 @@ const AWAKE: Duration = Duration::from_millis(4);
 /// How long a callback may take after the device has finished.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+fn may_wait() -> Result<(), GpuFault> {
+    let why = "a browser does not wait for the GPU; request_positions asks, requested_positions has them later";
+    if IN_BROWSER { Err(why.into()) } else { Ok(()) }
+}
+
 impl Gpu {
     /// Copies buffers into `staging`, one after another.
     pub(crate) fn copy_to(&self, staging: &wgpu::Buffer, buffers: &[&wgpu::Buffer]) -> wgpu::SubmissionIndex {
@@ -31,9 +36,7 @@ impl Gpu {
         buffers: &[&wgpu::Buffer],
         read: impl FnOnce(&[u8]) -> T,
     ) -> Result<T, GpuFault> {
-        if IN_BROWSER {
-            return Err("a browser does not wait for the GPU; request_positions asks, requested_positions has them later".into());
-        }
+        may_wait()?;
         self.checked(|| {
             self.copy_to(staging, buffers);
             self.mapped(staging, read)
@@ -42,6 +45,7 @@ impl Gpu {
 
     /// Waits for what was submitted, and shows the bytes of `staging` to `read`.
     pub(crate) fn mapped<T>(&self, staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuFault> {
+        may_wait()?;
         self.checked(|| {
             let (send, receive) = std::sync::mpsc::channel();
             staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
@@ -71,11 +75,11 @@ impl Gpu {
         self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
     }
 
-    /// Waits for callbacks of work that the device has completed. They may be called by another thread that also waits for the
-    /// device, a moment later.
+    /// Waits for callbacks of work that the device has completed, except in a browser. They may be called by another thread that also
+    /// waits for the device, a moment later.
     pub(crate) fn wait_for(&self, are_called: impl Fn() -> bool) -> Result<(), GpuFault> {
         let begin = Instant::now();
-        while !are_called() && begin.elapsed() < PATIENCE {
+        while !IN_BROWSER && !are_called() && begin.elapsed() < PATIENCE {
             std::thread::yield_now();
             self.poll(wgpu::PollType::Poll)?;
         }
