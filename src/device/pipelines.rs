@@ -83,7 +83,8 @@ impl Gpu {
             pipelines.push(made.clone());
             made
         });
-        if !IN_BROWSER && pipeline.0.compiled.get().is_none() {
+        // What has failed by now is waited for as well, because its error has to be returned.
+        if !IN_BROWSER && !pipeline.has_succeeded() {
             PENDING.with_borrow_mut(|pending| pending.push(pipeline.clone()));
         }
         pipeline
@@ -102,6 +103,10 @@ impl Pipeline {
 
     fn has_failed(&self) -> bool {
         self.0.compiled.get().is_some_and(|(_, fault)| fault.is_some())
+    }
+
+    fn has_succeeded(&self) -> bool {
+        self.0.compiled.get().is_some_and(|(_, fault)| fault.is_none())
     }
 
     /// The compiled pipeline.
