@@ -34,7 +34,7 @@ struct RunOver {
 impl Contacts {
     /// Carries vertices with what runs over them, after truncation has removed `lost` of the momentum (kg m). Near pairs were not
     /// found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if there are such,
-    /// changes nothing.
+    /// carries nothing.
     pub(super) fn carry(&mut self, input: ContactInput<'_>, mass: &[f32], mut lost: DVec3) -> Held {
         for round in 0..ROUNDS {
             let pairs = self.run_over(input.thickness);

@@ -64,7 +64,8 @@ pub(super) struct Contacts {
 pub(super) enum Held {
     /// Pairs are held apart. Truncation has removed `lost` of the cloth's momentum (kg m).
     Done { lost: DVec3 },
-    /// Nothing is held, because vertices must be carried this far (m), which is more than [`ContactInput::max_carry`].
+    /// The displacements are not to be used, because vertices must be carried this far (m), which is more than
+    /// [`ContactInput::max_carry`]. The multipliers are those of this substep.
     NeedsCarry(f32),
 }
 

@@ -341,7 +341,7 @@ impl TriangleContact {
     fn hold_apart(&mut self, context: SubstepContext<'_>, x: &mut [Vec4], u: &mut [Vec4], common_motion: Option<CommonMotion>) {
         let SubstepContext { plan, substep, width, .. } = context;
         let workers = context.workers.for_items(self.tally.listed as usize, PAIRS);
-        let scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
+        let mut scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
         self.h = plan.params.h;
         let push = self.push.of_vertices();
         let mut input = ContactInput {
@@ -362,7 +362,8 @@ impl TriangleContact {
             match self.contacts.hold_apart(&mut self.lists, input, plan, substep, scale) {
                 Held::Done { lost } => break lost,
                 // The next time, near pairs are found for cloth that is carried this far.
-                Held::NeedsCarry(travel) => input.max_carry = travel,
+                // The multipliers that it starts with are of this substep already.
+                Held::NeedsCarry(travel) => (input.max_carry, scale) = (travel, 1.0),
             }
         };
         self.max_carry = input.max_carry;

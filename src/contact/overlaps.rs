@@ -7,7 +7,7 @@ pub(super) type Span = [DVec3; 2];
 
 const NOTHING: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
 /// A cell is not divided if it has no more pairs of a box of either list.
-const FEW: usize = 256;
+const FEW: u64 = 256;
 /// Nor if its halves would have more than this share of those pairs, because its boxes overlap one another.
 const WORTH: f64 = 0.9;
 
@@ -38,11 +38,11 @@ struct Search<'a, M> {
 impl<M: FnMut(usize, usize)> Search<'_, M> {
     /// Searches among the boxes of both lists that reach into a cell. A cell includes its lower borders only.
     fn within(&mut self, both: &[Vec<u32>; 2], cell: Span) {
-        let count = |both: &[Vec<u32>; 2]| both[0].len() * both[1].len();
+        let count = |both: &[Vec<u32>; 2]| both[0].len() as u64 * both[1].len() as u64;
         if count(both) > FEW {
             let (axis, middle) = self.cut(both, cell);
             let halves = [0, 1].map(|half| self.half(both, axis, middle, half));
-            let is_worth = halves.iter().map(count).sum::<usize>() as f64 <= WORTH * count(both) as f64;
+            let is_worth = halves.iter().map(count).sum::<u64>() as f64 <= WORTH * count(both) as f64;
             if is_worth {
                 let [mut low, mut high] = [cell, cell];
                 (low[1][axis], high[0][axis]) = (middle, middle);

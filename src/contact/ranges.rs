@@ -3,8 +3,9 @@
 
 use super::workers::Workers;
 
-/// Digits of the inverse of a length.
-const DIGITS: u32 = 40;
+/// Digits of the inverse of a length: so many that the quotient is exact while an item times the length is below `1 << DIGITS`, and that
+/// the product of an item and the inverse fits.
+const DIGITS: u32 = 56;
 
 /// Consecutive items in ranges of the same length.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -41,3 +42,7 @@ impl Ranges {
         1 << self.place(item).0
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/contact_ranges.rs"]
+mod tests;

@@ -99,7 +99,7 @@ impl Surface {
             return None;
         }
         let vertices = cloth.rest.len();
-        let heights = heights(cloth, &cloth.triangles);
+        let heights = heights(cloth);
         let max_margin = |height: &f32| {
             let flat = (0.45 * (height - thickness)).clamp(MAX_MARGIN[0] * thickness, MAX_MARGIN[1] * thickness);
             flat.min(STEADY * height).max(SLIVER_MARGIN * thickness)
@@ -175,8 +175,8 @@ impl Surface {
         let (count, vertices) = (triangles.len(), self.rest.len());
         let depth = (count / LEAF).max(1).ilog2();
         let center = |t: &[u32; 3]| t.iter().map(|&v| xyz(self.rest[v as usize])).sum::<Vec3A>();
-        split(&mut triangles, 0..count, count, depth, &|t| (self.piece[t[0] as usize], center(t)));
-        let starts: Vec<u32> = (0..=1_usize << depth).map(|leaf| ((leaf * count) >> depth) as u32).collect();
+        split(&mut triangles, Node { number: 0, level: 0 }, count, depth, &|t| (self.piece[t[0] as usize], center(t)));
+        let starts: Vec<u32> = (0..=1_usize << depth).map(|number| Node { number, level: depth }.first(count) as u32).collect();
         let mut leaves = Leaves { depth, triangles: starts, ..Leaves::default() };
         let of_triangle = leaves.of_triangles();
         let sorted = mesh::edges(&triangles);
@@ -277,9 +277,9 @@ fn by_leaf(owner: &[u32], depth: u32) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// The smallest height (m) of the triangles around each vertex; infinite if there are none.
-fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
+fn heights(cloth: &Cloth) -> Vec<f32> {
     let mut heights = vec![f32::INFINITY; cloth.rest.len()];
-    for triangle in triangles {
+    for triangle in &cloth.triangles {
         let [a, b, c] = triangle.map(|vertex| xyz(cloth.rest[vertex as usize]));
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let height = (b - a).cross(c - a).length() / longest.max(1e-30);
@@ -288,42 +288,44 @@ fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
     heights
 }
 
-/// Sorts triangles into leaves, level by level: first by piece, then in halves along the longest axis.
-fn split(triangles: &mut [[u32; 3]], range: Range<usize>, count: usize, depth: u32, key: &impl Fn(&[u32; 3]) -> (u32, Vec3A)) {
-    // Splits node `node` of level `level`; the root is level 0.
-    fn recurse(
-        triangles: &mut [[u32; 3]],
-        first: usize,
-        node: usize,
-        level: u32,
-        count: usize,
-        depth: u32,
-        key: &impl Fn(&[u32; 3]) -> (u32, Vec3A),
-    ) {
-        if level == depth {
-            return triangles.sort_unstable();
-        }
-        let middle = (((2 * node + 1) * count) >> (level + 1)) - first;
-        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        let piece = key(&triangles[0]).0;
-        let mut is_one = true;
-        for triangle in triangles.iter() {
-            let (of, center) = key(triangle);
-            (low, high) = (low.min(center), high.max(center));
-            is_one &= of == piece;
-        }
-        let extent = high - low;
-        let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
-        triangles.select_nth_unstable_by(middle, |a, b| {
-            let ((piece_a, a_center), (piece_b, b_center)) = (key(a), key(b));
-            let by_piece = if is_one { std::cmp::Ordering::Equal } else { piece_a.cmp(&piece_b) };
-            by_piece.then(a_center[axis].total_cmp(&b_center[axis])).then(a.cmp(b))
-        });
-        let (left, right) = triangles.split_at_mut(middle);
-        recurse(left, first, 2 * node, level + 1, count, depth, key);
-        recurse(right, first + middle, 2 * node + 1, level + 1, count, depth, key);
+/// A node of the tree: a number on a level, where the root is number 0 on level 0.
+#[derive(Clone, Copy)]
+struct Node {
+    number: usize,
+    level: u32,
+}
+
+impl Node {
+    /// The first triangle of the node, of so many triangles in all.
+    fn first(self, count: usize) -> usize {
+        ((self.number as u64 * count as u64) >> self.level) as usize
     }
-    if !range.is_empty() {
-        recurse(&mut triangles[range], 0, 0, 0, count, depth, key);
+}
+
+/// Sorts the triangles of a node into leaves, which are at a depth, level by level: first by piece, then in halves along the longest
+/// axis. There are `count` triangles in all.
+fn split(triangles: &mut [[u32; 3]], node: Node, count: usize, depth: u32, key: &impl Fn(&[u32; 3]) -> (u32, Vec3A)) {
+    if node.level == depth {
+        return triangles.sort_unstable();
     }
+    let [one, other] = [0, 1].map(|child| Node { number: 2 * node.number + child, level: node.level + 1 });
+    let middle = other.first(count) - node.first(count);
+    let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    let piece = key(&triangles[0]).0;
+    let mut is_one = true;
+    for triangle in triangles.iter() {
+        let (of, center) = key(triangle);
+        (low, high) = (low.min(center), high.max(center));
+        is_one &= of == piece;
+    }
+    let extent = high - low;
+    let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
+    triangles.select_nth_unstable_by(middle, |a, b| {
+        let ((piece_a, a_center), (piece_b, b_center)) = (key(a), key(b));
+        let by_piece = if is_one { std::cmp::Ordering::Equal } else { piece_a.cmp(&piece_b) };
+        by_piece.then(a_center[axis].total_cmp(&b_center[axis])).then(a.cmp(b))
+    });
+    let (left, right) = triangles.split_at_mut(middle);
+    split(left, one, count, depth, key);
+    split(right, other, count, depth, key);
 }

@@ -8,7 +8,7 @@ use crate::kernels::integrate::xyz;
 // with. A leaf has at most twice its fewest triangles.
 const _: () = assert!(2 * LEAF * 3 <= 64 && 2 * LEAF * (3 + 1 + 3) <= 256);
 
-/// The surface and its trees as words, and the positions of the lists in them, as in `About` of
+/// The surface and its trees as words, and the positions of the lists in them, as in `ContactParams` of
 /// `shaders/stages/self_contact/shared.wgsl`.
 #[derive(Debug, Default)]
 pub(crate) struct Table {

@@ -42,8 +42,9 @@ pub(crate) struct Cpu {
     x_good: AlignedVec,
     /// `p` at the step's start.
     p_good: AlignedVec,
-    /// Number of successful steps since the state was set.
+    /// Number of successful steps since the state was set, now and at the start of the last step.
     steps: u32,
+    steps_good: u32,
     packed: Packed,
     /// The adaptive choice of the number of threads.
     choice: Option<ThreadChoice>,
@@ -73,6 +74,7 @@ impl Cpu {
             x_good: zero.clone(),
             p_good: zero,
             steps: 0,
+            steps_good: 0,
             packed: Packed::new(Width::detected()),
             choice: None,
             threads: None,
@@ -190,6 +192,7 @@ impl Cpu {
     /// Runs one step. If `external` is given, another engine predicts the displacements. If the motion became
     /// unstable, the step is undone and the cause returned.
     pub(crate) fn step(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Result<(), Failure> {
+        self.steps_good = self.steps;
         let step = self.steps.saturating_add(1);
         let cause = self.run(plan, external);
         let too_many = self.contact.as_ref().map_or(0, |contact| contact.too_many);
@@ -217,6 +220,7 @@ impl Cpu {
     pub(crate) fn roll_back(&mut self) {
         self.x.copy_from_slice(&self.x_good);
         self.p.copy_from_slice(&self.p_good);
+        self.steps = self.steps_good;
         if !self.put_back_contact() {
             self.contact.iter_mut().for_each(|contact| contact.roll_back());
         }

@@ -81,8 +81,9 @@ impl Deformer {
     /// Updates the pins' positions and velocities; pins that stay keep theirs.
     fn repin(&mut self, cloth: &Cloth, x: &[Vec4]) {
         let Motion { pins, pin_velocities, .. } = &self.motion;
-        let before = |vertex: &u32| self.cloth.pinned.iter().position(|pin| pin == vertex);
-        let place: Vec<Option<usize>> = cloth.pinned.iter().map(before).collect();
+        let mut before = vec![None; x.len()];
+        self.cloth.pinned.iter().enumerate().for_each(|(place, &vertex)| before[vertex as usize] = Some(place));
+        let place: Vec<Option<usize>> = cloth.pinned.iter().map(|&vertex| before[vertex as usize]).collect();
         let at = |(place, &vertex): (&Option<usize>, &u32)| place.map_or(x[vertex as usize].truncate(), |place| pins[place]);
         let pins = place.iter().zip(&cloth.pinned).map(at).collect();
         let velocity = |place: &Option<usize>| place.map_or(Vec3::ZERO, |place| pin_velocities[place]);

@@ -238,7 +238,7 @@ impl Deformer {
             && x.iter().chain(p).all(is_bounded)
             && motion.h >= 0.0
             && motion.pins.len() == pins
-            && motion.pin_velocities.len() <= pins
+            && [0, pins].contains(&motion.pin_velocities.len())
             && awaiting_statistics.len() == engine.pending.len()
             && seen.iter().chain(&engine.pending).all(counts)
     }
@@ -322,3 +322,7 @@ impl<'de> serde::de::Visitor<'de> for BytesVisitor {
         Snapshot::from_bytes(&bytes).map_err(serde::de::Error::custom)
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/deformer_snapshot.rs"]
+mod tests;

@@ -19,7 +19,6 @@ impl Gpu {
     /// memory), what [`Gpu::make`] refused, and failures due to a lost device, which wgpu does not report itself. In a
     /// browser, device errors appear in its console instead.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
-        REFUSED.set(None);
         let (result, fault) = scoped(self.device(), work);
         let told = result.as_ref().err();
         match self.cause(fault, told) {

@@ -47,6 +47,8 @@ impl Gpu {
     pub(crate) fn mapped<T>(&self, staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuFault> {
         may_wait()?;
         self.checked(|| {
+            // A substitute for a refused buffer does not have the bytes.
+            Gpu::refused()?;
             let (send, receive) = std::sync::mpsc::channel();
             staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
                 // The receiver waits below. If it has given up, nobody needs the message.

@@ -158,9 +158,14 @@ impl GpuEngine {
         let (gpu, own) = (self.gpu.clone(), self.forces.states[0].clone());
         let best = GpuEngine::best(&gpu, cloth, method);
         let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own)).map_err(Failure::Gpu)?;
+        // Edges between two pins have no strain gauges.
+        let is_gauged_anew = change == Change::Edges && self.counter.is_some();
+        let gauge = || Ok(is_gauged_anew.then(|| Counter::new(&made.gpu, &made.forces, cloth.gauges())));
+        let gauged = made.gpu.checked(gauge).map_err(Failure::Gpu)?;
         // Read-backs that are under way still arrive.
         std::mem::swap(&mut made.readback, &mut self.readback);
         (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());
+        made.counter.iter_mut().zip(gauged).for_each(|(counter, gauged)| counter.replace(gauged));
         made.contact = self.contact.take();
         made.contact.iter_mut().for_each(|contact| contact.unbind());
         *self = made;

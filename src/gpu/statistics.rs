@@ -58,6 +58,11 @@ impl Counter {
         Counter { stage, counted, items, pending: VecDeque::new(), free: Vec::new() }
     }
 
+    /// Counts by another stage from now on.
+    pub(crate) fn replace(&mut self, Counter { stage, counted, items, .. }: Counter) {
+        (self.stage, self.counted, self.items) = (stage, counted, items);
+    }
+
     /// Dispatches to compute statistics.
     pub(crate) const DISPATCHES: usize = 1;
 

@@ -42,7 +42,7 @@ pub(crate) struct StrainGauge {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Statistics {
-    /// Area by stretch, in units of 1/[`WHOLE`]. Class 0 is not counted: it is the rest of the area.
+    /// Area by stretch, in units of 1/[`WHOLE`].
     pub stretch: [u32; CLASSES],
     /// Number of free vertices by speed.
     pub speed: [u32; CLASSES],

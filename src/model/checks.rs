@@ -36,7 +36,7 @@ pub(crate) const MAX_THICKNESS: f64 = 0.5;
 /// What contact may compare: so many vertices within the thickness of each, or so many pairs of such vertices in all, each of
 /// which takes about 350 bytes.
 const NEAR: usize = 16;
-const PAIRS: usize = 1 << 20;
+const PAIRS: u64 = 1 << 20;
 /// Number of vertices around which they are counted.
 const SAMPLES: usize = 32;
 
@@ -56,7 +56,7 @@ pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Res
     let places = (0..SAMPLES).map(|k| ((k as f64 * 0.618_034).fract() * rest.len() as f64) as usize);
     let near = |center: Vec3| rest.iter().filter(|x| x.distance_squared(center) < thickness * thickness).count();
     let near = places.map(|place| near(rest[place])).sum::<usize>() / SAMPLES;
-    if near > NEAR && near * rest.len() > PAIRS {
+    if near > NEAR && near as u64 * rest.len() as u64 > PAIRS {
         let value = format!("{thickness} m, within which a vertex has about {near} others");
         return refuse(value, "all these are compared; choose less, or a coarser mesh");
     }

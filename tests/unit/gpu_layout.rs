@@ -264,3 +264,72 @@ fn shared_constants_agree() {
     assert_eq!(compared, ours.iter().map(|(name, _)| *name).collect(), "every shared constant was met in a shader");
     assert_eq!(alone, ALONE.into_iter().collect(), "each of the others was met in a shader");
 }
+
+/// The variables of a workgroup that a function, or one that it calls, uses, and those of them that it sets.
+#[derive(Default)]
+struct WorkgroupVariables {
+    used: BTreeSet<String>,
+    set: BTreeSet<String>,
+}
+
+impl WorkgroupVariables {
+    fn of(module: &naga::Module, function: &naga::Function) -> WorkgroupVariables {
+        let mut found = WorkgroupVariables::default();
+        let all = function.expressions.iter().filter_map(|(expression, _)| name_behind(module, function, expression));
+        found.used.extend(all);
+        found.visit(module, function, &function.body);
+        found
+    }
+
+    fn visit(&mut self, module: &naga::Module, function: &naga::Function, block: &naga::Block) {
+        use naga::Statement;
+        for statement in block {
+            match statement {
+                Statement::Store { pointer, .. } => self.set.extend(name_behind(module, function, *pointer)),
+                Statement::Block(block) => self.visit(module, function, block),
+                Statement::If { accept, reject, .. } => {
+                    [accept, reject].into_iter().for_each(|block| self.visit(module, function, block));
+                }
+                Statement::Switch { cases, .. } => cases.iter().for_each(|case| self.visit(module, function, &case.body)),
+                Statement::Loop { body, continuing, .. } => {
+                    [body, continuing].into_iter().for_each(|block| self.visit(module, function, block));
+                }
+                Statement::Call { function: called, arguments, .. } => {
+                    // What gets a pointer may set what is behind it.
+                    self.set.extend(arguments.iter().filter_map(|&argument| name_behind(module, function, argument)));
+                    let WorkgroupVariables { used, set } = WorkgroupVariables::of(module, &module.functions[*called]);
+                    self.used.extend(used);
+                    self.set.extend(set);
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// The variable of a workgroup that a pointer points to, or into.
+fn name_behind(module: &naga::Module, function: &naga::Function, pointer: naga::Handle<naga::Expression>) -> Option<String> {
+    match function.expressions[pointer] {
+        naga::Expression::GlobalVariable(variable) => {
+            let variable = &module.global_variables[variable];
+            (variable.space == naga::AddressSpace::WorkGroup).then(|| variable.name.clone().unwrap_or_default())
+        }
+        naga::Expression::Access { base, .. } | naga::Expression::AccessIndex { base, .. } => name_behind(module, function, base),
+        _ => None,
+    }
+}
+
+/// Pipelines do not clear workgroup memory, so each kernel sets all that it uses of it.
+#[test]
+fn kernels_set_the_workgroup_memory_that_they_use() {
+    let mut count = 0;
+    for (shader, module) in modules() {
+        for entry in &module.entry_points {
+            let WorkgroupVariables { used, set } = WorkgroupVariables::of(&module, &entry.function);
+            count += used.len();
+            let unset: Vec<_> = used.difference(&set).collect();
+            assert!(unset.is_empty(), "{shader}: {} uses {unset:?}", entry.name);
+        }
+    }
+    assert!(count > 0);
+}

@@ -1,4 +1,4 @@
-// The range of the displacements of mesh colliders near the cloth, once in a step: `Bodies::frame` in
+// The range of the displacements of mesh colliders near the cloth, once in a step: `Bodies::find_near` in
 // `src/contact/bodies.rs`.
 
 // A vertex counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its largest extent.

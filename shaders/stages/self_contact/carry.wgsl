@@ -95,6 +95,9 @@ fn stop_if_far(leader: u32) {
 // highest index carries it.
 @compute @workgroup_size(LANES)
 fn carry(@builtin(local_invocation_index) lane: u32) {
+    if lane == 0u {
+        atomicStore(&carried, 0u);
+    }
     let count = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
     for (var k = lane; k < count; k += LANES) {
         let marked = pairs[place_of_passed(k)].corners;
@@ -106,6 +109,7 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
             }
         }
     }
+    workgroupBarrier();
     storageBarrier();
     for (var k = lane; k < count; k += LANES) {
         for (var c = 0u; c < 4u; c++) {

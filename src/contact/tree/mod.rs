@@ -112,8 +112,12 @@ impl Tree {
         };
         tree.rest = (0..1 << tree.depth).map(boxed).collect();
         let leaf_of = tree.leaf_of.clone();
-        let corners = surface.triangles.iter().enumerate();
-        let around = Csr::new(surface.piece.len(), corners.flat_map(|(t, corners)| corners.map(|v| (v, leaf_of[t]))));
+        // The leaves around each vertex. One of a fan is in few leaves, however many triangles it has.
+        let corners = surface.triangles.iter().zip(&leaf_of);
+        let mut around: Vec<(u32, u32)> = corners.flat_map(|(corners, &leaf)| corners.map(|vertex| (vertex, leaf))).collect();
+        around.sort_unstable();
+        around.dedup();
+        let around = Csr::new(surface.piece.len(), around.into_iter());
         tree.around = triangles_around(surface, &around, tree.leaves.depth);
         tree.sum_excess(surface, &around);
         tree.find_parts(surface, &leaf_of);
