@@ -247,7 +247,7 @@ impl Deformer {
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
         let trades = thickness.is_none() && self.trades_levels(attributes);
-        let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades));
+        let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
@@ -319,7 +319,7 @@ impl Deformer {
         self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(&decision, limited, self.in_step.1);
+        let mut warnings = self.warnings(&decision, attributes, limited, self.in_step.1);
         warnings.extend(self.contact_warnings(attributes));
         let stretch = self.evaluate(decision, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());

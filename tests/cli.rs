@@ -165,11 +165,7 @@ fn untangle_parts_a_start_before_frame_1() {
 
     let parted = run(&directory, &["strip.obj", "--frames", "2", "--self-contact", "--untangle"]);
     succeeds(&parted);
-    assert!(
-        stderr(&parted).contains(&format!("note: untangled: {before} crossings at the start, 0 left")),
-        "{}",
-        stderr(&parted)
-    );
+    assert!(stderr(&parted).contains(&format!("note: untangled: {before} crossings, 0 left")), "{}", stderr(&parted));
     assert!(!stderr(&parted).contains("pass through triangles"), "{}", stderr(&parted));
     let parted = frame_1().positions;
     assert!(crossings::crossings(&mesh, &parted).is_empty());

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use cloth_deformer::glam::{EulerRot, Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, Sleep, StepError, Warning,
+    Attributes, Backend, Cause, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, Sleep, StepError, Warning,
 };
 use common::FRAME;
 use common::crossings::{crossings, crossings_with};
@@ -364,6 +364,7 @@ fn a_sheet_in_the_plane_of_a_table_lies_on_it(backend: Backend) {
     let bodies = [(&table, 1.0), (&back, -1.0), (&Mesh::grid(2, 2, 3.0, 3.0), 1.0)];
     for (turn, (body, front)) in [Quat::IDENTITY, Quat::from_euler(EulerRot::XYZ, 0.3, 0.5, 0.7)]
         .into_iter()
+        .skip(coarser(backend, 0, 1) as usize)
         .flat_map(|turn| bodies.map(|body| (turn, body)))
     {
         let turned = |mesh: &Mesh| moved(mesh, |x| turn * x);
@@ -514,4 +515,38 @@ fn what_is_pinched_is_reported(backend: Backend) {
         assert!(fastest < 3.0, "frame {frame}: {fastest} m/s");
     }
     assert!(pinched > 0, "the plates went through the sheet");
+}
+
+/// Two limbs close on hung cloth until one is inside the other, and open again. The cloth hooks on them, which more substeps do not
+/// cure, so their number stays what it was; once there is room, it can be freed.
+#[test]
+fn cloth_that_hooks_on_a_body_takes_no_more_substeps_and_can_be_freed() {
+    let mut sheet = jittered(Mesh::grid(21, 31, 0.3, 0.45), 3);
+    sheet.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 0.0) + Vec3::Z * 1e-4 * x.x.sin());
+    let top = sheet.positions.iter().map(|x| x.y).fold(f32::NEG_INFINITY, f32::max);
+    let pinned = (0..651).filter(|&v| sheet.positions[v as usize].y > top - 0.004).collect();
+    let quality = Quality::default();
+    let mut cloth = Deformer::new(&sheet, Options { pinned, quality, ..options(Backend::Cpu, 1, true) }).unwrap();
+    let limb = capsule(Vec3::new(-0.2, 0.0, 0.0), Vec3::new(0.2, 0.0, 0.0), 0.05, 10);
+    let (mut before, mut crossed, mut hooked) = (0, 0, 0);
+    let bodies = |frame: i32| {
+        // From 60 mm to an overlap of 3 mm, which lasts for a third of a second, and back.
+        let gap = 0.001 * f32::from((frame - 40).abs().clamp(10, 41) as i16 - 10) * 2.0 - 0.0015;
+        [-1.0, 1.0].map(|side: f32| moved(&limb, |x| x + side * (0.05 + gap) * Vec3::Z))
+    };
+    for frame in 0..110 {
+        let bodies = bodies(frame);
+        let report = cloth.step(FRAME, &with(bodies.iter().cloned().map(Collider::mesh).collect())).unwrap();
+        let is_crossed = report.warnings.iter().any(|warning| matches!(warning, Warning::BodyCrossings { .. }));
+        let hooks = |warning: &Warning| matches!(warning, Warning::StrainMissed { cause: Cause::Crossings, .. });
+        hooked += u32::from(report.warnings.iter().any(hooks));
+        let most = if is_crossed { &mut crossed } else { &mut before };
+        *most = report.substeps.max(*most);
+    }
+    assert!(hooked > 10 && crossed > 0 && crossed <= before, "{before} substeps before, {crossed} while it crosses, {hooked}");
+    let scene = with(bodies(110).iter().cloned().map(Collider::mesh).collect());
+    let parted = cloth.untangle(&scene).unwrap();
+    assert!(parted.before > 0 && parted.after == 0, "{parted:?}");
+    let last = (0..60).map(|_| cloth.step(FRAME, &scene).unwrap()).last().unwrap();
+    assert!(last.warnings.is_empty() && last.stretch.unwrap().share < 0.03, "{last:?}");
 }

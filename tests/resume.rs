@@ -176,3 +176,25 @@ fn frames_of_a_longer_run_are_not_mistaken_for_this_ones() {
     succeeds(&directory, "--frames 5 --quiet --fabric silk");
     succeeds(&directory, "--frames 3 --quiet --out other");
 }
+
+/// A body of numbered files has as many as the run has frames, so a longer run goes on from a shorter one; not if a file that was used
+/// has changed.
+#[test]
+fn a_run_with_a_body_of_numbered_files_can_be_made_longer() {
+    let whole = TempDir::new().unwrap();
+    let longer = TempDir::new().unwrap();
+    let write = |directory: &TempDir, frame: u32, height: f32| {
+        let text = format!("v -1 {height} -1\nv 1 {height} -1\nv 0 {height} 1\nf 1 3 2\n");
+        fs::write(directory.path().join(format!("body_{frame:02}.obj")), text).unwrap();
+    };
+    for directory in [&whole, &longer] {
+        (1..=8).for_each(|frame| write(directory, frame, -0.01 * f32::from(frame as u8)));
+    }
+    let run = "--body body_##.obj --save run.save";
+    succeeds(&whole, &format!("{run} --frames 8"));
+    succeeds(&longer, &format!("{run} --frames 5"));
+    succeeds(&longer, &format!("{run} --frames 8 --resume run.save"));
+    (1..=8).for_each(|number| assert!(file(&whole, &frame(number)) == file(&longer, &frame(number)), "frame {number}"));
+    write(&longer, 3, 0.02);
+    fails(&longer, &format!("{run} --frames 8 --resume run.save"), &["different", "colliders"]);
+}

@@ -187,7 +187,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "METERS", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
     pub(crate) self_contact: Option<f32>,
 
-    /// Separate cloth that crosses itself or a mesh collider before the first frame; crossings that remain are reported
+    /// Separate cloth that crosses itself or a mesh collider, before the first frame and every 0.2 s later; crossings that remain are reported
     #[arg(long)]
     pub(crate) untangle: bool,
 

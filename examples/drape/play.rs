@@ -2,12 +2,11 @@
 
 use std::{
     io::{self, IsTerminal},
-    mem,
     sync::atomic::{AtomicBool, Ordering},
     time::Instant,
 };
 
-use cloth_deformer::{Deformer, Measure, Mesh, StepError, Warning};
+use cloth_deformer::{Attributes, Deformer, Measure, Mesh, StepError, Untangled};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
@@ -20,7 +19,7 @@ use crate::{
     report::{Frame, Report},
     save,
     scene::Scene,
-    warnings::{self, describe},
+    warnings::{self, Warned, describe},
 };
 
 /// Most cells of the contact sheet.
@@ -50,16 +49,15 @@ pub(crate) fn play(
 
     let mut report = Report::new(&deformer, options.method, mesh);
     let (mut cells, mut moving): (Vec<Cell>, Vec<Cell>) = (Vec::new(), Vec::new());
-    let mut warned: Vec<mem::Discriminant<Warning>> = Vec::new();
+    let mut warned = Warned::default();
     // In this frame the cloth is the mesh: frame 1, or one before it if there is a preroll.
     let first = scene.timeline.first();
     // The forecast warns of what the scene asks too much of before the first frame.
     for warning in deformer.forecast(dt, &scene.attributes(first)).map_err(|error| Failure::step(first, &error))?.warnings {
-        warned.push(mem::discriminant(&warning));
+        warned.add(first, warning);
         warn("warning", &describe(warning, 60.0 * dt));
     }
     let resumed = save::resume(scene, &mut deformer)?;
-    let acts = scene.acts();
     let done = resumed.as_ref().map(|saved| saved.frame);
     report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
     if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
@@ -99,13 +97,16 @@ pub(crate) fn play(
             deformer.wait().map_err(failed)?;
             seconds = start.elapsed().as_secs_f64();
             counts = [done.substeps, done.contacts];
-            for warning in done.warnings {
-                // Each kind only once, with its first frame: a limit exceeded in one is exceeded in most of the following.
-                if !warned.contains(&mem::discriminant(&warning)) {
-                    warned.push(mem::discriminant(&warning));
-                    let line = format!("{}: {}", named(frame), describe(warning, 60.0 * dt));
-                    progress.suspend(|| warn("warning", &line));
-                }
+            let crosses = done.warnings.iter().any(warnings::is_of_crossings);
+            // Each kind only once, with its first frame: a limit exceeded in one is exceeded in most of the following.
+            for warning in done.warnings.into_iter().filter(|&warning| warned.add(frame, warning)) {
+                let line = format!("{}: {}", named(frame), describe(warning, 60.0 * dt));
+                progress.suspend(|| warn("warning", &line));
+            }
+            // Cloth that was pinched may hook on a body, and there may be room for it again.
+            if scene.untangle && crosses && (frame - first) % scene.untangled_every() == 0 {
+                let parted = untangle(&mut deformer, &attributes).map_err(failed)?;
+                parted.into_iter().for_each(|line| progress.suspend(|| warn("note", &format!("{}: {line}", named(frame)))));
             }
             shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
         }
@@ -120,7 +121,7 @@ pub(crate) fn play(
         progress.inc(1);
         let is_interrupted = interrupted.load(Ordering::Relaxed);
         let is_last = is_interrupted || frame == i64::from(outputs.frames);
-        save::save(outputs, frame, is_last, &mut deformer, &acts, &report.frames)?;
+        save::save(scene, frame, is_last, &mut deformer, &report.frames)?;
         if is_interrupted {
             progress.finish_and_clear();
             let message = format_args!("interrupted: {} of {} frames written", frame.max(0), outputs.frames);
@@ -128,6 +129,9 @@ pub(crate) fn play(
         }
     }
     progress.finish_and_clear();
+    if !quiet {
+        warned.repeated().iter().for_each(|line| warn("note", line));
+    }
 
     frames.finish()?;
     if let Some(file) = report_file {
@@ -166,13 +170,18 @@ fn begin(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(),
     if !scene.untangle {
         return Ok(());
     }
-    let parted = deformer.untangle(&attributes).map_err(failed)?;
-    if parted.farthest > 0.0 {
+    if let Some(line) = untangle(deformer, &attributes).map_err(failed)? {
         shape.positions.copy_from_slice(deformer.positions().map_err(failed)?);
-        let (before, after, most) = (parted.before, parted.after, 1e3 * parted.farthest);
-        warn("note", &format!("untangled: {before} crossings at the start, {after} left; vertices moved by up to {most:.1} mm"));
+        warn("note", &line);
     }
     Ok(())
+}
+
+/// Separates cloth that crosses. Returns a line about it if any vertex was moved.
+fn untangle(deformer: &mut Deformer, attributes: &Attributes) -> Result<Option<String>, StepError> {
+    let Untangled { before, after, farthest, .. } = deformer.untangle(attributes)?;
+    let moved = 1e3 * farthest;
+    Ok((farthest > 0.0).then(|| format!("untangled: {before} crossings, {after} left; vertices moved by up to {moved:.1} mm")))
 }
 
 /// A progress bar on a terminal, nothing otherwise.

@@ -26,19 +26,13 @@ pub(crate) struct Saved {
 }
 
 /// Saves the state of the run, if it is wanted after this frame.
-pub(crate) fn save(
-    outputs: &Outputs,
-    frame: i64,
-    is_last: bool,
-    deformer: &mut Deformer,
-    scene: &str,
-    frames: &[Frame],
-) -> Result<(), Failure> {
+pub(crate) fn save(scene: &Scene, frame: i64, is_last: bool, deformer: &mut Deformer, frames: &[Frame]) -> Result<(), Failure> {
+    let outputs = &scene.outputs;
     let Some(path) = outputs.save.as_deref().filter(|_| is_last || frame % i64::from(outputs.every) == 0) else {
         return Ok(());
     };
     let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
-    let saved = Saved { frame, scene: scene.to_owned(), frames: frames.to_vec() };
+    let saved = Saved { frame, scene: scene.acts(frame), frames: frames.to_vec() };
     let mut bytes = serde_json::to_vec(&saved).map_err(|error| Failure::input(format_args!("--save: {error}")))?;
     bytes.push(b'\n');
     bytes.extend(snapshot.to_bytes());
@@ -60,17 +54,21 @@ pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Sa
     let (head, snapshot) = bytes.split_at(end);
     let altered = || refuse(&"it was not written by --save, or was truncated or altered");
     let saved: Saved = serde_json::from_slice(head).map_err(|_| altered())?;
-    if saved.scene != scene.acts() {
-        let message = "it was saved with different gravity, wind, colliders, pins, preroll or frames a second; use the same ones";
-        return Err(refuse(&message));
-    }
-    if saved.frame < scene.timeline.first() || saved.frames.len() as i64 != saved.frame.max(0) {
+    if saved.frames.len() as i64 != saved.frame.max(0) {
         return Err(altered());
     }
+    // Before the scenes are compared, because of bodies only the files of so many frames are read.
     if saved.frame > i64::from(outputs.frames) {
         let message =
             format_args!("it was saved after frame {}, but --frames is {}; ask for more frames", saved.frame, outputs.frames);
         return Err(refuse(&message));
+    }
+    if saved.scene != scene.acts(saved.frame) {
+        let message = "it was saved with different gravity, wind, colliders, pins, preroll or frames a second; use the same ones";
+        return Err(refuse(&message));
+    }
+    if saved.frame < scene.timeline.first() {
+        return Err(altered());
     }
     let snapshot = Snapshot::from_bytes(snapshot.get(1..).unwrap_or_default()).map_err(|error| refuse(&error))?;
     deformer.restore(&snapshot).map_err(|error| refuse(&error))?;

@@ -1,6 +1,10 @@
 //! Formats warnings, one line each.
 
+use std::mem;
+
 use cloth_deformer::{Cause, Collider, Crossing, Mesh, Shape, Warning};
+
+use crate::named;
 
 /// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes. `sixtieths` is the length of a step in units of 1/60 s, by which `--substeps` counts.
 pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
@@ -19,7 +23,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         }
         Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
             format!(
-                "{pairs} edges pass through triangles, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated"
+                "{pairs} edges pass through triangles, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated; --untangle helps them"
             )
         }
         Warning::StrainMissed { stretch, promised, cause } => {
@@ -28,9 +32,15 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
                 Cause::Collider => "by a fast collider",
                 Cause::Wind => "by the wind",
                 Cause::Slivers => "by edges a hundred times shorter than their triangles",
+                Cause::Crossings => "where it crosses itself or a body",
                 _ => "by its own motion",
             };
-            let remedy = if cause == Cause::Slivers { "merge their ends" } else { "move it more slowly" };
+            let remedy = match cause {
+                Cause::Slivers => "merge their ends",
+                Cause::Crossings => "give it more room, and use --untangle",
+                Cause::Wind => "let it blow less hard",
+                _ => "move it more slowly",
+            };
             let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
             format!(
                 "the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; {remedy}, or ask for more --substeps"
@@ -50,7 +60,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         Warning::BodyCrossings { pairs, collider } => {
             let number = collider + 1;
             format!(
-                "cloth and mesh colliders cross in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated"
+                "cloth and mesh colliders cross in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated; --untangle helps them"
             )
         }
         Warning::ContactOutruns { speed, resolved } => {
@@ -59,6 +69,60 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
             )
         }
         other => format!("{other:?}"),
+    }
+}
+
+/// Whether a warning says that something crosses.
+pub(crate) fn is_of_crossings(warning: &Warning) -> bool {
+    matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. })
+}
+
+/// The warnings of a run by their kinds.
+#[derive(Default)]
+pub(crate) struct Warned {
+    kinds: Vec<Kind>,
+}
+
+/// A kind of warning: its last one, in which frame that was, and in how many frames there was one.
+struct Kind {
+    last: Warning,
+    frame: i64,
+    frames: u32,
+}
+
+impl Warned {
+    /// Adds a warning of a frame. Returns whether it is the first of its kind.
+    pub(crate) fn add(&mut self, frame: i64, warning: Warning) -> bool {
+        let is_same = |kind: &&mut Kind| mem::discriminant(&kind.last) == mem::discriminant(&warning);
+        let same = self.kinds.iter_mut().find(is_same);
+        let is_first = same.is_none();
+        match same {
+            Some(kind) => (kind.last, kind.frame, kind.frames) = (warning, frame, kind.frames + 1),
+            None => self.kinds.push(Kind { last: warning, frame, frames: 1 }),
+        }
+        is_first
+    }
+
+    /// A line for each kind that there were several of, unless it is of something that does not change.
+    pub(crate) fn repeated(&self) -> Vec<String> {
+        let several = self.kinds.iter().filter(|kind| kind.frames > 1);
+        let line = |Kind { last, frame, frames }: &Kind| {
+            Some(format!("{} in {frames} frames, the last of them {}", title(last)?, named(*frame)))
+        };
+        several.filter_map(line).collect()
+    }
+}
+
+/// What a warning is about that may be in some frames and not in others.
+fn title(warning: &Warning) -> Option<&'static str> {
+    match warning {
+        Warning::Crossings { .. } => Some("edges passed through triangles"),
+        Warning::BodyCrossings { .. } => Some("cloth and mesh colliders crossed"),
+        Warning::StrainMissed { .. } => Some("the cloth was stretched beyond the bound"),
+        Warning::PinOutruns { .. } => Some("pins were too fast"),
+        Warning::ColliderOutruns { .. } => Some("colliders were too fast"),
+        Warning::ContactOutruns { .. } => Some("pins or mesh colliders were too fast for contact"),
+        _ => None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Prediction of a step before it is taken, its warnings, and the translation of failures into errors.
 
 use super::{Deformer, StepDecision};
-use crate::attributes::Attributes;
+use crate::attributes::{Attributes, Shape};
 #[cfg(feature = "gpu")]
 use crate::device::fault::{Excess, GpuFault};
 use crate::error::failure::{Cause, Failure};
@@ -57,7 +57,7 @@ impl Deformer {
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
         let (_, fastest) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt));
-        let warnings = self.warnings(&decision, limited, fastest);
+        let warnings = self.warnings(&decision, attributes, limited, fastest);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
@@ -75,19 +75,31 @@ impl Deformer {
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices and pins and colliders
     /// whose fastest move as `fastest` says.
-    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize, fastest: Fastest) -> Vec<Warning> {
+    pub(super) fn warnings(
+        &self,
+        decision: &StepDecision,
+        attributes: &Attributes,
+        limited: usize,
+        fastest: Fastest,
+    ) -> Vec<Warning> {
         let &StepDecision { dt, division: Division { substeps, .. }, .. } = decision;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });
         let Slivers { edges, worst, .. } = self.cloth.slivers;
         let slivers = (edges > 0).then_some(Warning::Slivers { edges, worst });
+        let outrun = |speed: f64, length: f32| {
+            let carried = f64::from(length) * f64::from(substeps) / f64::from(dt);
+            (speed > carried).then_some([speed as f32, carried as f32])
+        };
         // A sweep passes a pull on by one edge length per substep.
-        let carried = f64::from(self.cloth.longest) * f64::from(substeps) / f64::from(dt);
-        let outrun = |speed: f64| (speed > carried).then_some([speed as f32, carried as f32]);
-        let pin = outrun(fastest.pin.1).filter(|_| self.options.method != Method::Springs);
+        let pin = outrun(fastest.pin.1, self.cloth.longest).filter(|_| self.options.method != Method::Springs);
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
-        let collider = outrun(fastest.collider.1).filter(|_| self.cloth.longest > 0.0);
+        // Contact lets a vertex follow a collider only as far as it does not come too close to others. Meshes carry what they hit.
+        let is_mesh =
+            attributes.colliders.get(fastest.collider.0).is_some_and(|collider| matches!(collider.shape, Shape::Mesh { .. }));
+        let thickness = self.options.contact.filter(|_| !is_mesh).map_or(f32::INFINITY, |contact| contact.thickness);
+        let collider = outrun(fastest.collider.1, self.cloth.longest.min(thickness)).filter(|_| self.cloth.longest > 0.0);
         let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: fastest.collider.0, speed, carried });
         [limited, needed, slivers, pin, collider, self.contact_outruns(decision)].into_iter().flatten().collect()
     }

@@ -49,7 +49,7 @@ impl Deformer {
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).
-    pub(super) fn controlled(&self, dt: f32, load: &Load, caution: Caution) -> Controller {
+    pub(super) fn controlled(&self, dt: f32, load: &Load, caution: Caution, has_contact: bool) -> Controller {
         match (self.strain_bound(), self.options.quality) {
             (Some(strain_bound), _) => self.controller.next(&self.rates, &self.cloth, (strain_bound, caution), load, dt),
             (None, Quality::Budget(time)) => {
@@ -57,7 +57,9 @@ impl Deformer {
                 let steps = f64::from(dt) * FRAMES;
                 let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
                 let most = most(&self.rates, &self.cloth);
-                self.controller.with_count(fitting.map_or(LEAST, |substeps| (substeps / steps).clamp(1.0, most)))
+                // With fewer, cloth is stretched so far that contact takes longer, not less.
+                let least = if has_contact { LEAST } else { 1.0 };
+                self.controller.with_count(fitting.map_or(LEAST, |substeps| (substeps / steps).clamp(least, most)))
             }
             _ => self.controller,
         }
@@ -115,7 +117,9 @@ impl Deformer {
         let decision = self.awaiting_statistics.pop_front()?;
         let strain_bound = self.strain_bound();
         if let Some(strain_bound) = strain_bound {
-            warnings.extend(self.learn(&decision, strain_bound, seen));
+            let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
+            let crosses = warnings.iter().any(is_crossed);
+            warnings.extend(self.learn(&decision, strain_bound, seen, crosses));
         }
         self.seen = Some(*seen);
         let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
@@ -123,14 +127,25 @@ impl Deformer {
     }
 
     /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
-    fn learn(&mut self, decision: &StepDecision, strain_bound: StrainBound, seen: &Statistics) -> Option<Warning> {
+    ///
+    /// Cloth that `crosses` itself or a body hooks on it. More substeps do not shorten what is stretched by that, so nothing is
+    /// learned from it.
+    fn learn(&mut self, decision: &StepDecision, strain_bound: StrainBound, seen: &Statistics, crosses: bool) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
         let excess = excess(&self.cloth, load, seen, strain_bound.share);
         let law = self.rates.strain(load.stress(&self.cloth), f64::from(division.length.longest));
-        self.controller.learn(law, excess, self.caution(self.engine.contact().is_some(), false), *dt);
+        let caution = self.caution(self.engine.contact().is_some(), false);
+        match crosses {
+            true => self.controller.forget(caution, *dt),
+            false => self.controller.learn(law, excess, caution, *dt),
+        }
         let missed = excess > f64::from(strain_bound.stretch);
         let slivers = self.cloth.slivers.edges as f32 > (1.0 - strain_bound.share) * self.cloth.links.len() as f32;
-        let cause = if slivers { Cause::Slivers } else { load.cause(&self.cloth) };
+        let cause = match (slivers, crosses) {
+            (true, _) => Cause::Slivers,
+            (false, true) => Cause::Crossings,
+            (false, false) => load.cause(&self.cloth),
+        };
         missed.then_some(Warning::StrainMissed { stretch: excess as f32, promised: strain_bound.stretch, cause })
     }
 }

@@ -49,6 +49,9 @@ pub enum Cause {
     Wind,
     /// Too much of the area belongs to slivers: edges that are a hundred times shorter than their triangles.
     Slivers,
+    /// Cloth that crosses itself or a mesh collider and hooks on it ([`Warning::Crossings`], [`Warning::BodyCrossings`]). The number
+    /// of substeps is not raised for it.
+    Crossings,
 }
 
 /// An edge that passes through a triangle with which it shares no vertex. Indices are those of the mesh.
@@ -117,14 +120,16 @@ pub enum Warning {
         carried: f32,
     },
     /// A collider moves farther in a substep than an edge is long, wherever the cloth is. It does not tunnel, but cloth
-    /// that it hits is stretched. Move it more slowly, take more substeps, or mark it as
+    /// that it hits is stretched. Or it moves farther than the thickness of [`Options::contact`](crate::Options::contact),
+    /// if it is no mesh: what it hits can then not follow without coming too close to itself, and lets it sink in, by
+    /// several times the thickness and more. Move it more slowly, take more substeps, or mark it as
     /// [`teleported`](crate::Collider::teleported).
     ColliderOutruns {
         /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
         /// Its speed (m/s).
         speed: f32,
-        /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
+        /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
         carried: f32,
     },
     /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so
@@ -140,7 +145,8 @@ pub enum Warning {
     },
     /// The cloth and a mesh collider cross each other: they did when one of them was put in place, or the cloth was
     /// pinched, because mesh colliders and pins left it no room. Contact ignores the crossing parts until they have
-    /// separated, and holds them from then on.
+    /// separated, and holds them from then on. Cloth that hooks on a collider does not separate by itself: once there is
+    /// room again, call [`Deformer::untangle`](crate::Deformer::untangle).
     BodyCrossings {
         /// Number of crossing pairs of an edge and a triangle, over all mesh colliders.
         pairs: usize,
@@ -149,7 +155,8 @@ pub enum Warning {
     },
     /// Edges pass through triangles of the cloth ([`Options::contact`](crate::Options::contact)): they did when the state
     /// was set, or the cloth was pinched, because pins and mesh colliders left it no room. Contact ignores the crossing
-    /// parts until they have separated, and holds them from then on.
+    /// parts until they have separated, and holds them from then on. [`Deformer::untangle`](crate::Deformer::untangle)
+    /// separates what does not do so by itself.
     Crossings {
         /// Number of crossing pairs of an edge and a triangle.
         pairs: usize,

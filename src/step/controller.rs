@@ -140,8 +140,17 @@ impl Controller {
     /// Updates the factor from the measured stretch beyond the fabric's own in a step of `dt` (s), for which the law with a
     /// factor of 1 predicts `law`.
     pub(crate) fn learn(&mut self, law: f64, excess: f64, caution: Caution, dt: f32) {
-        let faded = self.factor * (-f64::from(dt) / caution.memory).exp();
+        let faded = self.faded(caution, dt);
         self.factor = if law > NOTHING { faded.max(excess / law) } else { faded }.max(NOTHING);
+    }
+
+    /// Returns towards the first factor over a step of `dt` (s) whose stretch says nothing about the number of substeps.
+    pub(crate) fn forget(&mut self, caution: Caution, dt: f32) {
+        self.factor = self.faded(caution, dt).max(self.factor.min(caution.first_factor));
+    }
+
+    fn faded(&self, caution: Caution, dt: f32) -> f64 {
+        self.factor * (-f64::from(dt) / caution.memory).exp()
     }
 }
 

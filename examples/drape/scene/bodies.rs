@@ -64,6 +64,13 @@ impl Body {
         Ok(Arc::new(mesh))
     }
 
+    /// A hash of the vertices up to a moment. How many files follow depends on the length of the run.
+    pub(super) fn until(&self, moment: Moment) -> String {
+        let meshes = self.meshes.iter().filter(|&&(begins, _)| begins <= moment.time + 1e-9).map(|(_, mesh)| mesh);
+        let numbers = meshes.chain(&self.start).flat_map(|mesh| &mesh.positions).flat_map(Vec3::to_array);
+        hash(&numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
+    }
+
     /// The mesh at a moment. From its start its vertices go to frame 1 in straight lines.
     pub(super) fn at(&self, moment: Moment) -> Arc<Mesh> {
         let later = self.meshes.partition_point(|&(begins, _)| begins <= moment.time + 1e-9);
@@ -79,12 +86,9 @@ impl Body {
     }
 }
 
-/// The text by which `--resume` recognizes a run contains a hash of the vertices.
+/// What the text by which `--resume` recognizes a run says of a body, besides [`Body::until`].
 impl fmt::Debug for Body {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let numbers =
-            self.meshes.iter().map(|(_, mesh)| mesh).chain(&self.start).flat_map(|mesh| &mesh.positions).flat_map(Vec3::to_array);
-        let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
-        write!(f, "Body({} meshes, {})", self.meshes.len(), hash(&bytes))
+        write!(f, "Body")
     }
 }

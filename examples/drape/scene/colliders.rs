@@ -177,9 +177,14 @@ impl Moving {
         Ok(moving)
     }
 
+    /// The mesh collider, if it is one.
+    pub(super) fn body(&self) -> Option<&Body> {
+        if let Motion::Mesh(body) = &self.motion { Some(body) } else { None }
+    }
+
     /// The files that it was read from.
     pub(super) fn files(&self) -> &[PathBuf] {
-        if let Motion::Mesh(body) = &self.motion { &body.files } else { &[] }
+        self.body().map_or(&[], |body| &body.files)
     }
 
     /// A collider that does not move.

@@ -106,7 +106,7 @@ pub(crate) struct Contact {
     pub(crate) thickness: Option<Positive>,
     /// Coefficient of Coulomb friction. 0.3.
     pub(crate) friction: Option<NotNegative>,
-    /// Whether a start that crosses itself or a mesh collider is separated before the first frame. False.
+    /// Whether cloth that crosses itself or a mesh collider is separated, before the first frame and every 0.2 s later. False.
     pub(crate) untangle: bool,
 }
 

@@ -130,13 +130,21 @@ impl Scene {
         frame >= first && (frame - first).is_multiple_of(self.animated_every())
     }
 
-    /// Describes everything that acts on the cloth. A run can be resumed only if this text is unchanged.
-    pub(crate) fn acts(&self) -> String {
+    /// The number of frames after which cloth that crosses is separated again.
+    pub(crate) fn untangled_every(&self) -> i64 {
+        (0.2 / self.dt()).round().max(1.0) as i64
+    }
+
+    /// Describes everything that acts on the cloth up to a frame. A run can be resumed after that frame only if this text is
+    /// unchanged.
+    pub(crate) fn acts(&self, frame: i64) -> String {
         let Scene { gravity, wind, colliders, pins, untangle, timeline, .. } = self;
         let led: Vec<&Group> = pins.iter().filter(|group| group.moves()).collect();
         let parted = if *untangle { " untangled" } else { "" };
         let preroll = timeline.preroll;
-        format!("{:?} {preroll} {gravity:?} {wind:?} {colliders:?} {led:?}{parted}", self.dt())
+        let moment = timeline.moment(frame);
+        let bodies: Vec<String> = colliders.iter().filter_map(Moving::body).map(|body| body.until(moment)).collect();
+        format!("{:?} {preroll} {gravity:?} {wind:?} {colliders:?} {bodies:?} {led:?}{parted}", self.dt())
     }
 
     /// The attributes of the step that leads to a frame. The preroll has frames before 1.
