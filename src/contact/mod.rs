@@ -299,6 +299,8 @@ impl TriangleContact {
         self.bodies.advance(plan, substep, x, u);
         self.part_touches(x);
         self.push_out(context, x, u);
+        // Vertices that jump this far out of a collider may jump over others.
+        self.may_cross |= self.push.most > self.options.thickness;
         let common_motion = self.bodies.common_motion(plan, x, u, self.options.thickness);
         if !self.list(context, x, u, common_motion.is_none()) {
             return;

@@ -120,7 +120,9 @@ impl GpuContact {
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
             let (pinched, are_all) = readback.pinched();
-            self.on_cpu.note_pinched(pinched, are_all);
+            // Vertices that jump this far out of a collider may jump over others.
+            let jumped = status.pushed.max(f32::from_bits(status.most_push)) > self.options.thickness;
+            self.on_cpu.note_pinched(pinched, are_all && !jumped);
             return Ok(Judgment::Good);
         }
         self.choice.change(status.stopped, needed > 0);
