@@ -190,7 +190,7 @@ fn room_grows_to_what_is_needed() {
         }
     }
     println!("room for {rooms:?} pairs, at most {most} listed");
-    assert!(rooms.len() > 3, "it grew several times: {rooms:?}");
+    assert!(rooms.len() > 2, "it grew more than once: {rooms:?}");
 }
 
 /// The same bits with a ball of triangles that turns, then stands still, below cloth that falls on it.
