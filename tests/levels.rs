@@ -156,8 +156,8 @@ fn levels_run_where_they_pay() {
     assert_eq!(count(129, 20, |_| {}), 5);
     assert_eq!(count(65, 120, |_| {}), 2, "S* is 168");
     assert_eq!(count(65, 150, |_| {}), 0, "S* is 168");
-    assert_eq!(count(12, 5, |_| {}), 2, "S* is 31");
-    assert_eq!(count(12, 40, |_| {}), 0, "S* is 31");
+    assert_eq!(count(12, 5, |_| {}), 2, "S* is 29");
+    assert_eq!(count(12, 40, |_| {}), 0, "S* is 29");
     assert_eq!(count(65, 20, |options| options.levels = Levels::Off), 0);
     assert_eq!(count(65, 20, |options| options.levels = Levels::Count(2)), 2);
     assert_eq!(count(65, 20, |options| options.levels = Levels::Count(u32::MAX)), 4);
