@@ -325,6 +325,8 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
     mesh.positions.extend(other.positions.iter().map(|&x| upright * x + 0.05 * Vec3::Y));
     mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + held)));
     let mut scene = Scene::new(mesh, 20, Vec::new());
+    // How fast cloth snaps free is a matter of chance: 3.6 m/s like this, 4.6 with 40 substeps, 11 with 80 and with levels.
+    scene.options.levels = Levels::Off;
     let top: Vec<u32> = (held..held + 81).filter(|&v| scene.mesh.positions[v as usize].y > 0.19).collect();
     scene.options.pinned = (0..held).chain(top).collect();
     let mut deformer = scene.deformer();
