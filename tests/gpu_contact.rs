@@ -174,7 +174,9 @@ fn the_same_bits_every_time() {
 /// A list without room is counted once, and then has room for twice as many pairs, whenever in a step it overflowed.
 #[test]
 fn room_grows_to_what_is_needed() {
-    let scene = heap(12);
+    let mut scene = heap(12);
+    // With levels it falls so that all the room is needed at once.
+    scene.options.levels = Levels::Off;
     let mut cloth = scene.on(Backend::Gpu);
     cloth.contact_room(3).unwrap();
     let (mut most, mut rooms) = (0, vec![cloth.has_contact_room()]);
@@ -190,7 +192,7 @@ fn room_grows_to_what_is_needed() {
         }
     }
     println!("room for {rooms:?} pairs, at most {most} listed");
-    assert!(rooms.len() > 2, "it grew more than once: {rooms:?}");
+    assert!(rooms.len() > 3, "it grew several times: {rooms:?}");
 }
 
 /// The same bits with a ball of triangles that turns, then stands still, below cloth that falls on it.

@@ -109,7 +109,8 @@ pub enum Method {
 #[non_exhaustive]
 pub enum Levels {
     /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, or if
-    /// the wind's pressure is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into small wrinkles.
+    /// the wind's pressure is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into
+    /// small wrinkles.
     ///
     /// On [`Backend::Gpu`] with [`Quality::Strain`] or [`Quality::Hold`] and no contact of triangles: none below 8192 vertices,
     /// because more substeps cost less there; above, only down to the first level with at most 4096 aggregates, because coarser
