@@ -270,8 +270,7 @@ fn what_outruns_the_substeps_is_warned_of() {
     }
 }
 
-/// With contact, cloth follows a collider by about the thickness in a substep. One that is faster sinks in, and the step says so; a
-/// mesh carries what it hits, and is not warned of.
+/// With contact, cloth follows a collider by about the thickness in a substep. One that is faster sinks in, and the step says so.
 #[test]
 fn what_outruns_contact_is_warned_of() {
     let mesh = Mesh::grid(61, 61, 1.2, 1.2);

@@ -36,15 +36,13 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
                 _ => "by its own motion",
             };
             let remedy = match cause {
-                Cause::Slivers => "merge their ends",
+                Cause::Slivers => "merge their ends, or ask for more --substeps",
                 Cause::Crossings => "give it more room, and use --untangle",
-                Cause::Wind => "let it blow less hard",
-                _ => "move it more slowly",
+                Cause::Wind => "let it blow less hard, or ask for more --substeps",
+                _ => "move it more slowly, or ask for more --substeps",
             };
             let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
-            format!(
-                "the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; {remedy}, or ask for more --substeps"
-            )
+            format!("the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; {remedy}")
         }
         Warning::PinOutruns { pin, speed, carried } => {
             format!(
@@ -83,22 +81,22 @@ pub(crate) struct Warned {
     kinds: Vec<Kind>,
 }
 
-/// A kind of warning: its last one, in which frame that was, and in how many frames there was one.
+/// A kind of warning: its first one, the last frame that had one, and how many frames had one.
 struct Kind {
-    last: Warning,
-    frame: i64,
+    first: Warning,
+    last: i64,
     frames: u32,
 }
 
 impl Warned {
     /// Adds a warning of a frame. Returns whether it is the first of its kind.
     pub(crate) fn add(&mut self, frame: i64, warning: Warning) -> bool {
-        let is_same = |kind: &&mut Kind| mem::discriminant(&kind.last) == mem::discriminant(&warning);
+        let is_same = |kind: &&mut Kind| mem::discriminant(&kind.first) == mem::discriminant(&warning);
         let same = self.kinds.iter_mut().find(is_same);
         let is_first = same.is_none();
         match same {
-            Some(kind) => (kind.last, kind.frame, kind.frames) = (warning, frame, kind.frames + 1),
-            None => self.kinds.push(Kind { last: warning, frame, frames: 1 }),
+            Some(kind) => (kind.last, kind.frames) = (frame, kind.frames + 1),
+            None => self.kinds.push(Kind { first: warning, last: frame, frames: 1 }),
         }
         is_first
     }
@@ -106,8 +104,8 @@ impl Warned {
     /// A line for each kind that there were several of, unless it is of something that does not change.
     pub(crate) fn repeated(&self) -> Vec<String> {
         let several = self.kinds.iter().filter(|kind| kind.frames > 1);
-        let line = |Kind { last, frame, frames }: &Kind| {
-            Some(format!("{} in {frames} frames, the last of them {}", title(last)?, named(*frame)))
+        let line = |Kind { first, last, frames }: &Kind| {
+            Some(format!("{} in {frames} frames, the last of them {}", title(first)?, named(*last)))
         };
         several.filter_map(line).collect()
     }
