@@ -7,6 +7,8 @@ const NARROW: f32 = 0.2;
 const SLACK: f32 = 0.01;
 const DEEP: f32 = 0.2;
 const UNWINDING: f32 = 0.125;
+// A pair with a kinematic side is squeezed if it is too close by more than this share of its thickness.
+const SQUEEZED: f32 = 0.3;
 
 // The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
 // other).

@@ -40,6 +40,7 @@ on_every_backend!(
     a_sheet_in_the_plane_of_a_table_lies_on_it,
     what_lies_on_triangles_falls_asleep,
     what_is_squeezed_stays_between,
+    squeezed_cloth_takes_no_more_substeps,
     what_is_pinched_is_reported,
     what_goes_through_completely_is_reported,
 );
@@ -515,6 +516,32 @@ fn what_is_pinched_is_reported(backend: Backend) {
         assert!(fastest < 3.0, "frame {frame}: {fastest} m/s");
     }
     assert!(pinched > 0, "the plates went through the sheet");
+}
+
+/// Two limbs close on a hung sheet to less room than its thickness, and pull it down. More substeps would hardly shorten it, so
+/// their number stays about what it was, and the report says why it is stretched. Where there is room, nothing is squeezed.
+fn squeezed_cloth_takes_no_more_substeps(backend: Backend) {
+    let n = coarser(backend, 21, 13);
+    let mut sheet = jittered(Mesh::grid(n, n, 0.3, 0.3), 3);
+    sheet.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 1e-4 * x.x.sin()));
+    let top = sheet.positions.iter().map(|x| x.y).fold(f32::NEG_INFINITY, f32::max);
+    let pinned: Vec<u32> = (0..n * n).filter(|&v| sheet.positions[v as usize].y > top - 0.003).collect();
+    let limb = capsule(Vec3::new(-0.2, 0.0, 0.0), Vec3::new(0.2, 0.0, 0.0), 0.05, 10);
+    for (room, squeezes) in [(0.004, true), (0.014, false)] {
+        let of = Options { pinned: pinned.clone(), quality: Quality::default(), ..options(backend, 1, true) };
+        let mut cloth = Deformer::new(&sheet, of).unwrap();
+        let (mut most, mut squeezed) = (0, 0);
+        for frame in 0..30 {
+            let (gap, down) = ((0.03 - 0.0025 * frame as f32).max(room), 0.002 * (frame - 12).max(0) as f32);
+            let limbs = [1.0, -1.0].map(|side| moved(&limb, |x| x + Vec3::new(0.0, -down, side * (0.05 + 0.5 * gap))));
+            let report = cloth.step(FRAME, &with(limbs.iter().cloned().map(Collider::mesh).collect())).unwrap();
+            let is_squeezed = |warning: &Warning| matches!(warning, Warning::StrainMissed { cause: Cause::Squeezed, .. });
+            squeezed += u32::from(report.warnings.iter().any(is_squeezed));
+            most = report.substeps.max(most);
+        }
+        assert_eq!(squeezed > 0, squeezes, "{squeezed} frames were stretched because the cloth was squeezed");
+        assert!(most <= 40, "{most} substeps");
+    }
 }
 
 /// Two limbs close on hung cloth until one is inside the other, and open again. The cloth hooks on them, which more substeps do not

@@ -1,4 +1,5 @@
-//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted, and a garment on a body.
+//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted, a garment on a body, and one that a limb
+//! squeezes.
 
 use std::f32::consts::PI;
 
@@ -25,6 +26,8 @@ pub(crate) struct Scene {
     pub twist: f32,
     /// A body that sways and turns; the pins follow it.
     pub body: Option<Mesh>,
+    /// A limb that goes along with the body, closes on it within 20 frames, and slides up and down along it.
+    pub limb: Option<Mesh>,
     /// Number of frames before timing, and of frames that are timed.
     pub frames: [u32; 2],
 }
@@ -32,7 +35,7 @@ pub(crate) struct Scene {
 /// A scene of loose cloth above a floor.
 fn plain(name: &'static str, mesh: Mesh, substeps: u32, frames: [u32; 2]) -> Scene {
     let colliders = vec![Collider::plane(Vec3::ZERO, Vec3::Y)];
-    Scene { name, mesh, substeps, pinned: Vec::new(), colliders, start: None, twist: 0.0, body: None, frames }
+    Scene { name, mesh, substeps, pinned: Vec::new(), colliders, start: None, twist: 0.0, body: None, limb: None, frames }
 }
 
 /// A square sheet.
@@ -67,13 +70,28 @@ fn fold(name: &'static str, n: u32) -> Scene {
     Scene { start: Some(grid(n).positions.iter().map(bent).collect()), ..plain(name, grid(n), 20, [1, 60]) }
 }
 
+/// An upright capsule.
+fn upright(half_length: f32, radius: f32, rings: u32) -> Mesh {
+    let mut mesh = capsule(Vec3::X * -half_length, Vec3::X * half_length, radius, rings);
+    let turn = Quat::from_rotation_z(0.5 * PI);
+    mesh.positions.iter_mut().for_each(|x| *x = turn * *x);
+    mesh
+}
+
 /// A garment of 10,000 vertices on a body of 19,880 triangles.
 fn garment() -> Scene {
-    let mut body = capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.15, 71);
-    let upright = Quat::from_rotation_z(0.5 * PI);
-    body.positions.iter_mut().for_each(|x| *x = upright * *x);
+    let body = upright(0.5, 0.15, 71);
     let mesh = tube(0.165, 0.9, 100, 100);
     Scene { pinned: (0..100).collect(), colliders: Vec::new(), body: Some(body), ..plain("garment", mesh, 20, [30, 60]) }
+}
+
+/// A garment of 1,980 vertices between a body and an arm that leaves it less room than its thickness: 4 mm.
+fn squeezed() -> Scene {
+    let (body, mut limb) = (upright(0.45, 0.15, 24), upright(0.15, 0.05, 12));
+    limb.positions.iter_mut().for_each(|x| x.x += 0.204);
+    let mesh = tube(0.18, 0.6, 60, 33);
+    let pinned = (0..60).collect();
+    Scene { pinned, colliders: Vec::new(), body: Some(body), limb: Some(limb), ..plain("squeezed", mesh, 20, [30, 60]) }
 }
 
 pub(crate) fn scenes() -> Vec<Scene> {
@@ -89,6 +107,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
         plain("heap, 32", on_edge(32), 20, [20, 70]),
         plain("heap, 64", on_edge(64), 40, [20, 30]),
         garment(),
+        squeezed(),
     ]
 }
 
@@ -133,11 +152,20 @@ impl Scene {
 
     /// The colliders in a frame; with the body only if it `has_contact`.
     pub(crate) fn colliders(&self, frame: u32, has_contact: bool) -> Vec<Collider> {
-        let (sway, mut colliders) = (sway(frame), self.colliders.clone());
-        if let Some(body) = self.body.as_ref().filter(|_| has_contact) {
-            let positions = body.positions.iter().map(|&x| sway.transform_point3(x)).collect();
-            colliders.push(Collider::mesh(Arc::new(Mesh { positions, triangles: body.triangles.clone() })));
+        let mut colliders = self.colliders.clone();
+        if has_contact {
+            let apart = 0.1 - 0.005 * frame.min(20) as f32;
+            let limb = Vec3::new(apart, 0.05 * (0.1 * frame.saturating_sub(20) as f32).sin(), 0.0);
+            let bodies = [(&self.body, Vec3::ZERO), (&self.limb, limb)].into_iter();
+            colliders.extend(bodies.filter_map(|(body, by)| Some(swayed(body.as_ref()?, by, frame))));
         }
         colliders
     }
+}
+
+/// A body in a frame, moved besides.
+fn swayed(body: &Mesh, by: Vec3, frame: u32) -> Collider {
+    let sway = sway(frame);
+    let positions = body.positions.iter().map(|&x| sway.transform_point3(x + by)).collect();
+    Collider::mesh(Arc::new(Mesh { positions, triangles: body.triangles.clone() }))
 }

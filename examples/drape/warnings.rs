@@ -33,11 +33,13 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
                 Cause::Wind => "by the wind",
                 Cause::Slivers => "by edges a hundred times shorter than their triangles",
                 Cause::Crossings => "where it crosses itself or a body",
+                Cause::Squeezed => "where bodies leave it less room than its thickness",
                 _ => "by its own motion",
             };
             let remedy = match cause {
                 Cause::Slivers => "merge their ends, or ask for more --substeps",
                 Cause::Crossings => "give it more room, and use --untangle",
+                Cause::Squeezed => "give it more room, or a smaller thickness (--self-contact METRES)",
                 Cause::Wind => "let it blow less hard, or ask for more --substeps",
                 _ => "move it more slowly, or ask for more --substeps",
             };

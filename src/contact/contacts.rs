@@ -143,9 +143,11 @@ impl Contacts {
         self.portions().iter().flat_map(Portion::blocks).any(|block| block.near != 0)
     }
 
-    /// How many pairs are near and how many press, after truncation.
-    pub(super) fn counts(&self) -> [u32; 2] {
-        self.portions().iter().fold([0; 2], |[near, pressing], of| [near + of.near, pressing + of.pressing])
+    /// How many pairs are near, press and are squeezed, after truncation.
+    pub(super) fn counts(&self) -> [u32; 3] {
+        let of =
+            |[near, pressing, squeezed]: [u32; 3], of: &Portion| [near + of.near, pressing + of.pressing, squeezed + of.squeezed];
+        self.portions().iter().fold([0; 3], of)
     }
 
     /// Copies the state of the vertices, and bounds the motion of each patch.

@@ -2,6 +2,7 @@
 
 use glam::Vec4;
 
+use crate::kernels::pair::SQUEEZED;
 use crate::simd::MAX_LANES;
 
 /// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
@@ -93,6 +94,12 @@ impl Group {
         let [corners, ..] = self.block.corners;
         self.block.corners[count..].fill(corners);
         self.count = count as u32;
+    }
+
+    /// How many pairs with a kinematic corner are squeezed.
+    pub(super) fn squeezed(&self, is_kinematic: impl Fn(u32) -> bool) -> usize {
+        let lanes = (0..self.count as usize).filter(|&lane| self.depth[lane] > SQUEEZED * self.thickness[lane]);
+        lanes.filter(|&lane| self.block.corners[lane].into_iter().any(&is_kinematic)).count()
     }
 
     /// How many pairs press.

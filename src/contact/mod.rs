@@ -101,7 +101,7 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 20] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("CLEARANCE", crate::kernels::pair::CLEARANCE),
     ("THIN", crate::kernels::pair::THIN),
@@ -109,6 +109,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 19] = [
     ("SLACK", crate::kernels::pair::SLACK),
     ("DEEP", crate::kernels::pair::DEEP),
     ("UNWINDING", crate::kernels::pair::UNWINDING),
+    ("SQUEEZED", crate::kernels::pair::SQUEEZED),
     ("LASTS", paths::LASTS),
     ("MARGIN_DECAY", paths::MARGIN_DECAY),
     ("MIN_AHEAD", paths::AHEAD[0]),
@@ -171,6 +172,8 @@ pub(crate) struct Tally {
     pub listed: u32,
     /// Near pairs at the end of the step.
     pub near: u32,
+    /// Pairs that are squeezed in the last substep: see [`SQUEEZED`](crate::kernels::pair::SQUEEZED).
+    pub squeezed: u32,
 }
 
 /// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
@@ -305,7 +308,7 @@ impl TriangleContact {
         if !self.list(context, x, u, common_motion.is_none()) {
             return;
         }
-        (self.tally.near, self.tally.contacts) = (0, 0);
+        (self.tally.near, self.tally.contacts, self.tally.squeezed) = (0, 0, 0);
         if self.tally.listed > 0 {
             self.hold_apart(context, x, u, common_motion);
         }
@@ -375,7 +378,7 @@ impl TriangleContact {
             if lost != DVec3::ZERO && common_motion.is_none() && plan.bodies.is_empty() {
                 give_back(&plan.cloth.mass, lost, u, workers);
             }
-            [self.tally.near, self.tally.contacts] = self.contacts.counts();
+            [self.tally.near, self.tally.contacts, self.tally.squeezed] = self.contacts.counts();
             self.ignore_pinched(x, u);
         }
     }

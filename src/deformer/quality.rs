@@ -117,35 +117,40 @@ impl Deformer {
         let decision = self.awaiting_statistics.pop_front()?;
         let strain_bound = self.strain_bound();
         if let Some(strain_bound) = strain_bound {
-            let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
-            let crosses = warnings.iter().any(is_crossed);
-            warnings.extend(self.learn(&decision, strain_bound, seen, crosses));
+            let holds = self.holds(strain_bound, warnings);
+            warnings.extend(self.learn(&decision, strain_bound, seen, holds));
         }
         self.seen = Some(*seen);
         let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
     }
 
+    /// What holds the cloth in a way that stretches it whatever the number of substeps.
+    fn holds(&self, strain_bound: StrainBound, warnings: &[Warning]) -> Option<Cause> {
+        let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
+        let squeezed = self.engine.contact().map_or(0, |tally| tally.squeezed);
+        // Fewer do not matter for the share of the area whose stretch is bounded.
+        let are_many = squeezed as f32 > (1.0 - strain_bound.share) * self.cloth.rest.len() as f32;
+        let causes = [(warnings.iter().any(is_crossed), Cause::Crossings), (are_many, Cause::Squeezed)];
+        causes.into_iter().find_map(|(is, cause)| is.then_some(cause))
+    }
+
     /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
-    ///
-    /// Cloth that `crosses` itself or a body hooks on it. More substeps do not shorten what is stretched by that, so nothing is
-    /// learned from it.
-    fn learn(&mut self, decision: &StepDecision, strain_bound: StrainBound, seen: &Statistics, crosses: bool) -> Option<Warning> {
+    fn learn(
+        &mut self,
+        decision: &StepDecision,
+        strain_bound: StrainBound,
+        seen: &Statistics,
+        holds: Option<Cause>,
+    ) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
         let excess = excess(&self.cloth, load, seen, strain_bound.share);
         let law = self.rates.strain(load.stress(&self.cloth), f64::from(division.length.longest));
         let caution = self.caution(self.engine.contact().is_some(), false);
-        match crosses {
-            true => self.controller.forget(caution, *dt),
-            false => self.controller.learn(law, excess, caution, *dt),
-        }
+        self.controller.learn(law, excess, caution, *dt, holds.is_some());
         let missed = excess > f64::from(strain_bound.stretch);
         let slivers = self.cloth.slivers.edges as f32 > (1.0 - strain_bound.share) * self.cloth.links.len() as f32;
-        let cause = match (slivers, crosses) {
-            (true, _) => Cause::Slivers,
-            (false, true) => Cause::Crossings,
-            (false, false) => load.cause(&self.cloth),
-        };
+        let cause = slivers.then_some(Cause::Slivers).or(holds).unwrap_or_else(|| load.cause(&self.cloth));
         missed.then_some(Warning::StrainMissed { stretch: excess as f32, promised: strain_bound.stretch, cause })
     }
 }

@@ -19,6 +19,10 @@ pub(crate) const SLACK: f32 = 0.01;
 pub(crate) const DEEP: f32 = 0.2;
 pub(crate) const UNWINDING: f32 = 0.125;
 
+/// A pair with a kinematic side (of a pin or a mesh collider) is squeezed if it is too close by more than this share of its
+/// thickness at the end of a step: if there were room, the kinematic side would have pushed the other one out.
+pub(crate) const SQUEEZED: f32 = 0.3;
+
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 pub(crate) const THIN: f32 = 1e-6;
 /// Pairs closer than this share of their thickness are so close that the direction between them is that of [`perpendicular`].

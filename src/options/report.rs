@@ -52,6 +52,9 @@ pub enum Cause {
     /// Cloth that crosses itself or a mesh collider and hooks on it ([`Warning::Crossings`], [`Warning::BodyCrossings`]). The number
     /// of substeps is not raised for it.
     Crossings,
+    /// Pins or mesh colliders leave the cloth between them less room than its thickness, hold it, and pull at it. The number of
+    /// substeps is not raised much for it.
+    Squeezed,
 }
 
 /// An edge that passes through a triangle with which it shares no vertex. Indices are those of the mesh.

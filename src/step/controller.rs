@@ -138,19 +138,13 @@ impl Controller {
     }
 
     /// Updates the factor from the measured stretch beyond the fabric's own in a step of `dt` (s), for which the law with a
-    /// factor of 1 predicts `law`.
-    pub(crate) fn learn(&mut self, law: f64, excess: f64, caution: Caution, dt: f32) {
-        let faded = self.faded(caution, dt);
-        self.factor = if law > NOTHING { faded.max(excess / law) } else { faded }.max(NOTHING);
-    }
-
-    /// Returns towards the first factor over a step of `dt` (s) whose stretch says nothing about the number of substeps.
-    pub(crate) fn forget(&mut self, caution: Caution, dt: f32) {
-        self.factor = self.faded(caution, dt).max(self.factor.min(caution.first_factor));
-    }
-
-    fn faded(&self, caution: Caution, dt: f32) -> f64 {
-        self.factor * (-f64::from(dt) / caution.memory).exp()
+    /// factor of 1 predicts `law`. While something `holds` the cloth so that more substeps hardly shorten it, the factor does not
+    /// rise, and falls at most to the first one.
+    pub(crate) fn learn(&mut self, law: f64, excess: f64, caution: Caution, dt: f32, holds: bool) {
+        let faded = self.factor * (-f64::from(dt) / caution.memory).exp();
+        let most = if holds { caution.first_factor.min(self.factor) } else { f64::INFINITY };
+        let seen = if law > NOTHING { (excess / law).min(most) } else { 0.0 };
+        self.factor = faded.max(seen).max(NOTHING);
     }
 }
 

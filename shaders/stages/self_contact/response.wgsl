@@ -355,6 +355,7 @@ fn truncate(
     }
     let all = workgroupUniformLoad(&total);
     var mine = 0u;
+    var squeezed = 0u;
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let acts = k < acting;
         let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
@@ -362,7 +363,11 @@ fn truncate(
         if acts && !AGAIN {
             pairs[place(n.listed)].lambda = n.lambda;
             mine += u32(n.lambda.w > 0.0);
+            squeezed += u32(n.thickness - n.distance > SQUEEZED * n.thickness && any(inverse_masses(n.corners) == vec4f()));
         }
+    }
+    if squeezed > 0u {
+        atomicAdd(&contact_state.status.squeezed, squeezed);
     }
     if mine > 0u {
         atomicAdd(&pressing, mine);

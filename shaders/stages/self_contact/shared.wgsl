@@ -175,6 +175,8 @@ struct Status {
     // most, if the step stopped for that reason.
     carried: u32,
     needed_carry: atomic<u32>,
+    // Number of pairs of this substep that are squeezed.
+    squeezed: atomic<u32>,
 }
 
 // There is room for so many pairs that are pinched. There may be more.

@@ -225,8 +225,8 @@ impl GpuContact {
 
     /// Counts of the last step.
     pub(crate) fn tally(&self) -> Tally {
-        let Status { pressing, detections, listed, near, acting, .. } = self.status;
-        Tally { contacts: pressing, detections, listed, near: near + acting }
+        let Status { pressing, detections, listed, near, acting, squeezed, .. } = self.status;
+        Tally { contacts: pressing, detections, listed, near: near + acting, squeezed }
     }
 
     /// Uploads what the kernels need, to start from the end of the last good step.

@@ -52,7 +52,7 @@ pub(crate) struct Status {
     pub pinched: u32,
     pub carried: u32,
     pub needed_carry: u32,
-    pub padding: u32,
+    pub squeezed: u32,
 }
 
 impl Status {
