@@ -4,7 +4,7 @@
 //! if pins and bodies move differently, so a fast body would pass it. Therefore the cloth vertices of a pair whose plane a
 //! kinematic vertex has shifted past them take over that vertex's displacement ("carried"), and truncation is repeated. A body
 //! thus carries layer after layer, however far it moves. Cloth between two kinematic sides cannot be carried: it is pinched
-//! ([`pinches`](super::pinches)). While anything crosses, nothing is carried, because crossing parts would not separate.
+//! ([`pinches`](super::pinches)). Around what crosses nothing is carried, because crossing parts would not separate.
 
 use std::ops::Range;
 
@@ -37,7 +37,7 @@ impl Contacts {
     /// carries nothing.
     pub(super) fn carry(&mut self, input: ContactInput<'_>, mass: &[f32], mut lost: DVec3) -> Held {
         for round in 0..ROUNDS {
-            let pairs = self.run_over(input.thickness);
+            let pairs = self.run_over(input);
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
             if round == 0 && travel > input.max_carry {
                 return Held::NeedsCarry(travel);
@@ -60,9 +60,13 @@ impl Contacts {
         Held::Done { lost }
     }
 
-    /// The pairs that are run over, among those whose plane has passed a vertex.
-    fn run_over(&self, thickness: f32) -> Vec<RunOver> {
+    /// The pairs that are run over, among those whose plane has passed a vertex, where nothing crosses.
+    fn run_over(&self, ContactInput { thickness, entangled, .. }: ContactInput<'_>) -> Vec<RunOver> {
+        let is_entangled = |place: u32| entangled.binary_search(&self.vertices[place as usize].index).is_ok();
         let is_run_over = |&(kind, places): &(Kind, [u32; 4])| {
+            if !entangled.is_empty() && places.into_iter().any(is_entangled) {
+                return false;
+            }
             let (from, to) = (places.map(|place| self.start(place)), places.map(|place| self.end(place)));
             let after = distance(kind, to);
             let is_close = after < CLEARANCE * thickness && after < CLOSER * distance(kind, from);

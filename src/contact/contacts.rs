@@ -85,7 +85,7 @@ impl Contacts {
         }
         self.respond(plan, substep, scale, input.workers, input.width);
         let lost = self.truncate(&plan.cloth.mass, input.workers, input.width);
-        if input.may_carry { self.carry(input, &plan.cloth.mass, lost) } else { Held::Done { lost } }
+        self.carry(input, &plan.cloth.mass, lost)
     }
 
     /// Finds the near pairs of the lists, in order, and the active ones among them.

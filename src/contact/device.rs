@@ -208,9 +208,9 @@ impl HostContact {
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
-    /// Whether vertices may be carried by what runs over them.
-    pub(crate) fn may_carry(&self) -> bool {
-        self.ignored.crossings.is_empty()
+    /// The vertices that are not carried by what runs over them, sorted.
+    pub(crate) fn entangled(&self) -> &[u32] {
+        &self.ignored.entangled
     }
 
     /// Whether cloth may have been pinched in the last step.

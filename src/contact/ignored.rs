@@ -12,7 +12,8 @@ use super::surface::Surface;
 use crate::model::mesh::bounds;
 use crate::options::Crossing;
 
-/// The rings of triangles around known intersections in which others are searched for. One would suffice.
+/// The rings of triangles around known intersections in which others are searched for, for which one would suffice, and in which
+/// nothing is carried.
 const RINGS: usize = 2;
 
 /// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
@@ -24,6 +25,8 @@ pub(super) struct IgnoredPairs {
     through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
     pairs: [Vec<[u32; 2]>; 2],
+    /// The vertices around known intersections, sorted. They are not carried, since what crosses would not separate then.
+    pub entangled: Vec<u32>,
 }
 
 impl IgnoredPairs {
@@ -49,13 +52,8 @@ impl IgnoredPairs {
         if self.crossings.is_empty() && vertices.is_empty() {
             return false;
         }
-        let known = self.crossings.iter().map(|&pair| by_vertices(pair, surface)).flat_map(|([a, b], [c, d, e])| [a, b, c, d, e]);
-        let mut near: BTreeSet<u32> = known.chain(vertices.iter().copied()).collect();
-        let mut triangles = BTreeSet::new();
-        for _ in 0..RINGS {
-            triangles = near.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
-            near = triangles.iter().flat_map(|&triangle: &u32| surface.triangles[triangle as usize]).collect();
-        }
+        let known = self.crossings.iter().flat_map(|&pair| corners(pair, surface));
+        let [_, triangles] = around(surface, known.chain(vertices.iter().copied()).collect());
         let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
         let (triangles, edges) = (Vec::from_iter(triangles), Vec::from_iter(edges));
         let features = Features {
@@ -117,6 +115,8 @@ impl IgnoredPairs {
             with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
         }
         self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
+        let [near, _] = around(surface, self.crossings.iter().flat_map(|&pair| corners(pair, surface)).collect());
+        self.entangled = Vec::from_iter(near);
     }
 
     /// Intersections of the cloth with itself, given by vertices, and what has moved through itself in this step.
@@ -183,6 +183,22 @@ fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edg
     let triangles = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
     let triangles = triangles.iter().filter(|corners| may_reach(*corners)).copied();
     (edges.collect(), triangles.collect())
+}
+
+/// The vertices and triangles in some rings around vertices.
+fn around(surface: &Surface, mut vertices: BTreeSet<u32>) -> [BTreeSet<u32>; 2] {
+    let mut triangles = BTreeSet::new();
+    for _ in 0..RINGS {
+        triangles = vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
+        vertices = triangles.iter().flat_map(|&triangle: &u32| surface.triangles[triangle as usize]).collect();
+    }
+    [vertices, triangles]
+}
+
+/// The vertices of an intersection.
+fn corners(crossing: [u32; 2], surface: &Surface) -> [u32; 5] {
+    let ([a, b], [c, d, e]) = by_vertices(crossing, surface);
+    [a, b, c, d, e]
 }
 
 /// The vertices of an edge and of a triangle.

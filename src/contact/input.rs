@@ -43,8 +43,8 @@ pub(super) struct ContactInput<'a> {
     pub common_motion: CommonMotion,
     /// How far (m) vertices may be carried besides the common motion.
     pub max_carry: f32,
-    /// Whether vertices may be carried at all.
-    pub may_carry: bool,
+    /// Vertices that are not carried, sorted: see [`IgnoredPairs::entangled`](super::ignored::IgnoredPairs::entangled).
+    pub entangled: &'a [u32],
     pub surface: &'a Surface,
     /// The thickness (m) of pairs that are not closer at rest.
     pub thickness: f32,

@@ -356,7 +356,7 @@ impl TriangleContact {
             most_push: self.push.most,
             common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(&plan.cloth.mass, u))),
             max_carry: self.max_carry,
-            may_carry: self.ignored.crossings.is_empty(),
+            entangled: &self.ignored.entangled,
             surface: &self.surface,
             thickness: self.options.thickness,
             friction: &self.bodies.friction,

@@ -48,10 +48,25 @@ fn is_run_over(pair: Passed) -> bool {
     return after < CLEARANCE * contact_params.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
 }
 
+// Whether a vertex is around what crosses, which would not separate if it were carried.
+fn is_entangled(v: u32) -> bool {
+    var low = contact_params.ignored + contact_params.ignored_edges;
+    var high = low + contact_params.entangled;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if ignored[middle].x == v {
+            return true;
+        }
+        low = select(low, middle + 1u, ignored[middle].x < v);
+        high = select(high, middle, ignored[middle].x > v);
+    }
+    return false;
+}
+
 // Finds out whether a pair is run over, and which corners are to be carried by which. A corner without a weight is not
 // where the pair is closest.
 fn run_over(pair: Passed) -> RunOver {
-    if contact_params.may_carry == 0u || !is_run_over(pair) {
+    if is_entangled(pair.v.x) || is_entangled(pair.v.y) || is_entangled(pair.v.z) || is_entangled(pair.v.w) || !is_run_over(pair) {
         return RunOver(NONE, vec4<bool>());
     }
     let is_edge = pair.is_edge;

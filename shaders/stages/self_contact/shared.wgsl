@@ -50,9 +50,9 @@ struct ContactParams {
     // In every so many substeps detection may be due.
     spacing: u32,
     // How far vertices may be carried besides the common motion [m]: at first 0, so that a pair that is run over stops the step;
-    // and whether they may be carried at all (1 or 0).
+    // and the number of vertices that are not carried, which are behind the ignored pairs, sorted.
     max_carry: f32,
-    may_carry: u32,
+    entangled: u32,
     // The rotation in the first substep, less the identity and by columns, of kinematic vertices, if they turn as one
     // (otherwise 0); its center [m], and the center's displacement in the step [m].
     turn_x: vec4f,

@@ -272,8 +272,8 @@ impl GpuContact {
             box_edges: table.box_edges,
             features: table.features,
             spacing: choice.spacing(),
-            max_carry: if on_cpu.may_carry() { *max_carry } else { 0.0 },
-            may_carry: on_cpu.may_carry().into(),
+            max_carry: *max_carry,
+            entangled: on_cpu.entangled().len() as u32,
             padding: [0; 2],
             turn_x,
             turn_y,
@@ -282,7 +282,8 @@ impl GpuContact {
             travel,
         };
         buffers.contact_params.send(gpu, &[contact_params]);
-        let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().collect();
+        let entangled = on_cpu.entangled().iter().map(|&vertex| [vertex, 0]);
+        let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().chain(entangled).collect();
         let moved = [buffers.bodies.send(gpu, plan.bodies), buffers.ignored.send(gpu, &all)];
         if moved.contains(&true) {
             *stages = None;

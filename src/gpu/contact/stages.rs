@@ -109,11 +109,11 @@ impl Stages {
             finish: stage(shaders::FINISH, "finish", &by_finish),
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, CONTACT_STATE, X_OUT, P_OUT]),
             carry: [
-                stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE]),
+                stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE, IGNORED]),
                 stage_with(shaders::RESPONSE, "truncate", &of_pairs, &[("AGAIN", 1.0)]),
                 stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
             ],
-            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, CONTACT_STATE]),
+            find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, CONTACT_STATE, IGNORED]),
         }
     }
 }

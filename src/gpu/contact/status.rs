@@ -128,7 +128,7 @@ pub(crate) struct ContactParams {
     pub features: u32,
     pub spacing: u32,
     pub max_carry: f32,
-    pub may_carry: u32,
+    pub entangled: u32,
     pub padding: [u32; 2],
     pub turn_x: Vec4,
     pub turn_y: Vec4,
