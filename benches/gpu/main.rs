@@ -5,6 +5,7 @@
 //! cargo bench --bench gpu                                  # everything, some minutes on a hardware GPU
 //! cargo bench --bench gpu -- --quick                       # small sheets, a minute
 //! cargo bench --bench gpu -- --crowd --unchecked           # many cloths at once alone
+//! cargo bench --bench gpu -- --forces --unchecked          # the cost of each force on the GPU alone
 //! cargo bench --bench gpu -- --sizes 64,256 --csv gpu.csv --date 2026-11-21 --commit 1234567
 //! ```
 //!
@@ -65,6 +66,9 @@ struct Arguments {
     /// The crowd alone
     #[arg(long)]
     crowd: bool,
+    /// The cost of each force on the GPU alone, without levels too
+    #[arg(long)]
+    forces: bool,
     /// Longest run of two seconds of motion that is worth it to find the substeps (s)
     #[arg(long, value_name = "S", default_value = "6")]
     patience: f64,
@@ -106,6 +110,10 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
     let good = arguments.unchecked || Checks::new(&backends, gpu.as_ref()).run(arguments.mesh.as_deref(), arguments.quick)?;
 
     let clock = gpu.as_ref().and_then(DeviceClock::new);
+    if let (true, Some(gpu)) = (arguments.forces, &gpu) {
+        let sizes = if arguments.sizes.is_empty() { &[128, 256, 512, 1024] } else { arguments.sizes.as_slice() };
+        return forces(gpu, clock.as_ref(), sizes).map(|()| good);
+    }
     let limits = gpu.as_ref().map(|gpu| Limits::new(gpu, arguments.quick)).transpose()?;
     let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, limits, rows: Vec::new() };
     bench.crowd()?;
@@ -280,7 +288,7 @@ impl Bench<'_> {
         let count = CROWD[usize::from(self.arguments.quick)];
         println!("\n{count} cloths of 64 x 64, S = 20, in the time of one: ms a frame of all\n");
         println!("| scene | backend | levels | one | {count} | times |\n|---|---|---|---|---|---|");
-        let [plain, _, blown] = terms();
+        let [plain, _, _, blown] = terms();
         let scenes = [
             ("crowd", "one of a crowd", Levels::Auto, &plain),
             ("crowd without levels", "one of a crowd", Levels::Off, &plain),
@@ -303,12 +311,42 @@ impl Bench<'_> {
     }
 }
 
-/// HANG as it is, with bending, and with bending and wind: a name, the fabric and what acts on it.
-fn terms() -> [(&'static str, Fabric, Attributes); 3] {
+/// The cost of each term of a scene on the GPU, at 20 substeps, frames queued, with levels and without. Bending is also so weak
+/// that it takes a single pass.
+fn forces(gpu: &Gpu, clock: Option<&DeviceClock>, sizes: &[u32]) -> Result<(), Failure> {
+    println!(
+        "HANG, S = 20: us per substep, frames queued, with levels and without\n\n| N | scene | levels | no levels |\n|---|---|---|---|"
+    );
+    for &n in sizes {
+        let [plain, bent, blown, both] = terms();
+        let weak = Fabric { bending: 1e-4 * (20.0 / n as f32).powi(4), ..bent.1 };
+        let [once, once_blown] = [("bending in one pass", &bent), ("bending in one pass, wind", &both)]
+            .map(|(name, term)| (name, weak, term.2.clone()));
+        for (name, fabric, attributes) in [plain, once, blown, once_blown, bent, both] {
+            let mut cells = Vec::new();
+            for levels in [Levels::Auto, Levels::Off] {
+                let (mesh, options) = scene::hang(n, 20, Backend::Gpu);
+                let cloth = make(&mesh, Options { fabric, levels, ..options }, Some(gpu))?;
+                let times = time(&mut [cloth], &attributes, clock)?;
+                cells.push(format!("{:.1}", times.device.unwrap_or(times.queued) * 1e3 / 20.0));
+            }
+            println!("| {n} | {name} | {} |", cells.join(" | "));
+        }
+    }
+    Ok(())
+}
+
+/// HANG as it is, with bending, with wind, and with both: a name, the fabric and what acts on it.
+fn terms() -> [(&'static str, Fabric, Attributes); 4] {
     let plain = scene::hang(3, 20, Backend::Cpu).1.fabric;
     let bent = Fabric { bending: 1e-4, damping: 0.03, ..plain };
     let breeze = Attributes { wind: Vec3::new(1.0, 0.0, 2.0), air_density: 1.225, ..Attributes::default() };
-    [("hang", plain, Attributes::default()), ("bending", bent, Attributes::default()), ("bending, wind", bent, breeze)]
+    [
+        ("hang", plain, Attributes::default()),
+        ("bending", bent, Attributes::default()),
+        ("wind", plain, breeze.clone()),
+        ("bending, wind", bent, breeze),
+    ]
 }
 
 fn names(backends: &[Backend]) -> String {

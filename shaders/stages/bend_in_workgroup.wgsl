@@ -1,5 +1,5 @@
-// Bending of vertices that one workgroup holds together, so that its passes are separated by barriers and not by
-// dispatches. The layout of the rings in the table is in src/gpu/slices.rs. The including shader defines where a
+// The stages of bending, for vertices whose rings are in slices of a table (src/gpu/slices.rs). Where one workgroup holds
+// them together, the stages are separated by barriers and not by dispatches. The including shader defines where a
 // vertex's row (`row_of`), the passes (`bend_pass_at`, `is_filtered`) and the slices of the rings (`ring_slices`) are.
 
 // The number of vertices whose entries are interleaved, so that neighboring lanes read neighboring words.

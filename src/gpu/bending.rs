@@ -2,12 +2,13 @@
 //! for each exchange between neighbors.
 
 use crate::device::{Entry, Gpu};
-use crate::gpu::bend_tiles::BendTiles;
+use crate::gpu::bend_tiles::{BendTiles, push_rings};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, lanes, slot};
 use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
+use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
 use crate::step::bending::{BendRows, MAX_PASSES};
 use crate::step::plan::Plan;
@@ -49,12 +50,10 @@ enum Kernels {
 
 impl Bending {
     pub(super) fn new(gpu: &Gpu, plan: &Plan<'_>) -> Bending {
-        let entries = &plan.cloth.bending().entries;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let lists = Lists {
             rows: gpu.filled("bend rows", &plan.coefficients.bending.rows),
-            spans: gpu.filled("bend spans", &entries.spans),
-            entries: gpu.filled("bend entries", &entries.items),
+            slices: None,
             passes: gpu.make("bend passes", (MAX_PASSES * SLOT) as u64, usage),
         };
         Bending { lists, prepared: None, kernels: Vec::new(), in_use: 0 }
@@ -114,7 +113,7 @@ impl Bending {
                 for number in 1..*count {
                     again.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
                 }
-                forces.dispatch(pass, from, &[], vertices);
+                forces.dispatch(pass, from, &slot(0), vertices);
             }
         }
     }
@@ -131,18 +130,18 @@ pub(super) struct BendingInputs<'a> {
     pub level: Option<(&'a Level, &'a wgpu::Buffer)>,
 }
 
-/// The coefficients and the neighbor lists.
+/// The coefficients and the rings.
 #[derive(Debug)]
 struct Lists {
     rows: wgpu::Buffer,
-    spans: wgpu::Buffer,
-    entries: wgpu::Buffer,
+    /// The slices of the rings of all vertices, once kernels without tiles need them.
+    slices: Option<wgpu::Buffer>,
     passes: wgpu::Buffer,
 }
 
 impl Lists {
     /// Creates kernels for `count` passes.
-    fn kernels(&self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Kernels {
+    fn kernels(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Kernels {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
         let room = gpu.workgroup_memory() / (in_vertex + HELD);
@@ -152,12 +151,8 @@ impl Lists {
         let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most, level));
         match tiles.flatten() {
             Some(tiles) => self.in_tiles(gpu, bound, &tiles, room, count > 1),
-            None => self.apart(gpu, bound, count),
+            None => self.apart(gpu, plan.cloth, bound, count),
         }
-    }
-
-    fn bound(&self) -> [Bind<'_>; 3] {
-        [&self.rows, &self.spans, &self.entries].map(Bind::Read)
     }
 
     /// The room of a tile is rounded up, so that tiles of similar size share a kernel and changes of the substep rarely
@@ -190,22 +185,22 @@ impl Lists {
         Kernels::Tiles(Stage::new(gpu, bound.uniforms, entry, &groups), tiles.count, bound.level.is_some())
     }
 
-    fn apart(&self, gpu: &Gpu, BendingInputs { states, u, uniforms, pins, .. }: BendingInputs<'_>, count: usize) -> Kernels {
+    fn apart(&mut self, gpu: &Gpu, cloth: &Cloth, bound: BendingInputs<'_>, count: usize) -> Kernels {
+        let BendingInputs { states, u, uniforms, pins, .. } = bound;
+        let slices = self.slices.get_or_insert_with(|| {
+            let mut table = Vec::new();
+            push_rings(&mut table, cloth.rest.len(), |v| cloth.bending().entries.of(v as u32), |vertex| vertex);
+            gpu.filled("bend slices", &table)
+        });
         let moments = gpu.buffer("moments", if count > 1 { 6 } else { 2 } * u.size());
-        let lists = [&self.bound()[..], &[Bind::Write(&moments)]].concat();
-        let bend_pass = [Bind::Dynamic(&self.passes, size_of::<BendPass>())];
-        let first = stage(gpu, uniforms, shaders::BEND, "bend_moments", states, |state| {
-            [&bound_by_predict(state, u, pins)[..], &lists, &bend_pass].concat()
-        });
-        let again = ["trial_displacements", "filter_moments"].map(|name| {
+        let passes = Bind::Dynamic(&self.passes, size_of::<BendPass>());
+        let stage = |name| {
             stage(gpu, uniforms, shaders::BEND, name, states, |state| {
-                let x = if name == "trial_displacements" { Bind::Read(&state.x) } else { Bind::Unused };
-                [&[x, Bind::Unused, Bind::Unused, Bind::Unused], &lists[..], &bend_pass].concat()
+                let lists = [Bind::Read(&self.rows), Bind::Read(slices), Bind::Write(&moments), passes];
+                [bound_by_predict(state, u, pins), lists.to_vec()].concat()
             })
-        });
-        let forces = stage(gpu, uniforms, shaders::BEND, "bend_forces", states, |state| {
-            [&[Bind::Read(&state.x), Bind::Unused, Bind::Write(u), Bind::Unused], &lists[..]].concat()
-        });
-        Kernels::Apart { moments: first, again, forces }
+        };
+        let again = ["displace_tentatively", "pass_moments"].map(stage);
+        Kernels::Apart { moments: stage("bend_moments"), again, forces: stage("bend_forces") }
     }
 }

@@ -74,7 +74,7 @@ macro_rules! shader {
 shaders! {
     "" after () {
         PREDICT: "integrate" "stages/predict";
-        BEND: "integrate" "bending" "stages/predict" "stages/bend";
+        BEND: "integrate" "bending" "stages/predict" "stages/bend_ring" "stages/bend_in_workgroup" "stages/bend";
         BEND_TILE: "average" "integrate" "bending" "stages/predict" "stages/bend_ring" "stages/bend_in_workgroup"
             "stages/bend_vectors" "stages/bend_tile";
         WIND: "wind" "stages/wind";
