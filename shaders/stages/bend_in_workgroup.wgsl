@@ -84,13 +84,13 @@ fn first_moment(k: u32, rate: f32, ahead: Fetched) {
     set_bend_vector(resisted_of(k), resisted.moment);
 }
 
-// The force of an entry's moment alone, and the sum of four of them.
+// The force of an entry's moment alone, and a sum with four of them.
 fn push_of(entry: BendEntry) -> vec3f {
     return bend_vector(moment_of(entry.other)) * entry.backward;
 }
 
-fn push_of_four(four: FourEntries) -> vec3f {
-    return push_of(four.a) + push_of(four.b) + push_of(four.c) + push_of(four.d);
+fn push_of_four(force: vec3f, four: FourEntries) -> vec3f {
+    return force + push_of(four.a) + push_of(four.b) + push_of(four.c) + push_of(four.d);
 }
 
 fn trial_displacements(k: u32, w: f32, bend_pass: BendPass) {
@@ -99,7 +99,7 @@ fn trial_displacements(k: u32, w: f32, bend_pass: BendPass) {
     if AHEAD > 0u {
         let four = fetch_four_entries(entries, 0u);
         let next = fetch_four_entries(entries, 4u);
-        force += push_of_four(four) + push_of_four(next);
+        force = push_of_four(push_of_four(force, four), next);
     }
     for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
         force += push_of(entry_at(at));
@@ -112,8 +112,8 @@ fn bent_by(own: vec3f, entry: BendEntry) -> vec3f {
     return (bend_vector(trial_of(entry.other)) - own) * entry.forward;
 }
 
-fn bent_by_four(own: vec3f, four: FourEntries) -> vec3f {
-    return bent_by(own, four.a) + bent_by(own, four.b) + bent_by(own, four.c) + bent_by(own, four.d);
+fn bent_by_four(bent: vec3f, own: vec3f, four: FourEntries) -> vec3f {
+    return bent + bent_by(own, four.a) + bent_by(own, four.b) + bent_by(own, four.c) + bent_by(own, four.d);
 }
 
 fn filter_moments(k: u32, bend_pass: BendPass) {
@@ -123,7 +123,7 @@ fn filter_moments(k: u32, bend_pass: BendPass) {
     if AHEAD > 0u {
         let four = fetch_four_entries(entries, 0u);
         let next = fetch_four_entries(entries, 4u);
-        bent += bent_by_four(own, four) + bent_by_four(own, next);
+        bent = bent_by_four(bent_by_four(bent, own, four), own, next);
     }
     for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
         bent += bent_by(own, entry_at(at));
@@ -142,7 +142,7 @@ fn bend_force(k: u32, ahead: Fetched) -> vec3f {
     let own = bend_vector(couple_at(k));
     var force = -bend_vector(moment_of(k)) * row_in(k, ahead).diagonal;
     if AHEAD > 0u {
-        force += force_of_four(k, own, ahead.four) + force_of_four(k, own, ahead.next);
+        force = force_of_four(force_of_four(force, k, own, ahead.four), k, own, ahead.next);
     }
     for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
         force += force_of(k, own, entry_at(at));

@@ -77,8 +77,8 @@ fn substep_of_bent_tile(
         var u_v = free_displacement(v, x_v, p_v);
         if x_v.w != 0.0 {
             var force = moment.moment * -row.diagonal;
-            force += force_of_four(k, moment.couple, four);
-            force += force_of_four(k, moment.couple, next);
+            force = force_of_four(force, k, moment.couple, four);
+            force = force_of_four(force, k, moment.couple, next);
             for (var index = 8u; index < RING; index++) {
                 force += force_of(k, moment.couple, fetch_entry(entries, index));
             }
