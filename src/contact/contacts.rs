@@ -143,11 +143,15 @@ impl Contacts {
         self.portions().iter().flat_map(Portion::blocks).any(|block| block.near != 0)
     }
 
-    /// How many pairs are near, press and are squeezed, after truncation.
-    pub(super) fn counts(&self) -> [u32; 3] {
-        let of =
-            |[near, pressing, squeezed]: [u32; 3], of: &Portion| [near + of.near, pressing + of.pressing, squeezed + of.squeezed];
-        self.portions().iter().fold([0; 3], of)
+    /// How many pairs are near and how many press, after truncation.
+    pub(super) fn counts(&self) -> [u32; 2] {
+        self.portions().iter().fold([0; 2], |[near, pressing], of| [near + of.near, pressing + of.pressing])
+    }
+
+    /// How many pairs are squeezed.
+    pub(super) fn squeezed(&self) -> usize {
+        let is_kinematic = |place: u32| self.vertices[place as usize].x.w == 0.0;
+        self.portions().iter().flat_map(|portion| &portion.groups).map(|group| group.squeezed(is_kinematic)).sum()
     }
 
     /// Copies the state of the vertices, and bounds the motion of each patch.

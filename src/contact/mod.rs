@@ -308,7 +308,7 @@ impl TriangleContact {
         if !self.list(context, x, u, common_motion.is_none()) {
             return;
         }
-        (self.tally.near, self.tally.contacts, self.tally.squeezed) = (0, 0, 0);
+        (self.tally.near, self.tally.contacts) = (0, 0);
         if self.tally.listed > 0 {
             self.hold_apart(context, x, u, common_motion);
         }
@@ -378,13 +378,15 @@ impl TriangleContact {
             if lost != DVec3::ZERO && common_motion.is_none() && plan.bodies.is_empty() {
                 give_back(&plan.cloth.mass, lost, u, workers);
             }
-            [self.tally.near, self.tally.contacts, self.tally.squeezed] = self.contacts.counts();
+            [self.tally.near, self.tally.contacts] = self.contacts.counts();
             self.ignore_pinched(x, u);
         }
     }
 
-    /// Ends a step: puts what belongs to its state in the lists.
+    /// Ends a step: puts what belongs to its state in the lists, and counts what is squeezed.
     pub(crate) fn end(&mut self, workers: Workers<'_>) {
+        // Without near pairs in the last substep, the contacts are those of another one.
+        self.tally.squeezed = if self.tally.near > 0 { self.contacts.squeezed() as u32 } else { 0 };
         self.contacts.store_multipliers(&mut self.lists, workers);
     }
 

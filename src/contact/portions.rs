@@ -35,10 +35,9 @@ pub(super) struct Portion {
     pub joining: Vec<u16>,
     /// Blocks with the other near pairs; some of their lanes hold pairs that are not near.
     pub blocks: Reused<Block>,
-    /// How many pairs are near, press and are squeezed, where any are near.
+    /// How many pairs are near and how many press, where any are near.
     pub near: u32,
     pub pressing: u32,
-    pub squeezed: u32,
     /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
     pub truncated: Vec<(u32, f32)>,
     /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].

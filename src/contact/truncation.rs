@@ -53,8 +53,6 @@ impl Contacts {
                 (portion.truncated, portion.passed) = (truncated, passed);
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
-                let is_kinematic = |place: u32| relative[place as usize].w > 0.0;
-                portion.squeezed = portion.groups.iter().map(|group| group.squeezed(is_kinematic) as u32).sum();
             }
         });
         for &(vertex, share) in portions.iter().flat_map(|portion| &portion.truncated) {
