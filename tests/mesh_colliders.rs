@@ -532,7 +532,7 @@ fn what_is_pinched_is_reported(backend: Backend) {
     assert!(pinched > 0, "the plates went through the sheet");
 }
 
-/// Two limbs close on a hung sheet to less room than its thickness, and pull it down. More substeps would hardly shorten it, so
+/// Two limbs close on a hung sheet to less room than its thickness, and pull it down. Ten times the substeps would only halve that, so
 /// their number stays about what it was, and the report says why it is stretched. Where there is room, nothing is squeezed.
 fn squeezed_cloth_takes_no_more_substeps(backend: Backend) {
     let n = coarser(backend, 21, 13);

@@ -39,7 +39,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
             let remedy = match cause {
                 Cause::Slivers => "merge their ends, or ask for more --substeps",
                 Cause::Crossings => "give it more room, and use --untangle",
-                Cause::Squeezed => "give it more room, or a smaller thickness (--self-contact METRES)",
+                Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METRES), or ask for more --substeps",
                 Cause::Wind => "let it blow less hard, or ask for more --substeps",
                 _ => "move it more slowly, or ask for more --substeps",
             };

@@ -125,7 +125,7 @@ impl Deformer {
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
     }
 
-    /// What holds the cloth in a way that stretches it whatever the number of substeps.
+    /// What holds the cloth in a way that stretches it about as much with more substeps.
     fn holds(&self, strain_bound: StrainBound, warnings: &[Warning]) -> Option<Cause> {
         let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
         let squeezed = self.engine.contact().map_or(0, |tally| tally.squeezed);

@@ -53,7 +53,7 @@ pub enum Cause {
     /// of substeps is not raised for it.
     Crossings,
     /// Pins or mesh colliders leave the cloth between them less room than its thickness, hold it, and pull at it. The number of
-    /// substeps is not raised much for it.
+    /// substeps is not raised for it, because ten times as many only halve the stretch.
     Squeezed,
 }
 
