@@ -9,6 +9,7 @@ const DEEP: f32 = 0.2;
 const UNWINDING: f32 = 0.125;
 // A pair with a kinematic side is squeezed if it is too close by more than this share of its thickness.
 const SQUEEZED: f32 = 0.3;
+const SLIDING: f32 = 1.6;
 
 // The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
 // other).
@@ -171,6 +172,11 @@ fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
 // The share of the last substep's multipliers with which a pair starts that is too close by `depth` [m].
 fn warm_share(depth: f32, thickness: f32) -> f32 {
     return 1.0 - max(depth - thickness * DEEP, 0.0) * (UNWINDING / thickness);
+}
+
+// What is to be removed [m] from a displacement so that it slides along planes.
+fn excess(weighted: vec3f, squares: f32) -> vec3f {
+    return weighted * (SLIDING * squares / max(square(weighted), 1e-30));
 }
 
 // The share of a displacement toward a plane that keeps this distance.

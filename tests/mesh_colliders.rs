@@ -42,6 +42,7 @@ on_every_backend!(
     what_lies_on_triangles_falls_asleep,
     what_is_squeezed_stays_between,
     squeezed_cloth_takes_no_more_substeps,
+    squeezed_cloth_slides_without_friction,
     what_is_pinched_is_reported,
     what_goes_through_completely_is_reported,
 );
@@ -555,6 +556,36 @@ fn squeezed_cloth_takes_no_more_substeps(backend: Backend) {
         }
         assert_eq!(squeezed > 0, squeezes, "{squeezed} frames were stretched because the cloth was squeezed");
         assert!(most <= 40, "{most} substeps");
+    }
+}
+
+/// Two upright plates without friction close on a sheet to less room than its thickness. Then it falls between them as freely as in
+/// the air, by `g t²/2`: what keeps it from passing through them shortens its way towards them only.
+fn squeezed_cloth_slides_without_friction(backend: Backend) {
+    let upright = |mesh: &Mesh, z: f32| moved(mesh, |x| Vec3::new(x.x, x.z, z));
+    let mut sheet = jittered(Mesh::grid(10, 10, 0.2, 0.2), 1);
+    sheet.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, x.z, 0.0));
+    let plate = jittered(Mesh::grid(7, 7, 0.8, 0.8), 2);
+    let of = Options { contact: Some(Contact { thickness: R, friction: 0.0 }), ..options(backend, 20, true) };
+    let mut cloth = Deformer::new(&sheet, of).unwrap();
+    let middle = |cloth: &mut Deformer| cloth.positions().unwrap().iter().map(|x| x.y).sum::<f32>() / 100.0;
+    for room in [1.0, 0.5] {
+        cloth.reset();
+        let mut falls = |frames: i32, gravity: Vec3| {
+            let start = middle(&mut cloth);
+            for frame in 0..frames {
+                let gap = R * if gravity == Vec3::ZERO { 3.0 + (room - 3.0) * (frame as f32 / 20.0).min(1.0) } else { room };
+                let plates = [0.5, -0.5].map(|side| Collider { friction: 0.0, ..Collider::mesh(upright(&plate, side * gap)) });
+                cloth.step(FRAME, &Attributes { gravity, ..with(plates.to_vec()) }).unwrap();
+            }
+            start - middle(&mut cloth)
+        };
+        falls(30, Vec3::ZERO);
+        let fallen = falls(12, -9.81 * Vec3::Y);
+        let time = 12.0 * FRAME;
+        let free = 0.5 * 9.81 * time * time;
+        println!("{room} thicknesses of room: {fallen} m of {free}");
+        assert!((fallen / free - 1.0).abs() < 0.05, "{room} thicknesses of room: {fallen} m of {free}");
     }
 }
 

@@ -55,7 +55,7 @@ impl Contacts {
                     }
                 }
             }
-            lost += self.truncate(mass, input.workers, input.width);
+            lost += self.truncate(mass, input);
         }
         Held::Done { lost }
     }

@@ -56,6 +56,8 @@ pub(super) struct Contacts {
     pub carried: Vec<u32>,
     /// The share of its displacement that truncation leaves each vertex.
     pub shares: Vec<f32>,
+    /// For each vertex the sum of how far (m) it gets beyond planes: see [`Truncation::beyond`](super::truncation::Truncation).
+    pub beyond: Vec<Vec4>,
     /// The active pairs.
     pub acting: Acting,
 }
@@ -84,7 +86,7 @@ impl Contacts {
             return Held::Done { lost: DVec3::ZERO };
         }
         self.respond(plan, substep, scale, input.workers, input.width);
-        let lost = self.truncate(&plan.cloth.mass, input.workers, input.width);
+        let lost = self.truncate(&plan.cloth.mass, input);
         self.carry(input, &plan.cloth.mass, lost)
     }
 

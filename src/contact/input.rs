@@ -45,6 +45,8 @@ pub(super) struct ContactInput<'a> {
     pub max_carry: f32,
     /// Vertices that are not carried, sorted: see [`IgnoredPairs::entangled`](super::ignored::IgnoredPairs::entangled).
     pub entangled: &'a [u32],
+    /// Whether vertices slide along pairs with a kinematic side: where there are mesh bodies.
+    pub may_slide: bool,
     pub surface: &'a Surface,
     /// The thickness (m) of pairs that are not closer at rest.
     pub thickness: f32,

@@ -101,7 +101,7 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 20] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 21] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("CLEARANCE", crate::kernels::pair::CLEARANCE),
     ("THIN", crate::kernels::pair::THIN),
@@ -110,6 +110,7 @@ pub(crate) const IN_SHADERS: [(&str, f32); 20] = [
     ("DEEP", crate::kernels::pair::DEEP),
     ("UNWINDING", crate::kernels::pair::UNWINDING),
     ("SQUEEZED", crate::kernels::pair::SQUEEZED),
+    ("SLIDING", crate::kernels::pair::SLIDING),
     ("LASTS", paths::LASTS),
     ("MARGIN_DECAY", paths::MARGIN_DECAY),
     ("MIN_AHEAD", paths::AHEAD[0]),
@@ -357,6 +358,7 @@ impl TriangleContact {
             common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(&plan.cloth.mass, u))),
             max_carry: self.max_carry,
             entangled: &self.ignored.entangled,
+            may_slide: self.bodies.first < self.vertices(),
             surface: &self.surface,
             thickness: self.options.thickness,
             friction: &self.bodies.friction,

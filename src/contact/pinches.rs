@@ -43,7 +43,7 @@ impl Contacts {
 
     /// The pairs whose plane has passed a vertex: their kind and their corners, as places among the vertices of listed pairs.
     pub(super) fn passed(&self) -> impl Iterator<Item = (Kind, [u32; 4])> {
-        self.portions().iter().flat_map(|portion| portion.passed.iter().map(|&corners| (portion.kind, corners)))
+        self.portions().iter().flat_map(|portion| portion.truncation.passed.iter().map(|&corners| (portion.kind, corners)))
     }
 
     /// Where a vertex is at the start of the substep (m).

@@ -12,6 +12,7 @@ use super::group::{Block, Group};
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::reused::Reused;
+use super::truncation::Truncation;
 use super::workers::Workers;
 use crate::simd::{MAX_LANES, Registers};
 
@@ -38,10 +39,7 @@ pub(super) struct Portion {
     /// How many pairs are near and how many press, where any are near.
     pub near: u32,
     pub pressing: u32,
-    /// For each vertex that truncation shortens, its place and the share of its displacement that is left.
-    pub truncated: Vec<(u32, f32)>,
-    /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].
-    pub passed: Vec<[u32; 4]>,
+    pub truncation: Truncation,
 }
 
 /// The pairs of a portion that are due, in order, and copies of what is needed of them, repeated to a multiple of the

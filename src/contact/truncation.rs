@@ -8,27 +8,69 @@
 //! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole if
 //! nothing else holds it.
 //!
+//! One factor shortens a displacement along the plane, too, so cloth that is pressed against a mesh body would stick to it whatever
+//! the friction. Therefore a displacement first loses what leads it beyond the planes of pairs with a kinematic side: it slides.
+//! Pairs of cloth are not treated like that, because crumpled cloth would drive itself.
+//!
 //! The displacement of a kinematic vertex cannot be shortened, so a plane moves with it. Where it passes a vertex,
 //! this vertex may have to be carried ([`carry`](super::carry)), or cloth is pinched ([`pinches`](super::pinches)).
 
 use glam::{DVec3, Vec4};
 
 use super::contacts::{Contacts, GRAIN};
-use super::lanes::{number, store, vector, whole_corners_of};
+use super::input::ContactInput;
+use super::lanes::{number, scattered, store, vector, whole_corners_of};
 use super::portions::Portion;
-use super::workers::Workers;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::share_above;
-use crate::simd::{self, Loop, MAX_LANES, Registers, Width};
+use crate::kernels::pair::{excess, share_above};
+use crate::simd::{self, Loop, MAX_LANES, Registers};
 
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
 /// [`Vertex::half_gap`](super::input::Vertex::half_gap).
 pub(super) const FARTHER: f32 = 0.45;
 
 impl Contacts {
-    /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes.
-    pub(super) fn truncate(&mut self, mass: &[f32], workers: Workers<'_>, width: Width) -> DVec3 {
+    /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes from a cloth that nothing holds.
+    pub(super) fn truncate(&mut self, mass: &[f32], input: ContactInput<'_>) -> DVec3 {
+        self.find_shares(input);
+        if self.carried.is_empty() && self.slide() {
+            self.find_shares(input);
+        }
+        let Contacts { vertices, u, shares, common_motion, .. } = self;
+        let mut lost = DVec3::ZERO;
+        for (place, &share) in shares.iter().enumerate().filter(|(_, share)| **share < 1.0) {
+            let (vertex, u) = (&mut vertices[place], &mut u[place]);
+            let before = xyz(*u);
+            let base = common_motion.at(xyz(vertex.x));
+            let after = base + (before - base) * share;
+            vertex.push *= share;
+            lost += (before - after).as_dvec3() * f64::from(mass[vertex.index as usize]);
+            *u = after.extend(0.0);
+        }
+        lost
+    }
+
+    /// Removes from the displacements of vertices what leads them beyond the planes of pairs with a kinematic side. Returns
+    /// whether there are any such displacements.
+    fn slide(&mut self) -> bool {
+        let Contacts { portions, used, u, beyond, .. } = self;
+        let mut found = portions[..*used].iter().flat_map(|portion| &portion.truncation.beyond).peekable();
+        if found.peek().is_none() {
+            return false;
+        }
+        beyond.clear();
+        beyond.resize(u.len(), Vec4::ZERO);
+        found.for_each(|&(place, by)| beyond[place as usize] += by);
+        for (u, &sum) in u.iter_mut().zip(&*beyond).filter(|(_, sum)| sum.w > 0.0) {
+            *u -= excess(xyz(sum), sum.w).extend(0.0);
+        }
+        true
+    }
+
+    /// Computes the share of each vertex's displacement that is left.
+    fn find_shares(&mut self, input: ContactInput<'_>) {
         let Contacts { portions, used, vertices, u, relative, shares, carried, common_motion, .. } = self;
+        let workers = input.workers;
         let part = workers.part(vertices.len(), GRAIN);
         shares.resize(vertices.len(), 1.0);
         let parts = vertices.chunks(part).zip(relative.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
@@ -46,30 +88,38 @@ impl Contacts {
         let (relative, portions): (&[Vec4], _) = (relative, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
-                let (mut truncated, mut passed) = (std::mem::take(&mut portion.truncated), std::mem::take(&mut portion.passed));
-                truncated.clear();
-                passed.clear();
-                simd::run(width, Shares { portion, relative, truncated: &mut truncated, passed: &mut passed });
-                (portion.truncated, portion.passed) = (truncated, passed);
+                let mut found = std::mem::take(&mut portion.truncation);
+                found.clear();
+                simd::run(input.width, Shares { portion, relative, may_slide: input.may_slide, thickness: input.thickness, found: &mut found });
+                portion.truncation = found;
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
             }
         });
-        for &(vertex, share) in portions.iter().flat_map(|portion| &portion.truncated) {
+        for &(vertex, share) in portions.iter().flat_map(|portion| &portion.truncation.shares) {
             let least = &mut shares[vertex as usize];
             *least = least.min(share);
         }
-        let mut lost = DVec3::ZERO;
-        for (place, &share) in shares.iter().enumerate().filter(|(_, share)| **share < 1.0) {
-            let (vertex, u) = (&mut vertices[place], &mut u[place]);
-            let before = xyz(*u);
-            let base = common_motion.at(xyz(vertex.x));
-            let after = base + (before - base) * share;
-            vertex.push *= share;
-            lost += (before - after).as_dvec3() * f64::from(mass[vertex.index as usize]);
-            *u = after.extend(0.0);
-        }
-        lost
+    }
+}
+
+/// What truncation finds in a portion.
+#[derive(Debug, Default)]
+pub(super) struct Truncation {
+    /// For each vertex that is shortened, its place and the share of its displacement that is left.
+    pub shares: Vec<(u32, f32)>,
+    /// For those of pairs with a kinematic side, if vertices may slide: by which vector (m), at most as long as the thickness, they
+    /// get beyond the plane, and in w its square (m²).
+    pub beyond: Vec<(u32, Vec4)>,
+    /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].
+    pub passed: Vec<[u32; 4]>,
+}
+
+impl Truncation {
+    fn clear(&mut self) {
+        self.shares.clear();
+        self.beyond.clear();
+        self.passed.clear();
     }
 }
 
@@ -77,16 +127,17 @@ impl Contacts {
 struct Shares<'a> {
     portion: &'a Portion,
     relative: &'a [Vec4],
-    truncated: &'a mut Vec<(u32, f32)>,
-    passed: &'a mut Vec<[u32; 4]>,
+    may_slide: bool,
+    thickness: f32,
+    found: &'a mut Truncation,
 }
 
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, relative, truncated, passed } = self;
+        let Shares { portion, relative, may_slide, thickness, found } = self;
         let kind = portion.kind;
-        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let (zero, one, thickness) = (L::splat(0.0), L::splat(1.0), L::splat(thickness));
         for (block, first) in portion.blocks().flat_map(|block| (0..MAX_LANES).step_by(L::LANES).map(move |first| (block, first)))
         {
             let near = block.near >> first & ((1_u32 << L::LANES) - 1);
@@ -114,6 +165,8 @@ impl Loop for Shares<'_> {
                 }
             }
             let shift = shift_from_second - shift_from_first;
+            let kinematic_corners = (is_kinematic[0] + is_kinematic[1]) + (is_kinematic[2] + is_kinematic[3]);
+            let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
             // Two kinematic sides may also move into each other.
             let mut passed_by = (shift_from_second + shift_from_first - clearance - clearance).max(zero);
             for k in 0..4 {
@@ -123,18 +176,26 @@ impl Loop for Shares<'_> {
                 passed_by = passed_by.max(L::select(zero.lt(is_kinematic[k]), zero, zero - height));
                 let mut lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
-                    let mut shares = [0.0; MAX_LANES];
+                    let (mut shares, mut beyond, mut squares) = ([0.0; MAX_LANES], [Vec4::ZERO; MAX_LANES], [0.0; MAX_LANES]);
                     store(&mut shares, share);
+                    if has_kinematic != 0 {
+                        let by = (towards[k] - (height - clearance).max(zero)).min(thickness);
+                        scattered(normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
+                        store(&mut squares, by * by);
+                    }
                     while lanes != 0 {
                         let lane = lanes.trailing_zeros() as usize;
                         lanes &= lanes - 1;
-                        truncated.push((places[lane][k], shares[lane]));
+                        found.shares.push((places[lane][k], shares[lane]));
+                        if has_kinematic >> lane & 1 != 0 {
+                            found.beyond.push((places[lane][k], beyond[lane].with_w(squares[lane])));
+                        }
                     }
                 }
             }
             let mut are_passed = L::bits(zero.lt(passed_by)) & near;
             while are_passed != 0 {
-                passed.push(places[are_passed.trailing_zeros() as usize]);
+                found.passed.push(places[are_passed.trailing_zeros() as usize]);
                 are_passed &= are_passed - 1;
             }
         }

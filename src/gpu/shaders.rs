@@ -108,8 +108,9 @@ shaders! {
         CANDIDATES: "boxes" "detection" "candidates";
         LISTING: "boxes" "normals" "detection" "listing";
         NEAR: "mean" "pairs" "near";
-        RESPONSE: "pairs" "response";
-        FINISH: "finish";
+        RESPONSE: "pairs" "sums" "response";
+        TRUNCATION: "pairs" "sums" "truncation";
+        FINISH: "sums" "finish";
         CARRY: "pinches" "carry";
     }
 }

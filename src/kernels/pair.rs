@@ -5,6 +5,8 @@
 //! other (sum -1). So `sum_i weight_i x_i` is the vector from the second side to the first, `sum_i weight_i u_i` is
 //! their relative displacement, and both kinds of pairs are treated alike.
 
+use glam::Vec3A;
+
 use crate::simd::{Lanes, Vector};
 
 /// Relaxation factor of the Jacobi iteration over pairs; it is stable below 2 (see [`step_of_lambda`]).
@@ -22,6 +24,9 @@ pub(crate) const UNWINDING: f32 = 0.125;
 /// A pair with a kinematic side (of a pin or a mesh collider) is squeezed if it is too close by more than this share of its
 /// thickness at the end of a step: if there were room, the kinematic side would have pushed the other one out.
 pub(crate) const SQUEEZED: f32 = 0.3;
+
+/// Relaxation factor of [`excess`]. It shortens displacements below 2, and below 1 leaves more of them to be truncated.
+pub(crate) const SLIDING: f32 = 1.6;
 
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 pub(crate) const THIN: f32 = 1e-6;
@@ -197,6 +202,16 @@ pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
 pub(crate) fn warm_share<L: Lanes>(depth: L, thickness: L) -> L {
     let deep = (depth - thickness * L::splat(DEEP)).max(L::splat(0.0));
     L::splat(1.0) - deep * (L::splat(UNWINDING) / thickness)
+}
+
+/// What is to be removed (m) from a displacement `u` so that it slides along planes, instead of being shortened as a whole.
+///
+/// If `n_k u` may be at most `l_k` and is `e_k` more, the mean of these conditions with weights `e_k` is `a u <= b`, where
+/// `a = sum_k e_k n_k`, which `u` exceeds by `sum_k e_k^2`. So it is projected onto that plane (surrogate constraints: Yang and
+/// Murty 1992, "New iterative methods for linear inequalities"), and beyond it.
+#[inline(always)]
+pub(crate) fn excess(weighted: Vec3A, squares: f32) -> Vec3A {
+    weighted * (SLIDING * squares / weighted.length_squared().max(1e-30))
 }
 
 /// The largest share of a displacement that may be taken. The displacement brings a vertex at `height` (m) above a

@@ -134,7 +134,7 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     if lane == 0u {
         let all = atomicLoad(&carried);
-        contact_state.status.carried = all;
+        atomicStore(&contact_state.status.again, all);
         if all > 0u {
             atomicStore(&contact_state.status.passed, 0u);
         }

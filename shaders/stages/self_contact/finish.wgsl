@@ -1,5 +1,5 @@
 // The end of contact in a substep: applies the shares of truncation and updates the positions, then returns the lost
-// momentum to the cloth as a whole.
+// momentum to the cloth as a whole. Where vertices slide, that is the end of truncating once more.
 
 // Whether displacements were truncated once more in this substep.
 override AGAIN: bool = false;
@@ -15,10 +15,13 @@ fn finish(
 ) {
     let i = item(id, groups);
     var mine = vec3f();
-    let is_new = !AGAIN || contact_state.status.carried > 0u;
+    let is_again = atomicLoad(&contact_state.status.again) > 0u;
     let near_pairs = atomicLoad(&contact_state.status.near) + atomicLoad(&contact_state.status.acting);
-    let is_touched = is_new && !has_stopped() && near_pairs > 0u;
-    if i < contact_params.vertices && is_touched && vertices[i].x.w != 0.0 {
+    let is_touched = (!AGAIN || is_again) && !has_stopped() && near_pairs > 0u && i < contact_params.vertices;
+    let slides = !AGAIN && is_again;
+    if is_touched && slides {
+        slide(i);
+    } else if is_touched && vertices[i].x.w != 0.0 {
         // The inverse mass of a vertex that is carried is negative.
         let w = abs(vertices[i].x.w);
         var u = vertices[i].u.xyz;
@@ -37,14 +40,27 @@ fn finish(
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, w);
         p_out[i] = vec4f(u, params.h);
     }
-    if i < contact_params.vertices && is_touched {
+    if is_touched && !slides {
         clear_sums(i);
+    }
+    if slides && i == 0u {
+        atomicStore(&contact_state.status.passed, 0u);
     }
     sum_lost(mine, lane);
     let at = group.x + group.y * groups.x;
     if lane == 0u && at < contact_params.groups {
         contact_state.parts[at].low = vec4f(lost[0], 0.0);
     }
+}
+
+// Removes from the displacement of a vertex what leads it beyond planes, so that it can be truncated once more.
+fn slide(i: u32) {
+    let squares = f32(atomicLoad(&sums[SUMS * i + SQUARES])) * (contact_params.thickness * contact_params.thickness / UNIT_LENGTH);
+    if squares > 0.0 {
+        vertices[i].u -= vec4f(excess(summed(i, BEYOND), squares), 0.0);
+    }
+    clear_sums(i);
+    begin_truncation(i, vertices[i].way.w);
 }
 
 // Clears the sums of a vertex for the next substep.

@@ -61,3 +61,15 @@ fn set_lambda(k: u32, lambda: vec4f) {
 fn set_rate(k: u32, rate: f32) {
     near[4u * contact_params.room + k].y = bitcast<u32>(rate);
 }
+
+// The number of pairs that act, or 0 if the step has stopped, for all invocations.
+fn acting_pairs(lane: u32) -> u32 {
+    if lane == 0u {
+        total = select(atomicLoad(&contact_state.status.acting), 0u, is_idle());
+    }
+    return workgroupUniformLoad(&total);
+}
+
+fn inverse_masses(corners: vec4u) -> vec4f {
+    return vec4f(vertices[corners.x].u.w, vertices[corners.y].u.w, vertices[corners.z].u.w, vertices[corners.w].u.w);
+}

@@ -1,7 +1,6 @@
-// Computes the response that holds near pairs apart, and truncates displacements.
+// Computes the response that holds near pairs apart.
 //
-// Contributions of pairs to vertices are summed as integers, because their sum does not depend on the order. A
-// thickness is 2^23 of them, so sums may reach 256 thicknesses. Each iteration of the response is a dispatch over
+// Each iteration of the response is a dispatch over
 // pairs, followed by one over vertices that applies the sums.
 
 // How much farther contact may move a vertex than it was about to move, as a multiple of its `half_gap_of`.
@@ -10,29 +9,13 @@ const FARTHER: f32 = 0.45;
 // Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
 // some time even if there is little to add.
 override COLLECTS: bool = false;
-// Whether displacements are truncated once more in a substep, because vertices were carried.
-override AGAIN: bool = false;
 // Number of vertices for which a workgroup collects, and of places at which one is looked for.
 const PLACES: u32 = 256u;
 const PROBES: u32 = 8u;
 
-// The number of pairs with a normal impulse that a workgroup counts.
-var<workgroup> pressing: atomic<u32>;
 // A hash table: the vertex at each place, or `NONE`, and three sums.
 var<workgroup> owners: array<atomic<u32>, PLACES>;
 var<workgroup> collected: array<atomic<i32>, 768>;
-
-// The number of pairs that act, or 0 if the step has stopped, for all invocations.
-fn acting_pairs(lane: u32) -> u32 {
-    if lane == 0u {
-        total = select(atomicLoad(&contact_state.status.acting), 0u, is_idle());
-    }
-    return workgroupUniformLoad(&total);
-}
-
-fn inverse_masses(corners: vec4u) -> vec4f {
-    return vec4f(vertices[corners.x].u.w, vertices[corners.y].u.w, vertices[corners.z].u.w, vertices[corners.w].u.w);
-}
 
 // Adds a vector [m] to three sums of a vertex.
 fn add(v: u32, first: u32, by: vec3f) {
@@ -50,12 +33,6 @@ fn add(v: u32, first: u32, by: vec3f) {
         for (var k = 0u; k < 3u; k++) {
             atomicAdd(&collected[3u * at + k], units[k]);
         }
-    }
-}
-
-fn add_units(v: u32, first: u32, units: vec3i) {
-    for (var k = 0u; k < 3u; k++) {
-        atomicAdd(&sums[SUMS * v + first + k], units[k]);
     }
 }
 
@@ -114,15 +91,6 @@ fn add_impulse(corners: vec4u, w: vec4f, first: u32, weights: vec4f, by: vec3f) 
     add(corners.y, first, by * shares.y);
     add(corners.z, first, by * shares.z);
     add(corners.w, first, by * shares.w);
-}
-
-fn summed(v: u32, first: u32) -> vec3f {
-    let units = vec3i(
-        atomicLoad(&sums[SUMS * v + first]),
-        atomicLoad(&sums[SUMS * v + first + 1u]),
-        atomicLoad(&sums[SUMS * v + first + 2u]),
-    );
-    return vec3f(units) * (contact_params.thickness / UNIT_LENGTH);
 }
 
 // The vertices of mesh colliders have no sums, and need none because they have no inverse mass.
@@ -259,7 +227,8 @@ fn apply_impulses(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgro
     }
 }
 
-// Also applies the corrections, and limits how far a vertex moves beyond what it was about to.
+// Also applies the corrections, and limits how far a vertex moves beyond what it was about to. Of the sums, only the share is
+// needed from here on.
 @compute @workgroup_size(WORKGROUP)
 fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = item(id, groups);
@@ -267,113 +236,7 @@ fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_wo
         return;
     }
     apply_sums(i);
-    let push = vertices[i].push.xyz + summed(i, PUSHED);
-    vertices[i].push = vec4f(push, 0.0);
-    let way = way_with(i, push);
-    let most = vertices[i].way.w + FARTHER * half_gap_of(i);
-    vertices[i].way = vec4f(without_turning(way), vertices[i].way.w);
-    if length(way) > most && vertices[i].x.w > 0.0 {
-        atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(most / length(way)));
-    }
-}
-
-// How far a vertex moves relative to the common motion, after the response. Vertices of mesh colliders are not corrected.
-fn way_of(v: u32) -> vec3f {
-    if v >= contact_params.vertices {
-        return without_turning(way_with(v, vec3f()));
-    }
-    return vertices[v].way.xyz;
-}
-
-// Computes the shares of its vertices' displacements with which a pair stays on both sides of the plane halfway
-// between.
-fn truncate_pair(n: Near) {
-    let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
-    let firsts = max(sides, vec4f());
-    let a = vertices[n.corners.x].x;
-    let b = vertices[n.corners.y].x;
-    let c = vertices[n.corners.z].x;
-    let d = vertices[n.corners.w].x;
-    let middle = between(n.weights * firsts, Four(a.xyz, b.xyz, c.xyz, d.xyz)) - n.normal * (0.5 * n.distance);
-    let clearance = clearance(n.distance, n.thickness);
-    let heights = sides * vec4f(
-        dot(n.normal, a.xyz - middle),
-        dot(n.normal, b.xyz - middle),
-        dot(n.normal, c.xyz - middle),
-        dot(n.normal, d.xyz - middle),
-    );
-    let towards = -sides * vec4f(
-        dot(n.normal, way_of(n.corners.x)),
-        dot(n.normal, way_of(n.corners.y)),
-        dot(n.normal, way_of(n.corners.z)),
-        dot(n.normal, way_of(n.corners.w)),
-    );
-    // Kinematic and carried corners are not truncated. As far as one of them would cross the plane, the plane is shifted;
-    // if both sides push, by the difference.
-    let w = vec4f(a.w, b.w, c.w, d.w);
-    let is_kinematic = w <= vec4f();
-    let out = select(vec4f(), max(clearance - (heights - towards), vec4f()), is_kinematic);
-    let shift_from_first = most_of(out * firsts);
-    let shift_from_second = most_of(out * (1.0 - firsts));
-    let shifted = heights - sides * (shift_from_second - shift_from_first);
-    // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
-    // into each other.
-    if any(select(shifted, vec4f(), is_kinematic) < vec4f()) || shift_from_second + shift_from_first > 2.0 * clearance {
-        let at = atomicAdd(&contact_state.status.passed, 1u);
-        let is_edge = n.listed >= with_vertices;
-        pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
-    }
-    truncate_vertex(n.corners.x, w.x, share_above(shifted.x, clearance, towards.x));
-    truncate_vertex(n.corners.y, w.y, share_above(shifted.y, clearance, towards.y));
-    truncate_vertex(n.corners.z, w.z, share_above(shifted.z, clearance, towards.z));
-    truncate_vertex(n.corners.w, w.w, share_above(shifted.w, clearance, towards.w));
-}
-
-fn most_of(v: vec4f) -> f32 {
-    return max(max(v.x, v.y), max(v.z, v.w));
-}
-
-fn truncate_vertex(v: u32, w: f32, share: f32) {
-    if share < 1.0 && w > 0.0 {
-        atomicMin(&sums[SUMS * v + SHARE], bitcast<i32>(share));
-    }
-}
-
-// Truncates for all near pairs, and stores the multipliers of those that act in the list.
-@compute @workgroup_size(WORKGROUP)
-fn truncate(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let acting = acting_pairs(lane);
-    if lane == 0u {
-        let skips = is_idle() || (AGAIN && contact_state.status.carried == 0u);
-        total = select(acting + atomicLoad(&contact_state.status.near), 0u, skips);
-        with_vertices = atomicLoad(&contact_state.status.with_vertices);
-        atomicStore(&pressing, 0u);
-    }
-    let all = workgroupUniformLoad(&total);
-    var mine = 0u;
-    var squeezed = 0u;
-    for (var k = item(id, groups); k < all; k += stride(groups)) {
-        let acts = k < acting;
-        let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
-        truncate_pair(n);
-        if acts && !AGAIN {
-            pairs[place(n.listed)].lambda = n.lambda;
-            mine += u32(n.lambda.w > 0.0);
-            squeezed += u32(n.thickness - n.distance > SQUEEZED * n.thickness && any(inverse_masses(n.corners) == vec4f()));
-        }
-    }
-    if squeezed > 0u {
-        atomicAdd(&contact_state.status.squeezed, squeezed);
-    }
-    if mine > 0u {
-        atomicAdd(&pressing, mine);
-    }
-    workgroupBarrier();
-    if lane == 0u && atomicLoad(&pressing) > 0u {
-        atomicAdd(&contact_state.status.pressing, atomicLoad(&pressing));
-    }
+    vertices[i].push = vec4f(vertices[i].push.xyz + summed(i, PUSHED), 0.0);
+    atomicStore(&sums[SUMS * i + SQUARES], 0);
+    begin_truncation(i, vertices[i].way.w + FARTHER * half_gap_of(i));
 }

@@ -89,7 +89,7 @@ struct Near {
 // A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is kinematic. `u`: displacement; w is the inverse mass
 // again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
 // collider's vertex. `way`, of the cloth's vertices after the response: both, relative to the mean displacement; w is the
-// distance that it was about to move.
+// distance that it was about to move, then that which it may move.
 struct Vertex {
     x: vec4f,
     u: vec4f,
@@ -171,9 +171,9 @@ struct Status {
     // Number of pairs of this substep whose plane has passed a vertex, and of those of this step that are pinched.
     passed: atomic<u32>,
     pinched: atomic<u32>,
-    // Number of vertices that were carried just now; as bits, how far they would have to be [m] besides the common motion, at
-    // most, if the step stopped for that reason.
-    carried: u32,
+    // Whether displacements are to be truncated once more (above 0), because vertices slide or were carried just now; as bits, how
+    // far they would have to be carried [m] besides the common motion, at most, if the step stopped for that reason.
+    again: atomic<u32>,
     needed_carry: atomic<u32>,
     // Number of pairs of this substep that are squeezed.
     squeezed: atomic<u32>,
@@ -217,13 +217,16 @@ const EARLY: u32 = 8u;
 const CLOSE: u32 = 16u;
 const RUN_OVER: u32 = 32u;
 
-// Number of integers per vertex, and their indices: the sum of weights (between `finish` and the end of the substep: `LEADER` of
-// carry.wgsl), three for impulses, three for corrections; and the bits of the share that truncation leaves.
+// Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections, and the bits
+// of the share that truncation leaves. After the response, the first four tell how far truncation finds the vertex beyond planes
+// (the sum of squares, and a vector); between `finish` and the end of the substep the first is `LEADER` of carry.wgsl.
 const SUMS: u32 = 8u;
 const WEIGHT: u32 = 0u;
 const IMPULSE: u32 = 1u;
 const PUSHED: u32 = 4u;
 const SHARE: u32 = 7u;
+const SQUARES: u32 = 0u;
+const BEYOND: u32 = 1u;
 // The integers that represent a weight of 1, and a length of one thickness.
 const UNIT_WEIGHT: f32 = 262144.0;
 const UNIT_LENGTH: f32 = 8388608.0;

@@ -5,6 +5,7 @@ use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::table::Table;
+use crate::gpu::stage::Stage;
 use crate::step::plan::Plan;
 
 /// Iterations of the response per substep.
@@ -15,7 +16,7 @@ const ROUNDS: usize = crate::contact::ROUNDS;
 const OF_DETECTION: usize = 8;
 /// Dispatches at the start of a step with mesh colliders.
 const OF_START: usize = 2;
-const OF_RESPONSE: usize = 9 + 2 * ITERATIONS;
+const OF_RESPONSE: usize = 11 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const MIN_ITEMS: usize = 4096;
 const MAX_ITEMS: usize = 1 << 18;
@@ -113,13 +114,17 @@ impl GpuContact {
             let apply_impulses = if iteration < ITERATIONS { &stages.apply_impulses } else { &stages.apply_impulses_last };
             apply_impulses.dispatch(pass, group, &[], vertices);
         }
-        stages.truncate.dispatch(pass, group, &[], items);
-        stages.finish.dispatch(pass, group, &[], vertices);
-        let [carry, truncate, finish] = &stages.carry;
-        for _ in 0..if self.max_carry > 0.0 { ROUNDS } else { 0 } {
-            carry.dispatch_workgroups(pass, group, &[], 1);
+        let truncate = |pass: &mut wgpu::ComputePass<'_>, [truncate, finish]: &[Stage; 2]| {
             truncate.dispatch(pass, group, &[], items);
             finish.dispatch(pass, group, &[], vertices);
+        };
+        truncate(pass, &stages.truncate);
+        if !plan.meshes.is_empty() {
+            truncate(pass, &stages.truncate_again);
+        }
+        for _ in 0..if self.max_carry > 0.0 { ROUNDS } else { 0 } {
+            stages.carry.dispatch_workgroups(pass, group, &[], 1);
+            truncate(pass, &stages.truncate_again);
         }
         if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() && plan.meshes.is_empty() {
             stages.give_back.dispatch(pass, group, &[], vertices);

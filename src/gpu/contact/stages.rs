@@ -52,10 +52,10 @@ pub(super) struct Stages {
     pub apply_impulses_first: Stage,
     pub apply_impulses: Stage,
     pub apply_impulses_last: Stage,
-    pub truncate: Stage,
-    pub finish: Stage,
-    /// Used as often as more vertices may be carried in a substep: `carry`, and `truncate` and `finish` once more.
-    pub carry: [Stage; 3],
+    /// `truncate` and `finish`, and both once more: used with mesh colliders, and as often as more vertices may be carried.
+    pub truncate: [Stage; 2],
+    pub truncate_again: [Stage; 2],
+    pub carry: Stage,
     pub give_back: Stage,
     /// Used if there are kinematic vertices.
     pub find_pinched: Stage,
@@ -72,10 +72,13 @@ impl Stages {
             let uses = [VERTICES, NEAR, SUMS, CONTACT_STATE];
             [0.0, 1.0].map(|collects| stage_with(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
         };
-        let of_pairs = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
         let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
         let by_begin = [X, VERTICES, TRACKS, SUMS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
-        let by_finish = [VERTICES, SUMS, CONTACT_STATE, X_OUT, P_OUT];
+        let truncate = |again| {
+            let of_pairs = stage_with(shaders::TRUNCATION, "truncate", &[VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE], &[("AGAIN", again)]);
+            let by_finish = [VERTICES, SUMS, CONTACT_STATE, X_OUT, P_OUT];
+            [of_pairs, stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", again)])]
+        };
         Stages {
             start: has_meshes.then(|| {
                 let bound_meshes = stage(shaders::BODIES, "bound_meshes", &[TRACKS, CONTACT_STATE]);
@@ -105,14 +108,10 @@ impl Stages {
             apply_impulses_first: stage(shaders::RESPONSE, "apply_impulses_first", &of_vertices),
             apply_impulses: stage(shaders::RESPONSE, "apply_impulses", &of_vertices),
             apply_impulses_last: stage(shaders::RESPONSE, "apply_impulses_last", &[VERTICES, SUMS, CONTACT_STATE, BODIES, TABLE]),
-            truncate: stage(shaders::RESPONSE, "truncate", &of_pairs),
-            finish: stage(shaders::FINISH, "finish", &by_finish),
+            truncate: truncate(0.0),
+            truncate_again: truncate(1.0),
+            carry: stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE, IGNORED]),
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, CONTACT_STATE, X_OUT, P_OUT]),
-            carry: [
-                stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE, IGNORED]),
-                stage_with(shaders::RESPONSE, "truncate", &of_pairs, &[("AGAIN", 1.0)]),
-                stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", 1.0)]),
-            ],
             find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, CONTACT_STATE, IGNORED]),
         }
     }

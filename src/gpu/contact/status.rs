@@ -50,7 +50,7 @@ pub(crate) struct Status {
     pub acted: u32,
     pub passed: u32,
     pub pinched: u32,
-    pub carried: u32,
+    pub again: u32,
     pub needed_carry: u32,
     pub squeezed: u32,
 }
