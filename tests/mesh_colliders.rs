@@ -13,7 +13,7 @@ use cloth_deformer::{
 };
 use common::FRAME;
 use common::crossings::{crossings, crossings_with};
-use common::shapes::{ball, capsule, jittered, sheets};
+use common::shapes::{ball, capsule, jittered, sheets, tube};
 
 /// Thickness (m).
 const R: f32 = 0.005;
@@ -43,6 +43,7 @@ on_every_backend!(
     what_is_squeezed_stays_between,
     squeezed_cloth_takes_no_more_substeps,
     squeezed_cloth_slides_without_friction,
+    a_squeezed_garment_slides_on_its_body,
     what_is_pinched_is_reported,
     what_goes_through_completely_is_reported,
 );
@@ -433,7 +434,7 @@ fn nothing_cuts_hung_cloth(backend: Backend, body: &Mesh, speed: f32, quality: Q
     sheet.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, x.z, 0.0));
     let mut sheet = jittered(sheet, 1);
     let pinned = (0..).zip(&sheet.positions).filter(|(_, x)| x.y > 0.498).map(|(vertex, _)| vertex);
-    let pinned: Vec<u32> = pinned.chain(if hooked { 1600..1605 } else { 0..0 }).collect();
+    let pinned: Vec<u32> = pinned.chain(if hooked { (1600..1605).chain(1620..1625) } else { (0..0).chain(0..0) }).collect();
     let mut hook = Mesh::grid(2, 2, 0.1, 0.1);
     hook.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x + 3.0, x.z, 0.013));
     if hooked {
@@ -559,8 +560,8 @@ fn squeezed_cloth_takes_no_more_substeps(backend: Backend) {
     }
 }
 
-/// Two upright plates without friction close on a sheet to less room than its thickness. Then it falls between them as freely as in
-/// the air, by `g t²/2`: what keeps it from passing through them shortens its way towards them only.
+/// Two upright plates without friction close on a sheet to less room than its thickness on either side. Then it falls between them as
+/// freely as in the air, by `g t²/2`: neither the edges of flat surfaces nor what keeps cloth from passing through them hold it.
 fn squeezed_cloth_slides_without_friction(backend: Backend) {
     let upright = |mesh: &Mesh, z: f32| moved(mesh, |x| Vec3::new(x.x, x.z, z));
     let mut sheet = jittered(Mesh::grid(10, 10, 0.2, 0.2), 1);
@@ -569,7 +570,7 @@ fn squeezed_cloth_slides_without_friction(backend: Backend) {
     let of = Options { contact: Some(Contact { thickness: R, friction: 0.0 }), ..options(backend, 20, true) };
     let mut cloth = Deformer::new(&sheet, of).unwrap();
     let middle = |cloth: &mut Deformer| cloth.positions().unwrap().iter().map(|x| x.y).sum::<f32>() / 100.0;
-    for room in [1.0, 0.5] {
+    for room in [1.9, 1.7, 1.5] {
         cloth.reset();
         let mut falls = |frames: i32, gravity: Vec3| {
             let start = middle(&mut cloth);
@@ -585,8 +586,33 @@ fn squeezed_cloth_slides_without_friction(backend: Backend) {
         let time = 12.0 * FRAME;
         let free = 0.5 * 9.81 * time * time;
         println!("{room} thicknesses of room: {fallen} m of {free}");
-        assert!((fallen / free - 1.0).abs() < 0.05, "{room} thicknesses of room: {fallen} m of {free}");
+        assert!((fallen / free - 1.0).abs() < 0.08, "{room} thicknesses of room: {fallen} m of {free}");
     }
+}
+
+/// A tube of cloth hangs around a body, and a limb closes on it to a fifth of its thickness and slides up and down. If truncation
+/// stopped the cloth along the body, too, it would be stretched by a tenth.
+fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
+    let (around, rows) = (coarser(backend, 60, 40), coarser(backend, 33, 22));
+    let upright = |half_length: f32, radius: f32, rings: u32| {
+        let lying = capsule(-half_length * Vec3::X, half_length * Vec3::X, radius, rings);
+        moved(&lying, |x| Vec3::new(-x.y, x.x, x.z))
+    };
+    let (body, limb) = (upright(0.45, 0.15, 24), upright(0.15, 0.05, 12));
+    let of = Options { pinned: (0..around).collect(), ..options(backend, 20, true) };
+    let mut cloth = Deformer::new(&tube(0.18, 0.6, around, rows), of).unwrap();
+    let (mut sum, frames) = (0.0, 60);
+    for frame in 0..frames {
+        let frame = frame as f32;
+        let close = Vec3::X * (0.3 + (0.201 - 0.3) * (frame / 20.0).min(1.0));
+        let slides = Vec3::Y * 0.05 * (0.15 * (frame - 20.0).max(0.0)).sin();
+        let limb = moved(&limb, |x| x + close + slides);
+        cloth.step(FRAME, &with(vec![Collider::mesh(body.clone()), Collider::mesh(limb)])).unwrap();
+        sum += if frame < 27.0 { 0.0 } else { cloth.measure().unwrap().stretch_share };
+    }
+    let mean = sum / (frames - 27) as f32;
+    println!("stretched by {mean}");
+    assert!(mean < 0.06, "99 % are stretched by {mean}");
 }
 
 /// Two limbs close on hung cloth until one is inside the other, and open again. The cloth hooks on them, which more substeps do not

@@ -14,6 +14,7 @@ use super::portions::{PORTION, Portion};
 use super::ranges::Ranges;
 use super::rows::Rows;
 use super::vertex_pairs::SLICE;
+use super::voronoi::Around;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
@@ -125,8 +126,9 @@ impl Contacts {
         if have_changed {
             acting.number(portions);
         }
+        let around = Around { surface: input.surface, x: input.x, vertices };
         for_groups(portions, (&mut acting.weights, &mut []), input.workers, &|kind, _, groups, weights, _: &mut [()]| {
-            simd::run(input.width, FindAgain { kind, groups, weights, x, u, most_push: input.most_push });
+            simd::run(input.width, FindAgain { kind, groups, weights, x, u, most_push: input.most_push, around });
         });
         acting.weigh(portions, have_changed, vertices, input.workers);
     }
@@ -202,6 +204,7 @@ impl Contacts {
     fn find(&mut self, lists: &mut [Rows; 2], keeps_groups: bool, input: ContactInput<'_>) {
         let Contacts { corners, safe_until, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
+        let around = Around { surface: input.surface, x: input.x, vertices };
         let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
         let friction = |[a, _, _, d]: [u32; 4]| input.friction[owner(a).max(owner(d)) as usize];
         let mut portions = &mut portions[..*used];
@@ -224,7 +227,7 @@ impl Contacts {
                     let (portion, most_push) = (&mut portions[0], input.most_push);
                     portion.bunches.take(portion.kind, pairs, motions.len());
                     portion.bunches.advance(motions, input.most_push, input.thickness);
-                    simd::run(input.width, Find { corners, thickness, x, u, safe_until, most_push, portion });
+                    simd::run(input.width, Find { corners, thickness, x, u, safe_until, most_push, around, portion });
                     if !portion.joining.is_empty() || !keeps_groups {
                         portion.join((pairs, corners), lambda, safe_until, friction, ranges);
                     }

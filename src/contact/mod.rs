@@ -59,6 +59,7 @@ mod truncation;
 pub(crate) mod untangle;
 mod vertex_pairs;
 mod vertices;
+mod voronoi;
 mod workers;
 
 use std::sync::Arc;
@@ -101,7 +102,7 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 21] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 23] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("CLEARANCE", crate::kernels::pair::CLEARANCE),
     ("THIN", crate::kernels::pair::THIN),
@@ -119,6 +120,8 @@ pub(crate) const IN_SHADERS: [(&str, f32); 21] = [
     ("CONE_COSINE", normals::CONE_COSINE),
     ("MAX_EXCESS", tree::MAX_EXCESS),
     ("ACTING", near::ACTING),
+    ("BESIDE", voronoi::BESIDE),
+    ("ON_SIDE", voronoi::ON_SIDE),
     ("FARTHER", truncation::FARTHER),
     ("COINCIDENT", pinches::COINCIDENT),
     ("CLOSER", carry::CLOSER),

@@ -8,6 +8,7 @@ use super::group::{Block, Group, Weights};
 use super::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use super::pairs::{Kind, between, closest};
 use super::portions::Portion;
+use super::voronoi::{Around, ON_SIDE};
 use crate::kernels::pair::{NARROW, clearance, perpendicular};
 use crate::simd::{Loop, MAX_LANES, Registers, Vector};
 
@@ -87,13 +88,18 @@ impl<L: Registers> Proximity<L> {
     /// Which of the near pairs act, given the displacements (m) of vertices, and the two weights that determine all: see
     /// [`Kind::weights`].
     #[inline(always)]
-    fn acting(&self, kind: Kind, u: &[Vec4], corners: &[[u32; 4]], thickness: L) -> (L::Mask, [L; 2]) {
+    fn acting(&self, kind: Kind, u: &[Vec4], corners: &[[u32; 4]], thickness: L, around: Around<'_>) -> (L::Mask, [L; 2]) {
         let Proximity { weights, distance, normal, .. } = *self;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(u, corners)));
         let acts = L::and(self.near, gap.lt(thickness * L::splat(ACTING)));
         match kind {
-            Kind::VertexTriangle => (acts, [weights[2], weights[3]]),
+            Kind::VertexTriangle => {
+                let [_, a, b, c] = weights.map(|weight| L::splat(-ON_SIDE).lt(weight));
+                let on_side = L::bits(L::and(acts, L::or(a, L::or(b, c))));
+                let beside = if on_side == 0 { zero } else { around.beside(on_side, corners, weights) };
+                (L::and(acts, L::eq(beside, zero)), [weights[2], weights[3]])
+            }
             // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
             Kind::EdgeEdge => {
                 let (s, t) = (weights[1], weights[3]);
@@ -116,13 +122,14 @@ pub(super) struct Find<'a> {
     /// [`ApproachBound`](super::approach::ApproachBound). Infinite if it is in a group.
     pub safe_until: &'a mut [f32],
     pub most_push: f32,
+    pub around: Around<'a>,
     pub portion: &'a mut Portion,
 }
 
 impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Find { corners, thickness, x, u, safe_until, most_push, portion } = self;
+        let Find { corners, thickness, x, u, safe_until, most_push, around, portion } = self;
         let Portion { kind, blocks, joining, due_pairs, bunches, .. } = portion;
         let (kind, most_push) = (*kind, L::splat(2.0 * most_push));
         blocks.clear();
@@ -150,7 +157,7 @@ impl Loop for Find<'_> {
             if near == 0 {
                 continue;
             }
-            let mut acts = L::bits(proximity.acting(kind, u, corners, thickness).0);
+            let mut acts = L::bits(proximity.acting(kind, u, corners, thickness, around).0);
             if near != acts {
                 if first == MAX_LANES {
                     blocks.add().near = 0;
@@ -180,12 +187,13 @@ pub(super) struct FindAgain<'a> {
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
     pub most_push: f32,
+    pub around: Around<'a>,
 }
 
 impl Loop for FindAgain<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let FindAgain { kind, groups, weights, x, u, most_push } = self;
+        let FindAgain { kind, groups, weights, x, u, most_push, around } = self;
         let (zero, most_push) = (L::splat(0.0), L::splat(2.0 * most_push));
         for (group, to) in groups.iter_mut().zip(weights) {
             group.block.near = 0;
@@ -195,7 +203,7 @@ impl Loop for FindAgain<'_> {
                 let thickness = number::<L>(&group.thickness, first);
                 let proximity = proximity_of(kind, x, &group.block.corners[lanes.clone()], thickness, most_push, is_pair);
                 proximity.note(kind, thickness, &mut group.block, first);
-                let (acts, [free, last]) = proximity.acting(kind, u, &group.block.corners[lanes.clone()], thickness);
+                let (acts, [free, last]) = proximity.acting(kind, u, &group.block.corners[lanes.clone()], thickness, around);
                 let weights = kind.weights(free, last);
                 for (to, weights) in to.0.iter_mut().zip(weights) {
                     store(&mut to[lanes.clone()], L::select(acts, weights, zero));

@@ -35,6 +35,8 @@ pub(crate) struct Table {
     pub around: u32,
     pub beside: u32,
     pub of_vertices: u32,
+    /// Where each vertex's list of triangles begins, then these lists.
+    pub triangles_at: u32,
 }
 
 impl Table {
@@ -91,6 +93,10 @@ impl Table {
             [surface.piece[vertex], half_gap, max_margin, x, y, z]
         };
         table.of_vertices = table.add((0..vertices).map(of_vertex).collect::<Vec<_>>().as_flattened());
+        let first = (table.words.len() + surface.at.spans.len() + 1) as u32;
+        let starts: Vec<u32> = std::iter::once(first).chain(surface.at.spans.iter().map(|span| first + span.end)).collect();
+        table.triangles_at = table.add(&starts);
+        table.add(&surface.at.items);
         table
     }
 

@@ -90,7 +90,10 @@ impl Contacts {
             for portion in parts.into_iter().flatten() {
                 let mut found = std::mem::take(&mut portion.truncation);
                 found.clear();
-                simd::run(input.width, Shares { portion, relative, may_slide: input.may_slide, thickness: input.thickness, found: &mut found });
+                simd::run(
+                    input.width,
+                    Shares { portion, relative, may_slide: input.may_slide, thickness: input.thickness, found: &mut found },
+                );
                 portion.truncation = found;
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();

@@ -107,7 +107,7 @@ shaders! {
         DESCENT: "boxes" "normals" "detection" "descent";
         CANDIDATES: "boxes" "detection" "candidates";
         LISTING: "boxes" "normals" "detection" "listing";
-        NEAR: "mean" "pairs" "near";
+        NEAR: "mean" "pairs" "voronoi" "near";
         RESPONSE: "pairs" "sums" "response";
         TRUNCATION: "pairs" "sums" "truncation";
         FINISH: "sums" "finish";

@@ -1,8 +1,10 @@
 //! The closest points of a pair and its multipliers, compared with their definitions.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 
-use super::{clearance, edge_edge, impulse, perpendicular, separation, share_above, step_of_lambda, vertex_triangle};
+use super::{
+    SLIDING, clearance, edge_edge, excess, impulse, perpendicular, separation, share_above, step_of_lambda, vertex_triangle,
+};
 use crate::simd::Vector;
 
 fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
@@ -167,4 +169,16 @@ fn the_direction_is_perpendicular_to_the_corners_in_use_only() {
     let parallel = lanes([DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Y + DVec3::X]);
     let part = perpendicular(Vector::new(0.1, -1.0, 0.2), [0.5, 0.5, -0.5, -0.5], parallel, true);
     assert_eq!([part.x, part.y, part.z], [0.0, -1.0, 0.2]);
+}
+
+/// What one plane, the same plane twice, and two planes at a right angle forbid is removed by the relaxation factor, and nothing
+/// else.
+#[test]
+fn excess_is_what_planes_forbid() {
+    let close = |a: Vec3A, b: Vec3A| assert!(a.distance(b) < 1e-6, "{a} {b}");
+    let [x, y] = [Vec3A::X * 0.3, Vec3A::Y * 0.2];
+    close(excess(x, 0.09), SLIDING * x);
+    close(excess(2.0 * x, 0.18), SLIDING * x);
+    close(excess(x + y, 0.09 + 0.04), SLIDING * (x + y));
+    close(excess(Vec3A::ZERO, 0.0), Vec3A::ZERO);
 }

@@ -101,7 +101,11 @@ fn proximity_of(k: u32) -> Proximity {
         let gap = distance - pair.thickness + dot(normal, between(weights, u));
         // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
         let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
-        let acts = gap < ACTING * pair.thickness && (inner || !is_edge);
+        var acts = gap < ACTING * pair.thickness && (inner || !is_edge);
+        // Above a side or a corner of its triangle, a vertex may be closer to another triangle.
+        if acts && !is_edge {
+            acts = is_closest(pair.corners.yzw, weights.yzw, closest.apart);
+        }
         state = select(1u, 2u, acts);
     }
     if state < 2u && any(pair.lambda != vec4f()) {

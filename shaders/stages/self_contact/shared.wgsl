@@ -53,6 +53,8 @@ struct ContactParams {
     // and the number of vertices that are not carried, which are behind the ignored pairs, sorted.
     max_carry: f32,
     entangled: u32,
+    // Position in the table of the lists of each vertex's triangles.
+    triangles_at: u32,
     // The rotation in the first substep, less the identity and by columns, of kinematic vertices, if they turn as one
     // (otherwise 0); its center [m], and the center's displacement in the step [m].
     turn_x: vec4f,

@@ -75,7 +75,8 @@ impl Stages {
         let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
         let by_begin = [X, VERTICES, TRACKS, SUMS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
         let truncate = |again| {
-            let of_pairs = stage_with(shaders::TRUNCATION, "truncate", &[VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE], &[("AGAIN", again)]);
+            let of_pairs =
+                stage_with(shaders::TRUNCATION, "truncate", &[VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE], &[("AGAIN", again)]);
             let by_finish = [VERTICES, SUMS, CONTACT_STATE, X_OUT, P_OUT];
             [of_pairs, stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", again)])]
         };

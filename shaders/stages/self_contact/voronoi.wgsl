@@ -1,0 +1,37 @@
+// Whether the closest point of a triangle is the closest one of the surface around it. src/contact/voronoi.rs has the theory.
+
+// A vertex counts as above a side or a corner, too, if it is beyond by an angle of at most this.
+const BESIDE: f32 = 0.01;
+// A closest point is on a side or at a corner if a weight is less than this.
+const ON_SIDE: f32 = 1e-5;
+
+fn is_above(apart: vec3f, way: vec3f) -> bool {
+    return dot(apart, way) <= BESIDE * length(apart) * length(way);
+}
+
+// Whether the point of a triangle with these weights, from which a vertex is `apart`, is the point of the surface around it
+// that is closest to the vertex.
+fn is_closest(corners: vec3u, weights: vec3f, apart: vec3f) -> bool {
+    let is_used = weights < vec3f(-ON_SIDE);
+    if all(is_used) {
+        return true;
+    }
+    let a = select(select(corners.z, corners.y, is_used.y), corners.x, is_used.x);
+    let b = select(select(corners.x, corners.y, is_used.y), corners.z, is_used.z);
+    let start = vertices[a].x.xyz;
+    let side = vertices[b].x.xyz - start;
+    let last = table[contact_params.triangles_at + a + 1u];
+    for (var k = table[contact_params.triangles_at + a]; k < last; k++) {
+        let around = triangle(table[k]);
+        if a != b && !any(around == vec3u(b)) {
+            continue;
+        }
+        for (var c = 0u; c < 3u; c++) {
+            let way = vertices[around[c]].x.xyz - start;
+            if around[c] != b && !is_above(apart, without(way, side)) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
