@@ -3,9 +3,9 @@
 //! # Theory
 //! The method keeps the cloth free of intersections instead of resolving them afterwards. [`detection`] lists the pairs
 //! of features that may come closer than the thickness within some substeps ([`tree`]). In each substep, [`near`]
-//! selects those that may do so in that substep, [`response`] holds them apart by the thickness, with friction, and
-//! [`truncation`] then shortens displacements so that the two sides of a pair stay on their sides of a plane, whatever
-//! the response achieved.
+//! selects those that may do so in that substep, except for a vertex and a triangle beside which it is above another one
+//! ([`voronoi`]), [`response`] holds them apart by the thickness, with friction, and [`truncation`] then shortens
+//! displacements so that the two sides of a pair stay on their sides of a plane, whatever the response achieved.
 //!
 //! Detection assumes that vertices move along straight [`paths`], and is repeated when they leave them by more than a
 //! margin. Kinematic vertices (of pins and mesh bodies) cannot be truncated, so they carry the cloth that they would run
