@@ -7,6 +7,8 @@ use glam::Vec4;
 use super::pairs::Listed;
 use super::ranges::Ranges;
 use super::workers::Workers;
+#[cfg(feature = "gpu")]
+use crate::model::csr::Csr;
 
 /// The pairs of one kind, in a row for each first feature, with their multipliers.
 #[derive(Debug, Default)]
@@ -118,12 +120,11 @@ impl Rows {
             return self;
         }
         let in_rows = (0..).zip(self.starts.windows(2)).flat_map(|(row, span)| (span[0]..span[1]).map(move |place| (row, place)));
-        let mut places: Vec<(u32, u32)> =
-            in_rows.chain(self.later.iter().copied().zip(self.starts[self.starts.len() - 1]..)).collect();
-        places.sort_by_key(|(row, _)| *row);
-        let starts = (0..self.starts.len() as u32).map(|row| places.partition_point(|(of, _)| *of < row) as u32).collect();
-        let (pairs, lambda) = places.iter().map(|&(_, place)| (self.pairs[place as usize], self.lambda[place as usize])).unzip();
-        Rows { starts, later: Vec::new(), pairs, lambda }
+        let rows = self.starts.len() - 1;
+        let places = Csr::new(rows, in_rows.chain(self.later.iter().copied().zip(self.starts[rows]..)));
+        let in_order = places.items.iter().map(|&place| (self.pairs[place as usize], self.lambda[place as usize]));
+        let (pairs, lambda) = in_order.unzip();
+        Rows { starts: places.starts(), later: Vec::new(), pairs, lambda }
     }
 
     /// The places of the pairs of a row, without those that were added later.

@@ -269,11 +269,10 @@ fn pieces(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
 
 /// The items in the order of the leaves that own them, and the first item of each leaf.
 fn by_leaf(owner: &[u32], depth: u32) -> (Vec<u32>, Vec<u32>) {
-    let mut order: Vec<u32> = (0..owner.len() as u32).filter(|&item| owner[item as usize] != u32::MAX).collect();
-    order.sort_by_key(|&item| owner[item as usize]);
-    let starts = (0..=1_u32 << depth).map(|leaf| order.partition_point(|&item| owner[item as usize] < leaf) as u32);
-    let starts = starts.collect();
-    (order, starts)
+    let owned = owner.iter().copied().zip(0..).filter(|&(leaf, _)| leaf != u32::MAX);
+    let by_leaf = Csr::new(1 << depth, owned);
+    let starts = by_leaf.starts();
+    (by_leaf.items, starts)
 }
 
 /// The smallest height (m) of the triangles around each vertex; infinite if there are none.

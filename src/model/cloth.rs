@@ -268,8 +268,8 @@ impl Cloth {
             };
             // Sorted so that triangles close to each other are close in memory: the mesh's order of triangles may
             // differ from the order of vertices here.
-            let mut triangles = self.triangles.clone();
-            triangles.sort_by_key(|corners| corners.iter().min().copied());
+            let by_first = self.triangles.iter().map(|&[a, b, c]| (a.min(b).min(c), [a, b, c]));
+            let triangles = Csr::new(rest.len(), by_first).items;
             let panels = triangles.iter().map(panel).collect();
             let corners = triangles.iter().enumerate();
             let around = corners.flat_map(|(index, triangle)| triangle.map(|vertex| (vertex, index as u32)));

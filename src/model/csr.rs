@@ -37,6 +37,11 @@ impl<T: Copy + Default> Csr<T> {
         Csr { spans, items }
     }
 
+    /// Where the items of each vertex start, and where those of the last one end.
+    pub(crate) fn starts(&self) -> Vec<u32> {
+        std::iter::once(0).chain(self.spans.iter().map(|span| span.end)).collect()
+    }
+
     /// The items of a vertex.
     pub(crate) fn of(&self, vertex: u32) -> &[T] {
         let span = self.spans[vertex as usize];

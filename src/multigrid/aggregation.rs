@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 
 use crate::model::cloth::Cloth;
+use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 
@@ -56,8 +57,7 @@ impl Bisection {
         let mut parts = DisjointSets::new(vertices);
         holding(cloth).for_each(|link| parts.join(link.ends));
         let part: Vec<u32> = (0..vertices as u32).map(|vertex| parts.root(vertex)).collect();
-        let mut by_part: Vec<u32> = (0..vertices as u32).collect();
-        by_part.sort_by_key(|&vertex| part[vertex as usize]);
+        let mut by_part = Csr::new(vertices, part.iter().copied().zip(0..)).items;
         let rest: Vec<Vec3> = cloth.rest.iter().map(|x| x.truncate()).collect();
         let mut path = vec![0; vertices];
         for group in by_part.chunk_by_mut(|&a, &b| part[a as usize] == part[b as usize]) {
