@@ -570,7 +570,7 @@ fn squeezed_cloth_slides_without_friction(backend: Backend) {
     let of = Options { contact: Some(Contact { thickness: R, friction: 0.0 }), ..options(backend, 20, true) };
     let mut cloth = Deformer::new(&sheet, of).unwrap();
     let middle = |cloth: &mut Deformer| cloth.positions().unwrap().iter().map(|x| x.y).sum::<f32>() / 100.0;
-    for room in [1.9, 1.7, 1.5] {
+    for room in [1.9, 1.5, 1.0] {
         cloth.reset();
         let mut falls = |frames: i32, gravity: Vec3| {
             let start = middle(&mut cloth);
@@ -590,8 +590,8 @@ fn squeezed_cloth_slides_without_friction(backend: Backend) {
     }
 }
 
-/// A tube of cloth hangs around a body, and a limb closes on it to a fifth of its thickness and slides up and down. If truncation
-/// stopped the cloth along the body, too, it would be stretched by a tenth.
+/// A tube of cloth hangs around a body, and a limb closes on it to two fifths of its thickness and slides up and down. If truncation
+/// stopped the cloth along the body, too, it would be stretched by 5 %.
 fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
     let (around, rows) = (coarser(backend, 60, 40), coarser(backend, 33, 22));
     let upright = |half_length: f32, radius: f32, rings: u32| {
@@ -604,7 +604,7 @@ fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
     let (mut sum, frames) = (0.0, 60);
     for frame in 0..frames {
         let frame = frame as f32;
-        let close = Vec3::X * (0.3 + (0.201 - 0.3) * (frame / 20.0).min(1.0));
+        let close = Vec3::X * (0.3 + (0.202 - 0.3) * (frame / 20.0).min(1.0));
         let slides = Vec3::Y * 0.05 * (0.15 * (frame - 20.0).max(0.0)).sin();
         let limb = moved(&limb, |x| x + close + slides);
         cloth.step(FRAME, &with(vec![Collider::mesh(body.clone()), Collider::mesh(limb)])).unwrap();
@@ -612,7 +612,7 @@ fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
     }
     let mean = sum / (frames - 27) as f32;
     println!("stretched by {mean}");
-    assert!(mean < 0.06, "99 % are stretched by {mean}");
+    assert!(mean < 0.035, "99 % are stretched by {mean}");
 }
 
 /// Two limbs close on hung cloth until one is inside the other, and open again. The cloth hooks on them, which more substeps do not

@@ -4,7 +4,8 @@
 //! at a corner, to which another triangle is closer. If such a pair acted, it would push the vertex aside: cloth that is closer than
 //! the thickness would catch at each edge of a flat surface, even without friction. A point of a side or a corner is the closest
 //! one only to what is in its Voronoi region (Ericson 2004, "Real-Time Collision Detection", 5.1.5, of a single triangle), where
-//! none of the triangles around it is closer.
+//! none of the triangles around it is closer. The same holds from the other side: a corner of a flat surface next to the rim of
+//! another one is not above it, and is not what the rim is closest to.
 
 use glam::{Vec3A, Vec4};
 
@@ -49,7 +50,7 @@ impl Around<'_> {
     }
 
     /// Whether the point of a triangle with these weights, which sum to -1, is the point of the surface around it that is closest
-    /// to a vertex.
+    /// to a vertex, and the vertex the point of its surface that is closest to it.
     fn is_closest(&self, vertex: u32, corners: [u32; 3], weights: [f32; 3]) -> bool {
         let at = |vertex: u32| xyz(self.x[vertex as usize]);
         let apart = corners.into_iter().zip(weights).fold(at(vertex), |apart, (corner, weight)| apart + at(corner) * weight);
@@ -58,16 +59,18 @@ impl Around<'_> {
         if used.next().is_some() {
             return true;
         }
-        let is_above = |way: Vec3A| apart.dot(way) <= BESIDE * apart.length() * way.length();
-        let mut triangles = self.surface.at.of(a).iter().map(|&triangle| self.surface.triangles[triangle as usize]);
+        let is_above = |apart: Vec3A, way: Vec3A| apart.dot(way) <= BESIDE * apart.length() * way.length();
+        let triangles_at =
+            |vertex: u32| self.surface.at.of(vertex).iter().map(|&triangle| self.surface.triangles[triangle as usize]);
+        if !triangles_at(vertex).flatten().all(|other| is_above(-apart, at(other) - at(vertex))) {
+            return false;
+        }
         let Some(b) = b else {
-            return triangles.all(|triangle| triangle.into_iter().all(|other| is_above(at(other) - at(a))));
+            return triangles_at(a).flatten().all(|other| is_above(apart, at(other) - at(a)));
         };
         let side = at(b) - at(a);
         let across = |way: Vec3A| way - side * (way.dot(side) / side.length_squared().max(1e-30));
-        triangles
-            .filter(|triangle| triangle.contains(&b))
-            .flatten()
-            .all(|other| other == b || is_above(across(at(other) - at(a))))
+        let mut beside = triangles_at(a).filter(|triangle| triangle.contains(&b)).flatten().filter(|&other| other != b);
+        beside.all(|other| is_above(apart, across(at(other) - at(a))))
     }
 }

@@ -104,7 +104,7 @@ fn proximity_of(k: u32) -> Proximity {
         var acts = gap < ACTING * pair.thickness && (inner || !is_edge);
         // Above a side or a corner of its triangle, a vertex may be closer to another triangle.
         if acts && !is_edge {
-            acts = is_closest(pair.corners.yzw, weights.yzw, closest.apart);
+            acts = is_closest(pair.corners.x, pair.corners.yzw, weights.yzw, closest.apart);
         }
         state = select(1u, 2u, acts);
     }

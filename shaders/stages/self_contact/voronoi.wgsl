@@ -9,21 +9,27 @@ fn is_above(apart: vec3f, way: vec3f) -> bool {
     return dot(apart, way) <= BESIDE * length(apart) * length(way);
 }
 
-// Whether the point of a triangle with these weights, from which a vertex is `apart`, is the point of the surface around it
-// that is closest to the vertex.
-fn is_closest(corners: vec3u, weights: vec3f, apart: vec3f) -> bool {
+// Whether the point of a triangle with these weights, from which vertex `v` is `apart`, is the point of the surface around it
+// that is closest to the vertex, and the vertex the point of its surface that is closest to it.
+fn is_closest(v: u32, corners: vec3u, weights: vec3f, apart: vec3f) -> bool {
     let is_used = weights < vec3f(-ON_SIDE);
     if all(is_used) {
         return true;
     }
     let a = select(select(corners.z, corners.y, is_used.y), corners.x, is_used.x);
     let b = select(select(corners.x, corners.y, is_used.y), corners.z, is_used.z);
+    let side = vertices[b].x.xyz - vertices[a].x.xyz;
+    return is_above_triangles(v, v, -apart, vec3f()) && is_above_triangles(a, b, apart, side);
+}
+
+// Whether what is `apart` from a side from `a` to `b` is not beyond it on any of the triangles there; if both are one corner,
+// on any around it.
+fn is_above_triangles(a: u32, b: u32, apart: vec3f, side: vec3f) -> bool {
     let start = vertices[a].x.xyz;
-    let side = vertices[b].x.xyz - start;
     let last = table[contact_params.triangles_at + a + 1u];
     for (var k = table[contact_params.triangles_at + a]; k < last; k++) {
         let around = triangle(table[k]);
-        if a != b && !any(around == vec3u(b)) {
+        if !any(around == vec3u(b)) {
             continue;
         }
         for (var c = 0u; c < 3u; c++) {
