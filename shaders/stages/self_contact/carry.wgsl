@@ -2,8 +2,6 @@
 
 // A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
 const CLOSER: f32 = 0.5;
-// How deep truncation may leave a vertex in a collider, in units of the thickness, before the collider carries it.
-const SUNK: f32 = 0.1;
 
 override LANES: u32 = 256u;
 // The sum of weights, which is free after the response (`finish` has cleared it): 1 + the vertex that carries this one.
@@ -97,50 +95,15 @@ fn run_over(pair: Passed) -> RunOver {
     return found;
 }
 
-// Stops the step if near pairs were not found for vertices that are carried so far besides the common motion [m].
-fn stop_if_far(travel: f32) {
-    if travel > contact_params.max_carry {
-        atomicMax(&contact_state.status.needed_carry, bitcast<u32>(travel));
-        atomicOr(&contact_state.status.stopped, RUN_OVER);
-    }
-}
-
-fn stop_if_leader_is_far(leader: u32) {
+// Stops the step if near pairs were not found for vertices that are carried as far as this one moves.
+fn stop_if_far(leader: u32) {
     if leader != NONE {
-        stop_if_far(length(way_with(leader, vec3f())));
-    }
-}
-
-// Carries vertices that sink into a collider, because pairs have moved them or truncation has shortened their displacements,
-// with the collider's surface.
-@compute @workgroup_size(WORKGROUP)
-fn carry_sinking(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = item(id, groups);
-    if i >= contact_params.vertices || has_stopped() {
-        return;
-    }
-    let x = vertices[i].x;
-    if x.w <= 0.0 || vertices[i].push.w == 0.0 || is_entangled(i) {
-        return;
-    }
-    let way = vertices[i].u.xyz + vertices[i].push.xyz;
-    for (var k = 0u; k < contact_params.bodies; k++) {
-        let contact = contact_point(x.xyz, way, bodies[k], substep);
-        if contact.after < -SUNK * contact_params.thickness && contact.after < contact.before {
-            carry_by(i, contact.step);
-            stop_if_far(length(way_with(i, vec3f())));
-            atomicAdd(&contact_state.status.sinking, 1u);
-            return;
+        let travel = length(way_with(leader, vec3f()));
+        if travel > contact_params.max_carry {
+            atomicMax(&contact_state.status.needed_carry, bitcast<u32>(travel));
+            atomicOr(&contact_state.status.stopped, RUN_OVER);
         }
     }
-}
-
-// Until the end of the substep the inverse mass of a vertex that is carried is negative.
-fn carry_by(v: u32, u: vec3f) {
-    vertices[v].x.w = -abs(vertices[v].x.w);
-    vertices[v].u = vec4f(u, vertices[v].u.w);
-    vertices[v].push = vec4f();
-    vertices[v].way = vec4f(without_turning(way_with(v, vec3f())), vertices[v].way.w);
 }
 
 // Carries vertices of pairs, after truncation. If a vertex is in several pairs that are run over, the kinematic vertex with the
@@ -154,7 +117,7 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
     for (var k = lane; k < count; k += LANES) {
         let marked = pairs[place_of_passed(k)].corners;
         let found = run_over(passed_pair(marked));
-        stop_if_leader_is_far(found.leader);
+        stop_if_far(found.leader);
         for (var c = 0u; c < 4u; c++) {
             if found.followers[c] {
                 atomicMax(&sums[SUMS * (marked[c] & ~MARK) + LEADER], i32(found.leader + 1u));
@@ -170,7 +133,7 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
     }
     workgroupBarrier();
     if lane == 0u {
-        let all = atomicLoad(&carried) + atomicExchange(&contact_state.status.sinking, 0u);
+        let all = atomicLoad(&carried);
         atomicStore(&contact_state.status.again, all);
         if all > 0u {
             atomicStore(&contact_state.status.passed, 0u);
@@ -178,14 +141,17 @@ fn carry(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// Moves a vertex like its leader, if it has one.
+// Moves a vertex like its leader, if it has one. Until the end of the substep its inverse mass is negative.
 fn follow_leader(v: u32) {
     if v >= contact_params.vertices {
         return;
     }
     let leader = atomicExchange(&sums[SUMS * v + LEADER], 0);
     if leader > 0 {
-        carry_by(v, vertices[u32(leader) - 1u].u.xyz);
+        vertices[v].x.w = -abs(vertices[v].x.w);
+        vertices[v].u = vec4f(vertices[u32(leader) - 1u].u.xyz, vertices[v].u.w);
+        vertices[v].push = vec4f();
+        vertices[v].way = vec4f(without_turning(way_with(v, vec3f())), vertices[v].way.w);
         atomicAdd(&carried, 1u);
     }
 }
@@ -199,7 +165,7 @@ fn find_pinched(@builtin(local_invocation_index) lane: u32) {
         let marked = pairs[place_of_passed(k)].corners;
         let pair = passed_pair(marked);
         if contact_params.max_carry == 0.0 {
-            stop_if_leader_is_far(run_over(pair).leader);
+            stop_if_far(run_over(pair).leader);
         }
         if pair.is_flat {
             let at = atomicAdd(&contact_state.status.pinched, 1u);

@@ -90,7 +90,7 @@ struct Near {
 
 // A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is kinematic. `u`: displacement; w is the inverse mass
 // again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
-// collider's vertex, and otherwise 1 if pairs or truncation have moved the vertex. `way`, of the cloth's vertices after the response: both, relative to the mean displacement; w is the
+// collider's vertex. `way`, of the cloth's vertices after the response: both, relative to the mean displacement; w is the
 // distance that it was about to move, then that which it may move.
 struct Vertex {
     x: vec4f,
@@ -179,8 +179,6 @@ struct Status {
     needed_carry: atomic<u32>,
     // Number of pairs of this substep that are squeezed.
     squeezed: atomic<u32>,
-    // Number of vertices that have begun to be carried because they sink into colliders.
-    sinking: atomic<u32>,
 }
 
 // There is room for so many pairs that are pinched. There may be more.

@@ -53,8 +53,6 @@ pub(crate) struct Status {
     pub again: u32,
     pub needed_carry: u32,
     pub squeezed: u32,
-    pub sinking: u32,
-    pub unused: [u32; 3],
 }
 
 impl Status {
