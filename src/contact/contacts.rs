@@ -57,7 +57,7 @@ pub(super) struct Contacts {
     pub carried: Vec<u32>,
     /// The share of its displacement that truncation leaves each vertex.
     pub shares: Vec<f32>,
-    /// For each vertex the sum of how far (m) it gets beyond planes: see [`Truncation::beyond`](super::truncation::Truncation).
+    /// For each vertex the sum of how far (m) it gets beyond planes: see [`Truncation::beyond`](super::portions::Truncation).
     pub beyond: Vec<Vec4>,
     /// The active pairs.
     pub acting: Acting,

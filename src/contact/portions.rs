@@ -12,7 +12,6 @@ use super::group::{Block, Group};
 use super::pairs::{Kind, Listed};
 use super::ranges::Ranges;
 use super::reused::Reused;
-use super::truncation::Truncation;
 use super::workers::Workers;
 use crate::simd::{MAX_LANES, Registers};
 
@@ -165,5 +164,25 @@ impl Portion {
         let set = |group: &Group| group.block.corners.iter().flatten().fold(0, |all, &vertex| all | ranges.bit(vertex));
         of_groups.clear();
         of_groups.extend(groups.iter().map(set));
+    }
+}
+
+/// What truncation finds in a portion.
+#[derive(Debug, Default)]
+pub(super) struct Truncation {
+    /// For each vertex that is shortened, its place and the share of its displacement that is left.
+    pub shares: Vec<(u32, f32)>,
+    /// For those of pairs with a kinematic side, if vertices may slide: by which vector (m), at most as long as the thickness, they
+    /// get beyond the plane, and in w its square (m²).
+    pub beyond: Vec<(u32, Vec4)>,
+    /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].
+    pub passed: Vec<[u32; 4]>,
+}
+
+impl Truncation {
+    pub(super) fn clear(&mut self) {
+        self.shares.clear();
+        self.beyond.clear();
+        self.passed.clear();
     }
 }

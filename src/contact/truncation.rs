@@ -20,7 +20,7 @@ use glam::{DVec3, Vec4};
 use super::contacts::{Contacts, GRAIN};
 use super::input::ContactInput;
 use super::lanes::{number, scattered, store, vector, whole_corners_of};
-use super::portions::Portion;
+use super::portions::{Portion, Truncation};
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{excess, share_above};
 use crate::simd::{self, Loop, MAX_LANES, Registers};
@@ -103,26 +103,6 @@ impl Contacts {
             let least = &mut shares[vertex as usize];
             *least = least.min(share);
         }
-    }
-}
-
-/// What truncation finds in a portion.
-#[derive(Debug, Default)]
-pub(super) struct Truncation {
-    /// For each vertex that is shortened, its place and the share of its displacement that is left.
-    pub shares: Vec<(u32, f32)>,
-    /// For those of pairs with a kinematic side, if vertices may slide: by which vector (m), at most as long as the thickness, they
-    /// get beyond the plane, and in w its square (m²).
-    pub beyond: Vec<(u32, Vec4)>,
-    /// The corners of pairs whose plane has passed a vertex: see [`super::pinches`].
-    pub passed: Vec<[u32; 4]>,
-}
-
-impl Truncation {
-    fn clear(&mut self) {
-        self.shares.clear();
-        self.beyond.clear();
-        self.passed.clear();
     }
 }
 
