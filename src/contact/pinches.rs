@@ -57,9 +57,15 @@ impl Contacts {
     }
 }
 
-/// Whether the features of a pair meet while its corners move straight from some positions (m) to others; `None` if the volume
-/// that the corners span keeps its sign.
+/// Whether a pair moves through each other while its corners move straight from some positions (m) to others; `None` if the volume
+/// that the corners span keeps its sign. What touches before or after has no side.
 pub(super) fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
+    let meets = meets(kind, from, to, thickness)?;
+    Some(meets && COINCIDENT * thickness < distance(kind, from).min(distance(kind, to)))
+}
+
+/// Whether its features meet meanwhile; `None` if the volume keeps its sign.
+pub(super) fn meets(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
     let before = volume(from);
     if before * volume(to) > 0.0 {
         return None;
@@ -74,8 +80,7 @@ pub(super) fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickn
             late = middle;
         }
     }
-    let least = COINCIDENT * thickness;
-    Some(distance(kind, at(late)) < least && least < distance(kind, from).min(distance(kind, to)))
+    Some(distance(kind, at(late)) < COINCIDENT * thickness)
 }
 
 /// The distance (m) between the features of a pair.

@@ -38,6 +38,9 @@ pub struct Forecast {
     pub warnings: Vec<Warning>,
 }
 
+/// How far a collider that is not a mesh may move in a substep, in units of the thickness, if contact is to let cloth follow it.
+const FOLLOWED: f32 = 3.0;
+
 impl Deformer {
     /// Predicts a step without taking it: its substeps, what they resolve, the expected strain and the warnings.
     ///
@@ -95,10 +98,11 @@ impl Deformer {
         // A sweep passes a pull on by one edge length per substep.
         let pin = outrun(fastest.pin.1, self.cloth.longest).filter(|_| self.options.method != Method::Springs);
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
-        // Contact lets a vertex follow a collider only as far as it does not come too close to others. Meshes carry what they hit.
+        // What goes along with a collider also takes along what it would come too close to, but not however far. Meshes carry what
+        // they hit.
         let is_mesh =
             attributes.colliders.get(fastest.collider.0).is_some_and(|collider| matches!(collider.shape, Shape::Mesh { .. }));
-        let thickness = self.options.contact.filter(|_| !is_mesh).map_or(f32::INFINITY, |contact| contact.thickness);
+        let thickness = self.options.contact.filter(|_| !is_mesh).map_or(f32::INFINITY, |contact| FOLLOWED * contact.thickness);
         let collider = outrun(fastest.collider.1, self.cloth.longest.min(thickness)).filter(|_| self.cloth.longest > 0.0);
         let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: fastest.collider.0, speed, carried });
         [limited, needed, slivers, pin, collider, self.contact_outruns(decision)].into_iter().flatten().collect()

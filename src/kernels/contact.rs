@@ -93,7 +93,27 @@ pub(crate) fn contact_body<L: Lanes>(
     substep: &Substep,
     params: &Params,
 ) -> (Vector<L>, Vector<L>) {
-    let contact = match body.kind {
+    respond(x, u, contact_point(x, u, body, substep, params), body.friction, params.h)
+}
+
+/// Where vertices at `x`, about to move by `u`, sink into a body: a mask of those that end deeper than `depth` (m), and deeper
+/// than they began, and the displacement of the body's surface there, with which they would not sink.
+#[inline(always)]
+pub(crate) fn sinking<L: Lanes>(
+    x: Vector<L>,
+    u: Vector<L>,
+    body: &Body,
+    substep: &Substep,
+    params: &Params,
+    depth: f32,
+) -> (L::Mask, Vector<L>) {
+    let ContactPoint { before, after, step, .. } = contact_point(x, u, body, substep, params);
+    (L::and(after.lt(L::splat(-depth)), after.lt(before)), step)
+}
+
+#[inline(always)]
+fn contact_point<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
+    match body.kind {
         PLANE => {
             let (a, a_step) = axis_end(body, substep, params);
             let (n, step) = (Vector::splat(body.b), splat(a_step));
@@ -102,8 +122,7 @@ pub(crate) fn contact_body<L: Lanes>(
         }
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
-    };
-    respond(x, u, contact, body.friction, params.h)
+    }
 }
 
 /// A vertex and a body in a substep.
@@ -114,7 +133,7 @@ struct ContactPoint<L> {
     /// The signed gap (m) at the substep's start, and at its end if nothing is done.
     before: L,
     after: L,
-    /// The body's displacement (m) there.
+    /// The displacement (m) of the body's surface there.
     step: Vector<L>,
 }
 
@@ -172,7 +191,8 @@ fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    ContactPoint { n, before, after: after - growth, step }
+    // Friction acts on what is left of it without its part along the normal.
+    ContactPoint { n, before, after: after - growth, step: n.mul_add(growth, step) }
 }
 
 /// Parameter, from 0 at `a` to 1 at `b`, of that ball of a round body whose surface is nearest to `x`. The body is the

@@ -46,7 +46,9 @@ pub(super) fn contact_box<L: Lanes>(
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step }
+    let grows = L::splat(growth) + n.abs().dot(splat(core_step));
+    let n = turned(ends, n);
+    ContactPoint { n, before, after: after - L::splat(growth), step: n.mul_add(grows, step) }
 }
 
 /// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
