@@ -590,8 +590,7 @@ fn squeezed_cloth_slides_without_friction(backend: Backend) {
     }
 }
 
-/// A tube of cloth hangs around a body, and a limb closes on it to two fifths of its thickness and slides up and down. If truncation
-/// stopped the cloth along the body, too, it would be stretched by 5 %.
+/// A tube of cloth hangs around a body, and a limb closes on it to a fifth of its thickness, or two fifths, and slides up and down.
 fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
     let (around, rows) = (coarser(backend, 60, 40), coarser(backend, 33, 22));
     let upright = |half_length: f32, radius: f32, rings: u32| {
@@ -599,20 +598,22 @@ fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
         moved(&lying, |x| Vec3::new(-x.y, x.x, x.z))
     };
     let (body, limb) = (upright(0.45, 0.15, 24), upright(0.15, 0.05, 12));
-    let of = Options { pinned: (0..around).collect(), ..options(backend, 20, true) };
-    let mut cloth = Deformer::new(&tube(0.18, 0.6, around, rows), of).unwrap();
-    let (mut sum, frames) = (0.0, 60);
-    for frame in 0..frames {
-        let frame = frame as f32;
-        let close = Vec3::X * (0.3 + (0.202 - 0.3) * (frame / 20.0).min(1.0));
-        let slides = Vec3::Y * 0.05 * (0.15 * (frame - 20.0).max(0.0)).sin();
-        let limb = moved(&limb, |x| x + close + slides);
-        cloth.step(FRAME, &with(vec![Collider::mesh(body.clone()), Collider::mesh(limb)])).unwrap();
-        sum += if frame < 27.0 { 0.0 } else { cloth.measure().unwrap().stretch_share };
+    for (room, most) in [(0.001, 0.06), (0.002, 0.035)] {
+        let of = Options { pinned: (0..around).collect(), ..options(backend, 20, true) };
+        let mut cloth = Deformer::new(&tube(0.18, 0.6, around, rows), of).unwrap();
+        let (mut sum, frames) = (0.0, 60);
+        for frame in 0..frames {
+            let frame = frame as f32;
+            let close = Vec3::X * (0.3 + (0.2 + room - 0.3) * (frame / 20.0).min(1.0));
+            let slides = Vec3::Y * 0.05 * (0.15 * (frame - 20.0).max(0.0)).sin();
+            let limb = moved(&limb, |x| x + close + slides);
+            cloth.step(FRAME, &with(vec![Collider::mesh(body.clone()), Collider::mesh(limb)])).unwrap();
+            sum += if frame < 27.0 { 0.0 } else { cloth.measure().unwrap().stretch_share };
+        }
+        let mean = sum / (frames - 27) as f32;
+        println!("{room} m of room: stretched by {mean}");
+        assert!(mean < most, "{room} m of room: 99 % are stretched by {mean}");
     }
-    let mean = sum / (frames - 27) as f32;
-    println!("stretched by {mean}");
-    assert!(mean < 0.035, "99 % are stretched by {mean}");
 }
 
 /// Two limbs close on hung cloth until one is inside the other, and open again. The cloth hooks on them, which more substeps do not
