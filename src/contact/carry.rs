@@ -17,7 +17,7 @@ use glam::{DVec3, Vec3A, Vec4};
 use super::contacts::{Contacts, Held};
 use super::input::ContactInput;
 use super::pairs::{Kind, between, closest};
-use super::pinches::{distance, meets};
+use super::pinches::{distance, meets, moves_through};
 use super::vertices::FindSinking;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::CLEARANCE;
@@ -37,6 +37,9 @@ pub(super) const SUNK: f32 = 0.1;
 /// substep to substep.
 pub(crate) const AMPLE: f32 = 1.25;
 
+/// Whether a pair goes through each other while its corners move from some positions (m) to others; then the thickness (m).
+type GoesThrough = fn(Kind, [Vec3A; 4], [Vec3A; 4], f32) -> Option<bool>;
+
 /// A pair of which one side runs over the other one, which is to be carried.
 struct RunOver {
     /// The kinematic vertex that moves farthest towards the other side, as a place among the vertices of listed pairs.
@@ -54,7 +57,7 @@ impl Contacts {
         }
         let before: Vec<(Vec4, Vec3A)> = self.u.iter().zip(&self.vertices).map(|(&u, vertex)| (u, vertex.push)).collect();
         let held = self.carry_in_rounds(input, plan, substep, lost, true);
-        if matches!(held, Held::NeedsCarry(_)) || self.run_over(input).next().is_none() {
+        if matches!(held, Held::NeedsCarry(_)) || self.run_over(input, meets).next().is_none() {
             return held;
         }
         // What a collider carries runs over something that cannot get out of its way. It sinks in instead.
@@ -76,7 +79,8 @@ impl Contacts {
         may_carry: bool,
     ) -> Held {
         for round in 0..ROUNDS {
-            let pairs: Vec<RunOver> = self.run_over(input).filter_map(|(kind, places)| self.follow(kind, places)).collect();
+            let pairs: Vec<RunOver> =
+                self.run_over(input, moves_through).filter_map(|(kind, places)| self.follow(kind, places)).collect();
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
             if round == 0 && travel > input.max_carry {
                 return Held::NeedsCarry(travel);
@@ -126,8 +130,9 @@ impl Contacts {
         !entangled.is_empty() && entangled.binary_search(&self.vertices[place as usize].index).is_ok()
     }
 
-    /// The pairs that are run over, among those whose plane has passed a vertex, where nothing crosses.
-    fn run_over(&self, input: ContactInput<'_>) -> impl Iterator<Item = (Kind, [u32; 4])> {
+    /// The pairs that are run over, among those whose plane has passed a vertex, where nothing crosses: [`moves_through`] tells
+    /// whether they go through each other, or [`meets`], which counts what touched before, too.
+    fn run_over(&self, input: ContactInput<'_>, goes_through: GoesThrough) -> impl Iterator<Item = (Kind, [u32; 4])> {
         let thickness = input.thickness;
         let is_run_over = move |&(kind, places): &(Kind, [u32; 4])| {
             if places.into_iter().any(|place| self.is_entangled(place, input)) {
@@ -136,7 +141,7 @@ impl Contacts {
             let (from, to) = (places.map(|place| self.start(place)), places.map(|place| self.end(place)));
             let after = distance(kind, to);
             let is_close = after < CLEARANCE * thickness && after < CLOSER * distance(kind, from);
-            is_close || meets(kind, from, to, thickness) == Some(true)
+            is_close || goes_through(kind, from, to, thickness) == Some(true)
         };
         self.passed().filter(is_run_over)
     }

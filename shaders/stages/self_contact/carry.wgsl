@@ -43,12 +43,13 @@ fn passed_pair(marked: vec4u) -> Passed {
     return Passed(is_edge, v, start, end, is_flat, has_met, has_met && has_sides(is_edge, start, end));
 }
 
-// Whether a pair is run over, where nothing crosses.
+// Whether anything crosses around a pair.
+fn is_pair_entangled(v: vec4u) -> bool {
+    return is_entangled(v.x) || is_entangled(v.y) || is_entangled(v.z) || is_entangled(v.w);
+}
+
 fn is_run_over(pair: Passed) -> bool {
-    if is_entangled(pair.v.x) || is_entangled(pair.v.y) || is_entangled(pair.v.z) || is_entangled(pair.v.w) {
-        return false;
-    }
-    if pair.has_met {
+    if pair.is_through {
         return true;
     }
     let after = distance_of(pair.is_edge, pair.end);
@@ -73,7 +74,7 @@ fn is_entangled(v: u32) -> bool {
 // Finds out whether a pair is run over, and which corners are to be carried by which. A corner without a weight is not
 // where the pair is closest.
 fn run_over(pair: Passed) -> RunOver {
-    if !is_run_over(pair) {
+    if is_pair_entangled(pair.v) || !is_run_over(pair) {
         return RunOver(NONE, vec4<bool>());
     }
     let is_edge = pair.is_edge;
@@ -210,7 +211,7 @@ fn find_pinched(@builtin(local_invocation_index) lane: u32) {
         if contact_params.max_carry == 0.0 {
             stop_if_leader_is_far(run_over(pair).leader);
         }
-        if contact_state.status.carried_by_colliders > 0u && is_run_over(pair) {
+        if contact_state.status.carried_by_colliders > 0u && (pair.has_met || is_run_over(pair)) && !is_pair_entangled(pair.v) {
             atomicOr(&contact_state.status.stopped, RUN_THROUGH);
         }
         if pair.is_flat {
