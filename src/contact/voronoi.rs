@@ -59,7 +59,11 @@ impl Around<'_> {
         if used.next().is_some() {
             return true;
         }
-        let is_above = |apart: Vec3A, way: Vec3A| apart.dot(way) <= BESIDE * apart.length() * way.length();
+        // Most ways lead off, which needs no lengths.
+        let is_above = |apart: Vec3A, way: Vec3A| {
+            let along = apart.dot(way);
+            along <= 0.0 || along <= BESIDE * apart.length() * way.length()
+        };
         let triangles_at =
             |vertex: u32| self.surface.at.of(vertex).iter().map(|&triangle| self.surface.triangles[triangle as usize]);
         if !triangles_at(vertex).flatten().all(|other| is_above(-apart, at(other) - at(vertex))) {
