@@ -1,6 +1,5 @@
-//! What the benches of the GPU share: a device of their own, and the distance between two results.
+//! What the benches of the GPU share: a device of their own.
 
-use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Gpu, wgpu};
 
 /// The best adapter with all its limits, and those of these features that it has.
@@ -16,10 +15,4 @@ pub(crate) fn request(features: wgpu::Features) -> Option<Gpu> {
     };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).ok()?;
     Some(Gpu::new(device, queue, adapter.get_info().name))
-}
-
-/// Root mean square of the distances (m) between the vertices of two results.
-pub(crate) fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
-    let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();
-    (sum / a.len() as f64).sqrt()
 }

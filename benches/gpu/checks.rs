@@ -6,7 +6,6 @@ use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Mesh, Options, Quality};
 
 use crate::Failure;
-use crate::device::rms;
 use crate::hang::{FRAME, make, scene, sheet};
 #[allow(dead_code, unreachable_pub, reason = "the tests' own")]
 #[path = "../../tests/common/reference.rs"]
@@ -132,4 +131,10 @@ fn play(deformer: &mut Deformer, frames: u32) -> Result<(), Failure> {
         deformer.step(FRAME, &Attributes::default())?;
     }
     Ok(())
+}
+
+/// Root mean square of the distances (m) between the vertices of two results.
+fn rms(a: &[Vec3], b: &[Vec3]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3())).sum();
+    (sum / a.len() as f64).sqrt()
 }

@@ -1,7 +1,7 @@
-//! How close the hybrid engine comes to its lower bound, and what error fewer exchanges with the GPU would cause.
+//! How close the hybrid engine comes to its lower bound.
 //!
 //! ```text
-//! cargo bench --bench hybrid                                  # both tables, some minutes on a real GPU
+//! cargo bench --bench hybrid                                  # some minutes on a real GPU
 //! cargo bench --bench hybrid -- --quick                       # small sheets
 //! cargo bench --bench hybrid -- --csv hybrid.csv --date 2026-11-21 --commit 1234567
 //! ```
@@ -17,16 +17,15 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::{Parser, value_parser};
-use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Backend, Deformer, Gpu, Levels, Options, Quality, wgpu};
+use cloth_deformer::{Backend, Deformer, Gpu, Options, wgpu};
 
-use crate::device::{request, rms};
+use crate::device::request;
 use crate::floor::{Way, floor};
 use crate::scene::{FRAME, SUBSTEPS, Scene};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Compares the hybrid with the sum of its parts, and measures less frequent exchanges.
+/// Compares the hybrid with the sum of its parts.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Small sheets only
@@ -61,32 +60,28 @@ fn main() -> Result<(), Failure> {
     let threads = rayon::current_num_threads();
     println!("{}, {threads} threads, S = {SUBSTEPS}; {} {}\n", gpu.name(), arguments.date, arguments.commit);
     let mut bench = Bench { gpu, rows: Vec::new() };
-    let (sizes, side): (&[u32], u32) = if arguments.quick { (&[32, 64], 33) } else { (&[64, 128, 256, 512, 1024], 65) };
+    let sizes: &[u32] = if arguments.quick { &[32, 64] } else { &[64, 128, 256, 512, 1024] };
     let sizes = if arguments.sizes.is_empty() { sizes } else { &arguments.sizes };
     if arguments.places {
         bench.places(sizes)?;
     }
     bench.floors(sizes)?;
-    bench.rates(side, if arguments.quick { 160 } else { 640 })?;
     if let Some(path) = &arguments.csv {
         std::fs::write(path, bench.csv(&arguments))?;
     }
     Ok(())
 }
 
-/// A line of the CSV file; what was not measured stays empty.
-#[derive(Debug, Default)]
+/// A line of the CSV file.
+#[derive(Debug)]
 struct Row {
     scene: &'static str,
     n: u32,
-    every: u32,
     /// Milliseconds per step: transfers alone, force kernels alone, the rest on the CPU alone; the hybrid; everything
     /// on the CPU.
-    floor: Option<[f64; 3]>,
+    floor: [f64; 3],
     hybrid: f64,
-    cpu: Option<f64>,
-    /// RMS position error (m) at 0.5 s, and how much of it the exchange rate causes (m); mean and maximum strain.
-    error: Option<[f64; 4]>,
+    cpu: f64,
 }
 
 struct Bench {
@@ -170,8 +165,7 @@ impl Bench {
             "| {n} | {} | {transfers:.2} | {kernels:.2} | {own:.2} | {sum:.2} | {hybrid:.2} | {ratio:.2} | {all:.2} |",
             scene.name
         );
-        let floor = Some([transfers, kernels, own]);
-        self.rows.push(Row { scene: scene.name, n, every: 1, floor, hybrid, cpu: Some(all), error: None });
+        self.rows.push(Row { scene: scene.name, n, floor: [transfers, kernels, own], hybrid, cpu: all });
         Ok(())
     }
 
@@ -203,67 +197,21 @@ impl Bench {
         Ok(())
     }
 
-    /// Error against time at fewer exchanges: half a second, compared with the same scene at `fine` substeps.
-    fn rates(&mut self, n: u32, fine: u32) -> Result<(), Failure> {
-        println!(
-            "\nOne exchange every so many substeps, N = {n}: RMS position error at 0.5 s beside {fine} substeps on the CPU, how far"
-        );
-        println!("the fewer exchanges moved the cloth, strain, ms a step\n");
-        println!("| scene | every | error (m) | moved by (m) | mean strain | max strain | ms |\n|---|---|---|---|---|---|---|");
-        for scene in Scene::all(n) {
-            let options =
-                Options { backend: Backend::Cpu, quality: Quality::Substeps(fine), levels: Levels::Off, ..scene.options.clone() };
-            let mut cloth = Deformer::new(&scene.mesh, options)?;
-            let truth = half_a_second(&scene, &mut cloth)?.0;
-            let mut often: Option<Vec<Vec3>> = None;
-            for every in [1, 2, 4, 10, 20] {
-                let mut cloth = self.cloth(Backend::Hybrid, &scene)?;
-                cloth.exchange_every(every);
-                let Ok((positions, ms)) = half_a_second(&scene, &mut cloth) else {
-                    println!("| {} | {every} | unstable | | | | |", scene.name);
-                    continue;
-                };
-                let measure = cloth.measure()?;
-                let moved = rms(&positions, often.get_or_insert_with(|| positions.clone()));
-                let error = [rms(&positions, &truth), moved, f64::from(measure.mean_strain), f64::from(measure.max_strain)];
-                let cells = error.map(|figure| format!("{figure:.2e}")).join(" | ");
-                println!("| {} | {every} | {cells} | {ms:.2} |", scene.name);
-                self.rows.push(Row { scene: scene.name, n, every, hybrid: ms, error: Some(error), ..Row::default() });
-            }
-        }
-        Ok(())
-    }
-
     fn csv(&self, arguments: &Arguments) -> String {
-        let mut text = String::from(
-            "scene,n,substeps,every,transfers_ms,kernels_ms,cpu_own_ms,hybrid_ms,cpu_ms,position_error,moved,mean_strain,max_strain,adapter,date,commit,command\n",
-        );
-        let list = |figures: &[f64]| figures.iter().map(|figure| format!("{figure:.4e}")).collect::<Vec<_>>().join(",");
-        for Row { scene, n, every, floor, hybrid, cpu, error } in &self.rows {
-            let floor = floor.map_or(",,".to_owned(), |floor| list(&floor));
-            let cpu = cpu.map_or(String::new(), |cpu| list(&[cpu]));
-            let error = error.map_or(",,,".to_owned(), |error| list(&error));
+        let mut text =
+            String::from("scene,n,substeps,transfers_ms,kernels_ms,cpu_own_ms,hybrid_ms,cpu_ms,adapter,date,commit,command\n");
+        for Row { scene, n, floor, hybrid, cpu } in &self.rows {
+            let floor = floor.map(|part| format!("{part:.4e}")).join(",");
             let adapter = self.gpu.name().replace(',', ";");
             let Arguments { date, commit, .. } = arguments;
             let line = format!(
-                "{},{n},{SUBSTEPS},{every},{floor},{hybrid:.4},{cpu},{error},{adapter},{date},{commit},cargo bench --bench hybrid\n",
+                "{},{n},{SUBSTEPS},{floor},{hybrid:.4},{cpu:.4e},{adapter},{date},{commit},cargo bench --bench hybrid\n",
                 scene.replace(',', " and")
             );
             text.push_str(&line);
         }
         text
     }
-}
-
-/// Thirty frames: final positions, and the median time of a frame (ms).
-fn half_a_second(scene: &Scene, cloth: &mut Deformer) -> Result<(Vec<Vec3>, f64), Failure> {
-    let mut times = Vec::new();
-    for _ in 0..30 {
-        let start = Instant::now();
-        cloth.step(FRAME, &scene.attributes)?;
-        times.push(1e3 * start.elapsed().as_secs_f64());
-    }
-    Ok((cloth.positions()?.to_vec(), median(&mut times)))
 }
 
 pub(crate) fn median(times: &mut [f64]) -> f64 {

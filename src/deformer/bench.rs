@@ -81,14 +81,6 @@ impl Deformer {
         gpu.has_contact_room()
     }
 
-    /// The number of substeps between two exchanges of the hybrid with the GPU.
-    #[cfg(feature = "gpu")]
-    pub fn exchange_every(&mut self, substeps: u32) {
-        if let Engine::Hybrid(hybrid) = &mut self.engine {
-            hybrid.every = substeps.max(1) as usize;
-        }
-    }
-
     /// Whether the device accesses the hybrid's mapped outbox and inbox directly, without a copy.
     #[cfg(feature = "gpu")]
     pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {

@@ -14,8 +14,8 @@
 //!
 //! # How often
 //! Every substep, if at all. The table shows half a second of a square meter of 65 x 65 vertices at 20 substeps
-//! (`cargo bench --bench hybrid` on an H200), with the forces of one exchange held for several substeps: RMS distance
-//! from 640 substeps on the CPU (m), and milliseconds per frame.
+//! (an H200, commit 02673eb, which could hold the forces of one exchange for several substeps): RMS distance from 640
+//! substeps on the CPU (m), and milliseconds per frame.
 //!
 //! | an exchange every | 1 | 2 | 4 | 10 | 20 |
 //! |---|---|---|---|---|---|
@@ -59,10 +59,8 @@ pub(crate) struct Hybrid {
     mapped: Option<Mapped>,
     /// Which part of the next step's initial state was written to them already.
     sent: Option<Payload>,
-    /// Number of substeps for which the forces of an exchange are used.
-    pub every: usize,
-    /// The substeps as the GPU sees them ([`stages::spans`]).
-    spans: Vec<Substep>,
+    /// The substeps as the GPU sees them ([`stages::forces_alone`]).
+    forces_alone: Vec<Substep>,
     /// Why preparing a step failed. The objects built halfway must not be used by another step.
     broken: Option<GpuFault>,
     pub cpu: Cpu,
@@ -82,8 +80,7 @@ impl Hybrid {
                 exchange,
                 mapped: None,
                 sent: None,
-                every: 1,
-                spans: Vec::new(),
+                forces_alone: Vec::new(),
                 broken: None,
                 cpu: Cpu::new(cloth),
             })
@@ -115,7 +112,6 @@ impl Hybrid {
         }
         let mut made = Hybrid::new(self.gpu.clone(), cloth)?;
         std::mem::swap(&mut made.cpu, &mut self.cpu);
-        made.every = self.every;
         *self = made;
         self.cpu.change(cloth, change);
         Ok(())
@@ -159,14 +155,13 @@ impl Hybrid {
     /// Runs a step with exchanges. `sent` is the part of its initial state that was already sent. Returns the part of
     /// the next step's that was.
     fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Payload>) -> Result<Payload, Failure> {
-        let Hybrid { gpu, forces, exchange, mapped, every, spans, broken, cpu, .. } = self;
-        let every = (*every).clamp(1, plan.substeps.len());
-        spans.clear();
-        spans.extend(stages::spans(plan.substeps, every));
+        let Hybrid { gpu, forces, exchange, mapped, forces_alone, broken, cpu, .. } = self;
+        forces_alone.clear();
+        forces_alone.extend(stages::forces_alone(plan.substeps));
         // The CPU moves the pins.
-        let on_gpu = &Plan { params: Params { pins: 0, ..plan.params }, substeps: spans, pins: &[], ..*plan };
+        let on_gpu = &Plan { params: Params { pins: 0, ..plan.params }, substeps: forces_alone, pins: &[], ..*plan };
         let complete = Payload::needed(plan, true);
-        let payload = Payload::needed(plan, every > 1 || !plan.bodies.is_empty());
+        let payload = Payload::needed(plan, !plan.bodies.is_empty());
 
         let opened = gpu.checked(|| {
             forces.prepare(gpu, on_gpu, false, None);
@@ -183,7 +178,6 @@ impl Hybrid {
         let step = ExchangedStep {
             plan,
             on_gpu,
-            every,
             payload,
             complete,
             is_sent: sent == Some(complete),

@@ -17,10 +17,8 @@ use crate::step::plan::Plan;
 /// A step with exchanges, which the CPU's tasks share.
 pub(super) struct ExchangedStep<'a> {
     pub plan: &'a Plan<'a>,
-    /// The step as the GPU sees it, whose substeps are [`spans`].
+    /// The step as the GPU sees it: see [`forces_alone`].
     pub on_gpu: &'a Plan<'a>,
-    /// Number of substeps for which the forces of an exchange are used.
-    pub every: usize,
     /// What is sent between two exchanges of the step.
     pub payload: Payload,
     /// What is sent at the step's start and end.
@@ -44,10 +42,9 @@ pub(super) struct Exchanges<'a> {
     pub failed: Option<GpuFault>,
 }
 
-/// The substeps as the GPU sees them: one for each exchange. It computes only the displacements that the forces cause in
-/// all substeps that use them; the CPU adds what carries over.
-pub(super) fn spans(substeps: &[Substep], every: usize) -> impl Iterator<Item = Substep> {
-    substeps.chunks(every).map(|span| Substep { carry: 0.0, gain: span.iter().map(|substep| substep.gain).sum(), ..span[0] })
+/// The substeps as the GPU sees them. It computes only the displacements that the forces cause; the CPU adds what carries over.
+pub(super) fn forces_alone(substeps: &[Substep]) -> impl Iterator<Item = Substep> {
+    substeps.iter().map(|substep| Substep { carry: 0.0, ..*substep })
 }
 
 impl ExchangedStep<'_> {
@@ -58,19 +55,14 @@ impl ExchangedStep<'_> {
             let vertices = 0..self.plan.cloth.rest.len();
             mapped.show(0, |mapped| mapped.iter().for_each(|to| send(to, task, Payload::Both, state, vertices.clone())));
         }
-        if substep.is_multiple_of(self.every) {
-            let next = substep / self.every + 1;
-            let next = (next < self.on_gpu.substeps.len()).then_some((next, self.payload));
-            mapped.replace(0, None);
-            let exchanged = self.exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(self.on_gpu, next);
-            mapped.replace(0, exchanged);
-        }
+        let next = (substep + 1 < self.plan.substeps.len()).then_some((substep + 1, self.payload));
+        mapped.replace(0, None);
+        let exchanged = self.exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(self.on_gpu, next);
+        mapped.replace(0, exchanged);
     }
 
     /// Predicts the displacements of a range of vertices: what carries over, and what the forces cause.
     pub(super) fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize) {
-        let (gain, held) = (self.plan.substeps[substep].gain, self.on_gpu.substeps[substep / self.every].gain);
-        let scale = if gain == held { 1.0 } else { gain / held };
         let carry = Vec3A::splat(self.plan.substeps[substep].carry);
         self.mapped.within(task).show(0, |mapped| {
             let Some(mapped) = mapped else { return };
@@ -78,18 +70,15 @@ impl ExchangedStep<'_> {
             for (i, &received) in vertices.clone().zip(&mapped.received()[vertices]) {
                 let free = state.x.get(i).w > 0.0;
                 let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
-                let by = carried + Vec3A::from(received) * scale;
+                let by = carried + Vec3A::from(received);
                 state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
             }
         });
     }
 
-    /// After vertices have been moved: sends their state if an exchange comes next.
+    /// After vertices have been moved: sends their state.
     pub(super) fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize) {
         let is_last = substep + 1 == self.plan.substeps.len();
-        if !is_last && !(substep + 1).is_multiple_of(self.every) {
-            return;
-        }
         let payload = if is_last { self.complete } else { self.payload };
         let vertices = vertices.iter().flat_map(|range| range.start as usize..range.end as usize);
         self.mapped.within(task).show(0, |mapped| mapped.iter().for_each(|to| send(to, task, payload, state, vertices.clone())));
