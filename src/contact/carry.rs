@@ -7,7 +7,8 @@
 //! ([`pinches`](super::pinches)). Around what crosses nothing is carried, because crossing parts would not separate.
 //!
 //! Colliders that are not meshes push vertices before pairs are held apart. Where truncation takes back so much of this that a
-//! vertex sinks into a collider, the vertex is carried with the collider's surface. Pairs come first: if that makes a pair move
+//! vertex sinks into a collider, the vertex is carried with the collider's surface. Not where there are pins or mesh bodies, which
+//! nothing can stop either: they would come closer to what is carried in many small steps until they touch it. Pairs come first: if that makes a pair move
 //! through each other, colliders carry nothing in this substep.
 
 use std::ops::Range;
@@ -52,7 +53,7 @@ impl Contacts {
     /// momentum (kg m). Near pairs were not found for vertices that move farther than [`ContactInput::max_carry`] besides the common
     /// motion; if there are such, carries nothing.
     pub(super) fn carry(&mut self, input: ContactInput<'_>, plan: &Plan<'_>, substep: &Substep, lost: DVec3) -> Held {
-        if self.sinking(input, plan, substep).is_empty() {
+        if !plan.colliders_carry() || self.sinking(input, plan, substep).is_empty() {
             return self.carry_in_rounds(input, plan, substep, lost, false);
         }
         let before: Vec<(Vec4, Vec3A)> = self.u.iter().zip(&self.vertices).map(|(&u, vertex)| (u, vertex.push)).collect();

@@ -123,7 +123,7 @@ impl GpuContact {
             truncate(pass, &stages.truncate_again);
         }
         let carry_sinking = |pass: &mut wgpu::ComputePass<'_>| {
-            if self.colliders_carry && !plan.bodies.is_empty() {
+            if self.colliders_carry && plan.colliders_carry() {
                 stages.carry_sinking.dispatch(pass, group, &[], vertices);
             }
         };
