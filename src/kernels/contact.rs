@@ -163,7 +163,8 @@ fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
 }
 
 /// Of a sphere or a capsule.
-#[inline(always)]
+// WebAssembly has no instruction sets to choose from, and its code is to be small.
+#[cfg_attr(not(target_arch = "wasm32"), inline(always))]
 fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
     let (a, a_step) = axis_end(body, substep, params);
     let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;

@@ -12,7 +12,8 @@ use crate::simd::{Lanes, Vector};
 /// The quaternion is interpolated linearly over the step. The rotation in a substep is computed from the quaternions'
 /// difference, as the vector `g` along the axis with length `tan(angle/2)`. The box's displacement under the vertex,
 /// `2 (g x r + g x (g x r)) / (1 + g²)`, then has a rounding error relative to itself, not to the position.
-#[inline(always)]
+// WebAssembly has no instruction sets to choose from, and its code is to be small.
+#[cfg_attr(not(target_arch = "wasm32"), inline(always))]
 pub(super) fn contact_box<L: Lanes>(
     x: Vector<L>,
     u: Vector<L>,
