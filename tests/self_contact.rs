@@ -56,6 +56,9 @@ impl Scene {
     }
 }
 
+/// The collider when it has moved so far (m).
+type Moves = fn(f32) -> Collider;
+
 /// Truncation takes back what pushes cloth out of a collider where the cloth would come too close to itself. A collider that
 /// moves by two and a half thicknesses in a substep, one that grows by a quarter of that, and one at rest that cloth falls on carry
 /// what would sink in.
@@ -64,8 +67,7 @@ fn colliders_do_not_sink_into_cloth(backend: Backend) {
     let mesh = sheets(2, n, 0.6, 1.5 * R);
     let substeps = 10;
     let fast = 2.5 * R * substeps as f32;
-    // The collider when it has moved so far (m), and the number of substeps.
-    type Moves = fn(f32) -> Collider;
+    // The collider, and the number of substeps.
     let scenes: [(&str, Moves, u32); 5] = [
         ("sphere", |way| Collider::sphere(Vec3::Y * (way - 0.27), 0.12), substeps),
         ("capsule", |way| Collider::capsule(Vec3::new(-0.2, way - 0.22, 0.0), Vec3::new(0.2, way - 0.22, 0.1), 0.08), substeps),
