@@ -122,8 +122,7 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint
     if !touch.hit {
         touch = box_end(y, dy, core, core_step, radius);
     }
-    let n = turned(ends, touch.n);
-    return ContactPoint(n, before, touch.after - growth, step + n * (growth + dot(abs(touch.n), core_step)));
+    return ContactPoint(turned(ends, touch.n), before, touch.after - growth, step);
 }
 
 // The point of a box's surface that is nearest to a path's end.
@@ -223,7 +222,7 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
         let touch = swept(x, du, a, b, radius_a, taper, sqrt(travel2));
         if touch.hit {
-            return ContactPoint(touch.n, before, touch.after - growth, step + touch.n * growth);
+            return ContactPoint(touch.n, before, touch.after - growth, step);
         }
     }
     let after = before + (2.0 * dot(d0, du) + travel2) / max(start + end, 1e-20) - growth;
@@ -231,21 +230,19 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     if end > MIN_LENGTH {
         n = d / end;
     }
-    return ContactPoint(n, before, after, step + n * growth);
-}
-
-fn contact_point(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
-    if body.kind == PLANE {
-        let step = body.a_travel * params.fraction;
-        let before = dot(body.b, x - (body.a + body.a_travel * substep.start));
-        return ContactPoint(body.b, before, before + dot(body.b, u - step), step);
-    }
-    if body.kind == BOX {
-        return contact_box(x, u, body, substep);
-    }
-    return contact_round(x, u, body, substep);
+    return ContactPoint(n, before, after, step);
 }
 
 fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
-    return respond(x, u, contact_point(x, u, body, substep), body.friction);
+    var contact: ContactPoint;
+    if body.kind == PLANE {
+        let step = body.a_travel * params.fraction;
+        let before = dot(body.b, x - (body.a + body.a_travel * substep.start));
+        contact = ContactPoint(body.b, before, before + dot(body.b, u - step), step);
+    } else if body.kind == BOX {
+        contact = contact_box(x, u, body, substep);
+    } else {
+        contact = contact_round(x, u, body, substep);
+    }
+    return respond(x, u, contact, body.friction);
 }

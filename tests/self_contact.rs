@@ -20,7 +20,6 @@ use common::shapes::{jittered, sheets};
 use common::{FRAME, play, reference};
 
 on_every_backend!(
-    colliders_do_not_sink_into_cloth,
     sheets_that_start_in_one_another_part,
     tall_stacks_stand_with_few_substeps,
     what_jumps_out_of_a_collider_is_reported
@@ -53,54 +52,6 @@ impl Scene {
         assert!(without > 20, "without contact there are {without} crossings: the scene shows nothing");
         assert_eq!(with, 0, "crossings with contact");
         deformer
-    }
-}
-
-/// The collider when it has moved so far (m).
-type Moves = fn(f32) -> Collider;
-
-/// Truncation takes back what pushes cloth out of a collider where the cloth would come too close to itself. A collider that
-/// moves by two and a half thicknesses in a substep, one that grows by a quarter of that, and one at rest that cloth falls on carry
-/// what would sink in.
-fn colliders_do_not_sink_into_cloth(backend: Backend) {
-    let n = if backend == Backend::Gpu { 16 } else { 32 };
-    let mesh = sheets(2, n, 0.6, 1.5 * R);
-    let substeps = 10;
-    let fast = 2.5 * R * substeps as f32;
-    // The collider, and the number of substeps.
-    let scenes: [(&str, Moves, u32); 5] = [
-        ("sphere", |way| Collider::sphere(Vec3::Y * (way - 0.27), 0.12), substeps),
-        ("capsule", |way| Collider::capsule(Vec3::new(-0.2, way - 0.22, 0.0), Vec3::new(0.2, way - 0.22, 0.1), 0.08), substeps),
-        (
-            "box",
-            |way| {
-                let turned = Quat::from_rotation_z(0.3 * way);
-                Collider::rounded_box(Vec3::Y * (way - 0.26), Vec3::new(0.15, 0.08, 0.15), turned, 0.03)
-            },
-            substeps,
-        ),
-        ("sphere that grows", |way| Collider::sphere(Vec3::Y * -0.27, 0.12 + 0.25 * way), substeps),
-        ("sphere at rest", |_| Collider::sphere(Vec3::Y * -0.2, 0.12), 2),
-    ];
-    for (name, collider, substeps) in scenes {
-        let options = Options {
-            backend,
-            quality: Quality::Substeps(substeps),
-            contact: Some(Contact { thickness: R, friction: 0.3 }),
-            fabric: CLOTH,
-            ..Options::default()
-        };
-        let mut cloth = Deformer::new(&mesh, options).unwrap();
-        let mut deepest = 0.0_f32;
-        for frame in 0..24_u8 {
-            let way = fast * f32::from(frame.clamp(1, 8) - 1);
-            let scene = Attributes { colliders: vec![collider(way)], ..Attributes::default() };
-            cloth.step(FRAME, &scene).unwrap();
-            assert_eq!(crossings(&mesh, cloth.positions().unwrap()).len(), 0, "{name}, frame {frame}");
-            deepest = deepest.max(cloth.measure().unwrap().penetration);
-        }
-        println!("{name}: {deepest} m deep");
-        assert!(deepest < 0.2 * R, "{name}: {deepest} m deep");
     }
 }
 

@@ -270,22 +270,17 @@ fn what_outruns_the_substeps_is_warned_of() {
     }
 }
 
-/// With contact, cloth follows a collider by three thicknesses in a substep, if there are no pins, otherwise by one. Of one that is
-/// faster the step warns.
+/// With contact, cloth follows a collider by about the thickness in a substep. One that is faster sinks in, and the step says so.
 #[test]
 fn what_outruns_contact_is_warned_of() {
     let mesh = Mesh::grid(61, 61, 1.2, 1.2);
     let contact = Some(Contact { thickness: 0.005, friction: 0.3 });
     let fabric = Fabric { bending: 1e-4, damping: 0.03, ..Fabric::COTTON };
-    for (ratio, contact, pinned, is_fast, sunk) in [
-        (0.5, contact, vec![], false, 0.0..1e-3),
-        (2.5, contact, vec![], false, 0.0..1e-3),
-        (3.5, contact, vec![], true, 0.0..0.2),
-        (2.5, contact, vec![0], true, 0.01..0.2),
-        (3.5, None, vec![], false, 0.0..1e-3),
-    ] {
+    for (ratio, contact, is_fast, sunk) in
+        [(0.5, contact, false, 0.0..1e-3), (2.5, contact, true, 0.01..0.2), (2.5, None, false, 0.0..1e-3)]
+    {
         let quality = Quality::Substeps(10);
-        let options = Options { backend: Backend::Cpu, quality, contact, fabric, pinned, ..Options::default() };
+        let options = Options { backend: Backend::Cpu, quality, contact, fabric, ..Options::default() };
         let mut deformer = Deformer::new(&mesh, options).unwrap();
         let (mut deepest, mut is_told) = (0.0_f32, false);
         for step in 0..(32.0 / ratio) as u8 {

@@ -88,7 +88,7 @@ impl Contacts {
         }
         self.respond(plan, substep, scale, input.workers, input.width);
         let lost = self.truncate(&plan.cloth.mass, input);
-        self.carry(input, plan, substep, lost)
+        self.carry(input, &plan.cloth.mass, lost)
     }
 
     /// Finds the near pairs of the lists, in order, and the active ones among them.

@@ -77,7 +77,7 @@ use crate::step::plan::Plan;
 
 use bodies::Bodies;
 #[cfg(feature = "gpu")]
-pub(crate) use carry::{AMPLE, ROUNDS};
+pub(crate) use carry::ROUNDS;
 use common_motion::CommonMotion;
 use contacts::{Contacts, Held};
 use detection::Detection;
@@ -102,7 +102,7 @@ pub(crate) use workers::Workers;
 
 /// Constants that the shaders define under these names; a test compares them.
 #[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 24] = [
+pub(crate) const IN_SHADERS: [(&str, f32); 23] = [
     ("RELAXATION", crate::kernels::pair::RELAXATION),
     ("CLEARANCE", crate::kernels::pair::CLEARANCE),
     ("THIN", crate::kernels::pair::THIN),
@@ -125,7 +125,6 @@ pub(crate) const IN_SHADERS: [(&str, f32); 24] = [
     ("FARTHER", truncation::FARTHER),
     ("COINCIDENT", pinches::COINCIDENT),
     ("CLOSER", carry::CLOSER),
-    ("SUNK", carry::SUNK),
     ("NEAR", bodies::NEAR),
 ];
 /// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.

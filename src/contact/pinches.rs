@@ -57,15 +57,9 @@ impl Contacts {
     }
 }
 
-/// Whether a pair moves through each other while its corners move straight from some positions (m) to others; `None` if the volume
-/// that the corners span keeps its sign. What touches before or after has no side.
+/// Whether the features of a pair meet while its corners move straight from some positions (m) to others; `None` if the volume
+/// that the corners span keeps its sign.
 pub(super) fn moves_through(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
-    let meets = meets(kind, from, to, thickness)?;
-    Some(meets && COINCIDENT * thickness < distance(kind, from).min(distance(kind, to)))
-}
-
-/// Whether its features meet meanwhile; `None` if the volume keeps its sign.
-pub(super) fn meets(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32) -> Option<bool> {
     let before = volume(from);
     if before * volume(to) > 0.0 {
         return None;
@@ -80,7 +74,8 @@ pub(super) fn meets(kind: Kind, from: [Vec3A; 4], to: [Vec3A; 4], thickness: f32
             late = middle;
         }
     }
-    Some(distance(kind, at(late)) < COINCIDENT * thickness)
+    let least = COINCIDENT * thickness;
+    Some(distance(kind, at(late)) < least && least < distance(kind, from).min(distance(kind, to)))
 }
 
 /// The distance (m) between the features of a pair.

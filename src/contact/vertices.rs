@@ -1,4 +1,4 @@
-//! The loops that move vertices out of the colliders, and find those that truncation leaves in them.
+//! The loops that move vertices out of the colliders.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -6,9 +6,9 @@ use glam::Vec4;
 
 use super::input::Vertex;
 use super::lanes::store;
-use crate::kernels::contact::{Clear, contact_bodies, contact_body, sinking};
+use crate::kernels::contact::{Clear, contact_bodies, contact_body};
 use crate::kernels::params::Substep;
-use crate::simd::{Loop, MAX_LANES, Registers, Vector, load_vectors, store_vectors};
+use crate::simd::{Loop, MAX_LANES, Registers, load_vectors, store_vectors};
 use crate::step::plan::Plan;
 
 /// Moves vertices out of the colliders.
@@ -76,56 +76,6 @@ impl Loop for Collide<'_> {
                 store_vectors(L::vectors(contact_body(at, by, body, substep, &plan.params).1), &mut held);
                 for ((u, held), _) in u.iter_mut().zip(held).zip(vertices).filter(|(_, vertex)| vertex.acts()) {
                     *u = held;
-                }
-            }
-        }
-    }
-}
-
-/// Finds the vertices that end in a collider because pairs have moved them, or truncation has shortened their displacements.
-pub(super) struct FindSinking<'a> {
-    pub plan: &'a Plan<'a>,
-    pub substep: &'a Substep,
-    pub vertices: &'a [Vertex],
-    pub x: &'a [Vec4],
-    pub u: &'a [Vec4],
-    /// The share of its displacement that is left of each vertex.
-    pub shares: &'a [f32],
-    /// Up to this depth (m) they do not count.
-    pub depth: f32,
-    /// Their places, and the displacements (m) of the collider's surface there.
-    pub found: &'a mut Vec<(u32, Vec4)>,
-}
-
-impl Loop for FindSinking<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        let FindSinking { plan, substep, vertices, x, u, shares, depth, found } = self;
-        let groups = x.chunks(L::LANES).zip(u.chunks(L::LANES)).zip(vertices.chunks(L::LANES).zip(shares.chunks(L::LANES)));
-        for (group, ((x, u), (vertices, shares))) in groups.enumerate() {
-            let (mut is_moved, mut ways) = ([false; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
-            for (k, ((vertex, u), &share)) in vertices.iter().zip(u).zip(shares).enumerate() {
-                is_moved[k] = vertex.x.w > 0.0 && (share < 1.0 || vertex.weight != 0.0);
-                ways[k] = *u + vertex.push.extend(0.0);
-            }
-            if !is_moved.contains(&true) {
-                continue;
-            }
-            let (from, by) = (L::transpose(load_vectors(x)), L::transpose(load_vectors(&ways[..L::LANES])));
-            for body in plan.bodies {
-                if L::all(Clear::of(body, substep, plan.params.fraction).of_vertices(from, by)) {
-                    continue;
-                }
-                let (sinks, step) = sinking(from, by, body, substep, &plan.params, depth);
-                let sinks = Vector::select(sinks, Vector::splat([1.0; 3]), Vector::zero());
-                let (mut steps, mut are_sinking) = ([Vec4::ZERO; MAX_LANES], [Vec4::ZERO; MAX_LANES]);
-                store_vectors(L::vectors(step), &mut steps);
-                store_vectors(L::vectors(sinks), &mut are_sinking);
-                for k in 0..vertices.len() {
-                    if is_moved[k] && are_sinking[k].x > 0.0 {
-                        is_moved[k] = false;
-                        found.push(((group * L::LANES + k) as u32, steps[k].with_w(0.0)));
-                    }
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Prediction of a step before it is taken, its warnings, and the translation of failures into errors.
 
 use super::{Deformer, StepDecision};
-use crate::attributes::{Attributes, Collider, Shape};
+use crate::attributes::{Attributes, Shape};
 #[cfg(feature = "gpu")]
 use crate::device::fault::{Excess, GpuFault};
 use crate::error::failure::{Cause, Failure};
@@ -37,10 +37,6 @@ pub struct Forecast {
     /// [`Warning::Crossings`] and [`Warning::BodyCrossings`].
     pub warnings: Vec<Warning>,
 }
-
-/// How far a collider that is not a mesh may move in a substep, in units of the thickness, if contact is to let cloth follow it that
-/// it may carry: see [`Plan::colliders_carry`](crate::step::plan::Plan::colliders_carry). Otherwise it may move by the thickness.
-const FOLLOWED: f32 = 3.0;
 
 impl Deformer {
     /// Predicts a step without taking it: its substeps, what they resolve, the expected strain and the warnings.
@@ -99,14 +95,10 @@ impl Deformer {
         // A sweep passes a pull on by one edge length per substep.
         let pin = outrun(fastest.pin.1, self.cloth.longest).filter(|_| self.options.method != Method::Springs);
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
-        // Contact lets a vertex follow a collider only as far as it does not come too close to others, unless they are taken along.
-        // Meshes carry what they hit.
-        let is_mesh = |collider: &Collider| matches!(collider.shape, Shape::Mesh { .. });
-        let is_carrier = attributes.colliders.get(fastest.collider.0).is_some_and(is_mesh);
-        let may_carry = self.options.pinned.is_empty() && !attributes.colliders.iter().any(is_mesh);
-        let followed = if may_carry { FOLLOWED } else { 1.0 };
-        let thickness =
-            self.options.contact.filter(|_| !is_carrier).map_or(f32::INFINITY, |contact| followed * contact.thickness);
+        // Contact lets a vertex follow a collider only as far as it does not come too close to others. Meshes carry what they hit.
+        let is_mesh =
+            attributes.colliders.get(fastest.collider.0).is_some_and(|collider| matches!(collider.shape, Shape::Mesh { .. }));
+        let thickness = self.options.contact.filter(|_| !is_mesh).map_or(f32::INFINITY, |contact| contact.thickness);
         let collider = outrun(fastest.collider.1, self.cloth.longest.min(thickness)).filter(|_| self.cloth.longest > 0.0);
         let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: fastest.collider.0, speed, carried });
         [limited, needed, slivers, pin, collider, self.contact_outruns(decision)].into_iter().flatten().collect()

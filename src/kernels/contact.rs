@@ -93,27 +93,7 @@ pub(crate) fn contact_body<L: Lanes>(
     substep: &Substep,
     params: &Params,
 ) -> (Vector<L>, Vector<L>) {
-    respond(x, u, contact_point(x, u, body, substep, params), body.friction, params.h)
-}
-
-/// Where vertices at `x`, about to move by `u`, sink into a body: a mask of those that end deeper than `depth` (m), and deeper
-/// than they began, and the displacement of the body's surface there, with which they would not sink.
-#[inline(always)]
-pub(crate) fn sinking<L: Lanes>(
-    x: Vector<L>,
-    u: Vector<L>,
-    body: &Body,
-    substep: &Substep,
-    params: &Params,
-    depth: f32,
-) -> (L::Mask, Vector<L>) {
-    let ContactPoint { before, after, step, .. } = contact_point(x, u, body, substep, params);
-    (L::and(after.lt(L::splat(-depth)), after.lt(before)), step)
-}
-
-#[inline(always)]
-fn contact_point<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
-    match body.kind {
+    let contact = match body.kind {
         PLANE => {
             let (a, a_step) = axis_end(body, substep, params);
             let (n, step) = (Vector::splat(body.b), splat(a_step));
@@ -122,7 +102,8 @@ fn contact_point<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
         }
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
-    }
+    };
+    respond(x, u, contact, body.friction, params.h)
 }
 
 /// A vertex and a body in a substep.
@@ -133,7 +114,7 @@ struct ContactPoint<L> {
     /// The signed gap (m) at the substep's start, and at its end if nothing is done.
     before: L,
     after: L,
-    /// The displacement (m) of the body's surface there.
+    /// The body's displacement (m) there.
     step: Vector<L>,
 }
 
@@ -163,8 +144,7 @@ fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
 }
 
 /// Of a sphere or a capsule.
-// WebAssembly has no instruction sets to choose from, and its code is to be small.
-#[cfg_attr(not(target_arch = "wasm32"), inline(always))]
+#[inline(always)]
 fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
     let (a, a_step) = axis_end(body, substep, params);
     let b = Vec3A::from(body.b) + Vec3A::from(body.b_travel) * substep.start;
@@ -192,8 +172,7 @@ fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    // Friction acts on what is left of it without its part along the normal.
-    ContactPoint { n, before, after: after - growth, step: n.mul_add(growth, step) }
+    ContactPoint { n, before, after: after - growth, step }
 }
 
 /// Parameter, from 0 at `a` to 1 at `b`, of that ball of a round body whose surface is nearest to `x`. The body is the

@@ -123,16 +123,16 @@ pub enum Warning {
         carried: f32,
     },
     /// A collider moves farther in a substep than an edge is long, wherever the cloth is. It does not tunnel, but cloth
-    /// that it hits is stretched. Or it is no mesh, and moves farther than three times the thickness of
-    /// [`Options::contact`](crate::Options::contact), or than the thickness if there are pins or mesh colliders: what it hits may then
-    /// not follow without crossing itself, and lets it sink in. Move it more slowly, take more substeps, or mark it as
+    /// that it hits is stretched. Or it moves farther than the thickness of [`Options::contact`](crate::Options::contact),
+    /// if it is no mesh: what it hits can then not follow without coming too close to itself, and lets it sink in, by
+    /// several times the thickness and more. Move it more slowly, take more substeps, or mark it as
     /// [`teleported`](crate::Collider::teleported).
     ColliderOutruns {
         /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
         /// Its speed (m/s).
         speed: f32,
-        /// The highest speed (m/s) that the substeps can carry: one edge length, or one or three thicknesses, per substep.
+        /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
         carried: f32,
     },
     /// Pins or mesh colliders move relative to each other by more than a third of the contact thickness per substep, so

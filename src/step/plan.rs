@@ -237,11 +237,6 @@ impl<'a> Plan<'a> {
         self.bending || self.wind || self.method == Method::Springs
     }
 
-    /// Whether colliders that are not meshes carry cloth that would sink into them: only if nothing else is kinematic.
-    pub(crate) fn colliders_carry(&self) -> bool {
-        !self.bodies.is_empty() && self.meshes.is_empty() && self.cloth.pinned.is_empty()
-    }
-
     /// Whether coarse edges also push (`distance::hold_coarse`).
     pub(crate) fn holds(&self) -> bool {
         self.params.holds != 0

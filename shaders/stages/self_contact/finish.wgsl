@@ -34,7 +34,7 @@ fn finish(
             u = after;
             push *= share;
             vertices[i].u = vec4f(u, w);
-            vertices[i].push = vec4f(push, 1.0);
+            vertices[i].push = vec4f(push, 0.0);
             vertices[i].way = vec4f(vertices[i].way.xyz * share, vertices[i].way.w);
         }
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, w);

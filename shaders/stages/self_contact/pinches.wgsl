@@ -16,7 +16,7 @@ fn moved(start: Four, end: Four, share: f32) -> Four {
 }
 
 // Whether the features of a pair, the volume of whose corners changes its sign, meet while these move straight.
-fn meets(is_edge: bool, start: Four, end: Four) -> bool {
+fn moves_through(is_edge: bool, start: Four, end: Four) -> bool {
     let before = volume(start);
     var early = 0.0;
     var late = 1.0;
@@ -28,12 +28,9 @@ fn meets(is_edge: bool, start: Four, end: Four) -> bool {
             late = middle;
         }
     }
-    return distance_of(is_edge, moved(start, end, late)) < COINCIDENT * contact_params.thickness;
-}
-
-// Whether what meets has moved through each other: what touches before or after has no side.
-fn has_sides(is_edge: bool, start: Four, end: Four) -> bool {
-    return COINCIDENT * contact_params.thickness < min(distance_of(is_edge, start), distance_of(is_edge, end));
+    let least = COINCIDENT * contact_params.thickness;
+    let nearest = distance_of(is_edge, moved(start, end, late));
+    return nearest < least && least < min(distance_of(is_edge, start), distance_of(is_edge, end));
 }
 
 // The distance between the features of a pair [m].

@@ -236,8 +236,7 @@ fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_wo
         return;
     }
     apply_sums(i);
-    let acts = atomicLoad(&sums[SUMS * i + WEIGHT]) != 0;
-    vertices[i].push = vec4f(vertices[i].push.xyz + summed(i, PUSHED), f32(acts));
+    vertices[i].push = vec4f(vertices[i].push.xyz + summed(i, PUSHED), 0.0);
     atomicStore(&sums[SUMS * i + SQUARES], 0);
     begin_truncation(i, vertices[i].way.w + FARTHER * half_gap_of(i));
 }

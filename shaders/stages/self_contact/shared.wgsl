@@ -90,8 +90,8 @@ struct Near {
 
 // A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is kinematic. `u`: displacement; w is the inverse mass
 // again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
-// collider's vertex, and otherwise 1 if pairs or truncation have moved the vertex. `way`, of the cloth's vertices after the
-// response: both, relative to the mean displacement; w is the distance that it was about to move, then that which it may move.
+// collider's vertex. `way`, of the cloth's vertices after the response: both, relative to the mean displacement; w is the
+// distance that it was about to move, then that which it may move.
 struct Vertex {
     x: vec4f,
     u: vec4f,
@@ -179,10 +179,6 @@ struct Status {
     needed_carry: atomic<u32>,
     // Number of pairs of this substep that are squeezed.
     squeezed: atomic<u32>,
-    // Number of vertices that have begun to be carried because they sink into colliders, since `carry` counted them, and counted in
-    // this substep.
-    sinking: atomic<u32>,
-    carried_by_colliders: u32,
 }
 
 // There is room for so many pairs that are pinched. There may be more.
@@ -222,7 +218,6 @@ const CROWDED: u32 = 4u;
 const EARLY: u32 = 8u;
 const CLOSE: u32 = 16u;
 const RUN_OVER: u32 = 32u;
-const RUN_THROUGH: u32 = 64u;
 
 // Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections, and the bits
 // of the share that truncation leaves. After the response, the first four tell how far truncation finds the vertex beyond planes

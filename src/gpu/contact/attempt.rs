@@ -2,11 +2,9 @@
 
 use std::ops::Range;
 
-use super::status::{
-    CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, RUN_THROUGH, SPACE, Status, StatusReadback, TRACK,
-};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, StatusReadback, TRACK};
 use super::{Checkpoint, GpuContact};
-use crate::contact::{AMPLE, max_listed};
+use crate::contact::max_listed;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
@@ -104,7 +102,7 @@ impl GpuContact {
         }
         self.substeps = plan.substeps.len();
         self.choice.begin(&self.status, self.substeps);
-        (self.is_saved, self.max_carry, self.colliders_carry) = (false, 0.0, true);
+        (self.is_saved, self.max_carry) = (false, 0.0);
     }
 
     /// Waits for the result of an attempt, and rolls back unless it is good.
@@ -119,7 +117,7 @@ impl GpuContact {
             self.forget();
             return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
         }
-        if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER | RUN_THROUGH) {
+        if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
             let (pinched, are_all) = readback.pinched();
             // Vertices that jump this far out of a collider may jump over others.
@@ -128,8 +126,8 @@ impl GpuContact {
             return Ok(Judgment::Good);
         }
         self.choice.change(status.stopped, needed > 0);
-        self.colliders_carry &= !has(RUN_THROUGH);
-        self.max_carry = self.max_carry.max(AMPLE * f32::from_bits(status.needed_carry));
+        // The common motion differs a little from substep to substep.
+        self.max_carry = self.max_carry.max(1.25 * f32::from_bits(status.needed_carry));
         if needed > self.room || space > self.space {
             self.grow(gpu, needed, space);
         } else {

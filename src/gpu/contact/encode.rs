@@ -16,7 +16,7 @@ const ROUNDS: usize = crate::contact::ROUNDS;
 const OF_DETECTION: usize = 8;
 /// Dispatches at the start of a step with mesh colliders.
 const OF_START: usize = 2;
-const OF_RESPONSE: usize = 12 + 2 * ITERATIONS;
+const OF_RESPONSE: usize = 11 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const MIN_ITEMS: usize = 4096;
 const MAX_ITEMS: usize = 1 << 18;
@@ -44,7 +44,7 @@ impl GpuContact {
             + match self.choice.response {
                 Response::None => 0,
                 Response::Glance => 1,
-                Response::Full if self.max_carry > 0.0 => OF_RESPONSE + 4 * ROUNDS,
+                Response::Full if self.max_carry > 0.0 => OF_RESPONSE + 3 * ROUNDS,
                 Response::Full => OF_RESPONSE,
             }
     }
@@ -122,25 +122,14 @@ impl GpuContact {
         if !plan.meshes.is_empty() {
             truncate(pass, &stages.truncate_again);
         }
-        let carry_sinking = |pass: &mut wgpu::ComputePass<'_>| {
-            if self.colliders_carry && plan.colliders_carry() {
-                stages.carry_sinking.dispatch(pass, group, &[], vertices);
-            }
-        };
-        if self.max_carry > 0.0 {
-            for _ in 0..ROUNDS {
-                carry_sinking(pass);
-                stages.carry.dispatch_workgroups(pass, group, &[], 1);
-                truncate(pass, &stages.truncate_again);
-            }
-        } else {
-            // Stops the step if there are any.
-            carry_sinking(pass);
+        for _ in 0..if self.max_carry > 0.0 { ROUNDS } else { 0 } {
+            stages.carry.dispatch_workgroups(pass, group, &[], 1);
+            truncate(pass, &stages.truncate_again);
         }
         if plan.cloth.pinned.is_empty() && plan.bodies.is_empty() && plan.meshes.is_empty() {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }
-        if !plan.cloth.pinned.is_empty() || !plan.meshes.is_empty() || self.max_carry > 0.0 {
+        if !plan.cloth.pinned.is_empty() || !plan.meshes.is_empty() {
             stages.find_pinched.dispatch_workgroups(pass, group, &[], 1);
         }
     }

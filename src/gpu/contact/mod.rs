@@ -103,8 +103,6 @@ pub(crate) struct GpuContact {
     choice: KernelChoice,
     /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
-    /// Whether colliders may carry vertices in this step.
-    colliders_carry: bool,
     /// Number of substeps of the current step.
     substeps: usize,
     /// Number of pairs that act from which workgroups collect their sums.
@@ -155,7 +153,6 @@ impl GpuContact {
             status,
             choice: KernelChoice::default(),
             max_carry: 0.0,
-            colliders_carry: true,
             substeps: 0,
             many: MANY,
         })

@@ -56,10 +56,8 @@ pub(super) struct Stages {
     pub truncate: [Stage; 2],
     pub truncate_again: [Stage; 2],
     pub carry: Stage,
-    /// Used with colliders that are not meshes.
-    pub carry_sinking: Stage,
     pub give_back: Stage,
-    /// Used if there are kinematic vertices, or vertices may be carried.
+    /// Used if there are kinematic vertices.
     pub find_pinched: Stage,
 }
 
@@ -114,7 +112,6 @@ impl Stages {
             truncate: truncate(0.0),
             truncate_again: truncate(1.0),
             carry: stage(shaders::CARRY, "carry", &[VERTICES, PAIRS, SUMS, CONTACT_STATE, IGNORED]),
-            carry_sinking: stage(shaders::CARRY, "carry_sinking", &[VERTICES, CONTACT_STATE, BODIES, IGNORED]),
             give_back: stage(shaders::FINISH, "give_back", &[VERTICES, CONTACT_STATE, X_OUT, P_OUT]),
             find_pinched: stage(shaders::CARRY, "find_pinched", &[VERTICES, PAIRS, CONTACT_STATE, IGNORED]),
         }

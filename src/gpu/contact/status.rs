@@ -11,7 +11,6 @@ pub(crate) const CROWDED: u32 = 4;
 pub(crate) const EARLY: u32 = 8;
 pub(crate) const CLOSE: u32 = 16;
 pub(crate) const RUN_OVER: u32 = 32;
-pub(crate) const RUN_THROUGH: u32 = 64;
 /// Value of [`Status::since`] before the first detection.
 pub(super) const NEVER: f32 = -1.0;
 
@@ -54,9 +53,6 @@ pub(crate) struct Status {
     pub again: u32,
     pub needed_carry: u32,
     pub squeezed: u32,
-    pub sinking: u32,
-    pub carried_by_colliders: u32,
-    pub unused: [u32; 2],
 }
 
 impl Status {

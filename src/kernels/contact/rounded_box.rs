@@ -12,8 +12,7 @@ use crate::simd::{Lanes, Vector};
 /// The quaternion is interpolated linearly over the step. The rotation in a substep is computed from the quaternions'
 /// difference, as the vector `g` along the axis with length `tan(angle/2)`. The box's displacement under the vertex,
 /// `2 (g x r + g x (g x r)) / (1 + g²)`, then has a rounding error relative to itself, not to the position.
-// WebAssembly has no instruction sets to choose from, and its code is to be small.
-#[cfg_attr(not(target_arch = "wasm32"), inline(always))]
+#[inline(always)]
 pub(super) fn contact_box<L: Lanes>(
     x: Vector<L>,
     u: Vector<L>,
@@ -47,9 +46,7 @@ pub(super) fn contact_box<L: Lanes>(
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    let grows = L::splat(growth) + n.abs().dot(splat(core_step));
-    let n = turned(ends, n);
-    ContactPoint { n, before, after: after - L::splat(growth), step: n.mul_add(grows, step) }
+    ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step }
 }
 
 /// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
