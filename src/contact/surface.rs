@@ -110,7 +110,7 @@ impl Surface {
             sides: Vec::new(),
             order: Vec::new(),
             rest: cloth.rest.clone(),
-            piece: pieces(&cloth.triangles, vertices),
+            piece: DisjointSets::parts(vertices, cloth.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c]])),
             owner: vec![0; vertices],
             bodies: 0,
             at: Csr::new(0, std::iter::empty()),
@@ -255,16 +255,6 @@ impl Surface {
         // Rounding errors at flat vertices would add up otherwise.
         (0..angle.len()).map(of).map(|excess| if excess < 0.01 { 0.0 } else { excess }).collect()
     }
-}
-
-/// The piece of each vertex, identified by one of its vertices.
-fn pieces(triangles: &[[u32; 3]], vertices: usize) -> Vec<u32> {
-    let mut pieces = DisjointSets::new(vertices);
-    triangles.iter().for_each(|&[a, b, c]| {
-        pieces.join([a, b]);
-        pieces.join([b, c]);
-    });
-    (0..vertices as u32).map(|vertex| pieces.root(vertex)).collect()
 }
 
 /// The items in the order of the leaves that own them, and the first item of each leaf.

@@ -4,7 +4,7 @@
 use glam::Vec4;
 
 use crate::gpu::slices::push_slices;
-use crate::gpu::tiles::{TileSize, halve};
+use crate::gpu::tiles::{TileSize, cut_into_pieces};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
 use crate::multigrid::hierarchy::Level;
@@ -47,18 +47,21 @@ impl BendTiles {
     }
 
     fn cut(rest: &[Vec4], entries: &Csr<BendEntry>, rings: usize, most: TileSize, level: Option<&Level>) -> Option<BendTiles> {
-        let (mut pieces, mut groups) = (Vec::new(), Vec::new());
-        match level {
-            None => halve((0..rest.len() as u32).collect(), rest, most.own, &mut pieces),
+        let mut groups = Vec::new();
+        let pieces: Vec<Vec<u32>> = match level {
+            None => {
+                let around = |vertex: u32| entries.of(vertex).iter().map(move |entry| [vertex, entry.other]);
+                cut_into_pieces(rest, (0..rest.len() as u32).flat_map(around), most.own)
+            }
             Some(level) => {
                 let size = rest.len().div_ceil(level.members.spans.len()).max(1);
                 let firsts: Vec<Vec4> =
                     level.members.spans.iter().map(|span| rest[level.members.items[span.start as usize] as usize]).collect();
-                halve((0..firsts.len() as u32).collect(), &firsts, most.own.div_ceil(size), &mut groups);
+                groups = cut_into_pieces(&firsts, level.links.iter().map(|link| link.ends), most.own.div_ceil(size));
                 let own = |group: &Vec<u32>| group.iter().flat_map(|&aggregate| level.members.of(aggregate)).copied().collect();
-                pieces.extend(groups.iter().map(own));
+                groups.iter().map(own).collect()
             }
-        }
+        };
         let mut place = vec![NO_PLACE; rest.len()];
         let mut tiles = BendTiles { table: vec![0; HEADER * pieces.len()], count: pieces.len(), largest: 0, longest: 0 };
         let mut held_by_all = 0;

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::device::Gpu;
 use crate::kernels::distance::Edge;
 use crate::model::csr::Csr;
+use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 
 /// The value of `stages/sweep.wgsl` for no edge and for no label.
@@ -79,8 +80,7 @@ impl Tiles {
     pub(crate) fn new(rest: &[Vec4], links: &[Link], colors: &[Range<usize>], most: TileSize) -> Option<Tiles> {
         let room = most.room.min(1 << 16);
         let source = Source::new(rest, rest.len(), links, colors, room);
-        let mut pieces = Vec::new();
-        halve((0..rest.len() as u32).collect(), rest, most.own.min(room).max(1), &mut pieces);
+        let pieces = cut_into_pieces(rest, links.iter().map(|link| link.ends), most.own.min(room).max(1));
         let seen = || vec![false; rest.len()];
         let tiles: Option<Vec<Vec<Tile>>> = pieces.into_par_iter().map_init(seen, |seen, own| source.fit(own, seen)).collect();
         let tiles: Vec<Tile> = tiles?.into_iter().flatten().collect();
@@ -225,8 +225,25 @@ fn words(tiles: &[Tile], colors: usize) -> [usize; 2] {
     [tiles.len() * (1 + 2 * largest(tiles)), tiles.len() * colors * 3 * widest(tiles)]
 }
 
+/// Cuts vertices, of which these pairs depend on each other, into pieces of at most `most`, each of vertices that are close in
+/// the rest shape. Connected parts are cut apart from each other: layers that lie on each other would share all pieces, and
+/// each of these would have a halo in each layer. Parts that are small share a piece.
+pub(super) fn cut_into_pieces(rest: &[Vec4], pairs: impl Iterator<Item = [u32; 2]>, most: usize) -> Vec<Vec<u32>> {
+    let part = DisjointSets::parts(rest.len(), pairs);
+    let by_part = Csr::new(rest.len(), part.iter().copied().zip(0..)).items;
+    let (mut pieces, mut shared) = (Vec::new(), Vec::new());
+    for part in by_part.chunk_by(|&a, &b| part[a as usize] == part[b as usize]) {
+        if shared.len() + part.len() > most && !shared.is_empty() {
+            halve(std::mem::take(&mut shared), rest, most, &mut pieces);
+        }
+        shared.extend(part);
+    }
+    halve(shared, rest, most, &mut pieces);
+    pieces
+}
+
 /// Cuts a set of vertices across its longest extent until each piece has at most `most`.
-pub(super) fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32>>) {
+fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32>>) {
     if set.len() <= most {
         set.sort_unstable();
         pieces.push(set);

@@ -10,6 +10,13 @@ impl DisjointSets {
         DisjointSets((0..count as u32).collect())
     }
 
+    /// The connected part of each vertex, named by its lowest vertex.
+    pub(crate) fn parts(count: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
+        let mut sets = DisjointSets::new(count);
+        pairs.for_each(|pair| sets.join(pair));
+        (0..count as u32).map(|vertex| sets.root(vertex)).collect()
+    }
+
     /// The lowest vertex of the set that contains `vertex`.
     pub(crate) fn root(&mut self, mut vertex: u32) -> u32 {
         while self.0[vertex as usize] != vertex {

@@ -54,9 +54,7 @@ pub(crate) fn holding(cloth: &Cloth) -> impl Iterator<Item = &Link> {
 impl Bisection {
     pub(crate) fn new(cloth: &Cloth) -> Bisection {
         let vertices = cloth.rest.len();
-        let mut parts = DisjointSets::new(vertices);
-        holding(cloth).for_each(|link| parts.join(link.ends));
-        let part: Vec<u32> = (0..vertices as u32).map(|vertex| parts.root(vertex)).collect();
+        let part = DisjointSets::parts(vertices, holding(cloth).map(|link| link.ends));
         let mut by_part = Csr::new(vertices, part.iter().copied().zip(0..)).items;
         let rest: Vec<Vec3> = cloth.rest.iter().map(|x| x.truncate()).collect();
         let mut path = vec![0; vertices];

@@ -1,6 +1,8 @@
 //! Every way to run a step on the GPU agrees with the CPU, and tiles hold all that they depend on.
 
-use glam::{Vec3, Vec4};
+use std::collections::BTreeSet;
+
+use glam::{Quat, Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
@@ -488,6 +490,31 @@ fn tiles_hold_all_that_their_own_vertices_depend_on() {
         assert_eq!(kept, cloth.rest.len(), "every vertex has one tile");
         assert!(tiles.count > 3);
     }
+}
+
+/// Sheets that lie on each other are cut like the same sheets apart: no tile has vertices of two.
+#[test]
+fn layers_do_not_share_tiles() {
+    let (sheets, n) = (10, 64);
+    let mut mesh = Mesh::default();
+    for sheet in 0..sheets {
+        let one = Mesh::grid(n, n, 1.0, 1.0);
+        let turn = Quat::from_rotation_y(0.1 * sheet as f32);
+        mesh.positions.extend(one.positions.iter().map(|&x| turn * x + 0.008 * sheet as f32 * Vec3::Y));
+        mesh.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + sheet * n * n)));
+    }
+    let size = TileSize { own: 256, room: 1536, bytes: usize::MAX };
+    let tiles = |mesh: &Mesh| {
+        let cloth = Cloth::new(mesh, &Options::default()).unwrap();
+        Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size).unwrap()
+    };
+    let (all, one) = (tiles(&mesh), tiles(&Mesh::grid(n, n, 1.0, 1.0)));
+    let layers = |list: &[u32]| list.iter().map(|vertex| vertex / (n * n)).collect::<BTreeSet<u32>>();
+    assert!(all.lists().all(|list| layers(list).len() == 1));
+    assert_eq!(all.count, sheets as usize * one.count);
+    // Parts that are small share a tile.
+    let few = Mesh { triangles: mesh.triangles[..2].to_vec(), positions: mesh.positions[..1000].to_vec() };
+    assert!(tiles(&few).count <= 5);
 }
 
 #[test]
