@@ -132,16 +132,20 @@ impl Hierarchy {
             let mut label = vec![0; last.len()];
             item_of.iter().zip(&aggregate_of).for_each(|(&item, &aggregate)| label[item as usize] = aggregate);
             let aggregates = merged(&last, &label, count);
-            let members = Csr::new(count, label.iter().enumerate().map(|(item, &aggregate)| (aggregate, item as u32)));
-            let share = |&item: &u32| (last[item as usize].mass / aggregates[label[item as usize] as usize].mass) as f32;
-            let share = members.items.iter().map(share).collect();
-
             let moved = pairs.iter().map(|pair| pair.map(|item| label[item as usize]));
             let moved = moved.map(|[a, b]| [a.min(b), a.max(b)]);
             pairs =
                 moved.filter(|[a, b]| a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned)).collect();
             pairs.sort_unstable();
             pairs.dedup();
+            // Without edges, as between many pieces of one mesh, there is nothing to correct.
+            if pairs.is_empty() {
+                break;
+            }
+            let members = Csr::new(count, label.iter().enumerate().map(|(item, &aggregate)| (aggregate, item as u32)));
+            let share = |&item: &u32| (last[item as usize].mass / aggregates[label[item as usize] as usize].mass) as f32;
+            let share = members.items.iter().map(share).collect();
+
             let masses = match (&before, levels.last()) {
                 (Some(before), Some(level)) => {
                     PointMasses::new(before.clone(), level.label.iter().map(|&item| label[item as usize]).collect(), count)
