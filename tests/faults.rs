@@ -38,6 +38,7 @@ fn steps_of_changing_length_give_no_energy(backend: Backend) {
     let mut random = fastrand::Rng::with_seed(1);
     let any: Vec<f32> = (0..180).map(|_| (1.0 / 240.0) * 24.0_f32.powf(random.f32())).collect();
     let sequences = [vec![1.0 / 30.0, 1.0 / 144.0], vec![FRAME, 1.0 / 240.0], vec![FRAME, FRAME, FRAME, FRAME, FRAME, 0.1], any];
+    let steps = if backend == Backend::Gpu { 60 } else { 180 };
     // Relaxation must not gain energy either.
     for (method, substeps) in [(Method::SmallSteps, 8), (Method::SmallSteps, 1), (Method::Relaxation { iterations: 3 }, 4)] {
         for (sequence, lengths) in sequences.iter().enumerate() {
@@ -45,7 +46,7 @@ fn steps_of_changing_length_give_no_energy(backend: Backend) {
             let options = Options { backend, method, quality, pinned: vec![0, n - 1], ..Options::default() };
             let mut deformer = Deformer::new(&mesh, options).unwrap();
             let start = specific_energy(&mut deformer, &masses, 0.0);
-            for (step, &dt) in lengths.iter().cycle().take(180).enumerate() {
+            for (step, &dt) in lengths.iter().cycle().take(steps).enumerate() {
                 let report = deformer.step(dt, &Attributes::default()).unwrap();
                 assert!(
                     report.substeps as f32 >= 60.0 * dt * substeps as f32 - 0.01,
