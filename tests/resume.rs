@@ -112,6 +112,9 @@ fn only_the_same_run_is_resumed() {
     #[cfg(unix)]
     fails(&directory, "--resume /dev/zero", &["/dev/zero", "no file"]);
     fails(&directory, "--every 3", &["--save"]);
+    fails(&directory, "--frames 9 --save missing/run.save --out none", &["missing/run.save", "writable"]);
+    assert!(!directory.path().join("none").join(frame(9)).exists(), "told before the simulation");
+    fails(&directory, &format!("{more} --report run.save"), &["--resume", "--report", "same file"]);
     fails(&directory, "--save run.save --format pc2", &["obj", "--format"]);
     let bytes = file(&directory, "run.save");
     for cut in [0, 10, bytes.len() / 2, bytes.len() - 1] {
@@ -195,6 +198,14 @@ fn a_run_with_a_body_of_numbered_files_can_be_made_longer() {
     succeeds(&longer, &format!("{run} --frames 5"));
     succeeds(&longer, &format!("{run} --frames 8 --resume run.save"));
     (1..=8).for_each(|number| assert!(file(&whole, &frame(number)) == file(&longer, &frame(number)), "frame {number}"));
+    let bodies = (1..=8).map(|frame| longer.path().join(format!("body_{frame:02}.obj")));
+    let kept: Vec<_> = bodies.map(|path| (fs::read(&path).unwrap(), path)).collect();
+    kept.iter().for_each(|(text, path)| {
+        let text = String::from_utf8(text.clone()).unwrap().replace("f 1 3 2", "f 1 2 3");
+        fs::write(path, text).unwrap();
+    });
+    fails(&longer, &format!("{run} --frames 8 --resume run.save"), &["different", "colliders"]);
+    kept.iter().for_each(|(text, path)| fs::write(path, text).unwrap());
     write(&longer, 3, 0.02);
     fails(&longer, &format!("{run} --frames 8 --resume run.save"), &["different", "colliders"]);
 }

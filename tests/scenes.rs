@@ -131,18 +131,25 @@ half = [1.5, 0.5, 1.5]
 /// A loop whose ends differ restarts without a velocity: a table that sinks and jumps back up throws nothing.
 #[test]
 fn a_loop_that_does_not_close_throws_nothing() {
-    let table = "
+    // Divided by such periods and rates, the times of frames are rounded down and up.
+    for (fps, period) in [(60, 0.25), (25, 0.2), (50, 0.4), (24, 0.125)] {
+        let table = format!(
+            "
 [[collider]]
 shape = \"box\"
-center = { loop = true, keys = [{ time = 0, value = [0, -0.5, 0] }, { time = 0.25, value = [0, -0.6, 0] }] }
+center = {{ loop = true, keys = [{{ time = 0, value = [0, -0.5, 0] }}, {{ time = {period}, value = [0, -0.6, 0] }}] }}
 half = [1.5, 0.5, 1.5]
-";
-    let (directory, output) = scene(&(SHEET.replace("gravity = [0, 0, 0]", "") + table), &[]);
-    succeeds(&output);
-    let highest = |number: u32| frame(&directory, number).iter().map(|x| x.y).fold(f32::MIN, f32::max);
-    assert!(highest(15) < -0.09, "it sank with the table, to {}", highest(15));
-    // From -0.1 m to 0 m within a frame would be 6 m/s.
-    assert!((16..=31).all(|number| highest(number) < 0.05), "thrown to {}", highest(31));
+"
+        );
+        let (directory, output) =
+            scene(&(SHEET.replace("gravity = [0, 0, 0]", &format!("fps = {fps}")) + &table), &["--frames", "61"]);
+        succeeds(&output);
+        let highest = |number: u32| frame(&directory, number).iter().map(|x| x.y).fold(f32::MIN, f32::max);
+        let restart = (period * f64::from(fps)).round() as u32;
+        assert!(highest(restart) < -0.03, "it sank with the table, to {}", highest(restart));
+        // From -0.1 m to 0 m within a frame would be 2.5 to 6 m/s.
+        assert!((restart + 1..=61).all(|number| highest(number) < 0.05), "{fps} a second, {period} s: thrown");
+    }
 }
 
 #[test]
@@ -213,6 +220,18 @@ pin = [{ color = [1, 0, 0] }]
     assert_eq!(held, [3, 4, 6]);
     let faces = Mesh::load_obj(directory.path().join("frames/frame_0004.obj")).unwrap().triangles;
     assert_eq!(faces.last(), Some(&[4, 6, 5]));
+}
+
+/// A byte order mark, tabs and continued lines are no reason to pin another vertex.
+#[test]
+fn colors_are_those_of_their_vertices() {
+    let directory = TempDir::new().unwrap();
+    let obj = "\u{feff}v 0 0 0 1 0 0\nv\t1 0 0 0 0 1\n  v 1 \\\n 0 1 1 0 0 # red\nv 0 0 1 0 0 1\nf 1 2 3 4\n";
+    fs::write(directory.path().join("m.obj"), obj).unwrap();
+    fs::write(directory.path().join("s.toml"), "[[cloth]]\nmesh = \"m.obj\"\npin = [{ color = [1, 0, 0] }]\n").unwrap();
+    succeeds(&run(&directory, &["--scene", "s.toml", "--frames", "4", "--quiet"]));
+    let (first, last) = (frame(&directory, 1), frame(&directory, 4));
+    assert_eq!((0..4).filter(|&vertex| first[vertex] == last[vertex]).collect::<Vec<_>>(), [0, 2]);
 }
 
 /// A mesh may come through a pipe, from which it can be read only once, also if its pins have colors. A sweep reads it again.
@@ -394,6 +413,13 @@ fn a_body_comes_from_numbered_files() {
     let written = |folder: &str| fs::read(directory.path().join(folder).join("frame_0024.obj")).unwrap();
     assert!(written("told") == written("frames"));
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "25"]), 2, &["body_25.obj"]);
+    // The name of a folder has no frame numbers.
+    fs::create_dir(directory.path().join("C#")).unwrap();
+    ["C#/body.obj", "C#/body_1.obj", "C#/body_2.obj"].map(|name| write(name, -0.06, false));
+    for body in ["C#/body.obj", "C#/body_#.obj"] {
+        let arguments = ["sheet.obj", "--body", body, "--frames", "2", "--out", "sharp", "--quiet"];
+        succeeds(&run(&directory, &arguments));
+    }
     fails(&run(&directory, &["sheet.obj", "--body", "body_01.obj", "--report", "body_01.obj"]), 2, &["--report"]);
     write("body_07.obj", 0.0, true);
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "9"]), 2, &["body_07.obj", "first frame"]);

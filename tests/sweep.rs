@@ -197,6 +197,17 @@ fn one_bad_variant_holds_up_no_other() {
         .collect();
     names.sort();
     assert_eq!(names, ["variant_0001", "variant_0003"]);
+
+    // Each of several is told, and no file takes the place of the receipt.
+    fs::write(&scene, text.replace("0.2, 0.4]", "-0.2, -0.4]")).unwrap();
+    let output = run(&directory, &["--scene", "s.toml", "--variant", "1-3", "--out", "out", "--quiet"]);
+    assert_eq!(output.status.code(), Some(2));
+    for bad in ["variant 2", "variant 3"] {
+        assert!(stderr(&output).lines().any(|line| line.starts_with(&format!("error: {bad}: "))), "{}", stderr(&output));
+    }
+    fs::write(&scene, text).unwrap();
+    let arguments = ["--scene", "s.toml", "--variant", "1", "--out", "other", "--report", "receipt.json", "--quiet"];
+    fails(&run(&directory, &arguments), 2, &["the receipt", "--report", "same file"]);
 }
 
 #[test]

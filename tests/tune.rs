@@ -3,7 +3,8 @@
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Deformer, Fabric, Levels, Mesh, Options, Quality, StepError, Tolerance, tune,
+    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Levels, Mesh, Options, Quality, Sleep, StepError, Tolerance,
+    tune,
 };
 
 const FRAME: f32 = 1.0 / 60.0;
@@ -53,6 +54,19 @@ fn what_is_chosen_is_as_far_off_as_it_says() {
         substeps.push(tuned.best.substeps);
     }
     assert!(substeps[0] < substeps[2], "more accuracy for as many substeps: {substeps:?}");
+}
+
+/// Cloth that sleeps takes no time, but that says nothing of what a setting costs.
+#[test]
+fn sleep_does_not_count_as_speed() {
+    let mesh = Mesh::grid(16, 16, 1.0, 1.0);
+    let scene = |_| Attributes { colliders: vec![Collider::plane(Vec3::ZERO, Vec3::Y)], damping: 4.0, ..Attributes::default() };
+    let milliseconds = |sleep| {
+        let options = Options { backend: Backend::Cpu, fabric: membrane(), sleep, ..Options::default() };
+        tune(&mesh, &options, scene, 90, Tolerance::Position(10.0)).unwrap().best.milliseconds
+    };
+    let [awake, asleep] = [None, Some(Sleep::default())].map(milliseconds);
+    assert!(asleep > 0.05 * awake, "{asleep} ms a frame, {awake} if it never sleeps");
 }
 
 #[test]

@@ -197,6 +197,51 @@ fn cloth_inside_a_body_leaves_it() {
     assert!(cloth.positions().unwrap().iter().all(|x| x.y > 0.03), "{:?}", cloth.positions());
 }
 
+/// After cloth was separated, a body goes on from where it was then: it moves the cloth that is in its way, however far it gets in
+/// the next step.
+#[test]
+fn a_body_goes_on_from_where_it_was() {
+    let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let corner = *mesh.positions.last().unwrap();
+    let mut cloth = cloth_at(&mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.distance(corner) / 0.2)), Vec::new());
+    let highest = mesh.positions.iter().map(|x| x.y).fold(f32::MIN, f32::max);
+    let at = |height: f32| {
+        let mut wall = Mesh::grid(3, 3, 1.0, 1.0);
+        wall.positions.iter_mut().for_each(|x| x.y += height);
+        Attributes { gravity: Vec3::ZERO, colliders: vec![Collider::mesh(Arc::new(wall))], ..Attributes::default() }
+    };
+    let first = highest + 0.01;
+    let parted = cloth.untangle(&at(first)).unwrap();
+    assert!(parted.before > 10 && parted.after == 0, "{parted:?}");
+    for step in 1..=4 {
+        let height = first - 0.03 * step as f32;
+        cloth.step(FRAME, &at(height)).unwrap();
+        let above = cloth.positions().unwrap().iter().filter(|x| x.y > height).count();
+        assert_eq!(above, 0, "step {step}: the wall went through the cloth");
+    }
+}
+
+/// A kilometer from the origin cloth is separated as accurately as at the origin, although positions there have steps of 0.06 mm.
+#[test]
+fn cloth_far_away_parts_as_exactly() {
+    let mut near = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let corner = *near.positions.last().unwrap();
+    let offset = Vec3::new(1024.0, 0.0, 0.0);
+    let rounded = |x: Vec3| x + offset - offset;
+    near.positions.iter_mut().for_each(|x| *x = rounded(*x));
+    let x: Vec<Vec3> = dipped(&near, |x| 0.06 * (1.0 - x.distance(corner) / 0.2)).into_iter().map(rounded).collect();
+    let far = Mesh { positions: near.positions.iter().map(|x| *x + offset).collect(), ..near.clone() };
+    let mut strains = [(&near, Vec3::ZERO), (&far, offset)].map(|(mesh, offset)| {
+        let mut cloth = cloth_at(mesh, &x.iter().map(|x| *x + offset).collect::<Vec<_>>(), Vec::new());
+        let parted = cloth.untangle(&Attributes::default()).unwrap();
+        assert!(parted.before > 10 && parted.after == 0, "{parted:?}");
+        assert!(cloth.crossings().unwrap().is_empty());
+        cloth.measure().unwrap().mean_strain
+    });
+    strains.sort_by(f32::total_cmp);
+    assert!(strains[1] - strains[0] < 1e-5, "mean strain {strains:?} near and far");
+}
+
 #[test]
 fn wrong_attributes_are_refused() {
     let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);

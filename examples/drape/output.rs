@@ -1,6 +1,7 @@
 //! Output files, which are written completely or not at all.
 
 use std::{
+    ffi::OsStr,
     fmt::Display,
     fs::{self, OpenOptions},
     io::Write,
@@ -31,7 +32,7 @@ pub(crate) struct Outputs {
     pub(crate) save: Option<PathBuf>,
     pub(crate) every: u32,
     pub(crate) resume: Option<PathBuf>,
-    /// Input files, which must not be overwritten.
+    /// Files that must not be overwritten: the input, and the receipt.
     pub(crate) read: Vec<PathBuf>,
 }
 
@@ -90,12 +91,14 @@ pub(crate) fn frame_number(name: &str) -> Option<u32> {
 
 /// Rejects outputs that would overwrite each other or an input.
 pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
-    let Outputs { folder, formats, pc2, preview, animation, report, save, read, .. } = outputs;
-    let read = read.iter().map(|path| {
-        let is_scene = path.extension().is_some_and(|extension| extension == "toml");
-        (if is_scene { "the scene" } else { "the mesh" }, resolved(path))
+    let Outputs { folder, formats, pc2, preview, animation, report, save, resume, read, .. } = outputs;
+    let read = read.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
+        Some("toml") => ("the scene", resolved(path)),
+        Some("json") => ("the receipt", resolved(path)),
+        _ => ("the mesh", resolved(path)),
     });
-    let read: Vec<(&str, PathBuf)> = read.collect();
+    let resumed = resume.iter().map(|path| ("--resume", resolved(path)));
+    let read: Vec<(&str, PathBuf)> = read.chain(resumed).collect();
     let named = [("--pc2", pc2), ("--preview", preview), ("--animate", animation), ("--report", report), ("--save", save)];
     let named = named.into_iter().filter_map(|(name, path)| Some((name, resolved(path.as_ref()?))));
     let caches = formats.iter().filter_map(|&format| cache_name(format));
@@ -106,7 +109,9 @@ pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
         let shown = path.display();
         // Two cloths may use the same mesh.
         let earlier = if k < read.len() { &[] } else { &files[..k] };
-        if let Some((other, _)) = earlier.iter().find(|(_, other)| other == path) {
+        // A run may go on saving to the file from which it was resumed.
+        let may_be_same = |other: &str| *name == "--save" && other == "--resume";
+        if let Some((other, _)) = earlier.iter().find(|(other, earlier)| earlier == path && !may_be_same(other)) {
             return Err(Failure::input(format_args!("{other} and {name} name the same file, {shown}; give each its own")));
         }
         if let Some(frame) = frames.number_of(path) {

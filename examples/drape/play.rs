@@ -46,6 +46,7 @@ pub(crate) fn play(
     let report_file = reserve(&outputs.report)?;
     let preview_file = reserve(&outputs.preview)?;
     let animation_file = reserve(&outputs.animation)?;
+    let _ = reserve(&outputs.save)?;
 
     let mut report = Report::new(&deformer, options.method, mesh);
     let (mut cells, mut moving): (Vec<Cell>, Vec<Cell>) = (Vec::new(), Vec::new());

@@ -10,10 +10,10 @@ use toml::{Table, Value};
 
 use crate::Failure;
 use crate::arguments::Arguments;
-use crate::command::say;
+use crate::command::{say, warn};
 use crate::output::Outputs;
 use crate::play::play;
-use crate::receipt::{Figures, Inputs, Receipt, hash, input_files, lanes};
+use crate::receipt::{self, Figures, Inputs, Receipt, hash, input_files, lanes};
 use crate::scene::Scene;
 use crate::scene::file::{File, Source, Vary};
 
@@ -90,7 +90,8 @@ impl Sweep {
             let message = format_args!("--variant {}: the scene has {count} variants, numbered from 1", variants.end());
             return Err(Failure::input(message));
         }
-        let mut first_failure = None;
+        // The code of the first failure, and the last one, which the caller prints.
+        let mut failed: Option<(u8, Failure)> = None;
         for number in variants {
             let done = self.variant(arguments, number, interrupted);
             match done {
@@ -98,11 +99,15 @@ impl Sweep {
                 Ok(_) => {}
                 Err(failure) if interrupted.load(Ordering::Relaxed) => return Err(failure),
                 Err(failure) => {
-                    first_failure.get_or_insert(failure.of(&format!("variant {number}")));
+                    let failure = failure.of(&format!("variant {number}"));
+                    let code = failed.as_ref().map_or(failure.code, |(code, _)| *code);
+                    if let Some((_, earlier)) = failed.replace((code, failure)) {
+                        warn("error", &earlier.message);
+                    }
                 }
             }
         }
-        first_failure.map_or(Ok(()), Err)
+        failed.map_or(Ok(()), |(code, failure)| Err(Failure { code, ..failure }))
     }
 
     /// Runs a variant unless it is complete; returns a message about it.
@@ -191,9 +196,10 @@ impl Sweep {
 }
 
 impl Outputs {
-    /// Moves all outputs into one folder.
+    /// Moves all outputs into one folder, which is to have a receipt, too.
     fn move_into(&mut self, folder: &Path) {
         folder.clone_into(&mut self.folder);
+        self.read.push(folder.join(receipt::NAME));
         for path in [&mut self.pc2, &mut self.preview, &mut self.animation, &mut self.report].into_iter().flatten() {
             *path = path.file_name().map_or_else(|| path.clone(), |name| folder.join(name));
         }

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { createReadStream, existsSync, mkdirSync, readFileSync } from "node:fs";
+import { createReadStream, existsSync, mkdirSync, readdirSync, readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { createRequire } from "node:module";
 import { extname, join } from "node:path";
@@ -51,6 +51,17 @@ try {
   await page.waitForFunction(() => document.getElementById("stretch").textContent !== "", null, { timeout: 30000 });
   const first = await page.waitForFunction(() => performance.getEntriesByName("first picture")[0]?.startTime);
   console.log(`first picture ${Math.round(await first.jsonValue())} ms after the navigation`);
+
+  for (const file of readdirSync(process.env.SHADERS)) {
+    const complaints = await page.evaluate(async (code) => {
+      const device = await (await navigator.gpu.requestAdapter()).requestDevice();
+      device.pushErrorScope("validation");
+      const { messages } = await device.createShaderModule({ code }).getCompilationInfo();
+      await device.popErrorScope();
+      return messages.filter(({ type }) => type === "error").map(({ lineNum, message }) => `${lineNum}: ${message}`);
+    }, readFileSync(join(process.env.SHADERS, file), "utf8"));
+    assert.deepEqual(complaints, [], `the browser refuses ${file}`);
+  }
 
   for (const [scene, size, frames, bound] of BOUNDS) {
     const truth = JSON.parse(execFileSync(native, [scene, String(size), String(frames)], { maxBuffer: 1 << 26 }));

@@ -130,35 +130,45 @@ fn restrict_levels(lane: u32) {
     }
 }
 
-// Number of colors of levels that are not in use.
-var<private> skipped: u32;
-// The level that is being swept.
-var<private> level: u32;
-// The color in use at which the next finer level begins.
-var<private> next_at: u32;
+// How far a sweep has come: the level that is being swept, and the color in use at which the next finer level begins.
+struct Descent {
+    level: u32,
+    next_at: u32,
+}
 
-fn go_to(to: u32) {
-    level = to;
-    next_at = NO_EDGE;
-    if to > 0u {
-        next_at = first_color(to - 1u) - skipped;
+// At a level, where so many colors are `skipped` because their levels are not in use.
+fn descent_at(level: u32, skipped: u32) -> Descent {
+    if level == 0u {
+        return Descent(0u, NO_EDGE);
     }
+    return Descent(level, first_color(level - 1u) - skipped);
 }
 
 // Sweeps all levels in use, given the edges of the first four colors, and leaves the corrected displacements of the
-// finest level.
-fn sweep_levels(first: FourColors, lane: u32) {
-    go_to(levels_in_use() - 1u);
-    sweep(edges_in_use(skipped), first, lane);
-    descend(COARSE_COLORS, lane);
+// finest level. `skipped` is `first_in_use()`.
+fn sweep_levels(skipped: u32, first: FourColors, lane: u32) {
+    let edges = edges_in_use(skipped);
+    var at = descent_at(levels_in_use() - 1u, skipped);
+    // As in `sweep`.
+    var four = first;
+    for (var color = 0u; color < edges.colors; color += 8u) {
+        let next = fetch_four(edges, color + 4u, lane);
+        at = descend(at, color, skipped, lane);
+        sweep_four(edges, color, four, lane);
+        four = fetch_four(edges, color + 8u, lane);
+        at = descend(at, color + 4u, skipped, lane);
+        sweep_four(edges, color + 4u, next, lane);
+    }
+    at = descend(at, COARSE_COLORS, skipped, lane);
 }
 
 // Prolongates corrections to the next finer level, and on to the level that the given color belongs to.
-fn descend(color: u32, lane: u32) {
-    while color >= next_at {
-        let finer = start_of(level - 1u);
-        let here = start_of(level);
-        let end = start_of(level + 1u);
+fn descend(from_here: Descent, color: u32, skipped: u32, lane: u32) -> Descent {
+    var at = from_here;
+    while color >= at.next_at {
+        let finer = start_of(at.level - 1u);
+        let here = start_of(at.level);
+        let end = start_of(at.level + 1u);
         // Loaded early, to be there when it is needed.
         var above = label_of(finer + lane);
         // The displacements of the coarser level are not needed any more; replace them by its corrections.
@@ -171,8 +181,9 @@ fn descend(color: u32, lane: u32) {
             above = label_of(k + LANES);
         }
         workgroupBarrier();
-        go_to(level - 1u);
+        at = descent_at(at.level - 1u, skipped);
     }
+    return at;
 }
 
 fn correct_coarse(edge: Edge) {

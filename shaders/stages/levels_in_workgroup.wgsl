@@ -47,13 +47,9 @@ fn correct(edge: Edge) {
     correct_coarse(edge);
 }
 
-fn before(color: u32, lane: u32) {
-    descend(color, lane);
-}
-
 @compute @workgroup_size(LANES)
 fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
-    skipped = first_in_use();
+    let skipped = first_in_use();
     let first = fetch_four(edges_in_use(skipped), 0u, lane);
     for (var k = lane; k < AGGREGATES; k += LANES) {
         let average = averages[BASE + k];
@@ -62,7 +58,7 @@ fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
     }
     workgroupBarrier();
     restrict_levels(lane);
-    sweep_levels(first, lane);
+    sweep_levels(skipped, first, lane);
     for (var k = lane; k < FINEST; k += LANES) {
         shift[BASE + k] = vec4f(corrected_of(k) - predicted_of(k), 0.0);
     }

@@ -89,20 +89,14 @@ fn correct(edge: Edge) {
     set_displacement(edge.b, u_b - impulse * x_b.w);
 }
 
-fn before(color: u32, lane: u32) {
-    if on_levels {
-        descend(color, lane);
-    }
-}
-
 // What lanes wrote to `state` is there for all.
 fn meet_at_state() {
     storageBarrier();
     workgroupBarrier();
 }
 
-// Corrects what was predicted on the coarse levels.
-fn correct_on_levels(lane: u32) {
+// Corrects what was predicted on the coarse levels. `skipped` is `first_in_use()`.
+fn correct_on_levels(skipped: u32, lane: u32) {
     let all = params.vertices;
     let first = fetch_four(edges_in_use(skipped), 0u, lane);
     for (var v = lane; v < all; v += LANES) {
@@ -115,7 +109,7 @@ fn correct_on_levels(lane: u32) {
     workgroupBarrier();
     on_levels = true;
     restrict_levels(lane);
-    sweep_levels(first, lane);
+    sweep_levels(skipped, first, lane);
     on_levels = false;
     for (var k = lane; k < FINEST; k += LANES) {
         set_corrected(k, corrected_of(k) - predicted_of(k));
@@ -143,6 +137,7 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
         set_displacement(v, p[v].xyz);
     }
     meet_at_state();
+    var skipped = 0u;
     if LEVELS > 0u {
         skipped = first_in_use();
     }
@@ -162,7 +157,7 @@ fn step_in_workgroup(@builtin(local_invocation_index) lane: u32) {
         }
         workgroupBarrier();
         if LEVELS > 0u && params.levels > 0u {
-            correct_on_levels(lane);
+            correct_on_levels(skipped, lane);
         }
         for (var time = 0u; time < params.sweeps; time++) {
             sweep(edges_of(0u), fetch_four(edges_of(0u), 0u, lane), lane);

@@ -1,5 +1,5 @@
 // A Gauss-Seidel sweep over the edges of a table, color after color. The including shader defines how an edge is
-// corrected (`correct`) and what has to be done before some colors (`before`).
+// corrected (`correct`).
 
 // The edges of `colors` colors, from word `start` of the table on. Each color has room for `width` edges: first the
 // ends of all, then all inverse rest lengths, then all inverse weights.
@@ -65,7 +65,6 @@ fn sweep_color(edges: ColoredEdges, color: u32, first: StoredEdge, lane: u32) {
 }
 
 fn sweep_four(edges: ColoredEdges, color: u32, four: FourColors, lane: u32) {
-    before(color, lane);
     sweep_color(edges, color, four.a, lane);
     sweep_color(edges, color + 1u, four.b, lane);
     sweep_color(edges, color + 2u, four.c, lane);

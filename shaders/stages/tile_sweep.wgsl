@@ -14,5 +14,3 @@ fn correct(edge: Edge) {
     tile_u[edge.a] = u_a + vec4f(impulse * x_a.w, 0.0);
     tile_u[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }
-
-fn before(color: u32, lane: u32) {}

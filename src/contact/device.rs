@@ -15,7 +15,7 @@ use super::paths::Paths;
 use super::pinches::Pinched;
 use super::rows::Rows;
 use super::surface::Surface;
-use super::table::Table;
+use super::table::{ContactParams, Table};
 use super::tree::Tree;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -69,7 +69,11 @@ pub(crate) struct DevicePair {
 
 impl HostContact {
     /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
-    pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<(HostContact, Table)> {
+    pub(crate) fn new(
+        cloth: &Cloth,
+        contact: Option<Contact>,
+        meshes: Vec<Arc<Mesh>>,
+    ) -> Option<(HostContact, ContactParams, Table)> {
         let thickness = contact.unwrap_or_default().thickness;
         let (mut surface, leaves) = Surface::new(cloth, thickness)?;
         let tree = Tree::of_cloth(&surface, leaves);
@@ -80,7 +84,7 @@ impl HostContact {
             range = [first, first + meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>()];
             of_meshes = Some(surface.add_bodies(&meshes, thickness));
         }
-        let table = Table::new(&surface, &tree, of_meshes.as_ref(), range);
+        let (params, table) = Table::new(&surface, &tree, of_meshes.as_ref(), range);
         let bodies = Bodies::new(range[0], meshes);
         let contact = HostContact {
             surface,
@@ -93,7 +97,7 @@ impl HostContact {
             thickness,
             motions: Vec::new(),
         };
-        Some((contact, table))
+        Some((contact, params, table))
     }
 
     /// Whether these are its mesh colliders.

@@ -102,12 +102,17 @@ impl Deformer {
             false => Vec4::ZERO,
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
-        self.motion = Motion::after(cloth, &x, 0.0);
-        self.watch = self.watch.placed(cloth, &x, &p);
-        self.engine.set(&x, &p);
+        self.place(&x, &p);
+        Ok(())
+    }
+
+    /// Sets the state: local positions (m) and velocities (m/s) in the cloth's order.
+    pub(super) fn place(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.motion = Motion::after(&self.cloth, x, 0.0);
+        self.watch = self.watch.placed(&self.cloth, x, p);
+        self.engine.set(x, p);
         self.forget();
         self.shown = false;
-        Ok(())
     }
 
     /// Sets where the colliders are now, so that the next step moves them from there. Without this, those of the first step

@@ -1,6 +1,6 @@
 //! Separates cloth that crosses itself or mesh colliders before it moves.
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
 use super::Deformer;
 use crate::attributes::{Attributes, Shape};
@@ -24,7 +24,7 @@ pub struct Untangled {
 impl Deformer {
     /// Tries to separate cloth that crosses itself or mesh colliders in its present state, as garments are often
     /// modeled. Vertices are moved as little as necessary, velocities stay, pins stay where they are, and mesh
-    /// colliders are where the attributes place them. Vertices inside a closed mesh are moved out of it, each the nearest
+    /// colliders are where the attributes place them; if anything is moved, the next step moves all colliders from there. Vertices inside a closed mesh are moved out of it, each the nearest
     /// way, which may stretch the edges between them to several times their length; the following steps draw them
     /// together. Cloth that crosses nothing and is inside of nothing stays as it is, bit for bit.
     ///
@@ -56,11 +56,16 @@ impl Deformer {
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
-            let mut positions: Vec<Vec3> = self.positions.clone();
-            let placed = self.cloth.order.iter().zip(x.iter().zip(&self.local)).filter(|(_, (to, from))| to != from);
-            placed.for_each(|(&vertex, (to, _))| positions[vertex as usize] = to.truncate() + origin);
-            let velocities = self.velocities.clone();
-            self.set_state(&positions, &velocities)?;
+            let velocity = |(&vertex, rest): (&u32, &Vec4)| match rest.w > 0.0 {
+                true => self.velocities[vertex as usize].extend(0.0),
+                false => Vec4::ZERO,
+            };
+            let p: Vec<Vec4> = self.cloth.order.iter().zip(&self.cloth.rest).map(velocity).collect();
+            let pin_velocities = std::mem::take(&mut self.motion.pin_velocities);
+            self.place(&x, &p);
+            // What moves goes on from where it is now.
+            self.motion.pin_velocities = pin_velocities;
+            self.motion.colliders.clone_from(&attributes.colliders);
         }
         Ok(Untangled { before, after, farthest })
     }

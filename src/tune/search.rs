@@ -5,6 +5,7 @@ use super::distance::Distance;
 use super::{Setting, Term, Tolerance, Trial, Tuned};
 use crate::deformer::Deformer;
 use crate::error::{BuildError, StepError};
+use crate::kernels::limits::MAX_SUBSTEPS;
 use crate::options::{Levels, Method, Quality};
 
 /// Most runs of the scene.
@@ -174,7 +175,7 @@ impl<'a> Search<'a> {
         let bare = self.trials.iter().filter(|trial| trial.levels == 0 && trial.substeps > 0.0 && trial.error.is_finite());
         let Some(bare) = bare.max_by(|a, b| a.substeps.total_cmp(&b.substeps)).copied() else { return Ok(()) };
         let sweep = f64::from(bare.milliseconds / bare.substeps);
-        let fitting = |share: f64| (0.9 * f64::from(best.milliseconds) / (share * sweep)) as u32;
+        let fitting = |share: f64| ((0.9 * f64::from(best.milliseconds) / (share * sweep)) as u32).min(MAX_SUBSTEPS);
         let (count, few) = (fitting(1.0), best.substeps.ceil() as u32);
         if best.levels > 0 && count > few {
             self.halve(Setting { levels: Levels::Off, ..plain }, count)?;

@@ -7,8 +7,9 @@ use std::mem::offset_of;
 use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
+use crate::contact::table::ContactParams;
 use crate::gpu::BoundVertex;
-use crate::gpu::contact::status::{self as contact, ContactParams, Listed, Status, Track};
+use crate::gpu::contact::status::{self as contact, Listed, Status, Track};
 use crate::gpu::multigrid::{Average, Member};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, WORKGROUP};
@@ -66,6 +67,15 @@ fn structs() -> Vec<Layout> {
         layout!(Track { start, by }),
         layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
     ]
+}
+
+/// Writes the text of every shader to a folder, for other compilers: `examples/web/test` gives them to a browser's.
+#[test]
+fn shaders_are_written_where_asked() {
+    let Some(folder) = std::env::var_os("CLOTH_SHADERS") else { return };
+    for shader in shaders::ALL {
+        std::fs::write(std::path::Path::new(&folder).join(format!("{}.wgsl", shader.name)), shader.source.concat()).unwrap();
+    }
 }
 
 /// Every shader, as parsed by naga.
@@ -197,6 +207,7 @@ fn shared_structs_agree_member_for_member() {
                 "Spin",
                 "StoredEdge",
                 "ColoredEdges",
+                "Descent",
                 "FourColors",
                 "Aggregates",
                 "Entries",

@@ -126,10 +126,12 @@ impl Moment<'_> {
         for (number, collider) in self.colliders.iter().enumerate() {
             let Some(mesh) = body(collider) else { continue };
             for (place, &triangle) in mesh.triangles.iter().enumerate() {
-                let corners = triangle.map(|vertex| frame.project(mesh.positions[vertex as usize], width, height));
-                rasterise(corners, width, height, |index, nearness| {
-                    samples[index] = samples[index].or(Sample { nearness, thing: Thing::Body(number, place) });
-                });
+                for corners in frame.in_front(triangle.map(|vertex| mesh.positions[vertex as usize])) {
+                    let corners = corners.map(|corner| frame.project(corner, width, height));
+                    rasterise(corners, width, height, |index, nearness| {
+                        samples[index] = samples[index].or(Sample { nearness, thing: Thing::Body(number, place) });
+                    });
+                }
             }
         }
         for (number, &triangle) in self.stage.triangles.iter().enumerate() {

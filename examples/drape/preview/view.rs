@@ -7,6 +7,8 @@ use cloth_deformer::glam::{Vec2, Vec3, Vec3Swizzles};
 /// Tangent of half the vertical angle of view. The angle is small, so that the perspective changes little during a
 /// motion.
 const LENS: f32 = 0.22;
+/// How near to the camera a triangle is drawn, as a share of the distance of its farthest corner.
+const NEAR: f32 = 1e-3;
 
 /// A view: its origin, its axes, and whether it is a perspective or an orthographic projection.
 pub(super) struct Frame {
@@ -60,6 +62,23 @@ impl Frame {
         let y = (0.5 * height as f32 - row as f32 - 0.5) * pixel;
         let across = x * self.right + y * self.up;
         if self.spreads { (self.eye, across - self.back) } else { (self.eye + across, -self.back) }
+    }
+
+    /// The part of a triangle that is in front of the camera, as triangles. The cloth always is, but a body may surround the camera.
+    pub(super) fn in_front(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
+        let depths = corners.map(|corner| (self.eye - corner).dot(self.back));
+        let near = NEAR * depths.iter().fold(f32::MIN_POSITIVE, |most, &depth| most.max(depth));
+        if !self.spreads || depths.iter().all(|&depth| depth >= near) {
+            return vec![corners];
+        }
+        let mut outline = Vec::new();
+        for [from, to] in [[0, 1], [1, 2], [2, 0]] {
+            outline.extend((depths[from] >= near).then_some(corners[from]));
+            if (depths[from] >= near) != (depths[to] >= near) {
+                outline.push(corners[from].lerp(corners[to], (near - depths[from]) / (depths[to] - depths[from])));
+            }
+        }
+        outline.windows(2).skip(1).map(|side| [outline[0], side[0], side[1]]).collect()
     }
 
     /// The column, row and nearness of a point.

@@ -30,14 +30,15 @@ impl Body {
         scale: Option<f32>,
         times: impl Iterator<Item = f64>,
     ) -> Result<Body, Failure> {
-        let pattern = path.to_string_lossy();
+        // A folder may have a `#` in its name.
+        let pattern = path.file_name().unwrap_or_default().to_string_lossy();
         let digits = pattern.matches('#').count();
         let marks = "#".repeat(digits);
         let mut body = Body { files: Vec::new(), meshes: Vec::new(), start: None };
         for (frame, time) in (1_u32..).zip(times).take(if digits == 0 { 1 } else { usize::MAX }) {
             let file = match digits {
                 0 => path.to_path_buf(),
-                _ => PathBuf::from(pattern.replacen(&marks, &format!("{frame:0digits$}"), 1)),
+                _ => path.with_file_name(pattern.replacen(&marks, &format!("{frame:0digits$}"), 1)),
             };
             let mesh = body.read(file, scale)?;
             body.meshes.push((time, mesh));
@@ -64,11 +65,13 @@ impl Body {
         Ok(Arc::new(mesh))
     }
 
-    /// A hash of the vertices up to a moment. How many files follow depends on the length of the run.
+    /// A hash of the faces, and of the vertices up to a moment. How many files follow depends on the length of the run.
     pub(super) fn until(&self, moment: Moment) -> String {
         let meshes = self.meshes.iter().filter(|&&(begins, _)| begins <= moment.time + 1e-9).map(|(_, mesh)| mesh);
         let numbers = meshes.chain(&self.start).flat_map(|mesh| &mesh.positions).flat_map(Vec3::to_array);
-        hash(&numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
+        let faces = self.meshes[0].1.triangles.as_flattened();
+        let faces = faces.iter().copied().flat_map(u32::to_le_bytes);
+        hash(&faces.chain(numbers.flat_map(f32::to_le_bytes)).collect::<Vec<u8>>())
     }
 
     /// The mesh at a moment. From its start its vertices go to frame 1 in straight lines.

@@ -45,8 +45,8 @@ pub(super) fn turn(degrees: Vec3) -> Quat {
 }
 
 impl Moving {
-    /// The collider at a moment; `dt` (s) is the time since the last frame.
-    pub(super) fn at(&self, moment: Moment, dt: f64) -> Collider {
+    /// The collider at a moment, if the last frame was at the moment `last`.
+    pub(super) fn at(&self, moment: Moment, last: Moment) -> Collider {
         let collider = match &self.motion {
             Motion::Still(collider) => collider.clone(),
             Motion::Sphere { center, radius } => Collider::sphere(center.at(moment), radius.at(moment).0),
@@ -60,7 +60,7 @@ impl Moving {
             }
             Motion::Mesh(body) => Collider::mesh(body.at(moment)),
         };
-        let collider = if self.jumps(moment.time - dt, moment.time) { collider.teleported() } else { collider };
+        let collider = if self.jumps(last.time, moment.time) { collider.teleported() } else { collider };
         let friction = self.friction.unwrap_or(collider.friction);
         Collider { id: self.id, ..collider.with_friction(friction) }
     }
@@ -164,7 +164,7 @@ impl Moving {
         // Combinations that arise between keys are checked now, where the line is known, and not in the middle of a
         // run.
         for moment in timeline.preroll_moments().take(LOOKED_AHEAD).chain(timeline.moments().take(LOOKED_AHEAD)) {
-            match moving.at(moment, 0.0).shape {
+            match moving.at(moment, moment).shape {
                 Shape::Plane { normal, .. } if normal.as_dvec3().try_normalize().is_none() => {
                     return Err(wrong(format!("{moment} `normal` has no direction")));
                 }

@@ -1,5 +1,7 @@
 //! Pins of a scene file: the vertices of a cloth that they hold, and how they move.
 
+use std::str::SplitWhitespace;
+
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Mesh, ObjTemplate};
 use toml::Spanned;
@@ -117,13 +119,15 @@ impl Group {
 /// opacity after it. Its text comes from the template, since a pipe can be read only once.
 fn colored(obj: &ObjTemplate, color: Vec3) -> Result<Vec<u32>, Failure> {
     let text = obj.write(&obj.mesh().positions).map_err(Failure::input)?;
-    let text = String::from_utf8_lossy(&text);
-    let vertices = text.lines().filter_map(|line| line.trim_start().strip_prefix("v ").or(line.trim_start().strip_prefix("v\t")));
-    let has_color = |line: &str| {
-        let numbers: Vec<f32> =
-            line.split('#').next().unwrap_or("").split_whitespace().map_while(|word| word.parse().ok()).collect();
+    // A line may be continued after a backslash.
+    let text = String::from_utf8_lossy(&text).replace("\\\r\n", " ").replace("\\\n", " ");
+    let lines = text.trim_start_matches('\u{feff}').lines();
+    let words = lines.map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
+    let vertices = words.filter_map(|mut words| (words.next() == Some("v")).then_some(words));
+    let has_color = |words: SplitWhitespace<'_>| {
+        let numbers: Vec<f32> = words.map_while(|word| word.parse().ok()).collect();
         let rgb = numbers.get(3..6).filter(|_| numbers.len() < 8);
         rgb.is_some_and(|rgb| (Vec3::from_slice(rgb) - color).abs().max_element() <= SAME_COLOR)
     };
-    Ok((0..).zip(vertices).filter(|(_, line)| has_color(line)).map(|(vertex, _)| vertex).collect())
+    Ok((0..).zip(vertices).filter(|(_, words)| has_color(words.clone())).map(|(vertex, _)| vertex).collect())
 }

@@ -9,6 +9,8 @@ const LEADER: u32 = 0u;
 
 // Number of vertices that are carried.
 var<workgroup> carried: atomic<u32>;
+// Number of pairs whose plane has passed a vertex, as long as the step goes on.
+var<workgroup> passed: u32;
 
 // Which corners of a pair are to be carried by a kinematic vertex; none if all are kinematic.
 struct RunOver {
@@ -79,7 +81,7 @@ fn run_over(pair: Passed) -> RunOver {
     let apart = between(weights, start);
     let is_first = vec4<bool>(true, is_edge, false, false);
     let is_kinematic = vec4f(vertices[v.x].x.w, vertices[v.y].x.w, vertices[v.z].x.w, vertices[v.w].x.w) <= vec4f();
-    let may_follow = weights != vec4f() & !is_kinematic;
+    let may_follow = (weights != vec4f()) & !is_kinematic;
     var found = RunOver(NONE, vec4<bool>());
     var most = 0.0;
     for (var k = 0u; k < 4u; k++) {
@@ -112,8 +114,10 @@ fn stop_if_far(leader: u32) {
 fn carry(@builtin(local_invocation_index) lane: u32) {
     if lane == 0u {
         atomicStore(&carried, 0u);
+        passed = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
     }
-    let count = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
+    // Pairs may stop the step, so all invocations must have the same number of them.
+    let count = workgroupUniformLoad(&passed);
     for (var k = lane; k < count; k += LANES) {
         let marked = pairs[place_of_passed(k)].corners;
         let found = run_over(passed_pair(marked));

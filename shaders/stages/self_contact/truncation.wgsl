@@ -58,7 +58,7 @@ fn truncate_pair(n: Near) {
     truncate_vertex(n.corners.w, w.w, share_above(shifted.w, clearance, towards.w));
     if !AGAIN && contact_params.mesh_leaves > 0u && any(is_kinematic) {
         let beyond = towards - max(shifted - clearance, vec4f());
-        let is_beyond = !is_kinematic & towards > vec4f() & beyond > vec4f();
+        let is_beyond = !is_kinematic & (towards > vec4f()) & (beyond > vec4f());
         let by = select(vec4f(), min(beyond, vec4f(contact_params.thickness)), is_beyond);
         slide_vertex(n.corners.x, -sides.x * n.normal, by.x);
         slide_vertex(n.corners.y, -sides.y * n.normal, by.y);

@@ -135,8 +135,9 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
             let left = inside::leave(&mut tangle, &solids);
             is_moved |= left > 0;
             found = tangle.crossings();
+            // Cloth that was inside of a body crossed nothing either, but is not to stay there.
+            (best, since) = ((found.len(), tangle.x.clone()), 0);
             if found.is_empty() {
-                best = (0, tangle.x.clone());
                 break;
             }
         }

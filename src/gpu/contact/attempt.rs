@@ -77,7 +77,7 @@ impl GpuContact {
         let room = grown(self.room, needed, most_room);
         self.make_room(gpu, room, grown(self.space, space, most_space));
         self.roll_back(gpu);
-        self.checkpoint = Checkpoint::new(gpu, &self.table, self.room);
+        self.checkpoint = Checkpoint::new(gpu, self.params.all_vertices as usize, self.room);
         self.is_saved = false;
     }
 
@@ -98,7 +98,7 @@ impl GpuContact {
     /// Starts a step: uploads the motion of mesh colliders and chooses the kernels of the first attempt, which saves the state.
     pub(crate) fn begin(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
         if let Some(motions) = self.on_cpu.motions(plan) {
-            gpu.write(&self.buffers.tracks, TRACK * self.table.vertices as usize, motions);
+            gpu.write(&self.buffers.tracks, TRACK * self.params.all_vertices as usize, motions);
         }
         self.substeps = plan.substeps.len();
         self.choice.begin(&self.status, self.substeps);
@@ -139,7 +139,7 @@ impl GpuContact {
     /// The largest number of pairs to have room for, in both halves of the list, and the largest space for what detection
     /// compares: as much as the CPU lists, if the device allows it.
     fn most(&self, gpu: &Gpu) -> [usize; 2] {
-        let most = max_listed(self.table.vertices as usize);
+        let most = max_listed(self.params.all_vertices as usize);
         [2 * size_of::<Listed>(), SPACE].map(|bytes| most.min(gpu.most_table_bytes() / bytes))
     }
 

@@ -4,7 +4,7 @@ use super::GpuContact;
 use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
-use crate::contact::table::Table;
+use crate::contact::table::ContactParams;
 use crate::gpu::stage::Stage;
 use crate::step::plan::Plan;
 
@@ -61,11 +61,11 @@ impl GpuContact {
         };
         if let (0, Some([bound_cloth, bound_meshes])) = (index, &stages.start) {
             bound_cloth.dispatch(pass, group, &[], self.vertices);
-            bound_meshes.dispatch(pass, group, &[], self.table.mesh_vertices());
+            bound_meshes.dispatch(pass, group, &[], self.params.mesh_vertices());
         }
         // Mesh colliders that stand still are put in place once.
         let meshes_move = index == 0 || (!self.on_cpu.meshes_rest() && (may_detect || response > Response::None));
-        begin_contact.dispatch(pass, group, &[], if meshes_move { self.table.vertices as usize } else { self.vertices });
+        begin_contact.dispatch(pass, group, &[], if meshes_move { self.params.all_vertices as usize } else { self.vertices });
         if may_detect || response == Response::Full {
             let decide = if may_detect { &stages.decide } else { &stages.decide_between };
             decide.dispatch_workgroups(pass, group, &[], 1);
@@ -86,9 +86,9 @@ impl GpuContact {
     }
 
     fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
-        let Table { vertices, depth, mesh_depth, mesh_leaves, features, .. } = self.table;
-        stages.begin_paths.dispatch(pass, group, &[], vertices as usize);
-        stages.prepare.dispatch(pass, group, &[], self.table.boxes().max(self.items(self.status.listed)));
+        let ContactParams { all_vertices, depth, mesh_depth, mesh_leaves, features, .. } = self.params;
+        stages.begin_paths.dispatch(pass, group, &[], all_vertices as usize);
+        stages.prepare.dispatch(pass, group, &[], self.params.boxes().max(self.items(self.status.listed)));
         // Workgroups do not share the leaves of both trees.
         let leaves = (1_usize << depth).next_multiple_of(BOUNDERS / PARTS) + mesh_leaves as usize;
         stages.bound.dispatch_workgroups(pass, group, &[], (PARTS * leaves).div_ceil(BOUNDERS));

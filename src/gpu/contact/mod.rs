@@ -18,7 +18,7 @@ use glam::Vec4;
 
 use crate::contact::Tally;
 use crate::contact::device::HostContact;
-use crate::contact::table::Table;
+use crate::contact::table::{ContactParams, Table};
 use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::stage::{Sent, WORKGROUP};
@@ -32,7 +32,7 @@ pub(crate) use attempt::Judgment;
 use encode::MANY;
 use kernel_choice::{KernelChoice, Response};
 use stages::Stages;
-use status::{BOX, ContactParams, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, StatusReadback, TRACK, VERTEX};
+use status::{BOX, Listed, NEAR, NODE, NORMALS, PART, SPACE, Status, StatusReadback, TRACK, VERTEX};
 
 /// Initially, the list has room for so many pairs per vertex, because it takes milliseconds to make room for more; but for at
 /// most so many, unless there are more vertices, and for at least so many.
@@ -70,9 +70,9 @@ struct Checkpoint {
 }
 
 impl Checkpoint {
-    fn new(gpu: &Gpu, table: &Table, room: usize) -> Checkpoint {
+    fn new(gpu: &Gpu, vertices: usize, room: usize) -> Checkpoint {
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
-        let tracks = buffer("paths before", TRACK * table.vertices as usize);
+        let tracks = buffer("paths before", TRACK * vertices);
         let pairs = buffer("pairs before", room * size_of::<Listed>());
         Checkpoint { tracks, pairs, room }
     }
@@ -83,7 +83,8 @@ impl Checkpoint {
 pub(crate) struct GpuContact {
     on_cpu: HostContact,
     options: Contact,
-    table: Table,
+    /// What is the same in every step.
+    params: ContactParams,
     /// Number of the cloth's vertices.
     vertices: usize,
     /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
@@ -112,35 +113,34 @@ pub(crate) struct GpuContact {
 impl GpuContact {
     /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<GpuContact> {
-        let (on_cpu, mut table) = HostContact::new(cloth, contact, meshes)?;
-        let words = std::mem::take(&mut table.words);
-        let (vertices, all) = (cloth.rest.len(), table.vertices as usize);
+        let (on_cpu, params, Table(table)) = HostContact::new(cloth, contact, meshes)?;
+        let (vertices, all) = (cloth.rest.len(), params.all_vertices as usize);
         let room = (ROOM_OF_VERTEX * vertices).min(MAX_ROOM).max(vertices).max(MIN_ROOM);
-        let groups = vertices.div_ceil(WORKGROUP) + table.mesh_vertices().div_ceil(WORKGROUP);
+        let groups = vertices.div_ceil(WORKGROUP) + params.mesh_vertices().div_ceil(WORKGROUP);
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {
             contact_params: Sent::uniform(gpu, "parameters of contact", size_of::<ContactParams>()),
-            table: gpu.filled("table of contact", &words),
+            table: gpu.filled("table of contact", &table),
             vertices: buffer("vertices in contact", VERTEX * all),
-            tracks: buffer("paths in contact", TRACK * (all + table.mesh_vertices())),
-            nodes: buffer("nodes of contact", NODE * table.nodes()),
-            buckets: buffer("buckets of pairs", 4 * (table.rows as usize).next_power_of_two()),
+            tracks: buffer("paths in contact", TRACK * (all + params.mesh_vertices())),
+            nodes: buffer("nodes of contact", NODE * params.nodes()),
+            buckets: buffer("buckets of pairs", 4 * (params.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR.max(SPACE) * room),
             sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
             contact_state: buffer("state of contact", size_of::<StatusReadback>() + PART * groups),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             ignored: Sent::storage(gpu, "ignored pairs", size_of::<[u32; 2]>()),
-            boxes: buffer("boxes of contact", BOX * table.boxes()),
+            boxes: buffer("boxes of contact", BOX * params.boxes()),
             normals: buffer("normals in contact", NORMALS * cloth.triangles.len()),
         };
-        let checkpoint = Checkpoint::new(gpu, &table, room);
+        let checkpoint = Checkpoint::new(gpu, all, room);
         let staging = gpu.staging("status", size_of::<StatusReadback>() as u64);
         let status = Status::nothing();
         Some(GpuContact {
             on_cpu,
             options: contact.unwrap_or_default(),
-            table,
+            params,
             vertices,
             per_mass: None,
             room,
@@ -231,65 +231,46 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { on_cpu, options, table, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
+        let GpuContact { on_cpu, options, params, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
         let [of_vertices, of_edges] = on_cpu.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
         });
         let [turn_x, turn_y, turn_z, center, travel] = on_cpu.turn(plan);
-        let contact_params = ContactParams {
+        let params = ContactParams {
             thickness: options.thickness,
             friction: options.friction,
             vertices: *vertices as u32,
-            mesh_first: table.mesh_first,
-            all_vertices: table.vertices,
-            rows: table.rows,
-            depth: table.depth,
-            mesh_depth: table.mesh_depth,
-            mesh_leaves: table.mesh_leaves,
-            triangles: table.triangles,
-            edges: table.edges,
-            order: table.order,
-            leaf_triangles: table.leaf_triangles,
-            leaf_edges: table.leaf_edges,
-            leaf_vertices: table.leaf_vertices,
-            excess: table.excess,
-            around: table.around,
-            beside: table.beside,
-            of_vertices: table.of_vertices,
             // Without a response, any pair must stop the step.
             room: if choice.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
-            has_kinematic: (!plan.cloth.pinned.is_empty() || table.mesh_vertices() > 0).into(),
+            has_kinematic: (!plan.cloth.pinned.is_empty() || params.mesh_vertices() > 0).into(),
             meshes_rest: on_cpu.meshes_rest().into(),
             has_self_contact: on_cpu.has_self_contact().into(),
             ignored: of_vertices.len() as u32,
             ignored_edges: of_edges.len() as u32,
             groups: vertices.div_ceil(WORKGROUP) as u32,
-            mesh_groups: table.mesh_vertices().div_ceil(WORKGROUP) as u32,
+            mesh_groups: params.mesh_vertices().div_ceil(WORKGROUP) as u32,
             per_mass,
-            box_edges: table.box_edges,
-            features: table.features,
             spacing: choice.spacing(),
             max_carry: *max_carry,
             entangled: on_cpu.entangled().len() as u32,
-            triangles_at: table.triangles_at,
-            padding: 0,
             turn_x,
             turn_y,
             turn_z,
             center,
             travel,
+            ..*params
         };
-        buffers.contact_params.send(gpu, &[contact_params]);
+        buffers.contact_params.send(gpu, &[params]);
         let entangled = on_cpu.entangled().iter().map(|&vertex| [vertex, 0]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().chain(entangled).collect();
         let moved = [buffers.bodies.send(gpu, plan.bodies), buffers.ignored.send(gpu, &all)];
         if moved.contains(&true) {
             *stages = None;
         }
-        stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers, table.mesh_vertices() > 0));
+        stages.get_or_insert_with(|| Stages::new(gpu, forces, buffers, params.mesh_vertices() > 0));
         gpu.write(&buffers.contact_state, 0, &[self.status.at_start()]);
     }
 }

@@ -16,7 +16,7 @@ impl GpuContact {
         if since < 0.0 && listed == 0 {
             return Ok(self.on_cpu.past(&DeviceLists { h, ..DeviceLists::default() }));
         }
-        let (tracks, paths) = (&self.buffers.tracks, (TRACK * self.table.vertices as usize) as u64);
+        let (tracks, paths) = (&self.buffers.tracks, (TRACK * self.params.all_vertices as usize) as u64);
         let [with_vertices, with_edges] = self.places(self.room);
         let bytes = |place: &Range<u64>| place.end - place.start;
         let staging = gpu.staging("contact so far", paths + bytes(&with_vertices) + bytes(&with_edges));
@@ -38,7 +38,7 @@ impl GpuContact {
                 |&Listed { corners, lambda, other, thickness, .. }: &Listed| DevicePair { corners, other, thickness, lambda };
             let start = |row| pairs.partition_point(|pair| pair.row < row) as u32;
             self.on_cpu.past(&DeviceLists {
-                starts: (0..=self.table.rows).map(start).collect(),
+                starts: (0..=self.params.rows).map(start).collect(),
                 pairs: pairs.iter().map(pair).collect(),
                 from: tracks.iter().map(|track| track.start).collect(),
                 by: tracks.iter().map(|track| track.by).collect(),
@@ -61,7 +61,7 @@ impl GpuContact {
             |(&DevicePair { corners, other, thickness, lambda }, row)| Listed { corners, lambda, other, thickness, row, next: 0 };
         let all: Vec<Listed> = pairs.iter().zip(rows).map(pair).collect();
         let tracks: Vec<Track> = from.iter().zip(&by).map(|(&start, &by)| Track { start, by }).collect();
-        let with_vertices = starts.get(self.table.vertices as usize).copied().unwrap_or_default();
+        let with_vertices = starts.get(self.params.all_vertices as usize).copied().unwrap_or_default();
         let (listed, with_edges) = (all.len() as u32, all.len() as u32 - with_vertices);
         let since = since.unwrap_or(NEVER);
         self.status = Status { listed, with_vertices, with_edges, since, ahead, h, ..Status::nothing() };

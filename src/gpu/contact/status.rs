@@ -91,53 +91,6 @@ impl StatusReadback {
     }
 }
 
-/// What a step of contact is given: `ContactParams` of `stages/self_contact/shared.wgsl`, which documents the fields.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
-pub(crate) struct ContactParams {
-    pub thickness: f32,
-    pub friction: f32,
-    pub vertices: u32,
-    pub mesh_first: u32,
-    pub all_vertices: u32,
-    pub rows: u32,
-    pub depth: u32,
-    pub mesh_depth: u32,
-    pub mesh_leaves: u32,
-    pub triangles: u32,
-    pub edges: u32,
-    pub order: u32,
-    pub leaf_triangles: u32,
-    pub leaf_edges: u32,
-    pub leaf_vertices: u32,
-    pub excess: u32,
-    pub around: u32,
-    pub beside: u32,
-    pub of_vertices: u32,
-    pub room: u32,
-    pub bodies: u32,
-    pub has_kinematic: u32,
-    pub meshes_rest: u32,
-    pub has_self_contact: u32,
-    pub ignored: u32,
-    pub ignored_edges: u32,
-    pub groups: u32,
-    pub mesh_groups: u32,
-    pub per_mass: f32,
-    pub box_edges: u32,
-    pub features: u32,
-    pub spacing: u32,
-    pub max_carry: f32,
-    pub entangled: u32,
-    pub triangles_at: u32,
-    pub padding: u32,
-    pub turn_x: Vec4,
-    pub turn_y: Vec4,
-    pub turn_z: Vec4,
-    pub center: Vec4,
-    pub travel: Vec4,
-}
-
 /// A listed pair: `Listed` of `shared.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
