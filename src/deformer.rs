@@ -307,6 +307,10 @@ impl Deformer {
         let seen = stepped.map_err(|failure| {
             let error = self.failed(failure);
             self.bounds = before;
+            // Contact may have read the state and found that an earlier step failed.
+            if self.backend() == Backend::Gpu && matches!(error, StepError::Unstable { .. }) {
+                self.start_from_there();
+            }
             error
         })?;
         let StepDecision { dt, rate, division: Division { substeps, .. }, .. } = decision;

@@ -415,7 +415,7 @@ fn a_body_comes_from_numbered_files() {
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "25"]), 2, &["body_25.obj"]);
     // The name of a folder has no frame numbers.
     fs::create_dir(directory.path().join("C#")).unwrap();
-    ["C#/body.obj", "C#/body_1.obj", "C#/body_2.obj"].map(|name| write(name, -0.06, false));
+    ["C#/body.obj", "C#/body_1.obj", "C#/body_2.obj"].iter().for_each(|name| write(name, -0.06, false));
     for body in ["C#/body.obj", "C#/body_#.obj"] {
         let arguments = ["sheet.obj", "--body", body, "--frames", "2", "--out", "sharp", "--quiet"];
         succeeds(&run(&directory, &arguments));

@@ -294,6 +294,26 @@ fn the_hybrid_has_it_too() {
     assert!(difference < 0.2 * f64::from(R), "{difference} m from the CPU's");
 }
 
+/// Damped bending is computed where contact has moved the cloth to, also if there is no collider.
+#[cfg(feature = "gpu")]
+#[test]
+fn the_hybrid_bends_cloth_where_contact_moved_it() {
+    let mut scene = Scene::new(jittered(sheets(2, 12, 0.5, 0.001), 6), 4, Vec::new());
+    scene.options.fabric = Fabric { bending: 1e-2, damping: 0.1, ..CLOTH };
+    scene.attributes.gravity = Vec3::ZERO;
+    let [cpu, hybrid] = [Backend::Cpu, Backend::Hybrid].map(|backend| {
+        scene.options.backend = backend;
+        let mut cloth = scene.deformer();
+        play(&mut cloth, 3, &scene.attributes);
+        cloth.positions().unwrap().to_vec()
+    });
+    let moved = common::rms(&cpu, &scene.mesh.positions);
+    let difference = common::rms(&cpu, &hybrid);
+    println!("{difference} m from the CPU's, {moved} m moved");
+    assert!(moved > 0.1 * f64::from(R), "{moved} m");
+    assert!(difference < 1e-4 * moved, "{difference} m from the CPU's, {moved} m moved");
+}
+
 /// Where nothing touches, contact changes no bit: with forces and without, with moving pins and over a sphere.
 #[test]
 fn where_nothing_touches_it_changes_no_bit() {

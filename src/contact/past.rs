@@ -26,6 +26,13 @@ pub(crate) struct ContactPast {
     pub(super) h: f32,
 }
 
+impl ContactPast {
+    /// Number of listed pairs.
+    pub(crate) fn pairs(&self) -> usize {
+        self.lists.iter().map(|rows| rows.others.len()).sum()
+    }
+}
+
 /// [`Rows`] without the corners of pairs, which follow from the cloth.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ListedRows {

@@ -11,6 +11,7 @@ use crate::binding::{BindError, Binding};
 use crate::contact::crossings::Features;
 use crate::deformer::measure::Measure;
 use crate::error::StepError;
+use crate::error::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::{BoundMesh, Surface};
 use crate::kernels::limits::MAX_POSITION;
@@ -60,8 +61,8 @@ impl Deformer {
             Ok(arrived) => self.arrived |= arrived,
             Err(failure) => {
                 // Reading the state finds the same failure, and resets where the next step starts from.
-                self.show()?;
-                return Err(self.failed(failure));
+                let error = self.failed(failure);
+                return Err(self.show().err().filter(|error| matches!(error, StepError::Unstable { .. })).unwrap_or(error));
             }
         }
         Ok(std::mem::take(&mut self.arrived).then_some(&*self.requested))
@@ -242,25 +243,38 @@ impl Deformer {
         if self.shown {
             return Ok(());
         }
+        let (last_h, read) = self.load();
+        if let Err(failure) = read {
+            // The GPU has returned to its last good state, and the next step starts from there.
+            self.motion = last_h.map_or_else(|| self.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
+            return Err(self.failed(failure));
+        }
+        self.shown = true;
+        Ok(())
+    }
+
+    /// After a step that has found out that an earlier one failed: the GPU has returned to the state before that.
+    pub(super) fn start_from_there(&mut self) {
+        if let (Some(h), _) = self.load() {
+            self.motion = Motion::after(&self.cloth, &self.local, h);
+        }
+    }
+
+    /// Reads the state, and the duration (s) of the substep that led to it, if it can be read.
+    fn load(&mut self) -> (Option<f32>, Result<(), Failure>) {
         let cloth = &self.cloth;
         let unit = self.motion.unit();
         let (positions, velocities, local) = (&mut self.positions, &mut self.velocities, &mut self.local);
-        let mut last_h = 0.0;
+        let mut last_h = None;
         let read = self.engine.read(|x, p| {
             local.clear();
             local.extend_from_slice(x);
-            last_h = p[0].w;
+            last_h = Some(p[0].w);
             for (&vertex, (x, p)) in cloth.order.iter().zip(x.iter().zip(p)) {
                 positions[vertex as usize] = x.truncate() + cloth.origin;
                 velocities[vertex as usize] = p.truncate() / unit;
             }
         });
-        if let Err(failure) = read {
-            // The GPU has returned to its last good state, and the next step starts from there.
-            self.motion = Motion::after(cloth, &self.local, last_h);
-            return Err(self.failed(failure));
-        }
-        self.shown = true;
-        Ok(())
+        (last_h, read)
     }
 }

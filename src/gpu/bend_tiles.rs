@@ -88,7 +88,7 @@ impl BendTiles {
             }
             vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
         }
-        Some(tiles)
+        (size_of_val(tiles.table.as_slice()) <= most.bytes).then_some(tiles)
     }
 }
 

@@ -243,6 +243,10 @@ impl GpuEngine {
                 Ok(())
             });
             if let Err(reason) = submitted {
+                // Whatever could not be made is incomplete, and of which cloth it is, is not known.
+                if !matches!(reason, GpuFault::Limit(_)) {
+                    together.iter_mut().for_each(|(_, engine, _)| engine.broken = Some(reason.clone()));
+                }
                 failures.extend(together.iter().map(|(index, _, _)| (*index, Failure::Gpu(reason.clone()))));
             }
         }

@@ -68,6 +68,11 @@ impl Readback {
         })
     }
 
+    /// Drops the request.
+    pub(crate) fn forget(&mut self) {
+        self.request = None;
+    }
+
     /// Passes the requested positions to `read`, once, if they have arrived; returns the result of the steps' checks.
     pub(crate) fn arrived(&mut self, gpu: &Gpu, read: impl FnOnce(&[Vec4])) -> Result<Option<Defects>, GpuFault> {
         let Some(Request { staging, progress }) = &self.request else { return Ok(None) };

@@ -161,7 +161,8 @@ impl Hybrid {
         // The CPU moves the pins.
         let on_gpu = &Plan { params: Params { pins: 0, ..plan.params }, substeps: forces_alone, pins: &[], ..*plan };
         let complete = Payload::needed(plan, true);
-        let payload = Payload::needed(plan, !plan.bodies.is_empty());
+        // Besides displacements, colliders and contact change positions.
+        let payload = Payload::needed(plan, !plan.bodies.is_empty() || plan.has_contact());
 
         let opened = gpu.checked(|| {
             forces.prepare(gpu, on_gpu, false, None);

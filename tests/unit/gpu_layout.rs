@@ -90,7 +90,7 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
 }
 
 /// The constants of contact that exist only in shaders.
-const ALONE: [&str; 26] = [
+const ALONE: [&str; 27] = [
     "SOON",
     "ROUNDING_MARGIN",
     "MIN_DISTANCE",
@@ -107,6 +107,7 @@ const ALONE: [&str; 26] = [
     "BEYOND",
     "UNIT_WEIGHT",
     "UNIT_LENGTH",
+    "UNIT_BEYOND",
     "MAX_PAIRS",
     "LEAF_PAIRS",
     "CANDIDATES",

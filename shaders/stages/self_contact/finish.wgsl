@@ -55,9 +55,10 @@ fn finish(
 
 // Removes from the displacement of a vertex what leads it beyond planes, so that it can be truncated once more.
 fn slide(i: u32) {
-    let squares = f32(atomicLoad(&sums[SUMS * i + SQUARES])) * (contact_params.thickness * contact_params.thickness / UNIT_LENGTH);
+    let thickness = contact_params.thickness;
+    let squares = f32(atomicLoad(&sums[SUMS * i + SQUARES])) * (thickness * thickness / UNIT_BEYOND);
     if squares > 0.0 {
-        vertices[i].u -= vec4f(excess(summed(i, BEYOND), squares), 0.0);
+        vertices[i].u -= vec4f(excess(summed(i, BEYOND, UNIT_BEYOND), squares), 0.0);
     }
     clear_sums(i);
     begin_truncation(i, vertices[i].way.w);

@@ -198,7 +198,7 @@ fn apply_sums(i: u32) {
     if vertices[i].x.w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
         return;
     }
-    var path = Path(vertices[i].x.xyz, vertices[i].u.xyz + summed(i, IMPULSE));
+    var path = Path(vertices[i].x.xyz, vertices[i].u.xyz + summed(i, IMPULSE, UNIT_LENGTH));
     for (var k = 0u; k < 3u; k++) {
         atomicStore(&sums[SUMS * i + IMPULSE + k], 0);
     }
@@ -236,7 +236,7 @@ fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_wo
         return;
     }
     apply_sums(i);
-    vertices[i].push = vec4f(vertices[i].push.xyz + summed(i, PUSHED), 0.0);
+    vertices[i].push = vec4f(vertices[i].push.xyz + summed(i, PUSHED, UNIT_LENGTH), 0.0);
     atomicStore(&sums[SUMS * i + SQUARES], 0);
     begin_truncation(i, vertices[i].way.w + FARTHER * half_gap_of(i));
 }

@@ -232,6 +232,8 @@ const BEYOND: u32 = 1u;
 // The integers that represent a weight of 1, and a length of one thickness.
 const UNIT_WEIGHT: f32 = 262144.0;
 const UNIT_LENGTH: f32 = 8388608.0;
+// The same for what all pairs of a vertex add, of which there may be thousands beside fine bodies.
+const UNIT_BEYOND: f32 = 262144.0;
 
 // The number in the list of a near pair: see `near_at`.
 fn listed_at(k: u32) -> u32 {

@@ -1,7 +1,7 @@
 // The sums of a vertex.
 //
 // Contributions of pairs to vertices are summed as integers, because their sum does not depend on the order. A
-// thickness is 2^23 of them, so sums may reach 256 thicknesses.
+// thickness is 2^23 of them, so sums may reach 256 thicknesses; or 2^18, where they may reach 8192.
 
 fn add_units(v: u32, first: u32, units: vec3i) {
     for (var k = 0u; k < 3u; k++) {
@@ -9,14 +9,14 @@ fn add_units(v: u32, first: u32, units: vec3i) {
     }
 }
 
-// Three sums, as a vector [m].
-fn summed(v: u32, first: u32) -> vec3f {
+// Three sums, as a vector [m]; a thickness is so many units.
+fn summed(v: u32, first: u32, unit: f32) -> vec3f {
     let units = vec3i(
         atomicLoad(&sums[SUMS * v + first]),
         atomicLoad(&sums[SUMS * v + first + 1u]),
         atomicLoad(&sums[SUMS * v + first + 2u]),
     );
-    return vec3f(units) * (contact_params.thickness / UNIT_LENGTH);
+    return vec3f(units) * (contact_params.thickness / unit);
 }
 
 // Begins truncation: stores how far a vertex moves relative to the common motion, after the response, and the share of it with

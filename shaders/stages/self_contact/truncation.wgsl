@@ -81,8 +81,8 @@ fn truncate_vertex(v: u32, w: f32, share: f32) {
 fn slide_vertex(v: u32, direction: vec3f, by: f32) {
     if by > 0.0 {
         let share = by / contact_params.thickness;
-        add_units(v, BEYOND, vec3i(round(direction * (share * UNIT_LENGTH))));
-        atomicAdd(&sums[SUMS * v + SQUARES], i32(round(share * share * UNIT_LENGTH)));
+        add_units(v, BEYOND, vec3i(round(direction * (share * UNIT_BEYOND))));
+        atomicAdd(&sums[SUMS * v + SQUARES], i32(round(share * share * UNIT_BEYOND)));
         if atomicLoad(&contact_state.status.again) == 0u {
             atomicStore(&contact_state.status.again, 1u);
         }

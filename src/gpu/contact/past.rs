@@ -50,8 +50,12 @@ impl GpuContact {
     }
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
-    pub(crate) fn resume(&mut self, gpu: &Gpu, past: &ContactPast) -> bool {
-        let Some(lists) = self.on_cpu.resume(past) else { return false };
+    ///
+    /// # Errors
+    /// If the device has no room for its pairs; nothing has changed then.
+    pub(crate) fn resume(&mut self, gpu: &Gpu, past: &ContactPast) -> Result<bool, GpuFault> {
+        gpu.meets("the list of pairs in contact", (2 * past.pairs() * size_of::<Listed>()) as u64)?;
+        let Some(lists) = self.on_cpu.resume(past) else { return Ok(false) };
         let DeviceLists { starts, pairs, from, by, ahead, since, h } = lists;
         if pairs.len() > self.room {
             self.grow(gpu, pairs.len(), 0);
@@ -70,6 +74,6 @@ impl GpuContact {
             gpu.write(&self.buffers.pairs, place.start as usize, pairs);
         }
         gpu.write(&self.buffers.tracks, 0, &tracks);
-        true
+        Ok(true)
     }
 }

@@ -68,7 +68,7 @@ impl GpuEngine {
         let replaced = self.prepare_contact(cloth, options, meshes.into_iter())?;
         let gpu = self.gpu.clone();
         let resumed = match (&mut self.contact, past) {
-            (Some(contact), Some(past)) => gpu.checked(|| Ok(contact.resume(&gpu, past))),
+            (Some(contact), Some(past)) => gpu.checked(|| contact.resume(&gpu, past)),
             (contact, past) => Ok(contact.is_some() == past.is_some()),
         };
         if let (Ok(false) | Err(_), Some(Replaced(before))) = (&resumed, replaced) {

@@ -3,7 +3,9 @@
 use super::{EdgeSweep, GpuEngine};
 use crate::device::Gpu;
 use crate::gpu::sweep::{SingleWorkgroup, SweepInputs, Tiled};
+use crate::gpu::tethers;
 use crate::gpu::tiles::{IN_TILE, TileSize};
+use crate::kernels::integrate::Pin;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
 use crate::options::Method;
@@ -38,7 +40,10 @@ impl GpuEngine {
             _ => Path::PerColor,
         };
         let room = gpu.workgroup_memory() / IN_TILE;
-        let size = TileSize { own: vertices.div_ceil(TILES).clamp(OWN[0], OWN[1]), room, bytes: gpu.most_table_bytes() };
+        // The table has the tethers and the pins, too.
+        let besides = tethers::size(cloth) + size_of::<u32>() * vertices + size_of::<Pin>() * cloth.pinned.len();
+        let bytes = gpu.most_table_bytes().saturating_sub(besides);
+        let size = TileSize { own: vertices.div_ceil(TILES).clamp(OWN[0], OWN[1]), room, bytes };
         (path, size)
     }
 

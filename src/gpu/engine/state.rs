@@ -91,6 +91,8 @@ impl GpuEngine {
         let good = self.verdict(found);
         if good.is_err() {
             self.commit.go_on(&self.gpu, found);
+            // What was requested reports the same failure, in terms of an engine that may be replaced meanwhile.
+            self.readback.forget();
             self.contact.iter_mut().for_each(|contact| contact.forget());
         }
         good
