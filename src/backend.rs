@@ -1,8 +1,10 @@
 //! The three engines behind one interface. The set is fixed, so this is an enum with a match and no trait.
 
+#![cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "only a GPU can fail"))]
+
 use glam::Vec4;
 
-use crate::contact::{Tally, TriangleContact};
+use crate::contact::Tally;
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::device::fault::{Excess, GpuFault};
@@ -97,7 +99,6 @@ impl Engine {
     }
 
     /// Fails if this engine does not support the quality.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU has them all"))]
     pub(crate) fn check(&self, quality: Quality) -> Result<(), BuildError> {
         match (self, quality) {
             #[cfg(feature = "gpu")]
@@ -152,7 +153,6 @@ impl Engine {
     }
 
     /// Whether an earlier step is now known to have failed although it returned no error. Never waits.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "the CPU says so at once"))]
     pub(crate) fn has_failed_late(&mut self) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
@@ -166,7 +166,7 @@ impl Engine {
         match self {
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.tally()),
-            engine => engine.contact_of_processor().map(|contact| contact.tally),
+            _ => Some(self.cpu()?.contact.as_ref()?.tally),
         }
     }
 
@@ -175,19 +175,21 @@ impl Engine {
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
         match self {
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.crossings()).unwrap_or_default(),
-            engine => engine
-                .contact_of_processor()
+            Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.on_cpu.crossings()).unwrap_or_default(),
+            _ => self
+                .cpu()
+                .and_then(|cpu| cpu.contact.as_ref())
                 .map(|contact| (contact.crossings().collect(), contact.crossings_with_bodies().collect()))
                 .unwrap_or_default(),
         }
     }
 
-    fn contact_of_processor(&self) -> Option<&TriangleContact> {
+    /// What the processor computes; `None` if a GPU does everything.
+    fn cpu(&self) -> Option<&Cpu> {
         match self {
-            Engine::Cpu(cpu) => cpu.contact.as_deref(),
+            Engine::Cpu(cpu) => Some(cpu),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.cpu.contact.as_deref(),
+            Engine::Hybrid(hybrid) => Some(&hybrid.cpu),
             #[cfg(feature = "gpu")]
             Engine::Gpu(_) => None,
         }
@@ -204,7 +206,6 @@ impl Engine {
     }
 
     /// What the engine knows besides positions and displacements.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         match self {
             Engine::Cpu(cpu) => Ok(cpu.past()),
@@ -216,7 +217,6 @@ impl Engine {
     }
 
     /// Continues from a state and a past. Returns false and changes nothing if they cannot belong to this cloth.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory is always there"))]
     pub(crate) fn resume(
         &mut self,
         cloth: &Cloth,
@@ -235,10 +235,7 @@ impl Engine {
 
     /// Replaces the cloth by its changed version, with the same state but other inverse masses. Changes nothing if it
     /// fails.
-    #[cfg_attr(
-        not(feature = "gpu"),
-        expect(clippy::unnecessary_wraps, unused_variables, reason = "a GPU may fail, and takes the state")
-    )]
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU takes the state"))]
     pub(crate) fn change(
         &mut self,
         cloth: &Cloth,
@@ -257,19 +254,11 @@ impl Engine {
     }
 
     /// SIMD lanes of the processor; `None` if it computes nothing.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "only a GPU has all parts"))]
     pub(crate) fn lanes(&self) -> Option<usize> {
-        match self {
-            Engine::Cpu(cpu) => Some(cpu.lanes()),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => Some(hybrid.cpu.lanes()),
-            #[cfg(feature = "gpu")]
-            Engine::Gpu(_) => None,
-        }
+        self.cpu().map(Cpu::lanes)
     }
 
     /// Requests the positions without waiting; false if there is nothing to wait for.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory is always there"))]
     pub(crate) fn request(&mut self) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
@@ -279,7 +268,6 @@ impl Engine {
     }
 
     /// Passes the requested positions to `read` if they have arrived; returns whether they have.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "nothing is under way"))]
     pub(crate) fn arrived(&mut self, read: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self {
             #[cfg(feature = "gpu")]
@@ -292,7 +280,6 @@ impl Engine {
     }
 
     /// Passes the state, positions `x` and displacements `p`, to `read`.
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "memory can always be read, a GPU can be lost"))]
     pub(crate) fn read(&mut self, read: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         match self {
             Engine::Cpu(cpu) => read(&cpu.x, &cpu.p),

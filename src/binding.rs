@@ -13,7 +13,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::BoundVertex;
-use crate::kernels::limits::MAX_POSITION;
+use crate::kernels::limits::{MAX_POSITION, is_bounded};
 use crate::kernels::pair::vertex_triangle;
 use crate::model::mesh::Mesh;
 use crate::simd::Vector;
@@ -146,7 +146,7 @@ impl Binding {
     /// that does not exist, or the cloth has no triangle with an area.
     pub fn new(render: &Mesh, cloth: &Mesh) -> Result<Binding, BindError> {
         for (mesh, positions) in [("render", &render.positions), ("cloth", &cloth.positions)] {
-            if let Some(vertex) = positions.iter().position(|x| !x.abs().cmple(Vec3::splat(MAX_POSITION)).all()) {
+            if let Some(vertex) = positions.iter().position(|x| !is_bounded(*x)) {
                 return Err(BindError::Position { mesh, vertex, position: positions[vertex] });
             }
         }

@@ -51,7 +51,7 @@ use crate::step::watch::{Fastest, Watch};
 const SMALL: usize = 4096;
 
 /// Everything that is decided about a step before it is taken.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct StepDecision {
     /// Length of the step (s).
     dt: f32,

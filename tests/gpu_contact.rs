@@ -15,7 +15,7 @@ use common::contact_scene::{CLOTH, R, Scene, floor, fold};
 use common::crossings::{closest, crossings};
 use common::energy::{masses, momenta};
 use common::shapes::{ball, jittered, sheets};
-use common::{FRAME, play};
+use common::{FRAME, bits, play};
 
 impl Scene {
     /// Steps it on the GPU, where no frame may have an intersection, and on the CPU. Returns both at the end, with
@@ -137,12 +137,6 @@ fn two_sheets_collide() {
         println!("{speed} m/s: momentum off by {last:e}");
         assert!(touched, "they met");
     }
-}
-
-fn bits(deformer: &mut Deformer) -> Vec<[u32; 6]> {
-    let x = deformer.positions().unwrap().to_vec();
-    let v = deformer.velocities().unwrap();
-    x.iter().zip(v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
 }
 
 /// Repeated after a reset, with room for hardly any pair at first, continued from a snapshot by another cloth, and with

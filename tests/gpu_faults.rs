@@ -23,6 +23,26 @@ fn failing(deformer: &mut Deformer) -> StepError {
     (0..24).find_map(|_| deformer.step(FRAME, &air()).err()).expect("it is said within sixteen steps")
 }
 
+/// Positions that were requested after a step failed are not there for an engine that was made anew meanwhile.
+#[test]
+fn a_request_after_a_failure_is_dropped_with_it() {
+    let mesh = Mesh::grid(40, 40, 1.0, 1.0);
+    let options = Options { backend: Backend::Gpu, pinned: vec![0, 39], quality: Quality::Substeps(2), ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.step(FRAME, &Attributes::default()).unwrap();
+    let good = cloth.positions().unwrap().to_vec();
+    let torn = Some(vec![mesh.positions[0], 1e6 * Vec3::ONE]);
+    cloth.step(FRAME, &Attributes { pin_targets: torn, ..Attributes::default() }).unwrap();
+    cloth.request_positions().unwrap();
+    let error = cloth.positions().unwrap_err();
+    assert!(matches!(error, StepError::Unstable { .. }), "{error}");
+    cloth.set_pinned(vec![0]).unwrap();
+    assert_eq!(cloth.requested_positions().unwrap(), None);
+    assert_eq!(cloth.positions().unwrap(), good);
+    cloth.step(FRAME, &Attributes::default()).unwrap();
+    cloth.request_positions().unwrap();
+}
+
 #[test]
 fn a_lost_device_is_named_and_others_go_on() {
     let (lost, sound) = (device("the first", |_| ()), device("the second", |_| ()));

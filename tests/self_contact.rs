@@ -17,7 +17,7 @@ use common::contact_scene::{CLOTH, R, Scene, floor, fold};
 use common::crossings::{closest, crossings};
 use common::energy::{energy, masses, momenta};
 use common::shapes::{jittered, sheets};
-use common::{FRAME, play, reference};
+use common::{FRAME, bits, play, reference};
 
 on_every_backend!(
     sheets_that_start_in_one_another_part,
@@ -241,12 +241,6 @@ fn a_sheet_sticks_to_a_sheet_or_slides() {
         100.0 * (2.0 * way / expected - 1.0)
     );
     assert!((speed / expected - 1.0).abs() < 0.01, "it slides at {speed} m/s, expected {expected}");
-}
-
-fn bits(deformer: &mut Deformer) -> Vec<[u32; 6]> {
-    let x = deformer.positions().unwrap().to_vec();
-    let v = deformer.velocities().unwrap();
-    x.iter().zip(v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
 }
 
 #[test]

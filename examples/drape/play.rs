@@ -43,10 +43,9 @@ pub(crate) fn play(
     // Outputs that cannot be written are detected now, not after the simulation.
     let mut frames = Frames::begin(outputs, mesh, template.as_ref())?;
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
-    let report_file = reserve(&outputs.report)?;
+    let (report_file, _) = (reserve(&outputs.report)?, reserve(&outputs.save)?);
     let preview_file = reserve(&outputs.preview)?;
     let animation_file = reserve(&outputs.animation)?;
-    let _ = reserve(&outputs.save)?;
 
     let mut report = Report::new(&deformer, options.method, mesh);
     let (mut cells, mut moving): (Vec<Cell>, Vec<Cell>) = (Vec::new(), Vec::new());

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use crate::attributes::{Attributes, Collider, Shape};
 use crate::error::StepError;
-use crate::kernels::limits::{MAX_POSITION, MAX_VERTICES};
+use crate::kernels::limits::{MAX_VERTICES, is_bounded};
 use crate::model::mesh::Mesh;
 
 impl Attributes {
@@ -106,7 +106,7 @@ fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
         let remedy = format_args!("is more than {MAX_VERTICES}; split the mesh");
         return Err(invalid(format_args!("colliders[{index}].mesh: vertices"), positions.len(), remedy));
     }
-    let inside = |x: &Vec3| x.abs().cmple(Vec3::splat(MAX_POSITION)).all();
+    let inside = |x: &Vec3| is_bounded(*x);
     // A test of all is faster than a search for the first that fails it, and in nearly all steps none does.
     let are_inside = positions.iter().fold(true, |all, x| all & inside(x));
     let outside = || positions.iter().position(|x| !inside(x));
@@ -135,7 +135,7 @@ fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
 
 /// Checks that a vector is no larger than a position or a velocity may be: what is larger would move the cloth there.
 fn within(name: impl Display, value: Vec3, unit: &str) -> Result<(), StepError> {
-    let is_within = value.abs().cmple(Vec3::splat(MAX_POSITION)).all();
+    let is_within = is_bounded(value);
     if is_within { Ok(()) } else { Err(invalid(name, value, format_args!("must be finite and within 1e15 {unit}"))) }
 }
 

@@ -175,7 +175,7 @@ impl Detection {
         let ranges = ranges(&input);
         let (listed_in_all, most) = (AtomicUsize::new(0), max_listed(path.x.len()));
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
-            let part = path.workers.small_part(findings.len(), 1);
+            let part = path.workers.small_part(findings.len());
             let parts = findings.chunks_mut(part).zip(leaves.chunks(part * GRAIN));
             path.workers.each(parts, |(findings, leaves)| {
                 for (Finding { near, found }, leaves) in findings.iter_mut().zip(leaves.chunks(GRAIN)) {

@@ -25,6 +25,9 @@ mod boxes;
 mod candidates;
 mod carry;
 mod common_motion;
+#[cfg(all(test, feature = "gpu"))]
+#[path = "../../tests/unit/contact_constants.rs"]
+pub(crate) mod constants;
 mod contacts;
 mod contours;
 pub(crate) mod crossings;
@@ -88,10 +91,6 @@ use input::ContactInput;
 use past::Checkpoint;
 pub(crate) use past::ContactPast;
 use paths::Paths;
-#[cfg(all(test, feature = "gpu"))]
-pub(crate) use paths::SAMPLES;
-#[cfg(all(test, feature = "gpu"))]
-pub(crate) use pinches::BISECTIONS;
 #[cfg(feature = "gpu")]
 pub(crate) use response::ITERATIONS;
 use rows::Rows;
@@ -100,33 +99,6 @@ use tree::Tree;
 use vertices::PushOut;
 pub(crate) use workers::Workers;
 
-/// Constants that the shaders define under these names; a test compares them.
-#[cfg(all(test, feature = "gpu"))]
-pub(crate) const IN_SHADERS: [(&str, f32); 23] = [
-    ("RELAXATION", crate::kernels::pair::RELAXATION),
-    ("CLEARANCE", crate::kernels::pair::CLEARANCE),
-    ("THIN", crate::kernels::pair::THIN),
-    ("NARROW", crate::kernels::pair::NARROW),
-    ("SLACK", crate::kernels::pair::SLACK),
-    ("DEEP", crate::kernels::pair::DEEP),
-    ("UNWINDING", crate::kernels::pair::UNWINDING),
-    ("SQUEEZED", crate::kernels::pair::SQUEEZED),
-    ("SLIDING", crate::kernels::pair::SLIDING),
-    ("LASTS", paths::LASTS),
-    ("MARGIN_DECAY", paths::MARGIN_DECAY),
-    ("MIN_AHEAD", paths::AHEAD[0]),
-    ("MAX_AHEAD", paths::AHEAD[1]),
-    ("FARTHER_AHEAD", paths::FARTHER_AHEAD),
-    ("CONE_COSINE", normals::CONE_COSINE),
-    ("MAX_EXCESS", tree::MAX_EXCESS),
-    ("ACTING", near::ACTING),
-    ("BESIDE", voronoi::BESIDE),
-    ("ON_SIDE", voronoi::ON_SIDE),
-    ("FARTHER", truncation::FARTHER),
-    ("COINCIDENT", pinches::COINCIDENT),
-    ("CLOSER", carry::CLOSER),
-    ("NEAR", bodies::NEAR),
-];
 /// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.
 const GRAIN: usize = 64;
 const VERTICES: usize = 128;

@@ -28,6 +28,7 @@ pub(crate) struct ContactPast {
 
 impl ContactPast {
     /// Number of listed pairs.
+    #[cfg(feature = "gpu")]
     pub(crate) fn pairs(&self) -> usize {
         self.lists.iter().map(|rows| rows.others.len()).sum()
     }

@@ -49,9 +49,9 @@ impl<'a> Workers<'a> {
     }
 
     /// The same for parts that take different times, so that each thread has several.
-    pub(super) fn small_part(self, items: usize, grain: usize) -> usize {
+    pub(super) fn small_part(self, items: usize) -> usize {
         let parts = if self.run.is_some() { (4 * self.count).min(MOST) } else { 1 };
-        items.div_ceil(parts).max(1).next_multiple_of(grain)
+        items.div_ceil(parts).max(1)
     }
 
     /// Calls `work` with each of at most [`MOST`] parts.

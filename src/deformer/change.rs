@@ -54,16 +54,8 @@ impl Deformer {
     fn change(&mut self, options: Options) -> Result<(), ChangeError> {
         let (cloth, change) = self.cloth.changed(&options)?;
         self.look_back()?;
-        let (mut x, mut p) = (Vec::new(), Vec::new());
-        if change != Change::Stiffness {
-            // Reports a step that failed on the GPU, if any.
-            self.positions()?;
-            let read = self.engine.read(|from_x, from_p| {
-                x.extend(from_x.iter().zip(&cloth.rest).map(|(x, rest)| x.truncate().extend(rest.w)));
-                p.extend_from_slice(from_p);
-            });
-            read.map_err(|failure| self.failed(failure))?;
-        }
+        let [mut x, p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
+        x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
         let changed = self.engine.change(&cloth, &options, change, [&x, &p]);
         changed.map_err(|failure| self.failed(failure))?;
         if change != Change::Stiffness {

@@ -108,21 +108,17 @@ impl Deformer {
     pub(super) fn failed(&self, failure: Failure) -> StepError {
         match failure {
             Failure::Unstable { cause, step } => {
-                let named = |vertex: u32| self.cloth.order[vertex as usize];
+                let named = |vertex: usize| self.cloth.order[vertex] as usize;
                 let (speed, length) = self.bounds;
                 let (vertex, cause) = match cause {
-                    Cause::Lost(vertex) => {
-                        (named(vertex as u32), Instability::NotFinite { vertex: named(vertex as u32) as usize })
-                    }
-                    Cause::Energy(vertex) => {
-                        (named(vertex as u32), Instability::Energy { vertex: named(vertex as u32) as usize, speed })
-                    }
+                    Cause::Lost(vertex) => (named(vertex), Instability::NotFinite { vertex: named(vertex) }),
+                    Cause::Energy(vertex) => (named(vertex), Instability::Energy { vertex: named(vertex), speed }),
                     Cause::Edge(place) => {
-                        let ends = self.cloth.links[place].ends.map(named);
-                        (ends[0], Instability::Edge { ends, length })
+                        let ends = self.cloth.links[place].ends.map(|end| self.cloth.order[end as usize]);
+                        (ends[0] as usize, Instability::Edge { ends, length })
                     }
                 };
-                StepError::Unstable { vertex: vertex as usize, cause, frame: step, remedy: self.remedy(cause) }
+                StepError::Unstable { vertex, cause, frame: step, remedy: self.remedy(cause) }
             }
             Failure::Crowded(pairs) => StepError::Crowded { pairs },
             #[cfg(feature = "gpu")]

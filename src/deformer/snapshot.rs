@@ -8,7 +8,7 @@ use super::sleep::Stillness;
 use super::{Deformer, StepDecision};
 use crate::attributes::Collider;
 use crate::error::{StateError, StepError};
-use crate::kernels::limits::MAX_POSITION;
+use crate::kernels::limits::is_bounded;
 use crate::kernels::statistics::Statistics;
 use crate::options::Options;
 use crate::past::Past;
@@ -16,7 +16,6 @@ use crate::record::{Hash, Recorded, recorded};
 use crate::step::controller::Controller;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
-use crate::step::substep_count::Division;
 use crate::step::watch::{Fastest, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
@@ -133,14 +132,6 @@ recorded!(Content { identity, lanes, state });
 recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, colliders, gravity });
 recorded!(StepDecision { dt, load, controller, rate, division, levels });
 
-impl Default for StepDecision {
-    fn default() -> StepDecision {
-        let (load, controller, division) = Default::default();
-        let _: Division = division;
-        StepDecision { dt: 0.0, load, controller, rate: 0.0, division, levels: 0 }
-    }
-}
-
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that
     /// follow this call.
@@ -157,15 +148,8 @@ impl Deformer {
     /// # Errors
     /// As [`Deformer::positions`].
     pub fn snapshot(&mut self) -> Result<Snapshot, StepError> {
-        // Reports a step that failed on the GPU, if any, and returns to the state before it.
-        self.look_back()?;
-        self.positions()?;
-        let (mut x, mut p) = (Vec::new(), Vec::new());
-        let read = self.engine.read(|from_x, from_p| {
-            x.extend(from_x.iter().map(|x| x.truncate()));
-            p.extend(from_p.iter().map(|p| p.truncate()));
-        });
-        let engine = read.and_then(|()| self.engine.past()).map_err(|failure| self.failed(failure))?;
+        let [x, p] = self.read_state()?.map(|vectors| vectors.iter().map(|v| v.truncate()).collect());
+        let engine = self.engine.past().map_err(|failure| self.failed(failure))?;
         let state = State {
             x,
             p,
@@ -232,10 +216,9 @@ impl Deformer {
     fn fits(&self, state: &State) -> bool {
         let (vertices, pins) = (self.cloth.rest.len(), self.cloth.pinned.len());
         let State { x, p, engine, motion, awaiting_statistics, seen, .. } = state;
-        let is_bounded = |v: &Vec3| v.abs().cmple(Vec3::splat(MAX_POSITION)).all();
         let counts = |seen: &Statistics| seen.speed.iter().map(|&count| u64::from(count)).sum::<u64>() <= vertices as u64;
         [x.len(), p.len()] == [vertices; 2]
-            && x.iter().chain(p).all(is_bounded)
+            && x.iter().chain(p).all(|v| is_bounded(*v))
             && motion.h >= 0.0
             && motion.pins.len() == pins
             && [0, pins].contains(&motion.pin_velocities.len())

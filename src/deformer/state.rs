@@ -14,7 +14,7 @@ use crate::error::StepError;
 use crate::error::failure::Failure;
 #[cfg(feature = "gpu")]
 use crate::gpu::{BoundMesh, Surface};
-use crate::kernels::limits::MAX_POSITION;
+use crate::kernels::limits::is_bounded;
 use crate::model::mesh::edges;
 use crate::options::Crossing;
 use crate::step::motion::Motion;
@@ -86,7 +86,7 @@ impl Deformer {
         let vertices = self.cloth.rest.len();
         for (name, list) in [("positions", positions), ("velocities", velocities)] {
             let problem = if list.len() == vertices {
-                let index = list.iter().position(|value| !value.abs().cmple(Vec3::splat(MAX_POSITION)).all());
+                let index = list.iter().position(|value| !is_bounded(*value));
                 index.map(|index| format!("[{index}] is {}", list[index]))
             } else {
                 Some(format!("{} values", list.len()))
@@ -236,6 +236,17 @@ impl Deformer {
             self.show()?;
         }
         Ok(())
+    }
+
+    /// The positions and displacements (m) in the cloth's order. Reports a step that failed on the GPU, if any, and returns to the
+    /// state before it.
+    pub(super) fn read_state(&mut self) -> Result<[Vec<Vec4>; 2], StepError> {
+        self.look_back()?;
+        self.show()?;
+        let mut state = [Vec::new(), Vec::new()];
+        let read = self.engine.read(|x, p| state = [x.to_vec(), p.to_vec()]);
+        read.map_err(|failure| self.failed(failure))?;
+        Ok(state)
     }
 
     /// Updates `positions`, `velocities` and `local`.

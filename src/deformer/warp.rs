@@ -4,7 +4,7 @@ use glam::{Affine3A, Vec4};
 
 use super::Deformer;
 use crate::error::WarpError;
-use crate::kernels::limits::MAX_POSITION;
+use crate::kernels::limits::is_bounded;
 use crate::kernels::rigid::Rigid;
 
 impl Deformer {
@@ -24,18 +24,11 @@ impl Deformer {
     pub fn warp(&mut self, motion: Affine3A) -> Result<(), WarpError> {
         let rigid = Rigid::new(motion, self.cloth.origin);
         let rigid = rigid.map_err(|problem| WarpError::NotRigid { problem, motion: Box::new(motion) })?;
-        self.look_back()?;
-        self.positions()?;
-        let (mut x, mut p) = (Vec::<Vec4>::new(), Vec::<Vec4>::new());
-        let read = self.engine.read(|from_x, from_p| {
-            x.extend_from_slice(from_x);
-            p.extend_from_slice(from_p);
-        });
-        let past = read.and_then(|()| self.engine.past());
-        let mut past = past.map_err(|failure| self.failed(failure))?;
+        let [mut x, mut p] = self.read_state()?;
+        let mut past = self.engine.past().map_err(|failure| self.failed(failure))?;
         rigid.points4(&mut x);
         rigid.vectors4(&mut p);
-        let is_out = |x: &Vec4| !x.truncate().abs().cmple(glam::Vec3::splat(MAX_POSITION)).all();
+        let is_out = |x: &Vec4| !is_bounded(x.truncate());
         if let Some(place) = x.iter().position(is_out) {
             return Err(WarpError::TooFar { vertex: self.cloth.order[place] as usize });
         }

@@ -25,6 +25,10 @@ pub(crate) struct Excess {
 }
 
 impl GpuFault {
+    pub(crate) fn other(error: impl std::fmt::Display) -> GpuFault {
+        GpuFault::Other(error.to_string())
+    }
+
     /// In words.
     pub(crate) fn reason(&self) -> String {
         match self {

@@ -61,8 +61,7 @@ impl SharedDevice {
             required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
             ..wgpu::DeviceDescriptor::default()
         };
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| GpuFault::from(error.to_string()))?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(GpuFault::other)?;
         let lost = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&lost);
         device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));

@@ -55,11 +55,8 @@ impl Gpu {
                 let _ = send.send(mapped);
             });
             self.wait()?;
-            receive
-                .recv()
-                .map_err(|error| GpuFault::from(error.to_string()))?
-                .map_err(|error| GpuFault::from(error.to_string()))?;
-            let seen = staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(|error| GpuFault::from(error.to_string()));
+            receive.recv().map_err(GpuFault::other)?.map_err(GpuFault::other)?;
+            let seen = staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(GpuFault::other);
             staging.unmap();
             seen
         })
@@ -93,7 +90,7 @@ impl Gpu {
         // wgpu 30 panics here when the device is lost, where its type says that it returns an error.
         let poll = || self.device().poll(how);
         match std::panic::catch_unwind(std::panic::AssertUnwindSafe(poll)) {
-            Ok(polled) => polled.map_err(|error| GpuFault::from(error.to_string())),
+            Ok(polled) => polled.map_err(GpuFault::other),
             Err(_) => Err(GpuFault::Lost),
         }
     }

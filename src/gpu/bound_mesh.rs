@@ -65,12 +65,6 @@ impl BoundMesh {
     /// commands that draw them to the same queue, after this call and before the next step.
     pub fn apply(&self) {
         self.normals.submit(&self.gpu);
-        let mut encoder = self.gpu.encoder();
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            self.uniforms.set(&mut pass, 0, &[]);
-            self.stage.dispatch(&mut pass, 0, &[], self.vertices);
-        }
-        self.gpu.queue().submit([encoder.finish()]);
+        self.stage.submit(&self.gpu, &self.uniforms, self.vertices);
     }
 }

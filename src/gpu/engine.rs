@@ -283,16 +283,16 @@ impl GpuEngine {
         let (bends, corrects) = (self.bends_in_tiles(plan), self.corrects_in_tiles(plan));
         let GpuEngine { gpu, forces, bodies, sweep, bent, corrected, multigrid, single_workgroup, commit, .. } = self;
         if bodies.send(gpu, plan.bodies_and_anchors) | moved {
+            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
             match sweep {
                 EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
                 EdgeSweep::Tiled(tiled) => {
-                    let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
                     let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
                     std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
                 }
             }
             if let Some(single) = single_workgroup {
-                single.rebind(gpu, forces, bodies, &commit.found);
+                single.rebind(gpu, bound);
             }
         }
         match (path, sweep, single_workgroup) {

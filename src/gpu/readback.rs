@@ -80,7 +80,7 @@ impl Readback {
         let found = match progress.load(Ordering::Acquire) {
             UNDER_WAY => return Ok(None),
             ARRIVED => {
-                let bytes = staging.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
+                let bytes = staging.get_mapped_range(..).map_err(GpuFault::other)?;
                 let (x, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
                 match bytemuck::try_cast_slice(x) {
                     Ok(x) => read(x),

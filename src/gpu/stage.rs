@@ -151,6 +151,17 @@ impl Stage {
         self.groups[group].set(pass, 1, offsets);
         pass.dispatch_workgroups(count.div_ceil(rows) as u32, rows as u32, 1);
     }
+
+    /// Submits a dispatch of an invocation for each of `items` items.
+    pub(crate) fn submit(&self, gpu: &Gpu, uniforms: &BindGroup, items: usize) {
+        let mut encoder = gpu.encoder();
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            uniforms.set(&mut pass, 0, &[]);
+            self.dispatch(&mut pass, 0, &[], items);
+        }
+        gpu.queue().submit([encoder.finish()]);
+    }
 }
 
 /// A buffer of values that the CPU uploads when they have changed. It is created again if they outgrow it.

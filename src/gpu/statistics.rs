@@ -120,7 +120,7 @@ impl Counter {
         let seen = staging.get_mapped_range(..).map(|bytes| bytemuck::pod_read_unaligned(&bytes));
         staging.unmap();
         self.free.push(staging);
-        seen.map_err(|error| GpuFault::from(error.to_string()))
+        seen.map_err(GpuFault::other)
     }
 
     /// Waits for the statistics of the last steps, and keeps them to be returned later.

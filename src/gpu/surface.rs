@@ -59,12 +59,6 @@ impl Normals {
 
     /// Submits the computation of the normals after the steps so far.
     pub(crate) fn submit(&self, gpu: &Gpu) {
-        let mut encoder = gpu.encoder();
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            self.uniforms.set(&mut pass, 0, &[]);
-            self.stage.dispatch(&mut pass, 0, &[], self.vertices);
-        }
-        gpu.queue().submit([encoder.finish()]);
+        self.stage.submit(gpu, &self.uniforms, self.vertices);
     }
 }

@@ -176,8 +176,8 @@ impl Exchange {
         if self.ready.load(Ordering::Acquire) != BOTH {
             return Err(gpu.unmapped("its buffers"));
         }
-        let outbox = self.outbox.get_mapped_range_mut(..).map_err(|error| GpuFault::from(error.to_string()))?;
-        let inbox = self.inbox.get_mapped_range(..).map_err(|error| GpuFault::from(error.to_string()))?;
+        let outbox = self.outbox.get_mapped_range_mut(..).map_err(GpuFault::other)?;
+        let inbox = self.inbox.get_mapped_range(..).map_err(GpuFault::other)?;
         let is_aligned = bytemuck::try_cast_slice::<u8, Vec3>(&inbox).is_ok();
         let outbox = MappedVectors::new(outbox).filter(|_| is_aligned).ok_or("the device maps buffers at odd addresses")?;
         Ok(Mapped { outbox, inbox, vertices: self.vertices as usize })

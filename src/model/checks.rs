@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::error::BuildError;
-use crate::kernels::limits::{MAX_POSITION, MAX_VERTICES};
+use crate::kernels::limits::{MAX_VERTICES, is_bounded};
 use crate::model::masses::is_mass;
 use crate::model::mesh::Mesh;
 use crate::options::Options;
@@ -17,7 +17,7 @@ pub(crate) fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
     if vertices > MAX_VERTICES {
         return Err(BuildError::TooManyVertices { vertices });
     }
-    let inside = |position: &Vec3| position.is_finite() && position.abs().max_element() <= MAX_POSITION;
+    let inside = |position: &Vec3| is_bounded(*position);
     if let Some(vertex) = mesh.positions.iter().position(|position| !inside(position)) {
         return Err(BuildError::Position { vertex, position: mesh.positions[vertex] });
     }

@@ -51,20 +51,12 @@ macro_rules! instructions {
 
 /// The `k`th register of the given corner: see [`Registers::gather`]. It must be known that the places are inside.
 macro_rules! gathered {
-    (8, $from:ident, $places:ident, $corner:literal) => {
+    ($lanes:tt, $from:ident, $places:ident, $corner:literal) => {
         [
-            gathered!(8, $from, $places, $corner, 0),
-            gathered!(8, $from, $places, $corner, 1),
-            gathered!(8, $from, $places, $corner, 2),
-            gathered!(8, $from, $places, $corner, 3),
-        ]
-    };
-    (16, $from:ident, $places:ident, $corner:literal) => {
-        [
-            gathered!(16, $from, $places, $corner, 0),
-            gathered!(16, $from, $places, $corner, 1),
-            gathered!(16, $from, $places, $corner, 2),
-            gathered!(16, $from, $places, $corner, 3),
+            gathered!($lanes, $from, $places, $corner, 0),
+            gathered!($lanes, $from, $places, $corner, 1),
+            gathered!($lanes, $from, $places, $corner, 2),
+            gathered!($lanes, $from, $places, $corner, 3),
         ]
     };
     (8, $from:ident, $places:ident, $corner:literal, $k:literal) => {

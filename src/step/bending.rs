@@ -98,13 +98,8 @@ fn passes(needed: &[f64], damped: bool) -> usize {
 /// The largest `h² g` that is stable with so many passes. With a single pass, damping takes half of the limit.
 fn limit(passes: usize, damped: bool) -> f64 {
     match passes {
-        1 => {
-            if damped {
-                1.0
-            } else {
-                2.0
-            }
-        }
+        1 if damped => 1.0,
+        1 => 2.0,
         _ => std::f64::consts::SQRT_2 * passes as f64 / (1.0_f64.asinh() / passes as f64).tanh(),
     }
 }

@@ -22,6 +22,13 @@ use cloth_deformer::{Gpu, wgpu};
 /// The duration of a frame (s).
 pub const FRAME: f32 = 1.0 / 60.0;
 
+/// The bits of the positions and velocities.
+pub fn bits(deformer: &mut Deformer) -> Vec<[u32; 6]> {
+    let x = deformer.positions().unwrap().to_vec();
+    let v = deformer.velocities().unwrap();
+    x.iter().zip(v).map(|(x, v)| [x.x, x.y, x.z, v.x, v.y, v.z].map(f32::to_bits)).collect()
+}
+
 /// Attributes with a wind whose force exceeds single precision: no step can be taken with it.
 pub fn gale(attributes: &Attributes) -> Attributes {
     Attributes { wind: Vec3::splat(1e15), air_density: 1e30, ..attributes.clone() }

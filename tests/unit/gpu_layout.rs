@@ -9,6 +9,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::contact::table::ContactParams;
 use crate::gpu::BoundVertex;
+use crate::gpu::contact::encode;
 use crate::gpu::contact::status::{self as contact, Listed, Status, Track};
 use crate::gpu::multigrid::{Average, Member};
 use crate::gpu::shaders;
@@ -90,7 +91,7 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
 }
 
 /// The constants of contact that exist only in shaders.
-const ALONE: [&str; 27] = [
+const ALONE: [&str; 28] = [
     "SOON",
     "ROUNDING_MARGIN",
     "MIN_DISTANCE",
@@ -108,6 +109,7 @@ const ALONE: [&str; 27] = [
     "UNIT_WEIGHT",
     "UNIT_LENGTH",
     "UNIT_BEYOND",
+    "LANES",
     "MAX_PAIRS",
     "LEAF_PAIRS",
     "CANDIDATES",
@@ -122,7 +124,6 @@ const ALONE: [&str; 27] = [
 
 /// The constants that shaders and Rust have in common, by their names in the shaders.
 fn constants() -> Vec<(&'static str, Literal)> {
-    let of_contact = crate::contact::IN_SHADERS.map(|(name, value)| (name, Literal::F32(value)));
     let mut all = vec![
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
@@ -158,21 +159,23 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("LEAST", Literal::U32(crate::step::watch::LEAST as u32)),
         ("TURNS", Literal::U32(crate::step::watch::TURNS as u32)),
         ("NO_ROOM", Literal::U32(contact::NO_ROOM)),
-        ("NOT_FINITE", Literal::U32(contact::NOT_FINITE)),
+        ("NOT_FINITE", Literal::U32(2)),
         ("CROWDED", Literal::U32(contact::CROWDED)),
         ("EARLY", Literal::U32(contact::EARLY)),
         ("CLOSE", Literal::U32(contact::CLOSE)),
         ("RUN_OVER", Literal::U32(contact::RUN_OVER)),
-        ("SAMPLES", Literal::U32(crate::contact::SAMPLES as u32)),
         ("SUMS", Literal::U32(contact::SUMS as u32)),
         ("SHARE", Literal::U32(contact::SUMS as u32 - 1)),
         ("PARTS", Literal::U32(contact::PARTS as u32)),
+        ("COMPARERS", Literal::U32(encode::COMPARERS as u32)),
+        ("MEASURERS", Literal::U32(encode::MEASURERS as u32)),
+        ("FINDERS", Literal::U32(encode::FINDERS as u32)),
+        ("BOUNDERS", Literal::U32(encode::BOUNDERS as u32)),
         ("FIRST_LEVEL", Literal::U32(contact::FIRST_LEVEL)),
         ("PINCHED", Literal::U32(contact::PINCHED as u32)),
         ("MARK", Literal::U32(crate::contact::device::MARK)),
-        ("BISECTIONS", Literal::U32(crate::contact::BISECTIONS)),
     ];
-    all.extend(of_contact);
+    all.extend(crate::contact::constants::in_shaders());
     all
 }
 
@@ -183,9 +186,14 @@ fn shaders_are_valid_and_share_a_workgroup_size() {
         validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
         assert!(!module.entry_points.is_empty());
         for entry in &module.entry_points {
-            // Or its size is set when the pipeline is made.
+            // Or its size is set when the pipeline is made, or it is dispatched by workgroups of its own size.
             let told = entry.workgroup_size_overrides.is_some();
-            assert!(told || entry.workgroup_size == [WORKGROUP as u32, 1, 1], "{name}: {}", entry.name);
+            let has_own = module.constants.iter().any(|(_, constant)| {
+                let is_size = [Some("LANES"), Some("COMPARERS"), Some("MEASURERS"), Some("FINDERS"), Some("BOUNDERS")];
+                let size = naga::Expression::Literal(Literal::U32(entry.workgroup_size[0]));
+                is_size.contains(&constant.name.as_deref()) && module.global_expressions[constant.init] == size
+            });
+            assert!(told || has_own || entry.workgroup_size == [WORKGROUP as u32, 1, 1], "{name}: {}", entry.name);
         }
     }
 }

@@ -1,7 +1,7 @@
 // Compares the boxes of the features of leaves that meet. Each invocation has a feature of one leaf, and compares it with those
 // of the other leaf, which are kept in workgroup memory.
 
-override LANES: u32 = 256u;
+const COMPARERS: u32 = 256u;
 
 // Boxes of the other leaf's features: one for each invocation.
 var<workgroup> others: array<StoredBox, 256>;
@@ -96,7 +96,7 @@ fn candidate(all: Comparison, other: u32) -> vec2u {
     return vec2u(table[contact_params.order + other], all.own);
 }
 
-@compute @workgroup_size(LANES)
+@compute @workgroup_size(COMPARERS)
 fn compare(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -107,7 +107,7 @@ fn compare(
     }
     let end = workgroupUniformLoad(&total);
     // Whole pairs of leaves.
-    let pairs_here = LANES / contact_params.features;
+    let pairs_here = COMPARERS / contact_params.features;
     let mine = lane / contact_params.features;
     for (var first = (group.x + group.y * groups.x) * pairs_here; first < end; first += groups.x * groups.y * pairs_here) {
         if lane < 2u {

@@ -3,7 +3,7 @@
 // A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
 const CLOSER: f32 = 0.5;
 
-override LANES: u32 = 256u;
+const LANES: u32 = 256u;
 // The sum of weights, which is free after the response (`finish` has cleared it): 1 + the vertex that carries this one.
 const LEADER: u32 = 0u;
 

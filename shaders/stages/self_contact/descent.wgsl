@@ -2,7 +2,7 @@
 // whose triangles may meet its own, and to those of mesh colliders. After a leaf comes half of all leaves, and then it comes
 // after the others: thus each pair is found once, and each leaf has as many to find. Mesh colliders do not meet each other.
 
-override LANES: u32 = 128u;
+const LANES: u32 = 128u;
 
 // The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `CONE_COSINE`:
 // `src/contact/tree/mod.rs`.

@@ -1,7 +1,7 @@
 // Bounds all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed
 // before.
 
-override LANES: u32 = 128u;
+const MEASURERS: u32 = 128u;
 
 // Numbers of pairs of either kind that a workgroup lists, and where they begin.
 var<workgroup> listed_here: array<atomic<u32>, 2>;
@@ -151,7 +151,7 @@ fn thickness_of(is_edge: bool, row: u32, other: u32) -> f32 {
     return select(0.0, thickness, thickness > 0.0 && !is_ignored(is_edge, row, other));
 }
 
-@compute @workgroup_size(LANES)
+@compute @workgroup_size(MEASURERS)
 fn measure(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -166,7 +166,7 @@ fn measure(
         }
     }
     let end = workgroupUniformLoad(&total);
-    for (var first = (group.x + group.y * groups.x) * LANES; first < end; first += groups.x * groups.y * LANES) {
+    for (var first = (group.x + group.y * groups.x) * MEASURERS; first < end; first += groups.x * groups.y * MEASURERS) {
         if lane < 2u {
             atomicStore(&listed_here[lane], 0u);
         }

@@ -1,6 +1,6 @@
 // Selects the pairs of the list that may touch in this substep.
 
-override LANES: u32 = 256u;
+const FINDERS: u32 = 256u;
 
 // A pair acts if it comes closer than its thickness plus this multiple of it.
 const ACTING: f32 = 0.3;
@@ -115,19 +115,19 @@ fn proximity_of(k: u32) -> Proximity {
     return Proximity(Near(pair.corners, weights, normal, distance, pair.lambda, pair.thickness, 0.0, k, friction), state);
 }
 
-@compute @workgroup_size(LANES)
+@compute @workgroup_size(FINDERS)
 fn find(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
     let all = listed_pairs(lane);
-    for (var first = 0u; first < all; first += groups.x * groups.y * LANES) {
+    for (var first = 0u; first < all; first += groups.x * groups.y * FINDERS) {
         if lane < 2u {
             atomicStore(&found[lane], 0u);
         }
         workgroupBarrier();
-        let k = first + (group.x + group.y * groups.x) * LANES + lane;
+        let k = first + (group.x + group.y * groups.x) * FINDERS + lane;
         var proximity: Proximity;
         var rank = 0u;
         if k < all {

@@ -1,6 +1,6 @@
 // Refits the trees: starts new paths, then bounds the leaves and all nodes above.
 
-override LANES: u32 = 256u;
+const LANES: u32 = 256u;
 
 // The least margin of a vertex, as a share of its largest, and the least share of the last margin that the next one keeps.
 // A detection costs more here, compared with a longer list, than on the CPU, which goes down to a smaller one.
@@ -17,7 +17,7 @@ const MIN_DISTANCE: f32 = 1e-12;
 // Number of invocations that bound a leaf.
 const PARTS: u32 = 4u;
 // Number of those of a workgroup that bounds leaves.
-override BOUNDERS: u32 = 128u;
+const BOUNDERS: u32 = 128u;
 
 var<workgroup> below: array<Node, 128>;
 

@@ -134,7 +134,7 @@ fn finish(
     name: impl Fn([u32; 2]) -> [u32; 2],
     leaves: &mut Vec<[u32; 2]>,
 ) {
-    let part = workers.small_part(frontier.len(), 1);
+    let part = workers.small_part(frontier.len());
     let tasks = frontier.len().div_ceil(part);
     found.resize_with(tasks.max(found.len()), Vec::new);
     workers.each(found[..tasks].iter_mut().zip(frontier.chunks(part)), |(found, pairs)| {

@@ -5,28 +5,22 @@ use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::table::ContactParams;
+use crate::contact::{ITERATIONS, ROUNDS};
 use crate::gpu::stage::Stage;
 use crate::step::plan::Plan;
 
-/// Iterations of the response per substep.
-const ITERATIONS: usize = crate::contact::ITERATIONS;
-/// How many times in a substep more vertices may be carried.
-const ROUNDS: usize = crate::contact::ROUNDS;
-/// Dispatches of a detection, with the decision whether it is due, and of the response.
-const OF_DETECTION: usize = 8;
-/// Dispatches at the start of a step with mesh colliders.
+/// Dispatches at the start of a step with mesh colliders, of a detection with the decision whether it is due, and of the response.
 const OF_START: usize = 2;
+const OF_DETECTION: usize = 8;
 const OF_RESPONSE: usize = 11 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const MIN_ITEMS: usize = 4096;
 const MAX_ITEMS: usize = 1 << 18;
-/// Invocations per workgroup of the kernels that compare boxes, measure candidates, and look for near pairs: `LANES` of
-/// `candidates.wgsl`, `listing.wgsl` and `near.wgsl`.
-const COMPARERS: usize = 256;
-const MEASURERS: usize = 128;
-const FINDERS: usize = 256;
-/// Invocations per workgroup of the kernel that bounds leaves: `BOUNDERS` of `tree.wgsl`.
-const BOUNDERS: usize = 128;
+/// Invocations per workgroup of the kernels that compare boxes, measure candidates, look for near pairs, and bound leaves.
+pub(crate) const COMPARERS: usize = 256;
+pub(crate) const MEASURERS: usize = 128;
+pub(crate) const FINDERS: usize = 256;
+pub(crate) const BOUNDERS: usize = 128;
 /// Levels below the root of the largest tree that `bound` bounds down to where a descent begins.
 const BOUND_AT_ONCE: u32 = FIRST_LEVEL + 1 + (BOUNDERS / PARTS).ilog2();
 /// Number of pairs that act from which workgroups collect their sums.

@@ -6,7 +6,7 @@
 //! bit for bit as if there had been enough. Therefore each step waits for the GPU once, and is committed after that.
 
 mod attempt;
-mod encode;
+pub(crate) mod encode;
 mod kernel_choice;
 mod past;
 mod stages;
@@ -25,7 +25,7 @@ use crate::gpu::stage::{Sent, WORKGROUP};
 use crate::kernels::contact::Body;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
-use crate::options::{Contact, Crossing};
+use crate::options::Contact;
 use crate::step::plan::Plan;
 
 pub(crate) use attempt::Judgment;
@@ -81,7 +81,8 @@ impl Checkpoint {
 /// The state of contact of a cloth with itself, kept between steps.
 #[derive(Debug)]
 pub(crate) struct GpuContact {
-    on_cpu: HostContact,
+    /// What is done on the CPU: the search for intersections, and what mesh colliders do.
+    pub(crate) on_cpu: HostContact,
     options: Contact,
     /// What is the same in every step.
     params: ContactParams,
@@ -169,21 +170,6 @@ impl GpuContact {
         (self.stages, self.per_mass) = (None, None);
     }
 
-    /// Whether the next step needs the positions on the CPU first, to search for intersections.
-    pub(crate) fn must_search(&self) -> bool {
-        self.on_cpu.must_search()
-    }
-
-    /// Whether pins or mesh colliders are moved through each other in this step, so that it needs the positions for a search.
-    pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
-        self.on_cpu.kinematics_cross(plan)
-    }
-
-    /// Whether these are its mesh colliders.
-    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
-        self.on_cpu.is_of(meshes)
-    }
-
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
     /// from which to start instead, if anything touched exactly.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
@@ -196,21 +182,11 @@ impl GpuContact {
         moved
     }
 
-    /// Whether cloth may have been pinched in the last step, so that `ignore_pinched` must be called.
-    pub(crate) fn is_pinched(&self) -> bool {
-        self.on_cpu.is_pinched()
-    }
-
     /// Ignores the pairs of what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m).
     pub(crate) fn ignore_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) {
         if self.on_cpu.ignore_pinched(plan, x) {
             self.status.since = status::NEVER;
         }
-    }
-
-    /// Intersections found by the last search, with itself and with mesh colliders.
-    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        self.on_cpu.crossings()
     }
 
     /// Collects the sums of pairs in workgroups from so many acting pairs on.

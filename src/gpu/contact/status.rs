@@ -5,8 +5,6 @@ use glam::Vec4;
 
 /// Reasons to stop a step: bits of [`Status::stopped`].
 pub(crate) const NO_ROOM: u32 = 1;
-#[cfg(test)]
-pub(crate) const NOT_FINITE: u32 = 2;
 pub(crate) const CROWDED: u32 = 4;
 pub(crate) const EARLY: u32 = 8;
 pub(crate) const CLOSE: u32 = 16;

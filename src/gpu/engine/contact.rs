@@ -35,7 +35,7 @@ impl GpuEngine {
         meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
     ) -> Result<Option<Replaced>, GpuFault> {
         let is_wanted = contact.is_some() || meshes.len() > 0;
-        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.is_of(meshes.clone()));
+        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.on_cpu.is_of(meshes.clone()));
         if is_there {
             return Ok(None);
         }
@@ -82,7 +82,7 @@ impl GpuEngine {
     fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         self.contact.iter_mut().for_each(|contact| contact.note_meshes(plan));
-        let mut searched = self.contact.as_ref().is_some_and(|contact| contact.must_search());
+        let mut searched = self.contact.as_ref().is_some_and(|contact| contact.on_cpu.must_search());
         if searched {
             self.find_crossings(plan)?;
         }
@@ -123,7 +123,7 @@ impl GpuEngine {
 
     /// Searches for intersections at the end of the step where cloth may have been pinched.
     fn ignore_pinched(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        if self.contact.as_ref().is_some_and(|contact| contact.is_pinched()) {
+        if self.contact.as_ref().is_some_and(|contact| contact.on_cpu.is_pinched()) {
             let mut x = Vec::new();
             self.read(|at, _| x.extend_from_slice(at))?;
             self.contact.iter_mut().for_each(|contact| contact.ignore_pinched(plan, std::mem::take(&mut x)));
@@ -142,7 +142,7 @@ impl GpuEngine {
         self.encode_substeps(&mut submission, swept, Some(plan));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
-        if !searched && contact.kinematics_cross(plan) {
+        if !searched && contact.on_cpu.kinematics_cross(plan) {
             contact.roll_back(gpu);
             return Ok(Judgment::Search);
         }

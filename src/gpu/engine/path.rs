@@ -55,7 +55,8 @@ impl GpuEngine {
         let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
         let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, blows]);
         if !there && plan.method != Method::Springs {
-            let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, forces, bodies, &commit.found);
+            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: None };
+            let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, bound);
             *single_workgroup = made.or(single_workgroup.take());
         }
     }

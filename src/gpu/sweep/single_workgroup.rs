@@ -3,11 +3,11 @@
 use glam::Vec4;
 
 use crate::device::{Entry, Gpu};
-use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::LevelTable;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Sent, Stage, lanes};
+use crate::gpu::stage::{Bind, Stage, lanes};
 use crate::gpu::sweep::forces_in_workgroup::ForceTable;
+use crate::gpu::sweep::tiled::SweepInputs;
 use crate::gpu::tethers;
 use crate::gpu::tiles::{TileSize, Tiles};
 use crate::model::cloth::Cloth;
@@ -45,9 +45,7 @@ impl SingleWorkgroup {
         cloth: &Cloth,
         levels: &[Level],
         wanted: [bool; 2],
-        forces: &Forces,
-        bodies: &Sent,
-        found: &wgpu::Buffer,
+        inputs: SweepInputs<'_>,
     ) -> Option<SingleWorkgroup> {
         let room = gpu.workgroup_memory() / OF_VERTEX;
         let aggregates: usize = levels.iter().map(|level| level.inverse_mass.len()).sum();
@@ -77,18 +75,12 @@ impl SingleWorkgroup {
         let constants =
             [&tiles.constants(lanes(gpu, tiles.widest))[..], &coarse, &vectors, &at, &force_table.constants()].concat();
         let entry = Entry { shader: shaders::SINGLE_WORKGROUP, name: "step_in_workgroup", constants: &constants };
-        let bound = SingleWorkgroup::bound(&table, &state, forces, bodies, found);
-        let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        let stage = Stage::new(gpu, &inputs.forces.uniforms, entry, &[SingleWorkgroup::bound(&table, &state, inputs)]);
         Some(SingleWorkgroup { tiles, levels: level_table, forces: force_table, table, tethers, state, sent: None, stage })
     }
 
-    fn bound<'a>(
-        table: &'a wgpu::Buffer,
-        state: &'a wgpu::Buffer,
-        forces: &'a Forces,
-        bodies: &'a Sent,
-        found: &'a wgpu::Buffer,
-    ) -> Vec<Bind<'a>> {
+    fn bound<'a>(table: &'a wgpu::Buffer, state: &'a wgpu::Buffer, inputs: SweepInputs<'a>) -> Vec<Bind<'a>> {
+        let SweepInputs { forces, bodies, found, .. } = inputs;
         vec![
             Bind::Read(table),
             Bind::Read(&forces.all_substeps.buffer),
@@ -101,8 +93,8 @@ impl SingleWorkgroup {
         ]
     }
 
-    pub(crate) fn rebind(&mut self, gpu: &Gpu, forces: &Forces, bodies: &Sent, found: &wgpu::Buffer) {
-        let bound = SingleWorkgroup::bound(&self.table, &self.state, forces, bodies, found);
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, inputs: SweepInputs<'_>) {
+        let bound = SingleWorkgroup::bound(&self.table, &self.state, inputs);
         self.stage.rebind(gpu, &[bound]);
     }
 

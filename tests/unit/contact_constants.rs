@@ -1,0 +1,36 @@
+//! Constants of contact that the shaders define under these names.
+
+use naga::Literal;
+
+use super::{bodies, carry, near, normals, paths, pinches, tree, truncation, voronoi};
+use crate::kernels::pair;
+
+pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
+    vec![
+        ("RELAXATION", Literal::F32(pair::RELAXATION)),
+        ("CLEARANCE", Literal::F32(pair::CLEARANCE)),
+        ("THIN", Literal::F32(pair::THIN)),
+        ("NARROW", Literal::F32(pair::NARROW)),
+        ("SLACK", Literal::F32(pair::SLACK)),
+        ("DEEP", Literal::F32(pair::DEEP)),
+        ("UNWINDING", Literal::F32(pair::UNWINDING)),
+        ("SQUEEZED", Literal::F32(pair::SQUEEZED)),
+        ("SLIDING", Literal::F32(pair::SLIDING)),
+        ("LASTS", Literal::F32(paths::LASTS)),
+        ("MARGIN_DECAY", Literal::F32(paths::MARGIN_DECAY)),
+        ("MIN_AHEAD", Literal::F32(paths::AHEAD[0])),
+        ("MAX_AHEAD", Literal::F32(paths::AHEAD[1])),
+        ("FARTHER_AHEAD", Literal::F32(paths::FARTHER_AHEAD)),
+        ("CONE_COSINE", Literal::F32(normals::CONE_COSINE)),
+        ("MAX_EXCESS", Literal::F32(tree::MAX_EXCESS)),
+        ("ACTING", Literal::F32(near::ACTING)),
+        ("BESIDE", Literal::F32(voronoi::BESIDE)),
+        ("ON_SIDE", Literal::F32(voronoi::ON_SIDE)),
+        ("FARTHER", Literal::F32(truncation::FARTHER)),
+        ("COINCIDENT", Literal::F32(pinches::COINCIDENT)),
+        ("CLOSER", Literal::F32(carry::CLOSER)),
+        ("NEAR", Literal::F32(bodies::NEAR)),
+        ("SAMPLES", Literal::U32(paths::SAMPLES as u32)),
+        ("BISECTIONS", Literal::U32(pinches::BISECTIONS)),
+    ]
+}
