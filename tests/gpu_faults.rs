@@ -31,14 +31,13 @@ fn a_request_after_a_failure_is_dropped_with_it() {
     let mut cloth = Deformer::new(&mesh, options).unwrap();
     cloth.step(FRAME, &Attributes::default()).unwrap();
     let good = cloth.positions().unwrap().to_vec();
-    let torn = Some(vec![mesh.positions[0], 1e6 * Vec3::ONE]);
-    cloth.step(FRAME, &Attributes { pin_targets: torn, ..Attributes::default() }).unwrap();
+    cloth.step(FRAME, &common::gale(&Attributes::default())).unwrap();
     cloth.request_positions().unwrap();
-    let error = cloth.positions().unwrap_err();
+    let error = cloth.positions().map(|_| ()).unwrap_err();
     assert!(matches!(error, StepError::Unstable { .. }), "{error}");
     cloth.set_pinned(vec![0]).unwrap();
-    assert_eq!(cloth.requested_positions().unwrap(), None);
-    assert_eq!(cloth.positions().unwrap(), good);
+    assert!(cloth.requested_positions().unwrap().is_none());
+    assert!(cloth.positions().unwrap() == good, "as it was before the step that failed");
     cloth.step(FRAME, &Attributes::default()).unwrap();
     cloth.request_positions().unwrap();
 }
