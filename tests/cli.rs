@@ -222,6 +222,19 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
     assert!(rows[1]["ms"].as_f64().unwrap() > 0.0);
 }
 
+/// The ground under the cloth reaches behind the camera: all around the cloth the picture shows it, in one color.
+#[test]
+fn a_body_may_surround_the_camera() {
+    let directory = TempDir::new().unwrap();
+    let ground = "v -20 -0.02 -20\nv 20 -0.02 -20\nv 20 -0.02 20\nv -20 -0.02 20\nf 1 4 3 2\n";
+    fs::write(directory.path().join("ground.obj"), ground).unwrap();
+    succeeds(&run(&directory, &["--body", "ground.obj", "--no-floor", "--frames", "2", "--preview", "p.png"]));
+    let (_, _, pixels) = read_png(&directory.path().join("p.png"));
+    let of_ground = pixels.chunks_exact(3).filter(|pixel| *pixel == &pixels[..3]).count();
+    let share = of_ground as f32 / (pixels.len() / 3) as f32;
+    assert!((0.5..0.98).contains(&share), "{share} of the picture is ground");
+}
+
 #[test]
 fn the_preview_is_a_picture_of_twelve_cells() {
     let directory = TempDir::new().unwrap();
