@@ -1,7 +1,6 @@
 //! Reading the state back: waiting for it, or requesting it and looking later while the GPU continues.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec4;
 
@@ -9,11 +8,6 @@ use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::state::StateBuffers;
 use crate::gpu::watch::Defects;
-
-/// The progress of a request.
-const UNDER_WAY: u8 = 0;
-const ARRIVED: u8 = 1;
-const LOST: u8 = 2;
 
 /// The staging buffer of reads that wait, and the request that has not been read yet.
 #[derive(Debug)]
@@ -26,8 +20,8 @@ pub(crate) struct Readback {
 #[derive(Debug)]
 struct Request {
     staging: wgpu::Buffer,
-    /// Set by the callback when the device is polled.
-    progress: Arc<AtomicU8>,
+    /// Whether it could be mapped: set by the callback when the device is polled.
+    mapped: Arc<OnceLock<bool>>,
 }
 
 impl Readback {
@@ -58,12 +52,10 @@ impl Readback {
         gpu.checked(|| {
             let staging = gpu.staging("positions", x.size() + found.size());
             gpu.copy_to(&staging, &[x, found]);
-            let progress = Arc::new(AtomicU8::new(UNDER_WAY));
-            let told = Arc::clone(&progress);
-            staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
-                told.store(if mapped.is_ok() { ARRIVED } else { LOST }, Ordering::Release);
-            });
-            self.request = Some(Request { staging, progress });
+            let mapped = Arc::new(OnceLock::new());
+            let told = Arc::clone(&mapped);
+            staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
+            self.request = Some(Request { staging, mapped });
             Ok(())
         })
     }
@@ -75,11 +67,11 @@ impl Readback {
 
     /// Passes the requested positions to `read`, once, if they have arrived; returns the result of the steps' checks.
     pub(crate) fn arrived(&mut self, gpu: &Gpu, read: impl FnOnce(&[Vec4])) -> Result<Option<Defects>, GpuFault> {
-        let Some(Request { staging, progress }) = &self.request else { return Ok(None) };
+        let Some(Request { staging, mapped }) = &self.request else { return Ok(None) };
         gpu.poll(wgpu::PollType::Poll)?;
-        let found = match progress.load(Ordering::Acquire) {
-            UNDER_WAY => return Ok(None),
-            ARRIVED => {
+        let found = match mapped.get() {
+            None => return Ok(None),
+            Some(true) => {
                 let bytes = staging.get_mapped_range(..).map_err(GpuFault::other)?;
                 let (x, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
                 match bytemuck::try_cast_slice(x) {
@@ -89,7 +81,7 @@ impl Readback {
                 }
                 bytemuck::pod_read_unaligned(found)
             }
-            _ => return Err(gpu.unmapped("the positions asked for")),
+            Some(false) => return Err(gpu.unmapped("the positions asked for")),
         };
         self.request = None;
         Ok(Some(found))

@@ -1,8 +1,7 @@
 //! The result of the stability check on the GPU: seven words that stay there until somebody reads them, and that are
 //! read back with a delay where nobody does.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use bytemuck::{Pod, Zeroable};
 
@@ -17,12 +16,6 @@ pub(crate) const IN_TABLE: u32 = 1 << 31;
 pub(crate) const IN_TILES: u32 = 1 << 30;
 /// Number of steps after which the words are requested again: often enough, at a negligible cost per step.
 const EVERY: u32 = 8;
-
-/// The progress of a request.
-const NOT_ASKED: u8 = 0;
-const UNDER_WAY: u8 = 1;
-const ARRIVED: u8 = 2;
-const LOST: u8 = 3;
 
 /// What the watch found out of bounds: `Defects` of `stages/watch.wgsl`, which documents the fields.
 #[repr(C)]
@@ -58,8 +51,9 @@ impl Defects {
 #[derive(Debug)]
 pub(crate) struct Report {
     staging: wgpu::Buffer,
-    /// Set by the callback when the device is polled, which every submission does.
-    progress: Arc<AtomicU8>,
+    /// If they were requested, whether they could be mapped: set by the callback when the device is polled, which every submission
+    /// does.
+    asked: Option<Arc<OnceLock<bool>>>,
     /// Steps since the last request.
     steps: u32,
 }
@@ -67,13 +61,13 @@ pub(crate) struct Report {
 impl Report {
     pub(crate) fn new(gpu: &Gpu) -> Report {
         let staging = gpu.staging("found", size_of::<Defects>() as u64);
-        Report { staging, progress: Arc::new(AtomicU8::new(NOT_ASKED)), steps: 0 }
+        Report { staging, asked: None, steps: 0 }
     }
 
     /// Counts a step; returns whether it should request the words.
     pub(crate) fn is_due(&mut self) -> bool {
         self.steps += 1;
-        self.steps >= EVERY && self.progress.load(Ordering::Acquire) == NOT_ASKED
+        self.steps >= EVERY && self.asked.is_none()
     }
 
     /// Copies the words after what was encoded, if `due`.
@@ -90,23 +84,20 @@ impl Report {
             return;
         }
         self.steps = 0;
-        self.progress.store(UNDER_WAY, Ordering::Release);
-        let told = Arc::clone(&self.progress);
-        self.staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            told.store(if mapped.is_ok() { ARRIVED } else { LOST }, Ordering::Release);
-        });
+        let told = Arc::clone(self.asked.insert(Arc::default()));
+        self.staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
     }
 
     /// The words, once, if they have arrived. A lost device does not send them any more.
     pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Defects>, GpuFault> {
-        match self.progress.load(Ordering::Acquire) {
-            ARRIVED => {}
-            LOST => return Err(gpu.unmapped("what steps found")),
-            _ => return Ok(None),
+        match self.asked.as_ref().and_then(|mapped| mapped.get()) {
+            Some(true) => {}
+            Some(false) => return Err(gpu.unmapped("what steps found")),
+            None => return Ok(None),
         }
         let found = self.staging.get_mapped_range(..).ok().map(|bytes| bytemuck::pod_read_unaligned(&bytes));
         self.staging.unmap();
-        self.progress.store(NOT_ASKED, Ordering::Release);
+        self.asked = None;
         Ok(found)
     }
 }

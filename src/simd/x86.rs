@@ -85,6 +85,46 @@ macro_rules! operators {
     )*};
 }
 
+/// Defines what moves numbers within each vector of four lanes.
+macro_rules! shuffles {
+    ($register:ident, $low:ident, $high:ident, $shuffle:ident, $permute:ident, $zero:ident) => {
+        instructions! {
+            fn transpose([a, b, c, d]: [$register; 4]) -> Vector<$register> {
+                let (xy_low, xy_high) = ($low(a.0, b.0), $low(c.0, d.0));
+                let (zw_low, zw_high) = ($high(a.0, b.0), $high(c.0, d.0));
+                Vector {
+                    x: $register($shuffle::<0x44>(xy_low, xy_high)),
+                    y: $register($shuffle::<0xee>(xy_low, xy_high)),
+                    z: $register($shuffle::<0x44>(zw_low, zw_high)),
+                }
+            }
+            fn fourth([a, b, c, d]: [$register; 4]) -> $register {
+                $register($shuffle::<0xee>($high(a.0, b.0), $high(c.0, d.0)))
+            }
+            fn vectors(v: Vector<$register>) -> [$register; 4] {
+                let zero = $zero();
+                let (xy_low, xy_high) = ($low(v.x.0, v.y.0), $high(v.x.0, v.y.0));
+                let (z_low, z_high) = ($low(v.z.0, zero), $high(v.z.0, zero));
+                [
+                    $register($shuffle::<0x44>(xy_low, z_low)),
+                    $register($shuffle::<0xee>(xy_low, z_low)),
+                    $register($shuffle::<0x44>(xy_high, z_high)),
+                    $register($shuffle::<0xee>(xy_high, z_high)),
+                ]
+            }
+            fn w(self) -> $register { $register($permute::<0xff>(self.0)) }
+            fn spread(self) -> [$register; 4] {
+                [
+                    $register($permute::<0x00>(self.0)),
+                    $register($permute::<0x55>(self.0)),
+                    $register($permute::<0xaa>(self.0)),
+                    $register($permute::<0xff>(self.0)),
+                ]
+            }
+        }
+    };
+}
+
 /// Eight lanes: AVX2 with FMA.
 #[derive(Debug, Clone, Copy)]
 struct F32x8(__m256);
@@ -164,42 +204,12 @@ impl Registers for F32x8 {
             let from = from.as_ptr();
             [gathered!(8, from, places, 0), gathered!(8, from, places, 1), gathered!(8, from, places, 2), gathered!(8, from, places, 3)]
         }
-        fn transpose([a, b, c, d]: [F32x8; 4]) -> Vector<F32x8> {
-            let (xy_low, xy_high) = (_mm256_unpacklo_ps(a.0, b.0), _mm256_unpacklo_ps(c.0, d.0));
-            let (zw_low, zw_high) = (_mm256_unpackhi_ps(a.0, b.0), _mm256_unpackhi_ps(c.0, d.0));
-            Vector {
-                x: F32x8(_mm256_shuffle_ps::<0x44>(xy_low, xy_high)),
-                y: F32x8(_mm256_shuffle_ps::<0xee>(xy_low, xy_high)),
-                z: F32x8(_mm256_shuffle_ps::<0x44>(zw_low, zw_high)),
-            }
-        }
-        fn fourth([a, b, c, d]: [F32x8; 4]) -> F32x8 {
-            F32x8(_mm256_shuffle_ps::<0xee>(_mm256_unpackhi_ps(a.0, b.0), _mm256_unpackhi_ps(c.0, d.0)))
-        }
-        fn vectors(v: Vector<F32x8>) -> [F32x8; 4] {
-            let zero = _mm256_setzero_ps();
-            let (xy_low, xy_high) = (_mm256_unpacklo_ps(v.x.0, v.y.0), _mm256_unpackhi_ps(v.x.0, v.y.0));
-            let (z_low, z_high) = (_mm256_unpacklo_ps(v.z.0, zero), _mm256_unpackhi_ps(v.z.0, zero));
-            [
-                F32x8(_mm256_shuffle_ps::<0x44>(xy_low, z_low)),
-                F32x8(_mm256_shuffle_ps::<0xee>(xy_low, z_low)),
-                F32x8(_mm256_shuffle_ps::<0x44>(xy_high, z_high)),
-                F32x8(_mm256_shuffle_ps::<0xee>(xy_high, z_high)),
-            ]
-        }
         fn sum(self) -> Vec4 {
             _mm_add_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0)).into()
         }
-        fn w(self) -> F32x8 { F32x8(_mm256_permute_ps::<0xff>(self.0)) }
-        fn spread(self) -> [F32x8; 4] {
-            [
-                F32x8(_mm256_permute_ps::<0x00>(self.0)),
-                F32x8(_mm256_permute_ps::<0x55>(self.0)),
-                F32x8(_mm256_permute_ps::<0xaa>(self.0)),
-                F32x8(_mm256_permute_ps::<0xff>(self.0)),
-            ]
-        }
     }
+
+    shuffles! { F32x8, _mm256_unpacklo_ps, _mm256_unpackhi_ps, _mm256_shuffle_ps, _mm256_permute_ps, _mm256_setzero_ps }
 
     #[inline(always)]
     fn spread_mask(mask: F32x8) -> [F32x8; 4] {
@@ -295,44 +305,14 @@ impl Registers for F32x16 {
             let from = from.as_ptr();
             [gathered!(16, from, places, 0), gathered!(16, from, places, 1), gathered!(16, from, places, 2), gathered!(16, from, places, 3)]
         }
-        fn transpose([a, b, c, d]: [F32x16; 4]) -> Vector<F32x16> {
-            let (xy_low, xy_high) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));
-            let (zw_low, zw_high) = (_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0));
-            Vector {
-                x: F32x16(_mm512_shuffle_ps::<0x44>(xy_low, xy_high)),
-                y: F32x16(_mm512_shuffle_ps::<0xee>(xy_low, xy_high)),
-                z: F32x16(_mm512_shuffle_ps::<0x44>(zw_low, zw_high)),
-            }
-        }
-        fn fourth([a, b, c, d]: [F32x16; 4]) -> F32x16 {
-            F32x16(_mm512_shuffle_ps::<0xee>(_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0)))
-        }
-        fn vectors(v: Vector<F32x16>) -> [F32x16; 4] {
-            let zero = _mm512_setzero_ps();
-            let (xy_low, xy_high) = (_mm512_unpacklo_ps(v.x.0, v.y.0), _mm512_unpackhi_ps(v.x.0, v.y.0));
-            let (z_low, z_high) = (_mm512_unpacklo_ps(v.z.0, zero), _mm512_unpackhi_ps(v.z.0, zero));
-            [
-                F32x16(_mm512_shuffle_ps::<0x44>(xy_low, z_low)),
-                F32x16(_mm512_shuffle_ps::<0xee>(xy_low, z_low)),
-                F32x16(_mm512_shuffle_ps::<0x44>(xy_high, z_high)),
-                F32x16(_mm512_shuffle_ps::<0xee>(xy_high, z_high)),
-            ]
-        }
         fn sum(self) -> Vec4 {
             let low = _mm_add_ps(_mm512_castps512_ps128(self.0), _mm512_extractf32x4_ps::<1>(self.0));
             let high = _mm_add_ps(_mm512_extractf32x4_ps::<2>(self.0), _mm512_extractf32x4_ps::<3>(self.0));
             _mm_add_ps(low, high).into()
         }
-        fn w(self) -> F32x16 { F32x16(_mm512_permute_ps::<0xff>(self.0)) }
-        fn spread(self) -> [F32x16; 4] {
-            [
-                F32x16(_mm512_permute_ps::<0x00>(self.0)),
-                F32x16(_mm512_permute_ps::<0x55>(self.0)),
-                F32x16(_mm512_permute_ps::<0xaa>(self.0)),
-                F32x16(_mm512_permute_ps::<0xff>(self.0)),
-            ]
-        }
     }
+
+    shuffles! { F32x16, _mm512_unpacklo_ps, _mm512_unpackhi_ps, _mm512_shuffle_ps, _mm512_permute_ps, _mm512_setzero_ps }
 
     #[inline(always)]
     fn spread_mask(mask: __mmask16) -> [__mmask16; 4] {

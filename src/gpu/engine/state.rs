@@ -3,6 +3,7 @@
 use glam::Vec4;
 
 use super::{EdgeSweep, GpuEngine};
+use crate::device::IN_BROWSER;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
 use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
@@ -90,12 +91,17 @@ impl GpuEngine {
         let found = seen.map_err(Failure::Gpu)?;
         let good = self.verdict(found);
         if good.is_err() {
-            self.commit.go_on(&self.gpu, found);
-            // What was requested reports the same failure, in terms of an engine that may be replaced meanwhile.
-            self.readback.forget();
-            self.contact.iter_mut().for_each(|contact| contact.forget());
+            self.go_on(found);
         }
         good
+    }
+
+    /// Goes on from the state before a failed step, which the GPU has kept.
+    fn go_on(&mut self, found: Defects) {
+        self.commit.go_on(&self.gpu, found);
+        // What was requested reports the same failure, in terms of an engine that may be replaced meanwhile.
+        self.readback.forget();
+        self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
     /// Fails if the words report a failure.
@@ -109,8 +115,19 @@ impl GpuEngine {
 
     /// Whether a step is now known to have failed. Never waits.
     pub(crate) fn has_failed_late(&mut self) -> Result<bool, Failure> {
-        let found = self.report.arrived(&self.gpu).map_err(Failure::Gpu)?;
-        Ok(found.is_some_and(|found| self.verdict(found).is_err()))
+        let Some(found) = self.report.arrived(&self.gpu).map_err(Failure::Gpu)? else { return Ok(false) };
+        let verdict = self.verdict_for_good(found);
+        // Elsewhere the state is read next, which finds the same.
+        if IN_BROWSER { verdict.map(|()| false) } else { Ok(verdict.is_err()) }
+    }
+
+    /// The same as `verdict`; in a browser, where the state cannot be read, it goes on after a failure.
+    fn verdict_for_good(&mut self, found: Defects) -> Result<(), Failure> {
+        let verdict = self.verdict(found);
+        if IN_BROWSER && verdict.is_err() {
+            self.go_on(found);
+        }
+        verdict
     }
 
     /// Requests the positions, in place of the previous request.
@@ -122,7 +139,7 @@ impl GpuEngine {
     /// Passes the requested positions to `read`, once, if they have arrived; returns whether they have.
     pub(crate) fn arrived(&mut self, read: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
         match self.readback.arrived(&self.gpu, read).map_err(Failure::Gpu)? {
-            Some(found) => self.verdict(found).map(|()| true),
+            Some(found) => self.verdict_for_good(found).map(|()| true),
             None => Ok(false),
         }
     }
