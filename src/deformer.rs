@@ -170,8 +170,9 @@ impl Deformer {
     /// other pool: `pool.install(|| cloth.step(dt, &attributes))`.
     ///
     /// # Errors
-    /// If `dt` or an attribute is out of its range, or the motion became unstable ([`StepError::Unstable`]); the state
-    /// is then unchanged. On the GPU an instability is reported by the next read of the state, or by one of the next sixteen
+    /// If `dt` is neither 0 nor at least 1e-9 s, an attribute is out of its range, more substeps than 65,536 would be needed, there
+    /// are too many pairs in contact, the GPU failed, or the motion became unstable ([`StepError::Unstable`]); unless the GPU was
+    /// lost, the state is then unchanged. On the GPU an instability is reported by the next read of the state, or by one of the next sixteen
     /// steps. The step that reports it is not taken, the steps since the unstable one are lost, and the state is that of the
     /// last good step.
     pub fn step(&mut self, dt: f32, attributes: &Attributes) -> Result<StepReport, StepError> {
@@ -332,7 +333,9 @@ impl Deformer {
         Ok(StepReport { substeps, in_a_sixtieth, levels, contacts, stretch, asleep: false, warnings })
     }
 
-    /// Returns to the initial state: rest positions, no velocity. The same steps then give the same result bit for bit.
+    /// Returns to the initial state: rest positions, no velocity. The same steps then give the same result bit for bit. Colliders
+    /// are forgotten: those of the next step have no velocity unless [`Deformer::place_colliders`] is called again. A lost GPU is
+    /// not reported here, but by the next step or read.
     pub fn reset(&mut self) {
         self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
         self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);

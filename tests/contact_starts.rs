@@ -211,7 +211,7 @@ fn long_twist() {
 #[test]
 #[ignore = "takes minutes"]
 fn garments() {
-    let Some(folder) = common::meshes::folder() else { return };
+    let folder = common::meshes::folder().expect("CLOTH_MESHES names a folder");
     let named = |name: &str, seed| jittered(Mesh::load_obj(folder.join(name)).unwrap(), seed);
     from_all_starts("skirt4K", |seed| {
         let mesh = named("skirt4K.obj", seed);

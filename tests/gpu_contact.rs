@@ -98,13 +98,16 @@ fn whatever_else_the_scene_has() {
         let mut attributes = scene.attributes.clone();
         let mut contacts = 0;
         for frame in 0..36 {
-            let lead = Vec3::new(0.0, -0.5, 0.3) * (frame as f32 / 36.0);
-            attributes.pin_targets = Some([0, 19].map(|pin| scene.mesh.positions[pin as usize] + lead).to_vec());
+            // The corners meet, so that the sheet folds.
+            let passed = frame as f32 / 36.0;
+            let led =
+                |pin: usize| scene.mesh.positions[pin] * (Vec3::ONE - passed * Vec3::X) + passed * Vec3::new(0.0, -0.5, 0.3);
+            attributes.pin_targets = Some([0, 19].map(led).to_vec());
             contacts += deformer.step(FRAME, &attributes).unwrap().contacts;
             let found = crossings(&scene.mesh, deformer.positions().unwrap());
             assert!(found.is_empty(), "{method:?}, frame {frame}: {found:?}");
         }
-        println!("{method:?}: {contacts} contacts");
+        assert!(contacts > 0, "{method:?}: nothing touches");
     }
 }
 
@@ -230,7 +233,7 @@ fn the_same_bits_every_time_on_a_mesh() {
     assert!(bits(&mut first) == bits_of_first, "after a reset");
 }
 
-/// Contact changes no bit where nothing touches. Without contact there is no additional dispatch.
+/// Contact changes no bit where nothing touches.
 #[test]
 fn where_nothing_touches_it_changes_no_bit() {
     for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {

@@ -221,24 +221,24 @@ fn bodies_come_and_go_anywhere(backend: Backend) {
     let mut cloth = Deformer::new(&mesh, options(backend, 20, true)).unwrap();
     let patch = moved(&jittered(Mesh::grid(5, 5, 1.0, 1.0), 10), |x| x + far);
     let lowest = |cloth: &mut Deformer| cloth.positions().unwrap().iter().map(|x| x.y).fold(f32::MAX, f32::min);
-    for _ in 0..30 {
-        cloth.step(FRAME, &with(vec![Collider::mesh(Arc::clone(&patch))])).unwrap();
-    }
-    assert!(lowest(&mut cloth) > 0.8 * R, "it lies at {} m", lowest(&mut cloth));
-    for _ in 0..10 {
-        cloth.step(FRAME, &with(vec![])).unwrap();
-    }
-    assert!(lowest(&mut cloth) < -0.1, "it falls: {} m", lowest(&mut cloth));
-    // Now two patches, one of them below: the cloth is caught between them.
+    // In the end two patches, one of them below: the cloth is caught between them.
     let below = moved(&patch, |x| x - 0.4 * Vec3::Y);
-    for _ in 0..60 {
-        let colliders = vec![Collider::mesh(Arc::clone(&patch)), Collider::mesh(Arc::clone(&below))];
-        cloth.step(FRAME, &with(colliders)).unwrap();
-    }
-    assert!((lowest(&mut cloth) + 0.4 - R).abs() < 0.3 * R, "it lies at {} m", lowest(&mut cloth));
-    let first = cloth.positions().unwrap().to_vec();
-    cloth.reset();
-    assert!(first != cloth.positions().unwrap());
+    let mut play = || {
+        let mut steps = |frames: u32, bodies: &[&Arc<Mesh>]| {
+            let colliders: Vec<Collider> = bodies.iter().map(|&body| Collider::mesh(Arc::clone(body))).collect();
+            (0..frames).for_each(|_| _ = cloth.step(FRAME, &with(colliders.clone())).unwrap());
+            lowest(&mut cloth)
+        };
+        let lows = [steps(30, &[&patch]), steps(10, &[]), steps(60, &[&patch, &below])];
+        let end = cloth.positions().unwrap().to_vec();
+        cloth.reset();
+        (lows, end)
+    };
+    let ([lies, falls, is_caught], end) = play();
+    assert!(lies > 0.8 * R, "it lies at {lies} m");
+    assert!(falls < -0.1, "it falls: {falls} m");
+    assert!((is_caught + 0.4 - R).abs() < 0.3 * R, "it lies at {is_caught} m");
+    assert!(play().1 == end, "a reset replays");
 }
 
 /// A body that appears inside the cloth is reported, and contact with the parts that cross it is suspended until they

@@ -157,13 +157,18 @@ fn whatever_else_the_scene_has() {
         let options = Options { method, quality, ..scene.options.clone() };
         let mut deformer = Deformer::new(&scene.mesh, options).unwrap();
         let mut attributes = scene.attributes.clone();
+        let mut contacts = 0;
         for frame in 0..40 {
-            let lead = Vec3::new(0.0, -0.5, 0.3) * (frame as f32 / 40.0);
-            attributes.pin_targets = Some([0, 23].map(|pin| scene.mesh.positions[pin as usize] + lead).to_vec());
-            deformer.step(FRAME, &attributes).unwrap();
+            // The corners meet, so that the sheet folds.
+            let passed = frame as f32 / 40.0;
+            let led =
+                |pin: usize| scene.mesh.positions[pin] * (Vec3::ONE - passed * Vec3::X) + passed * Vec3::new(0.0, -0.5, 0.3);
+            attributes.pin_targets = Some([0, 23].map(led).to_vec());
+            contacts += deformer.step(FRAME, &attributes).unwrap().contacts;
             let found = crossings(&scene.mesh, deformer.positions().unwrap());
             assert!(found.is_empty(), "{method:?}, {quality:?}, frame {frame}: {found:?}");
         }
+        assert!(contacts > 0, "{method:?}, {quality:?}: nothing touches");
     };
     with(Method::SmallSteps, Quality::Substeps(30));
     with(Method::SmallSteps, Quality::Strain(0.1));
@@ -438,10 +443,6 @@ fn it_refuses_what_it_cannot_do() {
         let error = refused(Backend::Cpu, thickness, friction);
         assert!(matches!(&error, Some(BuildError::Value { name, .. }) if name.starts_with("contact.")), "{error:?}");
     }
-    let contact = Some(Contact::default());
-    let large = Mesh::grid(140, 140, 1.0, 1.0);
-    let auto = Deformer::new(&large, Options { contact, ..Options::default() }).unwrap();
-    assert_eq!(auto.backend(), Backend::Cpu, "automatically");
 }
 
 /// Sheets that start exactly in one another, facing the same way and facing one another, part and lie one on the other.
@@ -522,5 +523,7 @@ fn what_jumps_out_of_a_collider_is_reported(backend: Backend) {
         println!("{crossed} frames with crossings, {untold} untold");
         assert_eq!(untold, 0);
         assert!(crossed == 0 || gravity == 0.0, "{crossed} frames with crossings");
+        // In the coarser scenes of the others nothing crosses.
+        assert!(crossed > 0 || gravity != 0.0 || backend != Backend::Cpu, "the scene shows nothing");
     }
 }

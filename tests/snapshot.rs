@@ -101,9 +101,9 @@ fn moving(frame: u32) -> Attributes {
     }
 }
 
-/// Levels, bending in passes, tethers, wind, colliders, pins, a bound on strain; and contact where available.
+/// Levels, bending in passes, tethers, wind, colliders, pins, a bound on strain, and contact.
 fn everything(backend: Backend) -> Scene {
-    let contact = (backend != Backend::Gpu).then(|| Contact { thickness: 0.01, ..Contact::default() });
+    let contact = Some(Contact { thickness: 0.01, ..Contact::default() });
     let fabric = Fabric { bending: 1e-3, damping: 0.05, ..Fabric::TOWEL };
     let (quality, levels) = (Quality::Strain(0.05), Levels::Count(2));
     let options = Options { backend, fabric, quality, levels, contact, pinned: vec![0, 23], ..Options::default() };
@@ -302,6 +302,9 @@ fn other_lanes_are_refused() {
     let scene = everything(Backend::Cpu);
     let mut cloth = scene.cloth();
     let lanes = cloth.at_most_lanes(16) as u32;
+    if lanes == 4 {
+        eprintln!("not tested: this processor has four lanes");
+    }
     let wide = scene.play(&mut cloth, 0..3);
     let snapshot = cloth.snapshot().unwrap();
     for fewer in [8, 4].into_iter().filter(|&fewer| fewer < lanes) {

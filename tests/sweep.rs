@@ -172,6 +172,17 @@ fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
 /// Two processes with the same sweep: one of them runs a variant, and the other skips it.
 #[test]
 fn two_do_not_run_the_same_variant() {
+    let directory = sweep(1);
+    let out = directory.path().join("out");
+    fs::create_dir(&out).unwrap();
+    let lock = fs::File::create(out.join(".variant_0001.lock")).unwrap();
+    lock.try_lock().unwrap();
+    let one = ["--scene", "s.toml", "--variant", "1", "--out", "out", "--quiet"];
+    fails(&run(&directory, &one), 2, &["variant 1", "another process runs it"]);
+    assert!(!out.join("variant_0001").exists());
+    drop(lock);
+    succeeds(&run(&directory, &one));
+
     let directory = sweep(8);
     let mut both = ["1-24"; 2].map(|all| start(&directory, all));
     let codes = both.each_mut().map(|child| child.wait().unwrap().code().unwrap());

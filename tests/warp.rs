@@ -42,7 +42,7 @@ fn scene(frame: u32, moved: Affine3A) -> Attributes {
 
 fn a_warped_run_is_the_run_warped(backend: Backend) {
     let fabric = Fabric { bending: 1e-3, damping: 0.05, ..Fabric::COTTON };
-    let contact = (backend != Backend::Gpu).then(|| Contact { thickness: 0.01, ..Contact::default() });
+    let contact = Some(Contact { thickness: 0.01, ..Contact::default() });
     let (quality, levels) = (Quality::Substeps(15), Levels::Count(2));
     let options = Options { backend, fabric, quality, levels, contact, pinned: vec![0, 16], ..Options::default() };
     let mesh = Mesh::grid(17, 17, 1.0, 1.0);

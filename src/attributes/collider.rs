@@ -168,7 +168,10 @@ impl Collider {
     }
 
     /// Signed distance (m) from the surface to `point` (m), negative inside. A mesh has no inside, and each call visits
-    /// all of its triangles.
+    /// all of its triangles; without any, the distance is infinite.
+    ///
+    /// # Panics
+    /// If a triangle of a mesh names a vertex that it does not have.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
         self.depth_from(point.as_dvec3()) as f32

@@ -28,7 +28,7 @@ impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept.
     ///
     /// # Errors
-    /// If a number in it is out of its range; the quality is then unchanged.
+    /// If a number in it is out of its range, or it is [`Quality::Budget`] on a GPU; the quality is then unchanged.
     pub fn set_quality(&mut self, quality: Quality) -> Result<(), BuildError> {
         let options = Options { quality, ..self.options.clone() };
         options.check_numbers()?;

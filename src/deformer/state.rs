@@ -78,7 +78,8 @@ impl Deformer {
     }
 
     /// Sets the state: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are held where
-    /// this puts them. The rest shape does not change.
+    /// this puts them. The rest shape does not change. Colliders are forgotten: those of the next step have no velocity unless
+    /// [`Deformer::place_colliders`] is called again.
     ///
     /// # Errors
     /// If a list has the wrong length, or a value is not finite or beyond 1e15; the state is then unchanged.

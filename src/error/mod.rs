@@ -125,12 +125,13 @@ pub enum BuildError {
     },
 }
 
-/// Why [`Deformer::step`](crate::Deformer::step) or reading the state failed. The state is unchanged.
+/// Why [`Deformer::step`](crate::Deformer::step) or reading the state failed. The state is that of the
+/// last good step, unless the variant says that it is lost.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
     /// The time step is not finite or too short.
-    #[error("dt = {dt} s; the time step must be finite and at least {least} s", least = crate::kernels::limits::MIN_TIME_STEP)]
+    #[error("dt = {dt} s; the time step must be 0, or finite and at least {least} s", least = crate::kernels::limits::MIN_TIME_STEP)]
     TimeStep {
         /// The time step (s).
         dt: f32,

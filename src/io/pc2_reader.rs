@@ -126,7 +126,7 @@ impl PointCacheReader {
         self.samples
     }
 
-    /// The frame of a sample.
+    /// The frame of a sample, counted from 0, which the file gives by its first frame and the frames between samples.
     #[must_use]
     pub fn frame(&self, sample: usize) -> f32 {
         self.start + self.rate * sample as f32

@@ -62,7 +62,8 @@ impl Mesh {
         self.triangles.iter().map(to).fold(f64::INFINITY, f64::min)
     }
 
-    /// Each edge of the triangles once, as `[i, j]` with `i < j`, sorted. Length: the number of edges.
+    /// Each edge of the triangles once, as `[i, j]` with `i < j`, sorted. [`Options::edge_scale`](crate::Options::edge_scale)
+    /// has a factor for each, in this order.
     #[must_use]
     pub fn edges(&self) -> Vec<[u32; 2]> {
         edges(&self.triangles)

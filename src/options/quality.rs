@@ -15,14 +15,14 @@ pub enum Quality {
     /// Before the step the number is predicted from what acts on the cloth (gravity, wind, its speed, how pins and
     /// colliders move) by the law `S = S* sqrt(2 sigma f / (K stretch))`, where `S*` is the number that resolves the
     /// stiffness K and sigma is the membrane stress. After the step the factor f is corrected from the measured
-    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`. If a step exceeded the bound,
+    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact needs it. If a step exceeded the bound,
     /// [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
     ///
     /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step
     /// never waits for one that was submitted shortly before, except with contact of triangles, where it waits anyway. Pass [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to
     /// [`Quality::Substeps`] to repeat a step bit for bit; on the GPU also [`StepReport::levels`](crate::StepReport::levels) to
-    /// [`Levels::Count`](crate::Levels::Count), because a bound takes fewer levels there. Only for
-    /// [`Method::SmallSteps`](crate::Method::SmallSteps).
+    /// [`Levels::Count`](crate::Levels::Count), because a bound takes fewer levels there. Other
+    /// methods do not use the bound: see [`Method`](crate::Method).
     Hold {
         /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
         stretch: f32,
@@ -35,7 +35,7 @@ pub enum Quality {
     /// differ between runs, so a run cannot be repeated exactly;
     /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) repeats a single step. Not available on the GPU, where a step returns before the
     /// work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that was
-    /// never stepped by itself takes 5 substeps per 1/60 s. Only for [`Method::SmallSteps`](crate::Method::SmallSteps).
+    /// never stepped by itself takes 5 substeps per 1/60 s. Other methods do not use the time: see [`Method`](crate::Method).
     Budget(f32),
 }
 

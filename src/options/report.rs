@@ -6,7 +6,8 @@
 pub struct StepReport {
     /// Number of substeps taken.
     pub substeps: u32,
-    /// Number of substeps that a step of 1/60 s would have taken, in the unit of [`Quality::Substeps`](crate::Quality::Substeps).
+    /// Number of substeps that a step of 1/60 s would have taken, in the unit of [`Quality::Substeps`](crate::Quality::Substeps); 0 if
+    /// the cloth slept or the step had no duration.
     pub in_a_sixtieth: u32,
     /// Coarse levels used in each substep.
     pub levels: u32,

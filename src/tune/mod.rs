@@ -61,7 +61,8 @@ pub struct Trial {
     pub error: f32,
     /// The same error on the frames that the search does not use.
     pub checked: f32,
-    /// Time per frame of 1/60 s (ms) on an otherwise idle machine.
+    /// Time per frame of 1/60 s (ms): the mean number of substeps times the lower quartile of the time of one, which leaves out short
+    /// disturbances.
     pub milliseconds: f32,
 }
 
@@ -151,8 +152,8 @@ impl Display for Setting {
 /// Finds the cheapest method, number of substeps, coarse levels and terms that keep a tolerance in a scene of `mesh`
 /// with `options` over `frames` frames of 1/60 s. `attributes` returns the attributes of each frame, counted from 1.
 ///
-/// The scene is simulated up to 20 times, two of them with the stiffness resolved. These take most of the time: expect
-/// about three times that of one resolved run. Times are measured on this machine under its current load.
+/// The scene is simulated up to 20 times, for a [`Tolerance::Position`] two of them with the stiffness resolved. These take most of
+/// the time: expect about three times that of one resolved run. No run sleeps. Times are measured on this machine under its current load.
 ///
 /// # Errors
 /// As [`Deformer::new`](crate::Deformer::new). Also if the tolerance is not a finite number above 0, if there are no
