@@ -19,6 +19,17 @@ fn presets_are_fabrics() {
     }
 }
 
+/// A vertex has a third of each triangle around it.
+#[test]
+fn vertices_share_the_area() {
+    let areas = Mesh::grid(3, 3, 2.0, 2.0).vertex_areas();
+    assert!((areas.iter().sum::<f64>() - 4.0).abs() < 1e-9, "{areas:?}");
+    // In the middle there are six triangles of half a square meter, at the corners one or two.
+    for (vertex, triangles) in [(4, 6.0), (0, 1.0), (2, 2.0), (6, 2.0), (8, 1.0)] {
+        assert!((areas[vertex] - triangles / 6.0).abs() < 1e-9, "vertex {vertex}: {areas:?}");
+    }
+}
+
 /// Scale factors for the edges of a grid: `scale` for the diagonals, 1 for the others.
 fn soft_diagonals(mesh: &Mesh, scale: f32) -> Vec<f32> {
     let slanted = |[a, b]: &[u32; 2]| {

@@ -23,6 +23,19 @@ fn failing(deformer: &mut Deformer) -> StepError {
     (0..24).find_map(|_| deformer.step(FRAME, &air()).err()).expect("it is said within sixteen steps")
 }
 
+/// A GPU's steps return before they are done, so they cannot be fitted into a time.
+#[test]
+fn a_gpu_has_no_budget() {
+    let budget = Quality::Budget(1.0);
+    let mesh = Mesh::grid(4, 4, 1.0, 1.0);
+    let refused = |error: Option<BuildError>| {
+        assert!(matches!(&error, Some(BuildError::Value { name, .. }) if name == "quality: Budget"), "{error:?}");
+    };
+    let options = Options { backend: Backend::Gpu, ..Options::default() };
+    refused(Deformer::new(&mesh, Options { quality: budget, ..options.clone() }).err());
+    refused(Deformer::new(&mesh, options).unwrap().set_quality(budget).err());
+}
+
 /// Positions that were requested after a step failed are not there for an engine that was made anew meanwhile.
 #[test]
 fn a_request_after_a_failure_is_dropped_with_it() {
