@@ -31,12 +31,12 @@ use crate::attributes::{Attributes, Collider};
 use crate::backend::Engine;
 use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
-use crate::kernels::limits::MIN_TIME_STEP;
+use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
-use crate::options::{Backend, Options, Quality, StepReport};
+use crate::options::{Backend, Method, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
 use crate::step::controller::Controller;
 use crate::step::load::Load;
@@ -181,9 +181,11 @@ impl Deformer {
 
     /// Takes a step, on this thread alone if `alone`, otherwise on as many threads as pay off.
     fn step_on(&mut self, dt: f32, attributes: &Attributes, alone: bool) -> Result<StepReport, StepError> {
+        let length = self.coefficients.as_ref().map(|last| last.length);
         let Some(decision) = self.prepare(dt, attributes)? else { return Ok(idle(dt)) };
-        // Only a budget needs a clock, which not every machine has.
-        let start = (!alone && matches!(self.options.quality, Quality::Budget(_))).then(Instant::now);
+        // Only a budget needs a clock, which not every machine has. Where substeps have another length, preparing them takes time, too.
+        let is_timed = !alone && matches!(self.options.quality, Quality::Budget(_)) && length == Some(decision.division.length);
+        let start = is_timed.then(Instant::now);
         let (engine, plan) = self.plan(&decision, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
         if let (Some(start), Ok(_)) = (start, &stepped) {
@@ -251,6 +253,9 @@ impl Deformer {
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
+        let is_own = matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps;
+        // A number that was chosen here is no reason to fail.
+        let rate = if is_own { rate } else { rate.min(f64::from(MAX_SUBSTEPS) / f64::from(dt)) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
@@ -341,6 +346,7 @@ impl Deformer {
         self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);
         (self.colliders, self.gravity) = (Vec::new(), Vec3::ZERO);
         self.forget();
+        self.still = Stillness::default();
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
         self.shown = false;
     }

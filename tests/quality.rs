@@ -5,6 +5,8 @@
 #[macro_use]
 mod common;
 
+use std::sync::Arc;
+
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
     Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Sleep, StepReport,
@@ -16,6 +18,8 @@ use common::{FRAME, rms, top};
 on_every_backend!(
     reports_are_of_the_motion,
     reports_with_contact_are_of_the_same_step,
+    reports_are_of_the_same_step_once_there_is_contact,
+    what_is_unpinned_falls,
     any_step_can_be_asked_for_again,
     a_bound_takes_the_levels_that_pay,
     a_settled_cloth_sleeps_and_wakes,
@@ -90,6 +94,79 @@ fn reports_are_of_the_motion(backend: Backend) {
 /// A step with contact waits for the GPU anyway.
 fn reports_with_contact_are_of_the_same_step(backend: Backend) {
     are_of_the_motion(backend, Some(Contact::default()), 0);
+}
+
+/// Also if contact comes after steps without it, whose statistics are still to arrive.
+fn reports_are_of_the_same_step_once_there_is_contact(backend: Backend) {
+    let mut deformer =
+        Deformer::new(&Mesh::grid(9, 9, 0.5, 0.5), Options { backend, pinned: vec![0, 8], ..Options::default() }).unwrap();
+    (0..6).for_each(|_| _ = deformer.step(FRAME, &Attributes::default()).unwrap());
+    let body = Collider::mesh(Arc::new(Mesh {
+        positions: [Vec3::X, Vec3::Y, Vec3::Z].map(|x| x + 5.0).to_vec(),
+        triangles: vec![[0, 1, 2]],
+    }));
+    let attributes = Attributes { colliders: vec![body], ..Attributes::default() };
+    for frame in 0..6 {
+        let told = deformer.step(FRAME, &attributes).unwrap().stretch.unwrap();
+        let now = deformer.measure().unwrap();
+        assert!((told.worst - now.max_strain).abs() <= 1e-3 * now.max_strain + 1e-4, "frame {frame}: {told:?}, measured {now:?}");
+    }
+}
+
+/// Cloth that cannot stretch, and is held stretched: no number of substeps helps, and none is too many.
+#[test]
+fn what_is_held_stretched_does_not_run_away() {
+    let mesh = Mesh::grid(9, 9, 1.0, 1.0);
+    let pinned: Vec<u32> = (0..81).filter(|v| v % 9 == 0 || v % 9 == 8).collect();
+    let fabric = Fabric { stretch: f32::INFINITY, ..Fabric::default() };
+    let options = Options { backend: Backend::Cpu, fabric, pinned: pinned.clone(), ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let mut step = |frame: u32| {
+        // By a tenth in a sixth of a second, and back after half a second.
+        let by = 0.01 * if frame < 30 { frame.min(10) } else { 40_u32.saturating_sub(frame).min(10) } as f32;
+        let led = |&pin: &u32| mesh.positions[pin as usize] + Vec3::X * if pin % 9 == 8 { by } else { 0.0 };
+        let pin_targets = Some(pinned.iter().map(led).collect());
+        let report = deformer.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
+        (report.substeps, report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. })))
+    };
+    let played: Vec<(u32, bool)> = (0..150).map(&mut step).collect();
+    let (most, last) = (played.iter().map(|(substeps, _)| *substeps).max().unwrap(), played[149].0);
+    println!("at most {most} substeps, {last} in the end");
+    assert!(played[..40].iter().any(|(_, missed)| *missed), "it is said that it is stretched");
+    assert!(most < 500 && 2 * last < most, "at most {most} substeps, {last} in the end");
+}
+
+/// A reset forgets for how long the cloth was still, and placed colliders wake it.
+#[test]
+fn the_clock_of_sleep_is_reset() {
+    let sleep = Some(Sleep { after: 0.1, ..Sleep::default() });
+    let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(5), sleep, ..Options::default() };
+    let mut cloth = Deformer::new(&Mesh::grid(6, 6, 0.3, 0.3), options).unwrap();
+    let scene = Attributes { colliders: vec![Collider::plane(Vec3::ZERO, Vec3::Y)], ..Attributes::default() };
+    let mut fell_asleep = || {
+        let frame = (0..60).find(|_| cloth.step(FRAME, &scene).unwrap().asleep);
+        cloth.reset();
+        frame
+    };
+    let first = fell_asleep();
+    assert!(first.is_some());
+    assert_eq!(fell_asleep(), first);
+    let asleep = (0..60).any(|_| cloth.step(FRAME, &scene).unwrap().asleep);
+    cloth.place_colliders(&[Collider::plane(Vec3::Y * -0.01, Vec3::Y)]).unwrap();
+    assert!(asleep && !cloth.step(FRAME, &scene).unwrap().asleep);
+}
+
+/// Statistics of steps before it was woken do not make it sleep again.
+fn what_is_unpinned_falls(backend: Backend) {
+    let sleep = Some(Sleep { after: 0.02, ..Sleep::default() });
+    let pinned = (0..36).collect();
+    let options = Options { backend, quality: Quality::Substeps(5), sleep, pinned, ..Options::default() };
+    let mut cloth = Deformer::new(&Mesh::grid(6, 6, 0.3, 0.3), options).unwrap();
+    let asleep = (0..20).any(|_| cloth.step(FRAME, &Attributes::default()).unwrap().asleep);
+    cloth.set_pinned(vec![]).unwrap();
+    let slept = (0..20).filter(|_| cloth.step(FRAME, &Attributes::default()).unwrap().asleep).count();
+    let height = cloth.positions().unwrap()[0].y;
+    assert!(asleep && slept == 0 && height < -0.4, "asleep {asleep}, and then in {slept} steps, at {height} m");
 }
 
 fn are_of_the_motion(backend: Backend, contact: Option<Contact>, late: u32) {

@@ -110,7 +110,12 @@ impl Deformer {
         self.controller = decision.controller;
         if !self.is_observed() {
             self.awaiting_statistics.clear();
+            self.seen = None;
             return None;
+        }
+        if self.engine.contact().is_some() {
+            // Such a step waits for its own statistics; those of earlier ones are dropped.
+            self.awaiting_statistics.clear();
         }
         self.awaiting_statistics.push_back(decision);
         let seen = seen?;

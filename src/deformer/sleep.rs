@@ -10,7 +10,8 @@ use crate::record::recorded;
 pub(super) struct Stillness {
     /// The attributes of the last step.
     attributes: Attributes,
-    /// Time (s) for which the attributes have not changed and the cloth has hardly moved.
+    /// Time (s) for which the attributes have not changed and the cloth has hardly moved; negative while statistics of steps before
+    /// the last change are still to come.
     time: f32,
 }
 
@@ -26,9 +27,14 @@ impl Deformer {
     /// Records a step of `dt` (s) and whether the cloth moved in it.
     pub(super) fn watch_for_sleep(&mut self, dt: f32, attributes: &Attributes, seen: Option<&Statistics>) {
         let Some(sleep) = self.options.sleep else { return };
+        let late = self.late();
         let moves = |seen: &Statistics| seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
         let Stillness { attributes: last, time } = &mut self.still;
-        *time = if last != attributes || seen.is_none_or(moves) { 0.0 } else { *time + dt };
+        *time = match last == attributes {
+            true if seen.is_none_or(moves) => 0.0,
+            true => *time + dt,
+            false => 0.0 - late,
+        };
         if last != attributes {
             // The lists keep their memory, because a step must not allocate.
             let mut colliders = std::mem::take(&mut last.colliders);
@@ -44,6 +50,11 @@ impl Deformer {
 
     /// Wakes the cloth.
     pub(super) fn wake(&mut self) {
-        self.still.time = 0.0;
+        self.still.time = 0.0 - self.late();
+    }
+
+    /// The duration (s) of the steps whose statistics have not arrived: on a GPU the last three.
+    fn late(&self) -> f32 {
+        self.awaiting_statistics.iter().map(|decision| decision.dt).fold(0.0, |sum, dt| sum + dt)
     }
 }

@@ -128,6 +128,7 @@ impl Deformer {
         attributes.validate(0)?;
         self.motion.colliders.clone_from(&attributes.colliders);
         self.colliders = attributes.colliders;
+        self.wake();
         Ok(())
     }
 

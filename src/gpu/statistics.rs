@@ -85,6 +85,10 @@ impl Counter {
         let mapped = Arc::new(OnceLock::new());
         let told = Arc::clone(&mapped);
         staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
+        if waits {
+            // Those of steps that did not wait are not asked for any more.
+            self.pending.clear();
+        }
         self.pending.push_back(Pending::UnderWay(UnderWay { staging, submission, mapped }));
         let late = if waits { 0 } else { Counter::LATE };
         if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {

@@ -33,7 +33,7 @@ pub enum Quality {
     /// most 1.4 `S*` (see [`Quality::Hold`]); at least one, and with contact of triangles 5 per 1/60 s, since fewer stretch
     /// the cloth so far that contact takes longer. Nothing warns of a time that is too short even for these. Timings
     /// differ between runs, so a run cannot be repeated exactly;
-    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) repeats a single step. Not available on the GPU, where a step returns before the
+    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) repeats a single step of 1/60 s. Not available on the GPU, where a step returns before the
     /// work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that was
     /// never stepped by itself takes 5 substeps per 1/60 s. Other methods do not use the time: see [`Method`](crate::Method).
     Budget(f32),

@@ -72,11 +72,13 @@ impl Coefficients {
 const FULL_REACH: f64 = 20.0;
 
 /// The tethers with a share greater than 0. They reach as far from the pin as the sweep leaves edges too long, which is
-/// less far the more substeps there are.
+/// less far the more substeps there are. Like edges, they are as stiff in a shorter substep as in the longest one: otherwise
+/// a step of a microsecond would turn what is left of a stretch into hundreds of meters per second.
 fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
     let substeps = 1.0 / (60.0 * f64::from(length.longest));
     let reach = REACH * cloth.extent * (FULL_REACH / substeps).min(1.0);
-    let left = 1.0 - length.resolved;
+    let part = (f64::from(length.h) / f64::from(length.longest)).powi(2).min(1.0);
+    let left = part * (1.0 - length.resolved);
     let tether = |held: &Held| {
         let share = left * (1.0 - f64::from(held.distance) / reach);
         // Bounded, because an infinite slack would become NaN in zero acceleration.

@@ -148,10 +148,16 @@ impl Controller {
     }
 }
 
+/// Largest number of substeps as a multiple of those that resolve a stiffness beyond which nothing shows. It corresponds to 16 times that
+/// stiffness.
+const MUCH_STIFFER: f64 = 4.0;
+
 /// Substeps in 1/60 s beyond which nothing is gained: `sqrt(2) S*`, where the stiffness is resolved and every visiting
-/// order of the edges is stable.
+/// order of the edges is stable. Cloth that is all but inextensible is not resolved: where something stretches it in spite of
+/// that, more and more substeps would be asked for, of which none would help.
 pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
-    (std::f64::consts::SQRT_2 * rates.resolving(cloth.stretch) / FRAMES).ceil().max(LEAST)
+    let resolved = std::f64::consts::SQRT_2 * rates.resolving(cloth.stretch);
+    (resolved.min(MUCH_STIFFER * rates.resolving_what_shows(cloth)) / FRAMES).ceil().max(LEAST)
 }
 
 /// The measured stretch of a share of the area beyond the fabric's own. The fabric's own is estimated as
