@@ -38,7 +38,7 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Method, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
-use crate::step::controller::Controller;
+use crate::step::controller::{Controller, LEAST};
 use crate::step::load::Load;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
@@ -253,9 +253,10 @@ impl Deformer {
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rates.rate(&self.options, controller.count());
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
-        let is_own = matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps;
-        // A number that was chosen here is no reason to fail.
-        let rate = if is_own { rate } else { rate.min(f64::from(MAX_SUBSTEPS) / f64::from(dt)) };
+        let is_given = matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps;
+        // A number that was chosen here is no reason to fail, unless the step is too long for even the least.
+        let most = (f64::from(MAX_SUBSTEPS) / f64::from(dt)).max(FRAMES * LEAST);
+        let rate = if is_given { rate } else { rate.min(most) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
