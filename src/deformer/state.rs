@@ -99,20 +99,21 @@ impl Deformer {
         let cloth = &self.cloth;
         let local = |vertex: u32| positions[vertex as usize] - cloth.origin;
         let x: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(|(&vertex, rest)| local(vertex).extend(rest.w)).collect();
+        self.place(&x, velocities);
+        Ok(())
+    }
+
+    /// Sets the state: local positions (m) in the cloth's order, and velocities (m/s) in the mesh's.
+    pub(super) fn place(&mut self, x: &[Vec4], velocities: &[Vec3]) {
+        let cloth = &self.cloth;
         let velocity = |(&vertex, rest): (&u32, &Vec4)| match rest.w > 0.0 {
             true => velocities[vertex as usize].extend(0.0),
             false => Vec4::ZERO,
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
-        self.place(&x, &p);
-        Ok(())
-    }
-
-    /// Sets the state: local positions (m) and velocities (m/s) in the cloth's order.
-    pub(super) fn place(&mut self, x: &[Vec4], p: &[Vec4]) {
-        self.motion = Motion::after(&self.cloth, x, 0.0);
-        self.watch = self.watch.placed(&self.cloth, x, p);
-        self.engine.set(x, p);
+        self.motion = Motion::after(cloth, x, 0.0);
+        self.watch = self.watch.placed(cloth, x, &p);
+        self.engine.set(x, &p);
         self.forget();
         self.shown = false;
     }

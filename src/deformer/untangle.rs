@@ -56,13 +56,8 @@ impl Deformer {
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
-            let velocity = |(&vertex, rest): (&u32, &Vec4)| match rest.w > 0.0 {
-                true => self.velocities[vertex as usize].extend(0.0),
-                false => Vec4::ZERO,
-            };
-            let p: Vec<Vec4> = self.cloth.order.iter().zip(&self.cloth.rest).map(velocity).collect();
             let pin_velocities = std::mem::take(&mut self.motion.pin_velocities);
-            self.place(&x, &p);
+            self.place(&x, &self.velocities.clone());
             // What moves goes on from where it is now.
             self.motion.pin_velocities = pin_velocities;
             self.motion.colliders.clone_from(&attributes.colliders);
