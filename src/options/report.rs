@@ -29,8 +29,8 @@ pub struct StepReport {
 pub struct Stretch {
     /// Mean stretch over the area.
     pub mean: f32,
-    /// Stretch that the promised share of the area does not exceed (99 percent if none is promised), to within a
-    /// sixteenth of its value.
+    /// Stretch that the promised share of the area does not exceed (99 percent if none is promised), to within an
+    /// eighth of its value.
     pub share: f32,
     /// Stretch of the worst edge.
     pub worst: f32,
