@@ -27,7 +27,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use web_time::Instant;
 
-use crate::attributes::{Attributes, Collider};
+use crate::attributes::Attributes;
 use crate::backend::Engine;
 use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
@@ -100,8 +100,6 @@ pub struct Deformer {
     arrived: bool,
     /// `positions` in local coordinates, which are more precise far from the origin.
     local: Vec<Vec4>,
-    /// Colliders of the last step, against which penetration is measured.
-    colliders: Vec<Collider>,
     /// Gravity of the last step (m/s²), for the potential energy.
     gravity: Vec3,
     /// Whether `positions`, `velocities` and `local` are those of the current state.
@@ -154,7 +152,6 @@ impl Deformer {
             requested: Vec::new(),
             arrived: false,
             local,
-            colliders: Vec::new(),
             gravity: Vec3::ZERO,
             shown: true,
         })
@@ -327,7 +324,6 @@ impl Deformer {
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
-        self.colliders.clone_from(&attributes.colliders);
         self.gravity = attributes.gravity;
         self.shown = false;
         let mut warnings = self.warnings(&decision, attributes, limited, self.in_step.1);
@@ -345,7 +341,7 @@ impl Deformer {
     pub fn reset(&mut self) {
         self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
         self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);
-        (self.colliders, self.gravity) = (Vec::new(), Vec3::ZERO);
+        self.gravity = Vec3::ZERO;
         self.forget();
         self.still = Stillness::default();
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);

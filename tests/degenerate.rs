@@ -4,10 +4,10 @@ mod common;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError,
+    Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError,
 };
 
-use common::play;
+use common::{FRAME, play};
 
 on_every_backend!(degenerate_meshes_stay_finite, degenerate_meshes_with_levels_stay_finite, input_that_is_no_number_is_refused);
 
@@ -174,5 +174,29 @@ fn input_that_is_no_number_is_refused(backend: Backend) {
         let refused = deformer.set_state(&[Vec3::splat(bad); 16], &[Vec3::ZERO; 16]).unwrap_err();
         assert!(matches!(refused, StepError::State { name: "positions", .. }), "{refused}");
         assert_eq!(deformer.positions().unwrap(), before, "nothing moved");
+    }
+}
+
+/// Files often have vertices that no face uses, far from the cloth. They stay where they are, and change nothing: neither
+/// the substeps, nor the precision, nor sleep, nor contact.
+#[test]
+fn vertices_that_no_triangle_uses_change_nothing() {
+    let mut mesh = Mesh::grid(9, 9, 0.5, 0.5);
+    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(600.0, 1.0, 0.0));
+    let with = Mesh { positions: [&mesh.positions[..], &[Vec3::ZERO; 40]].concat(), triangles: mesh.triangles.clone() };
+    for contact in [None, Some(Contact::default())] {
+        for pinned in [vec![], vec![0, 8]] {
+            let options = Options { backend: Backend::Cpu, contact, pinned, ..Options::default() };
+            let [mut cloth, mut other] = [&mesh, &with].map(|mesh| Deformer::new(mesh, options.clone()).unwrap());
+            assert_eq!(cloth.origin(), other.origin());
+            let floor = Attributes { colliders: vec![Collider::plane(Vec3::ZERO, Vec3::Y)], ..Attributes::default() };
+            for frame in 0..40 {
+                let [report, other_report] = [&mut cloth, &mut other].map(|cloth| cloth.step(FRAME, &floor).unwrap());
+                assert_eq!(report, other_report, "frame {frame}");
+            }
+            let (here, there) = (cloth.positions().unwrap(), other.positions().unwrap());
+            assert!(here == &there[..81], "{contact:?}");
+            assert!(there[81..] == [Vec3::ZERO; 40]);
+        }
     }
 }

@@ -61,9 +61,9 @@ fn a_lost_device_is_named_and_others_go_on() {
     let mesh = Mesh::grid(12, 12, 1.0, 1.0);
     let build = |gpu: &Gpu, backend| Deformer::new(&mesh, on(gpu, backend)).unwrap();
     let [mut read, mut stepped, mut waited, mut asked] = [(); 4].map(|()| build(&lost, Backend::Gpu));
-    let [mut mixed, mut idle] = [(); 2].map(|()| build(&lost, Backend::Hybrid));
+    let [mut mixed, mut set_back, mut idle] = [(); 3].map(|()| build(&lost, Backend::Hybrid));
     let [mut other, mut twin] = [(); 2].map(|()| build(&sound, Backend::Gpu));
-    for deformer in [&mut read, &mut stepped, &mut waited, &mut asked, &mut mixed, &mut other, &mut twin] {
+    for deformer in [&mut read, &mut stepped, &mut waited, &mut asked, &mut mixed, &mut set_back, &mut other, &mut twin] {
         deformer.step(FRAME, &air()).unwrap();
     }
     let before = mixed.positions().unwrap().to_vec();
@@ -81,6 +81,10 @@ fn a_lost_device_is_named_and_others_go_on() {
     named(late.unwrap_err());
     named(failing(&mut mixed));
     assert_eq!(mixed.positions().unwrap(), before, "its state is in memory, and as it was");
+    // It must not send the new state through memory that went with the device.
+    set_back.reset();
+    named(failing(&mut set_back));
+    assert_eq!(set_back.positions().unwrap(), mesh.positions);
     // Without forces the hybrid engine does not use its device.
     idle.step(FRAME, &Attributes::default()).unwrap();
     // No call panics after the device is lost.

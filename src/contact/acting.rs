@@ -130,10 +130,11 @@ pub(super) fn for_groups<A: Send, B: Send>(
 ) {
     let first = portions.partition_point(|portion| portion.kind == Kind::VertexTriangle);
     let (portions, others) = portions.split_at_mut(first);
-    let before = others.first().map_or(0, |portion| portion.before);
+    // Portions that were added since the groups were numbered have none.
+    let before = portions.iter().map(|portion| portion.groups.len()).sum::<usize>();
     let all = |kind, portions, a, b, before| Groups { kind, before, head: &mut [], portions, tail: &mut [], a, b };
-    let (a, other_a) = a.split_at_mut(if others.is_empty() { a.len() } else { before.min(a.len()) });
-    let (b, other_b) = b.split_at_mut(if others.is_empty() { b.len() } else { before.min(b.len()) });
+    let (a, other_a) = a.split_at_mut(before.min(a.len()));
+    let (b, other_b) = b.split_at_mut(before.min(b.len()));
     let mut left = [all(Kind::VertexTriangle, portions, a, b, 0), all(Kind::EdgeEdge, others, other_a, other_b, before)];
     let counts = left.each_ref().map(Groups::count);
     let parts = (0..workers.count()).map(|part| {
@@ -142,3 +143,7 @@ pub(super) fn for_groups<A: Send, B: Send>(
     });
     workers.each(parts, |parts| parts.into_iter().for_each(|groups| groups.each(work)));
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/contact_acting.rs"]
+mod tests;

@@ -20,6 +20,11 @@ pub(super) const NEAR: f32 = 0.1;
 pub(super) struct Bodies {
     /// Index of their first vertex.
     pub first: usize,
+    /// The meshes that their triangles were numbered for: see [`Surface`](super::surface::Surface).
+    pub numbered: Vec<Arc<Mesh>>,
+    /// Whether there was no step since the state was set. The next one must then number them where it finds them, whatever
+    /// was before.
+    pub are_new: bool,
     /// Their meshes at the end of the step, which are part of the state.
     pub last: Vec<Arc<Mesh>>,
     /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
@@ -36,20 +41,51 @@ pub(super) struct Bodies {
 }
 
 impl Bodies {
-    pub(super) fn new(first: usize, last: Vec<Arc<Mesh>>) -> Bodies {
-        let near = Vec::with_capacity(last.iter().map(|mesh| mesh.positions.len()).sum());
-        Bodies { first, last, are_still: false, are_known: false, near, travel: None, turn: false, friction: Vec::new() }
+    pub(super) fn new(first: usize, numbered: Vec<Arc<Mesh>>) -> Bodies {
+        Bodies {
+            first,
+            are_new: true,
+            last: numbered.clone(),
+            are_still: false,
+            are_known: false,
+            near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
+            travel: None,
+            turn: false,
+            friction: Vec::new(),
+            numbered,
+        }
     }
 
-    /// Whether these meshes have the same triangles.
-    pub(super) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+    /// Whether a step can go on with these meshes: they have the same triangles, and in the first step they are also where
+    /// the triangles were numbered.
+    pub(super) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
+        if self.are_new {
+            return self.are_numbered_for(meshes);
+        }
         self.last.len() == meshes.len() && self.last.iter().zip(meshes).all(|(last, mesh)| last.has_triangles_of(mesh))
     }
 
-    /// Replaces the positions at the end of the last step.
-    pub(super) fn forget(&mut self, last: &[Arc<Mesh>]) {
+    /// Whether their triangles were numbered for these meshes.
+    pub(super) fn are_numbered_for<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+        let is_same = |(one, other): (&Arc<Mesh>, &Arc<Mesh>)| is_same_place(one, other) && one.has_triangles_of(other);
+        self.numbered.len() == meshes.len() && self.numbered.iter().zip(meshes).all(is_same)
+    }
+
+    /// Forgets the last step, because the state was replaced.
+    pub(super) fn forget(&mut self) {
+        (self.are_new, self.are_still, self.are_known) = (true, false, false);
+    }
+
+    /// Goes back to these positions at the end of the last step, or in an old state, after which nothing is new. Returns false
+    /// if they are not the same meshes.
+    pub(super) fn go_back(&mut self, last: &[Arc<Mesh>], are_new: bool) -> bool {
+        let is_other = |(one, last): (&Arc<Mesh>, &Arc<Mesh>)| !one.has_triangles_of(last);
+        if last.len() != self.numbered.len() || self.numbered.iter().zip(last).any(is_other) {
+            return false;
+        }
         self.last.clone_from_slice(last);
-        (self.are_still, self.are_known) = (false, false);
+        (self.are_new, self.are_still, self.are_known) = (are_new, false, false);
+        true
     }
 
     /// Begins a step; `friction` is that of the cloth with itself. Returns whether a body starts elsewhere than where the
@@ -60,9 +96,9 @@ impl Bodies {
         self.are_known &= coefficients().eq(self.friction.iter().copied());
         self.friction.clear();
         self.friction.extend(coefficients());
-        let is_same = |a: &Arc<Mesh>, b: &Arc<Mesh>| Arc::ptr_eq(a, b) || a.positions == b.positions;
-        let jumped = !self.last.iter().zip(meshes).all(|(last, body)| is_same(last, &body.from));
-        let are_still = meshes.iter().all(|body| is_same(&body.from, &body.to));
+        let jumped = !self.last.iter().zip(meshes).all(|(last, body)| is_same_place(last, &body.from));
+        let are_still = meshes.iter().all(|body| is_same_place(&body.from, &body.to));
+        self.are_new = false;
         self.are_known &= are_still && self.are_still && !jumped;
         self.are_still = are_still;
         for (last, body) in self.last.iter_mut().zip(meshes) {
@@ -134,6 +170,11 @@ impl Bodies {
         }
         travel
     }
+}
+
+/// Whether the vertices of two meshes are in the same places.
+fn is_same_place(one: &Arc<Mesh>, other: &Arc<Mesh>) -> bool {
+    Arc::ptr_eq(one, other) || one.positions == other.positions
 }
 
 /// The place (m) and the displacement (m) of a vertex that is moved from outside.

@@ -100,9 +100,14 @@ impl HostContact {
         Some((contact, params, table))
     }
 
-    /// Whether these are its mesh colliders.
-    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+    /// Whether a step can go on with these mesh colliders.
+    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
         self.bodies.are(meshes)
+    }
+
+    /// Whether it can go on from a saved state.
+    pub(crate) fn may_have(&self, past: &ContactPast) -> bool {
+        self.bodies.are_numbered_for(past.numbered.iter())
     }
 
     /// Begins a step; `friction` is that of the cloth with itself. Returns whether a mesh collider starts elsewhere than
@@ -148,7 +153,8 @@ impl HostContact {
 
     /// Discards what depends on the state, because it was replaced.
     pub(crate) fn forget(&mut self) {
-        (self.may_cross, self.bodies.are_known) = (true, false);
+        self.may_cross = true;
+        self.bodies.forget();
         self.pinched.clear();
     }
 
@@ -265,6 +271,7 @@ impl HostContact {
         let DeviceLists { from, by, ahead, since, h, .. } = lists;
         let margin = from.iter().map(|from| from.w).collect();
         ContactPast {
+            numbered: self.bodies.numbered.clone(),
             bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
             paths: Paths { from: from.clone(), by: by.clone(), margin, ahead: *ahead, since: *since, renewed: 0 },
@@ -285,12 +292,12 @@ impl HostContact {
     /// Converts a saved state to the GPU's layout. Returns `None`, and changes nothing, if the state cannot belong to
     /// this cloth.
     pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<DeviceLists> {
-        let ContactPast { bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
+        let ContactPast { numbered: _, bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
         let Paths { from, by, margin, ahead, since, renewed: _ } = paths;
         let surface = &self.surface;
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
-        if bodies.len() != self.bodies.last.len() || !paths.are_of(self.vertices) || !crossings.iter().all(crosses) {
+        if !paths.are_of(self.vertices) || !crossings.iter().all(crosses) {
             return None;
         }
         let first = of_vertices.others.len() as u32;
@@ -309,7 +316,9 @@ impl HostContact {
             lambda,
         };
         let pairs: Vec<DevicePair> = all.map(pair).collect();
-        self.bodies.forget(bodies);
+        if !self.bodies.go_back(bodies, false) {
+            return None;
+        }
         self.ignored.take(crossings.clone(), &self.surface);
         self.may_cross = *may_cross;
         let from = from.iter().zip(margin).map(|(from, &margin)| from.with_w(margin)).collect();

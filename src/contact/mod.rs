@@ -214,9 +214,14 @@ impl TriangleContact {
         })
     }
 
-    /// Whether these are its bodies.
-    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+    /// Whether a step can go on with these bodies.
+    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
         self.bodies.are(meshes)
+    }
+
+    /// Whether it can go on from a saved state.
+    pub(crate) fn may_have(&self, past: &ContactPast) -> bool {
+        self.bodies.are_numbered_for(past.numbered.iter())
     }
 
     /// The number of vertices, including those of bodies, that the state must hold.
@@ -226,6 +231,7 @@ impl TriangleContact {
 
     /// Discards everything that depends on positions, because the state was replaced.
     pub(crate) fn forget(&mut self) {
+        self.bodies.forget();
         self.may_cross = true;
         self.h = 0.0;
         self.paths.forget();
@@ -330,7 +336,7 @@ impl TriangleContact {
             u,
             push,
             most_push: self.push.most,
-            common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(&plan.cloth.mass, u))),
+            common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(plan.cloth, u))),
             max_carry: self.max_carry,
             entangled: &self.ignored.entangled,
             may_slide: self.bodies.first < self.vertices(),
@@ -353,7 +359,7 @@ impl TriangleContact {
             self.contacts.finish(x, u, push, workers);
             // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
             if lost != DVec3::ZERO && common_motion.is_none() && plan.bodies.is_empty() {
-                give_back(&plan.cloth.mass, lost, u, workers);
+                give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();
             self.ignore_pinched(x, u);
@@ -391,18 +397,25 @@ impl TriangleContact {
 }
 
 /// The mean displacement (m), weighted by mass.
-fn mean(mass: &[f32], u: &[Vec4]) -> Vec3A {
+fn mean(cloth: &Cloth, u: &[Vec4]) -> Vec3A {
     let (mut sum, mut total) = (Vec3A::ZERO, 0.0);
-    for (&u, &mass) in u.iter().zip(mass) {
+    for (&u, mass) in u.iter().zip(free_masses(cloth)) {
         sum += xyz(u) * mass;
         total += mass;
     }
     sum / total
 }
 
+/// The mass (kg) of each vertex; 0 if it is not free.
+fn free_masses(cloth: &Cloth) -> impl Iterator<Item = f32> {
+    cloth.mass.iter().zip(&cloth.rest).map(|(&mass, rest)| if rest.w > 0.0 { mass } else { 0.0 })
+}
+
 /// Returns lost momentum (kg m) to the cloth by a uniform displacement.
-fn give_back(mass: &[f32], lost: DVec3, u: &mut [Vec4], workers: Workers<'_>) {
-    let mass: f64 = mass.iter().map(|&mass| f64::from(mass)).sum();
+fn give_back(cloth: &Cloth, lost: DVec3, u: &mut [Vec4], workers: Workers<'_>) {
+    let mass: f64 = free_masses(cloth).map(f64::from).sum();
     let back = (lost / mass).as_vec3().extend(0.0);
-    workers.chunks(u, GRAIN, |_, u| u.iter_mut().for_each(|u| *u += back));
+    workers.chunks(&mut u[..cloth.rest.len()], GRAIN, |first, u| {
+        u.iter_mut().zip(&cloth.rest[first..]).filter(|(_, rest)| rest.w > 0.0).for_each(|(u, _)| *u += back);
+    });
 }

@@ -17,8 +17,9 @@ use crate::record::recorded;
 /// The saved state: everything that the next substep depends on.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ContactPast {
-    /// The positions of the bodies at the end of the last step.
-    pub bodies: Vec<Arc<Mesh>>,
+    /// The bodies as their triangles were numbered, and at the end of the last step.
+    pub numbered: Vec<Arc<Mesh>>,
+    pub(super) bodies: Vec<Arc<Mesh>>,
     pub(super) lists: [ListedRows; 2],
     pub(super) paths: Paths,
     pub(super) crossings: Vec<[u32; 2]>,
@@ -44,7 +45,7 @@ pub(super) struct ListedRows {
     pub lambda: Vec<Vec4>,
 }
 
-recorded!(ContactPast { bodies, lists, paths, crossings, may_cross, h });
+recorded!(ContactPast { numbered, bodies, lists, paths, crossings, may_cross, h });
 recorded!(ListedRows { starts, later, others, thickness, lambda });
 
 impl ContactPast {
@@ -64,6 +65,7 @@ impl ContactPast {
 #[derive(Debug, Default)]
 pub(super) struct Checkpoint {
     bodies: Vec<Arc<Mesh>>,
+    are_new: bool,
     lists: [Rows; 2],
     paths: Paths,
     crossings: Vec<[u32; 2]>,
@@ -74,8 +76,9 @@ pub(super) struct Checkpoint {
 impl TriangleContact {
     /// Keeps what a failed step is to leave as it was.
     pub(crate) fn save(&mut self) {
-        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &mut self.checkpoint;
+        let Checkpoint { bodies, are_new, lists, paths, crossings, may_cross, h } = &mut self.checkpoint;
         bodies.clone_from(&self.bodies.last);
+        *are_new = self.bodies.are_new;
         lists.iter_mut().zip(&self.lists).for_each(|(saved, rows)| saved.copy_from(rows));
         paths.copy_from(&self.paths);
         crossings.clone_from(&self.ignored.crossings);
@@ -84,10 +87,8 @@ impl TriangleContact {
 
     /// Goes back to where the last step began.
     pub(crate) fn roll_back(&mut self) {
-        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &self.checkpoint;
-        if bodies.len() == self.bodies.last.len() {
-            self.bodies.forget(bodies);
-        }
+        let Checkpoint { bodies, are_new, lists, paths, crossings, may_cross, h } = &self.checkpoint;
+        self.bodies.go_back(bodies, *are_new);
         self.lists.iter_mut().zip(lists).for_each(|(rows, saved)| rows.copy_from(saved));
         self.paths.copy_from(paths);
         if self.ignored.crossings != *crossings {
@@ -127,6 +128,7 @@ impl TriangleContact {
             lambda: rows.lambda.clone(),
         };
         ContactPast {
+            numbered: bodies.numbered.clone(),
             bodies: bodies.last.clone(),
             lists: [rows(&lists[0]), rows(&lists[1])],
             paths: paths.clone(),
@@ -145,10 +147,9 @@ impl TriangleContact {
         let [Some(first), Some(second)] = lists else { return false };
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
-        if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) {
+        if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) || !self.bodies.go_back(&past.bodies, false) {
             return false;
         }
-        self.bodies.forget(&past.bodies);
         self.lists = [first, second];
         self.contacts.forget();
         self.ignored.take(past.crossings.clone(), &self.surface);

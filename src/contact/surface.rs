@@ -20,6 +20,8 @@ const MAX_MARGIN: [f32; 2] = [0.3, 1.6];
 /// `SLIVER_MARGIN` thicknesses.
 const STEADY: f32 = 0.3;
 const SLIVER_MARGIN: f32 = 0.1;
+/// The margin (m) of vertices that belong to no triangle: however far they stray, no triangle does.
+const FAR: f32 = 1e15;
 /// Fewest triangles in a leaf, unless the cloth has fewer; at most, it has twice as many.
 pub(super) const LEAF: usize = 6;
 
@@ -46,8 +48,8 @@ pub(super) struct Surface {
     /// thickness: a lower bound of half its distance at rest from features that are not adjacent. That of bodies is the
     /// thickness.
     pub half_gap: Vec<f32>,
-    /// Largest distance (m) that a vertex may stray from its path. It is limited so that where cloth lies flat,
-    /// neighboring features are not listed because of it.
+    /// Largest distance (m) that a vertex may stray from its path; any distance if it belongs to no triangle. It is limited
+    /// so that where cloth lies flat, neighboring features are not listed because of it.
     pub max_margin: Vec<f32>,
     /// The angle (rad) of cloth around a vertex in excess of that of a flat, convex sheet. Where it is positive, cloth
     /// can come to lie on itself without turning over.
@@ -101,6 +103,9 @@ impl Surface {
         let vertices = cloth.rest.len();
         let heights = heights(cloth);
         let max_margin = |height: &f32| {
+            if *height == f32::INFINITY {
+                return FAR;
+            }
             let flat = (0.45 * (height - thickness)).clamp(MAX_MARGIN[0] * thickness, MAX_MARGIN[1] * thickness);
             flat.min(STEADY * height).max(SLIVER_MARGIN * thickness)
         };
@@ -167,7 +172,7 @@ impl Surface {
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);
         self.half_gap.resize(vertices, thickness);
-        self.max_margin.resize(vertices, 0.5 * thickness);
+        self.max_margin.resize(vertices, if owner == 0 { FAR } else { 0.5 * thickness });
     }
 
     /// Adds triangles whose vertices no other triangles use.

@@ -120,7 +120,9 @@ impl Cpu {
             None => self.contact = None,
             Some(past) => {
                 self.replaced = None;
-                self.prepare_contact(cloth, options, past.bodies.iter());
+                if !self.contact.as_ref().is_some_and(|contact| contact.may_have(past)) {
+                    self.make_contact(cloth, options, past.numbered.clone());
+                }
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
                     self.put_back_contact();
                     return false;
@@ -133,26 +135,20 @@ impl Cpu {
         true
     }
 
-    /// Creates the contact data that a plan needs, and puts aside what it does not.
-    fn make_contact(&mut self, plan: &Plan<'_>) {
+    /// Creates the contact data that a plan needs unless it exists, and puts aside what it does not need.
+    fn prepare_contact(&mut self, plan: &Plan<'_>) {
         self.replaced = None;
-        if plan.has_contact() {
-            self.prepare_contact(plan.cloth, plan.contact, plan.meshes.iter().map(|body| &body.from));
-        } else if self.contact.is_some() {
-            self.replace_contact(None);
+        let meshes = plan.meshes.iter().map(|body| &body.from);
+        match &self.contact {
+            Some(_) if !plan.has_contact() => self.replace_contact(None),
+            Some(contact) if contact.is_of(meshes.clone()) => {}
+            _ if plan.has_contact() => self.make_contact(plan.cloth, plan.contact, meshes.cloned().collect()),
+            _ => {}
         }
     }
 
-    /// Creates the contact data for the cloth and these mesh colliders unless it exists.
-    fn prepare_contact<'a>(
-        &mut self,
-        cloth: &Cloth,
-        options: Option<Contact>,
-        meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
-    ) {
-        if self.contact.as_ref().is_none_or(|contact| !contact.is_of(meshes.clone())) {
-            self.replace_contact(TriangleContact::new(cloth, options, meshes.cloned().collect()).map(Box::new));
-        }
+    fn make_contact(&mut self, cloth: &Cloth, options: Option<Contact>, meshes: Vec<Arc<Mesh>>) {
+        self.replace_contact(TriangleContact::new(cloth, options, meshes).map(Box::new));
     }
 
     fn replace_contact(&mut self, contact: Option<Box<TriangleContact>>) {
@@ -229,7 +225,7 @@ impl Cpu {
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
     fn run(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Option<Cause> {
         let pool = rayon::current_num_threads();
-        self.make_contact(plan);
+        self.prepare_contact(plan);
         if self.packed.pack(plan, external.is_some(), self.contact.is_some(), pool) {
             // Times measured for each number of threads no longer apply.
             self.choice = None;

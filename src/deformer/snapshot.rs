@@ -6,7 +6,6 @@ use glam::{Vec3, Vec4};
 
 use super::sleep::Stillness;
 use super::{Deformer, StepDecision};
-use crate::attributes::Collider;
 use crate::error::{StateError, StepError};
 use crate::kernels::limits::is_bounded;
 use crate::kernels::statistics::Statistics;
@@ -20,7 +19,7 @@ use crate::step::watch::{Fastest, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -124,12 +123,11 @@ struct State {
     still: Stillness,
     watch: Watch,
     bounds: [f32; 2],
-    colliders: Vec<Collider>,
     gravity: Vec3,
 }
 
 recorded!(Content { identity, lanes, state });
-recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, colliders, gravity });
+recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
 recorded!(StepDecision { dt, load, controller, rate, division, levels });
 
 impl Deformer {
@@ -162,7 +160,6 @@ impl Deformer {
             still: self.still.clone(),
             watch: self.watch,
             bounds: self.bounds.into(),
-            colliders: self.colliders.clone(),
             gravity: self.gravity,
         };
         let identity = self.identity().iter().map(|(_, hash)| hash.0).collect();
@@ -202,12 +199,12 @@ impl Deformer {
         if !resumed.map_err(|failure| StateError::Step(self.failed(failure)))? {
             return Err(StateError::Altered);
         }
-        let State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, colliders, gravity, .. } = state;
+        let State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity, .. } = state;
         self.watch = self.watch.with_past(&watch);
         self.in_step = (self.watch, Fastest::default());
         (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
-        (self.colliders, self.gravity) = (colliders, gravity);
+        self.gravity = gravity;
         self.shown = false;
         Ok(())
     }

@@ -127,8 +127,7 @@ impl Deformer {
     pub fn place_colliders(&mut self, colliders: &[Collider]) -> Result<(), StepError> {
         let attributes = Attributes { colliders: colliders.to_vec(), ..Attributes::default() };
         attributes.validate(0)?;
-        self.motion.colliders.clone_from(&attributes.colliders);
-        self.colliders = attributes.colliders;
+        self.motion.colliders = attributes.colliders;
         self.wake();
         Ok(())
     }
@@ -143,7 +142,7 @@ impl Deformer {
         let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
         // A mesh collider has no inside.
-        let solid = self.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
+        let solid = self.motion.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
         let colliders: Vec<Collider> = solid.map(|collider| collider.relative_to(cloth.origin)).collect();
         Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.gravity, &colliders))
     }

@@ -39,7 +39,6 @@ impl Deformer {
         self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.motion.colliders.clear();
-        self.colliders.clear();
         self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();
         self.shown = false;

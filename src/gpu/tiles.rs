@@ -16,7 +16,7 @@ use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 
-/// The value of `stages/sweep.wgsl` for no edge and for no label.
+/// The value of `stages/sweep.wgsl` for no edge, no label and no pin.
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 /// Bytes of workgroup memory per vertex of a tile.
 pub(crate) const IN_TILE: usize = 32;

@@ -164,10 +164,12 @@ impl Hybrid {
         // Besides displacements, colliders and contact change positions.
         let payload = Payload::needed(plan, !plan.bodies.is_empty() || plan.has_contact());
 
+        let is_sent = sent == Some(complete);
         let opened = gpu.checked(|| {
             forces.prepare(gpu, on_gpu, false, None);
             Gpu::refused()?;
-            let mapped = match mapped.take() {
+            // If the device was destroyed meanwhile, its memory is gone, so it is mapped again before anything is written.
+            let mapped = match mapped.take().filter(|_| is_sent) {
                 Some(mapped) => mapped,
                 None => exchange.open(gpu)?,
             };
@@ -181,7 +183,7 @@ impl Hybrid {
             on_gpu,
             payload,
             complete,
-            is_sent: sent == Some(complete),
+            is_sent,
             mapped: SharedArray::new(&mut first),
             exchanges: Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None }),
         };

@@ -93,7 +93,9 @@ impl Cloth {
         check_options(vertices, mesh_edges.len(), options)?;
         let order = vertex_order::vertex_order(&mesh_edges, vertices);
         let rank = vertex_order::inverse(&order);
-        let origin = local_origin(&mesh.positions);
+        // Vertices without edges count neither for where the cloth is nor for its size.
+        let used = || mesh_edges.iter().flatten().map(|&vertex| &mesh.positions[vertex as usize]);
+        let origin = if mesh_edges.is_empty() { local_origin(&mesh.positions) } else { local_origin(used()) };
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
         let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
         let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
@@ -107,10 +109,9 @@ impl Cloth {
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
             sides(named).for_each(|side| side_area[index_of.of(side)] += triangle_area);
         }
-        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area)?;
+        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area, mesh_edges.iter().map(|ends| ends.map(|vertex| rank[vertex as usize])))?;
 
-        // Vertices without edges do not count for the size of the cloth.
-        let [low, high] = bounds(mesh_edges.iter().flatten().map(|&vertex| &rest[rank[vertex as usize] as usize]));
+        let [low, high] = bounds(used());
         let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let extent = extents.max_element();
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
@@ -179,7 +180,7 @@ impl Cloth {
         check_options(self.rest.len(), self.links.len(), options)?;
         let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
         let Weights { mass, density, pinned, inverse_mass } =
-            Weights::new(options, &self.order, &vertex_areas(&self.triangles, &positions))?;
+            Weights::new(options, &self.order, &vertex_areas(&self.triangles, &positions), self.links.iter().map(|link| link.ends))?;
 
         let stretch = f64::from(options.fabric.stretch);
         let mut links = self.links.clone();
@@ -332,7 +333,7 @@ fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec
 ///
 /// Along an axis whose coordinates are all within a factor of two, the difference of any two is exact (Sterbenz 1974),
 /// and so is adding it back.
-fn local_origin(positions: &[Vec3]) -> Vec3 {
+fn local_origin<'a>(positions: impl IntoIterator<Item = &'a Vec3>) -> Vec3 {
     let [low, high] = bounds(positions);
     let along = |low: f32, high: f32| match low > 0.0 && high <= 2.0 * low || high < 0.0 && low >= 2.0 * high {
         true => low + 0.5 * (high - low),

@@ -12,17 +12,27 @@ pub(crate) struct Weights {
     pub density: f64,
     /// Pinned vertices, in the order of the options.
     pub pinned: Vec<u32>,
-    /// Inverse masses (1/kg), 0 where pinned.
+    /// Inverse masses (1/kg), 0 where pinned and of vertices without edges, which files often have next to a cloth. If there are
+    /// no edges at all, they are those of points.
     pub inverse_mass: Vec<f32>,
 }
 
 impl Weights {
-    /// `area` is that of each vertex (m²).
-    pub(crate) fn new(options: &Options, order: &[u32], area: &[f64]) -> Result<Weights, BuildError> {
+    /// `area` is that of each vertex (m²), and `edges` has the ends of each edge, both in the cloth's order.
+    pub(crate) fn new(
+        options: &Options,
+        order: &[u32],
+        area: &[f64],
+        edges: impl Iterator<Item = [u32; 2]>,
+    ) -> Result<Weights, BuildError> {
         let (mass, density) = masses(options, order, area)?;
         let rank = vertex_order::inverse(order);
         let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
-        let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
+        let mut has_edges = vec![false; order.len()];
+        edges.flatten().for_each(|vertex| has_edges[vertex as usize] = true);
+        let are_points = !has_edges.contains(&true);
+        let inverse = |(mass, has_edges): (&f32, bool)| if has_edges || are_points { 1.0 / mass } else { 0.0 };
+        let mut inverse_mass: Vec<f32> = mass.iter().zip(has_edges).map(inverse).collect();
         pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
         Ok(Weights { mass, density, pinned, inverse_mass })
     }

@@ -10,7 +10,8 @@ use crate::record::{Recorded, Tape, Unreadable};
 /// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
 ///
 /// Any triangles will do: open or closed, several pieces, edges with three or more triangles, vertices that no triangle
-/// uses. A triangle that names a vertex twice is an edge without area: a thread.
+/// uses, which stay where they are (in a mesh without edges all fall as points). A triangle that names a vertex twice is an
+/// edge without area: a thread.
 /// [`Deformer::new`](crate::Deformer::new) checks indices and positions.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {

@@ -23,7 +23,8 @@ pub struct Fabric {
     /// rotation of the cloth. Swinging as a whole, such as that of a free corner, is damped by the air instead
     /// ([`Attributes::damping`](crate::Attributes::damping)). 0: undamped, at no cost. The effect depends on
     /// `damping * bending / density`: with 0.06 s, 1e-4 N m and 0.2 kg/m², a dropped towel comes to rest in about two
-    /// seconds.
+    /// seconds. In a substep it takes at most half of the velocity of the shortest waves of the mesh, so few substeps on a
+    /// fine mesh apply less than this.
     ///
     /// This is a time and not a rate, because with a rate 0 would mean infinite damping.
     pub damping: f32,

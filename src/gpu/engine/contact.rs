@@ -42,7 +42,11 @@ impl GpuEngine {
         let gpu = self.gpu.clone();
         let make = || is_wanted.then(|| GpuContact::new(&gpu, cloth, contact, meshes.cloned().collect())).flatten();
         let made = gpu.checked(|| Ok(make()))?.map(Box::new);
-        Ok(Some(Replaced(std::mem::replace(&mut self.contact, made))))
+        Ok(Some(self.replace_contact(made)))
+    }
+
+    fn replace_contact(&mut self, contact: Option<Box<GpuContact>>) -> Replaced {
+        Replaced(std::mem::replace(&mut self.contact, contact))
     }
 
     /// Takes a step, and goes back to the data of contact that it replaced if it fails.
@@ -64,9 +68,16 @@ impl GpuEngine {
         options: Option<Contact>,
         past: Option<&ContactPast>,
     ) -> Result<bool, GpuFault> {
-        let meshes = past.into_iter().flat_map(|past| &past.bodies).collect::<Vec<_>>();
-        let replaced = self.prepare_contact(cloth, options, meshes.into_iter())?;
         let gpu = self.gpu.clone();
+        let may_have = |past| self.contact.as_ref().is_some_and(|contact| contact.on_cpu.may_have(past));
+        let replaced = match past {
+            Some(past) if may_have(past) => None,
+            Some(past) => {
+                let made = gpu.checked(|| Ok(GpuContact::new(&gpu, cloth, options, past.numbered.clone())))?;
+                Some(self.replace_contact(made.map(Box::new)))
+            }
+            None => self.prepare_contact(cloth, options, [].iter())?,
+        };
         let resumed = match (&mut self.contact, past) {
             (Some(contact), Some(past)) => gpu.checked(|| contact.resume(&gpu, past)),
             (contact, past) => Ok(contact.is_some() == past.is_some()),

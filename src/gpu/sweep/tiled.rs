@@ -10,7 +10,7 @@ use crate::gpu::state::{PING_PONG, StateBuffers, groups};
 use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
-use crate::gpu::tiles::Tiles;
+use crate::gpu::tiles::{NO_EDGE, Tiles};
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
@@ -230,11 +230,11 @@ impl Tiled {
     }
 }
 
-/// For each vertex its index among the pins, which are sorted by vertex.
+/// For each vertex its index among the pins, which are sorted by vertex; [`NO_EDGE`] for all others.
 fn index_of_pins(cloth: &Cloth) -> Vec<u32> {
     let mut pinned = cloth.pinned.clone();
     pinned.sort_unstable();
-    let mut index = vec![0; cloth.rest.len()];
+    let mut index = vec![NO_EDGE; cloth.rest.len()];
     pinned.iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
     index
 }

@@ -211,8 +211,8 @@ impl<T: Copy> View<'_, T> {
 
 /// Mapped memory of the GPU that is open for writing, as a contiguous array of 3-vectors.
 ///
-/// The pointer is valid as long as this lives, because it keeps the mapped view: wgpu does not unmap a buffer that has
-/// one.
+/// The pointer is valid as long as this lives and the device is not destroyed: it keeps the mapped view, and wgpu does not
+/// unmap a buffer that has one. The engine that writes here has always just had an answer from the device.
 #[cfg(feature = "gpu")]
 #[derive(Debug)]
 pub(crate) struct MappedVectors {
