@@ -125,9 +125,16 @@ fn what_is_done_is_not_done_again() {
     times.push(run_it(&[]));
     times.push(run_it(&["--gravity", "0,-5,0"]));
     assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{times:?}");
-    // Missing frames are not noticed; an invalid receipt is.
+    // Missing frames are not noticed; an invalid receipt is. What is replaced is told, and a folder of something else is not
+    // replaced.
     fs::write(path.join("receipt.json"), "{}").unwrap();
-    assert!(run_it(&["--gravity", "0,-5,0"]) > times[3]);
+    let output = run(&directory, &["--scene", "s.toml", "--variant", "2", "--out", "out"]);
+    succeeds(&output);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("replaces the one there"));
+    fs::remove_file(path.join("receipt.json")).unwrap();
+    let output = run(&directory, &["--scene", "s.toml", "--variant", "2", "--out", "out"]);
+    fails(&output, 2, &["variant_0002 has no receipt", "another --out"]);
+    assert!(path.join("frame_0002.obj").exists());
 }
 
 /// Two processes are killed again and again, and the remaining variants are completed: the result is byte for byte that

@@ -74,7 +74,8 @@ pub(crate) struct Arguments {
     pub(crate) list: bool,
 
     /// Run one or several variants of the scene, counted from 1. Each gets a folder in --out, `variant_0001` and so on,
-    /// with a receipt. A folder appears only when it is complete, and is then not run again
+    /// with a receipt. A folder appears only when it is complete, and is then not run again unless its receipt has other
+    /// inputs, such as another scene; then it is replaced
     #[arg(long, value_name = "I|I-J", requires = "scene", conflicts_with_all = ["save", "resume"], value_parser = variants)]
     pub(crate) variant: Option<RangeInclusive<u32>>,
 

@@ -119,6 +119,10 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Finds the cheapest settings for a scene, and prints them.
 fn tune(scene: &Scene, tolerance: Tolerance) -> Result<(), Failure> {
+    let steps = (scene.outputs.frames - 1).saturating_add(scene.timeline.preroll);
+    if steps < 2 {
+        return Err(Failure::input("--tune needs at least 3 frames; give more --frames"));
+    }
     if scene.untangle || scene.dt() != 1.0 / 60.0 {
         return Err(Failure::input(
             "--tune needs 60 frames per second and a start without untangling; change these in the scene",
@@ -126,7 +130,6 @@ fn tune(scene: &Scene, tolerance: Tolerance) -> Result<(), Failure> {
     }
     // No step leads to the first frame. The preroll is a part of the motion.
     let attributes = |step| scene.attributes(scene.timeline.first() + i64::from(step));
-    let steps = scene.outputs.frames - 1 + scene.timeline.preroll;
     let tuned = cloth_deformer::tune(&scene.mesh, &scene.options, attributes, steps, tolerance);
     tuned::show(&tuned.map_err(|error| Failure::build(&scene.name, &error))?, tolerance);
     Ok(())

@@ -97,7 +97,11 @@ impl Sweep {
             match done {
                 Ok(line) if !arguments.quiet => say(&line),
                 Ok(_) => {}
-                Err(failure) if interrupted.load(Ordering::Relaxed) => return Err(failure),
+                Err(_) if interrupted.load(Ordering::Relaxed) => {
+                    failed.into_iter().for_each(|(_, failure)| warn("error", &failure.message));
+                    let message = format_args!("interrupted in variant {number}, of which nothing is kept");
+                    return Err(Failure::new(Failure::INTERRUPTED, message));
+                }
                 Err(failure) => {
                     let failure = failure.of(&format!("variant {number}"));
                     let code = failed.as_ref().map_or(failure.code, |(code, _)| *code);
@@ -142,10 +146,11 @@ impl Sweep {
         let folder = out.join(format!("variant_{number:04}"));
         let lock_path = out.join(format!(".variant_{number:04}.lock"));
         let is_done = || Receipt::in_folder(&folder).is_some_and(|receipt| receipt.inputs == inputs);
+        let before = if is_done() { "" } else { replaced(&folder)? };
         let finished = || {
             // The lock of a finished variant is not needed; a killed process may have left it.
             drop(fs::remove_file(&lock_path));
-            Ok(format!("variant {number} is in {}", folder.display()))
+            Ok(format!("variant {number} is in {}{before}", folder.display()))
         };
         if is_done() {
             return finished();
@@ -175,7 +180,7 @@ impl Sweep {
                 figures: Figures::of(&report),
             };
             receipt.write(&partial)?;
-            // The folder may contain a variant with other inputs.
+            replaced(&folder)?;
             remove(&folder)?;
             fs::rename(&partial, &folder).map_err(|error| failed(&folder, error))?;
         }
@@ -239,6 +244,18 @@ fn overrides(arguments: &Arguments) -> String {
 
 fn json(value: &Value) -> Result<serde_json::Value, Failure> {
     serde_json::to_value(value).map_err(|error| Failure::input(format_args!("a value of [[vary]]: {error}")))
+}
+
+/// What to say of the variant with other inputs that a folder contains, if any. Anything else is not to be removed.
+fn replaced(folder: &Path) -> Result<&'static str, Failure> {
+    match (folder.exists(), folder.join(receipt::NAME).exists()) {
+        (false, _) => Ok(""),
+        (true, true) => Ok(", and replaces the one there, which had other inputs"),
+        (true, false) => {
+            let message = format_args!("{} has no receipt of a variant; remove it, or use another --out", folder.display());
+            Err(Failure::input(message))
+        }
+    }
 }
 
 fn remove(folder: &Path) -> Result<(), Failure> {

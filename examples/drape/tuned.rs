@@ -51,4 +51,7 @@ pub(crate) fn show(tuned: &Tuned, tolerance: Tolerance) {
         "\nError {:.2} {unit} in {milliseconds:.2} ms per frame{times}:\n\n    Options {{ {setting}, ..options }}",
         scale * error
     ));
+    if !setting.terms[2] {
+        say("    Attributes { air_density: 0.0, ..attributes }");
+    }
 }

@@ -132,20 +132,19 @@ impl Setting {
     }
 }
 
-/// Formats the setting as fields to paste into [`Options`].
+/// Formats the setting as fields to paste into [`Options`]. Whether the scene's air can be left out is not among them.
 impl Display for Setting {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Setting { method, quality, levels, tethers, terms: [bending, damping, air] } = self;
+        let Setting { method, quality, levels, tethers, terms: [bending, damping, _] } = self;
         write!(
             f,
             "method: Method::{method:?}, quality: Quality::{quality:?}, levels: Levels::{levels:?}, tethers: Tethers::{tethers:?}"
         )?;
         match (bending, damping) {
-            (true, true) => {}
-            (true, false) => write!(f, ", fabric: Fabric {{ damping: 0.0, ..fabric }}")?,
-            (false, _) => write!(f, ", fabric: Fabric {{ bending: 0.0, damping: 0.0, ..fabric }}")?,
+            (true, true) => Ok(()),
+            (true, false) => write!(f, ", fabric: Fabric {{ damping: 0.0, ..fabric }}"),
+            (false, _) => write!(f, ", fabric: Fabric {{ bending: 0.0, damping: 0.0, ..fabric }}"),
         }
-        if *air { Ok(()) } else { write!(f, " // and Attributes {{ air_density: 0.0, .. }}") }
     }
 }
 
@@ -156,8 +155,8 @@ impl Display for Setting {
 /// the time: expect about three times that of one resolved run. No run sleeps. Times are measured on this machine under its current load.
 ///
 /// # Errors
-/// As [`Deformer::new`](crate::Deformer::new). Also if the tolerance is not a finite number above 0, if there are no
-/// frames, or if a step of a resolved run fails, with its frame.
+/// As [`Deformer::new`](crate::Deformer::new). Also if the tolerance is not a finite number above 0, if there are fewer
+/// than two frames, of which the search compares every other one, or if a step of a resolved run fails, with its frame.
 pub fn tune(
     mesh: &Mesh,
     options: &Options,
@@ -170,8 +169,8 @@ pub fn tune(
     if !(most > 0.0 && most.is_finite()) {
         return Err(value("tolerance", most.to_string(), "must be finite and above 0"));
     }
-    if frames == 0 {
-        return Err(value("frames", frames.to_string(), "must be at least 1"));
+    if frames < 2 {
+        return Err(value("frames", frames.to_string(), "must be at least 2"));
     }
     Search::new(Scene { mesh, options, attributes: &attributes, frames }, f64::from(most)).run(tolerance)
 }

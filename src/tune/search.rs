@@ -165,7 +165,13 @@ impl<'a> Search<'a> {
     fn descend_strain(&mut self, plain: Setting, strain: f32, most: u32) -> Result<(), BuildError> {
         self.try_out(Setting { quality: Quality::Strain(strain), ..plain })?;
         let mean = self.trials.last().map_or(f32::from(20_u8), |trial| trial.substeps);
-        self.descend(plain, mean.ceil().max(1.0) as u32, most.max(2 * mean as u32))
+        let most = most.max(2 * mean as u32);
+        self.descend(plain, mean.ceil().max(1.0) as u32, most)?;
+        // No run has resolved the stiffness yet.
+        if self.best().is_none() {
+            self.try_out(plain.with_substeps(most))?;
+        }
+        Ok(())
     }
 
     /// Tries other kinds of solvers, beginning with the most substeps with which they could still be cheaper.

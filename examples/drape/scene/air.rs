@@ -51,7 +51,7 @@ fn noise(seed: u32, channel: u64, at: f64) -> f32 {
     };
     let octave = |at: f64, first: u64| {
         let (place, s) = (at.floor(), at - at.floor());
-        let [from, to] = [place, place + 1.0].map(|place| by_chance(first + place as u64));
+        let [from, to] = [place, place + 1.0].map(|place| by_chance(first.wrapping_add(place as u64)));
         from + (to - from) * s * s * (3.0 - 2.0 * s)
     };
     ((octave(at, 0) + 0.5 * octave(2.0 * at, 1 << 31)) / 1.5) as f32

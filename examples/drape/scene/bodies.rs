@@ -34,6 +34,12 @@ impl Body {
         let pattern = path.file_name().unwrap_or_default().to_string_lossy();
         let digits = pattern.matches('#').count();
         let marks = "#".repeat(digits);
+        if !pattern.contains(&marks) {
+            return Err(Failure::input(format_args!(
+                "{}: its `#` are apart, and only the digits of the frame's number may stand for them; give them in one place",
+                path.display()
+            )));
+        }
         let mut body = Body { files: Vec::new(), meshes: Vec::new(), start: None };
         for (frame, time) in (1_u32..).zip(times).take(if digits == 0 { 1 } else { usize::MAX }) {
             let file = match digits {

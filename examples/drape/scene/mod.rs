@@ -228,10 +228,11 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     };
 
     let substeps = file.substeps.map(|count| Quality::Substeps(count.0));
-    let strain = file.strain.map(|strain| match file.share {
-        Some(share) => Quality::Hold { stretch: strain.0, share: share.0 },
-        None => Quality::Strain(strain.0),
-    });
+    let holding = |stretch: f32| match &file.share {
+        Some(share) => Quality::Hold { stretch, share: share.0 },
+        None => Quality::Strain(stretch),
+    };
+    let strain = file.strain.map(|strain| holding(strain.0));
     let budget = file.budget.map(|budget| Quality::Budget(budget.0));
     let named: Vec<Quality> = [substeps, strain, budget].into_iter().flatten().collect();
     if named.len() > 1 || (file.share.is_some() && strain.is_none()) {
@@ -245,7 +246,7 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     }
     let quality = match (arguments.substeps, arguments.strain) {
         (Some(substeps), _) => Quality::Substeps(substeps),
-        (None, Some(strain)) => Quality::Strain(strain),
+        (None, Some(strain)) => holding(strain),
         (None, None) => named.first().copied().unwrap_or_default(),
     };
     if let Quality::Strain(strain) | Quality::Hold { stretch: strain, .. } = quality
