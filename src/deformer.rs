@@ -252,7 +252,8 @@ impl Deformer {
         let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
         let is_given = matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps;
         // A number that was chosen here is no reason to fail, unless the step is too long for even the least.
-        let most = (f64::from(MAX_SUBSTEPS) / f64::from(dt)).max(FRAMES * LEAST);
+        // It is a whole number of substeps in 1/60 s, as the report gives it.
+        let most = FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST);
         let rate = if is_given { rate } else { rate.min(most) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);

@@ -59,6 +59,21 @@ fn a_cylinders_energy_depends_on_neither_mesh_nor_direction() {
     }
 }
 
+/// A double-sided mesh has each triangle twice, so it is two sheets in one and bends twice as hard.
+#[test]
+fn two_sheets_in_one_bend_twice_as_hard() {
+    let one = Mesh::grid(17, 17, 1.0, 1.0);
+    let back = one.triangles.iter().map(|&[a, b, c]| [a, c, b]);
+    let two = Mesh { positions: one.positions.clone(), triangles: one.triangles.iter().copied().chain(back).collect() };
+    let energies = [one, two].map(|mesh| {
+        let options = Options { backend: Backend::Cpu, fabric: bending_only(1e-4), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        cloth.set_state(&rolled(&mesh, 1.0, 30.0), &[Vec3::ZERO; 17 * 17]).unwrap();
+        cloth.measure().unwrap().potential_energy
+    });
+    assert!((energies[1] / energies[0] - 2.0).abs() < 1e-3, "{energies:?}");
+}
+
 /// The force is the gradient of the energy. The stretch of all edges is scaled to 0, so bending is the only force.
 fn the_force_is_the_energys_gradient(backend: Backend) {
     let mesh = meshes::delaunay(6, 3);

@@ -4,7 +4,7 @@ mod common;
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
-use common::play;
+use common::{FRAME, play};
 
 /// The 5 % and 95 % quantiles of measured garment fabrics (see the docs of `Fabric`); stretch from the softest knit to
 /// the stiffest woven.
@@ -55,6 +55,22 @@ fn the_diagonals_set_the_shear_stiffness() {
         println!("scale {scale}: shear stiffness {stiffness:.2} N/m, expected {expected} N/m");
         assert!((stiffness / expected - 1.0).abs() < 0.02, "scale {scale}: {stiffness} N/m, expected {expected} N/m");
     }
+}
+
+/// A fabric that is soft in all edges is measured like any other, so a bound on its strain takes substeps.
+#[test]
+fn a_bound_on_strain_holds_where_all_edges_are_soft() {
+    let mesh = Mesh::grid(17, 17, 1.0, 1.0);
+    let pinned: Vec<u32> = (0..17).collect();
+    let reports = [(Fabric::default().stretch, 0.4), (0.4 * Fabric::default().stretch, 1.0)].map(|(stretch, scale)| {
+        let fabric = Fabric { stretch, ..Fabric::default() };
+        let edge_scale = Some(vec![scale; mesh.edges().len()]);
+        let options = Options { backend: Backend::Cpu, fabric, edge_scale, pinned: pinned.clone(), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        (0..40).map(|_| cloth.step(FRAME, &Attributes::default()).unwrap()).last().unwrap()
+    });
+    let [soft, plain] = reports.each_ref().map(|report| report.stretch.unwrap().share);
+    assert!(soft > 1e-3 && (soft / plain - 1.0).abs() < 0.3, "{soft}, {plain}");
 }
 
 /// Hung by a corner, so that its weight pulls along the bias, a sheet with soft diagonals stretches; a stiff one hardly

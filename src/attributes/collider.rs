@@ -131,8 +131,8 @@ impl Collider {
     ///
     /// The cloth is kept at the thickness of [`Options::contact`](crate::Options::contact), or that of
     /// [`Contact::default`](crate::Contact) if the cloth has no contact with itself. A mesh has no inside: it repels
-    /// the cloth from both sides, so thin and open parts work as well, and edges are held as well as vertices. Nothing
-    /// passes through, provided that nothing crosses where the mesh first appears
+    /// the cloth from both sides, so thin and open parts work as well, and edges are held as well as vertices. No
+    /// triangle passes through (a thread, which has none, does), provided that nothing crosses where the mesh first appears
     /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and that pins and meshes move no faster than the
     /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). With [`Backend::Gpu`](crate::Backend::Gpu)
     /// such a step waits for the GPU once; in a browser, which cannot wait, it returns an error.

@@ -168,7 +168,7 @@ pub enum StepError {
     },
     /// The step would take more substeps than the limit.
     #[error(
-        "the step needs {needed} substeps (times iterations), more than {limit}; use a shorter dt, a larger strain tolerance or Quality::Substeps",
+        "the step needs {needed} substeps (times iterations), more than {limit}; use a shorter dt, or fewer substeps or iterations",
         limit = crate::kernels::limits::MAX_SUBSTEPS
     )]
     TooManySubsteps {

@@ -123,8 +123,8 @@ struct ShortestPaths<'a> {
 impl<'a> ShortestPaths<'a> {
     fn new(cloth: Hung<'a>) -> ShortestPaths<'a> {
         let vertices = cloth.rest.len();
-        let firm = cloth.links.iter().filter(|link| link.is_firm()).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
-        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm()).map(|link| link.ends).collect();
+        let firm = cloth.links.iter().filter(|link| link.is_firm).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
+        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm).map(|link| link.ends).collect();
         let is_soft = |a: u32, b: u32| soft.contains(&[a.min(b), a.max(b)]);
         let of_firm =
             |&(_, &[a, b, c]): &(usize, &[u32; 3])| soft.is_empty() || !(is_soft(a, b) || is_soft(b, c) || is_soft(c, a));

@@ -52,7 +52,8 @@ pub struct Options {
     ///
     /// Woven cloth shears at 20 to 100 N/m. The shear stiffness of a grid is a quarter of that of its diagonals,
     /// `scale * stretch / 4`: with 0.02 on the diagonals a stretch of 5 kN/m has a shear stiffness of 25 N/m, and the
-    /// cloth yields along the bias as fabric does.
+    /// cloth yields along the bias as fabric does. Edges of less than half of the fabric's stiffness, or of the stiffest edge
+    /// if none has that, do not count for the strain that [`Quality::Strain`] bounds.
     pub edge_scale: Option<Vec<f32>>,
     /// Factor on [`Fabric::bending`] for each vertex of the mesh, 0 or above; `None`: 1 everywhere.
     ///
@@ -160,7 +161,7 @@ pub enum Tethers {
 
 /// Contact of cloth with cloth.
 ///
-/// No edge ever passes through a triangle, provided that none does at the start and that pins move relative to each
+/// No edge of a triangle ever passes through another triangle, provided that none does at the start and that pins move relative to each
 /// other by at most a third of the thickness per substep ([`Warning::ContactOutruns`]). Where pins or mesh colliders close on the
 /// cloth until no room is left, they pass through it. Such crossings, and those of the start, are reported
 /// ([`Warning::Crossings`], [`Warning::BodyCrossings`]), and contact ignores what crosses until it has separated;

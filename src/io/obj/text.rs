@@ -39,9 +39,12 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     })
 }
 
-/// A line without its comment and the surrounding space.
+/// A line without its comment and the surrounding space. In `1.#QNAN` and `1.#INF`, as some programs write numbers that are
+/// none, no comment begins: they must not be read as 1.
 pub(super) fn bare(line: &str) -> &str {
-    line.split('#').next().unwrap_or_default().trim()
+    let mut marks = line.match_indices('#').map(|(place, _)| place);
+    let comment = marks.find(|&place| !line[..place].ends_with("1."));
+    line[..comment.unwrap_or(line.len())].trim()
 }
 
 /// The numbers of a vertex to pass to `tobj`: x, y, z and the weight that divides them.
