@@ -106,6 +106,28 @@ try {
     await page.screenshot({ path: join(shots, "dark.png") });
   }
   await page.mouse.up();
+
+  // On the GPU, too, the cloth goes on after settings have changed and it was taken hold of.
+  await page.selectOption("#size", "17");
+  await page.check("#gpu");
+  await page.waitForFunction(() => document.getElementById("word").textContent.includes("WebGPU"));
+  const moves = async (after) => {
+    const said = await page.textContent("#energy");
+    await page.waitForFunction((said) => document.getElementById("energy").textContent !== said, said, { timeout: 60000 }).catch(() => {
+      throw new Error(`on the GPU the cloth stands still after ${after}`);
+    });
+  };
+  await moves("it was built");
+  for (const wind of ["6", "3", "5"]) await page.fill("#wind", wind);
+  await moves("the wind has changed");
+  await page.mouse.move(...middle);
+  await page.mouse.down();
+  await moves("it was taken hold of");
+  await page.mouse.up();
+  await moves("it was released");
+  await page.uncheck("#gpu");
+  await page.waitForFunction(() => document.getElementById("word").textContent.includes("Drag"));
+
   await page.selectOption("#method", "relaxation");
   await page.fill("#substeps", "3");
   await page.waitForTimeout(1200);

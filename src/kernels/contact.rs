@@ -85,7 +85,8 @@ pub(crate) fn contact_bodies<L: Lanes>(
 /// which the vertex already was inside is removed from `x` at a bounded speed, which adds no velocity. The remaining
 /// depth is removed from `u`, and Coulomb friction, relative to the body's motion, is proportional to it. The path of a
 /// fast vertex is tested for the first touch.
-#[inline(always)]
+// Code for the web is small instead.
+#[cfg_attr(not(target_arch = "wasm32"), inline(always))]
 pub(crate) fn contact_body<L: Lanes>(
     x: Vector<L>,
     u: Vector<L>,

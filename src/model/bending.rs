@@ -10,8 +10,6 @@
 //! millimeter and more), but not for a narrow strip as stiff as a ruler, which bends the opposite way across its width
 //! and sags too much.
 
-use std::collections::HashSet;
-
 use glam::Vec4;
 
 use crate::kernels::bending::BendEntry;
@@ -37,8 +35,10 @@ const IN_LINE: f64 = -0.9;
 /// What the triangles at one edge contribute to its coefficient.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sides {
-    /// Number of triangles with this edge; those with the same three vertices, as in a double-sided mesh, count as one.
-    triangles: u32,
+    /// Number of triangles with this edge, and the opposite vertices of the first two. Triangles with the same three vertices,
+    /// as in a double-sided mesh, count as one.
+    triangles: usize,
+    apexes: [u32; 2],
     /// Half the sum of the cotangents of the opposite angles.
     cotangent: f64,
 }
@@ -52,11 +52,7 @@ impl Bending {
         let index_of = EdgeIndex::new(&edges, vertices);
         let mut sides = vec![Sides::default(); edges.len()];
         let mut area = vec![0.0; vertices];
-        let mut known = HashSet::with_capacity(triangles.len());
         for &triangle in triangles {
-            let mut corners = triangle;
-            corners.sort_unstable();
-            let is_new = known.insert(corners);
             let x = triangle.map(at);
             let double_area = (x[1] - x[0]).cross(x[2] - x[0]).length();
             let longest = (0..3).map(|k| x[k].distance_squared(x[(k + 1) % 3])).fold(0.0, f64::max);
@@ -70,7 +66,11 @@ impl Bending {
             for k in 0..3 {
                 let (i, j) = (triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
                 let side = &mut sides[index_of.of([i.min(j), i.max(j)])];
-                side.triangles += u32::from(is_new);
+                let known = side.triangles.min(2);
+                if !side.apexes[..known].contains(&triangle[k]) {
+                    side.apexes[known.min(1)] = triangle[k];
+                    side.triangles += 1;
+                }
                 side.cotangent += 0.5 * cotangent[k];
                 area[triangle[k] as usize] += mixed_area(k, double_area, dot, cotangent, x);
             }

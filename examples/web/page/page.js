@@ -11,9 +11,10 @@ const chosen = () => document.querySelector("input[name=scene]:checked").value;
 let toy = null;
 let onGpu = false;
 let paused = false;
-let steps = 0; // submitted to the GPU since the last state arrived
-let waits = false; // whether a state has been requested from the GPU
-let milliseconds = 0;
+let builds = 0;
+let usual = ""; // what is said as long as nothing is wrong
+let requested = 0; // when a state was last requested from the GPU
+let milliseconds = null; // of a step, with the settings as they are
 let owed = 0; // time that has passed and has not been simulated
 let last = performance.now();
 
@@ -34,6 +35,10 @@ function settings() {
   at("substeps-said").value = substeps() || "as strain asks";
 }
 
+function measured(time) {
+  milliseconds = milliseconds === null ? time : milliseconds + 0.1 * (time - milliseconds);
+}
+
 // Runs an action and shows its error, if any.
 function attempt(what) {
   try {
@@ -47,7 +52,9 @@ function attempt(what) {
 async function build() {
   const scene = chosen();
   const wanted = at("gpu").checked;
+  const number = ++builds;
   const found = wanted ? await device().catch(() => null) : null;
+  if (number !== builds) return; // another choice was made meanwhile
   onGpu = found !== null;
   at("gpu").checked = onGpu;
   at("compare").disabled = onGpu;
@@ -55,16 +62,19 @@ async function build() {
   if (!made) return;
   toy?.free();
   toy = made;
-  [steps, waits, owed] = [0, false, 0];
+  owed = 0;
   at("wind").value = { flag: 7, cape: 2 }[scene] ?? 0;
   apply();
   view.show(toy, scene === "cape" ? 2.5 : 0.45);
   chart.clear();
-  say(onGpu ? "Running on the GPU, through WebGPU." : wanted ? "This browser has no WebGPU; running on the CPU." : "Drag the cloth.");
+  usual = onGpu ? "Running on the GPU, through WebGPU." : wanted ? "This browser has no WebGPU; running on the CPU." : "Drag the cloth.";
+  say(usual);
 }
 
 function apply() {
   settings();
+  say(usual);
+  milliseconds = null;
   attempt(() => toy.set(at("method").value, substeps(), at("levels").checked));
   toy.blow(Number(at("wind").value), Number(at("gravity").value));
   toy.compare(at("compare").checked);
@@ -75,29 +85,24 @@ function step() {
   const start = performance.now();
   const done = attempt(() => (toy.step(), true));
   if (!done) return void pause(true);
-  if (!onGpu) milliseconds += 0.1 * (performance.now() - start - milliseconds);
-  steps += 1;
+  if (!onGpu) measured(performance.now() - start);
 }
 
 // The GPU's state is requested once the previous one has arrived, and drawn when it arrives.
 function look() {
   if (!onGpu) return;
-  if (!waits && steps > 0) {
-    attempt(() => toy.request());
-    waits = performance.now();
-  } else if (waits && attempt(() => toy.arrived(steps))) {
-    milliseconds += 0.1 * ((performance.now() - waits) / steps - milliseconds);
-    [waits, steps] = [false, 0];
-  }
+  if (attempt(() => toy.request())) requested = performance.now();
+  const steps = attempt(() => toy.arrived()) ?? 0;
+  if (steps > 0) measured((performance.now() - requested) / steps);
 }
 
 function tell() {
   const [mean, worst, energy, count, levels, error] = toy.report();
-  at("ms").textContent = `${milliseconds.toFixed(2)} ms`;
+  at("ms").textContent = milliseconds === null ? "" : `${milliseconds.toFixed(2)} ms`;
   at("count").textContent = `${count}, ${levels}`;
   at("stretch").textContent = `${(100 * mean).toFixed(2)} %, ${(100 * worst).toFixed(1)} %`;
   at("energy").textContent = `${energy.toPrecision(3)} J/kg`;
-  if (error >= 0) chart.add(milliseconds, 1000 * error);
+  if (error >= 0 && milliseconds !== null) chart.add(milliseconds, 1000 * error);
 }
 
 function frame(now) {
@@ -105,7 +110,7 @@ function frame(now) {
   owed = Math.min(owed + (now - last) / 1000, 3 * FRAME);
   last = now;
   if (!toy) return;
-  while (!paused && owed >= FRAME) {
+  while (!paused && owed >= FRAME && toy.ready()) {
     owed -= FRAME;
     step();
   }
@@ -115,6 +120,7 @@ function frame(now) {
 }
 
 function pause(stop) {
+  if (!stop) say(usual);
   paused = stop;
   at("pause").textContent = paused ? "Continue" : "Pause";
 }
@@ -166,9 +172,10 @@ for (const id of ["wind", "gravity", "method", "substeps", "levels", "compare"])
 for (const id of ["scenes", "size", "gpu"]) at(id).addEventListener("change", build);
 at("pause").addEventListener("click", () => pause(!paused));
 at("reset").addEventListener("click", () => attempt(() => toy.reset()));
+at("view").addEventListener("webglcontextlost", () => say("The browser has lost the picture; reload the page.", true));
 at("settings").addEventListener("submit", (event) => event.preventDefault());
 
-await init();
+await init().catch((error) => (say(`The cloth could not be loaded: ${error.message}`, true), Promise.reject(error)));
 await build();
 requestAnimationFrame(frame);
 // For the test of the page: the first picture is on the screen when the frame after it begins.
@@ -183,7 +190,7 @@ window.play = async (scene, size, frames, gpu) => {
   for (let k = 0; k < frames; k++) played.step();
   if (gpu) {
     played.request();
-    while (!played.arrived(frames)) await new Promise((next) => setTimeout(next, 5));
+    while (!played.arrived()) await new Promise((next) => setTimeout(next, 5));
   }
   return Array.from(played.positions());
 };

@@ -18,6 +18,8 @@ const REACH: f32 = 0.08;
 /// its rest length.
 const HAND: f32 = 4.0;
 const PULL: f32 = 1.08;
+/// Most steps that are given to a GPU before the state that was requested has arrived.
+const QUEUED: u32 = 6;
 /// Iterations of the plug-in's relaxation.
 const ITERATIONS: u32 = 8;
 
@@ -47,6 +49,9 @@ pub struct Toy {
     twin: Option<Twin>,
     /// Whether the state arrives late, because it is on the GPU.
     on_gpu: bool,
+    /// Steps since the state was last requested; and, while that has not arrived, the steps from the state before to it.
+    steps: u32,
+    requested: Option<u32>,
     time: f32,
     wind: f32,
     gravity: f32,
@@ -89,6 +94,8 @@ impl Toy {
             cloth,
             twin: None,
             on_gpu,
+            steps: 0,
+            requested: None,
             time: 0.0,
             wind: preset.wind(),
             gravity: 9.81,
@@ -122,6 +129,9 @@ impl Toy {
         };
         let quality = if substeps == 0 { Quality::Strain(0.03) } else { Quality::Substeps(substeps) };
         let levels = if levels { Levels::Auto } else { Levels::Off };
+        if (method, quality, levels) == (self.options.method, self.options.quality, self.options.levels) {
+            return Ok(());
+        }
         self.options = Options { method, quality, levels, ..self.options.clone() };
         self.rebuild()
     }
@@ -139,18 +149,25 @@ impl Toy {
         self.twin = if compare && !self.on_gpu { Twin::new(&self.mesh, &self.options, &attributes) } else { None };
     }
 
+    /// Whether a step can be taken now. A GPU that is slower than the clock must not be given more and more steps to do.
+    #[must_use]
+    pub fn ready(&self) -> bool {
+        !self.on_gpu || self.requested.is_none() || self.steps < QUEUED
+    }
+
     /// Takes a step of 1/60 s.
     ///
     /// # Errors
     /// If the motion became unstable. The cloth is then unchanged.
     pub fn step(&mut self) -> Result<(), JsError> {
-        self.time += FRAME;
-        let mut attributes = self.preset.attributes(self.time, self.wind, self.gravity);
-        let lead = self.preset.lead(self.time);
-        self.held = self.held.map(|held| self.led(held));
-        let targets = self.pins.iter().map(|pin| *pin + lead).chain(self.held);
+        let time = self.time + FRAME;
+        let mut attributes = self.preset.attributes(time, self.wind, self.gravity);
+        let lead = self.preset.lead(time);
+        let held = self.held.map(|held| self.led(held));
+        let targets = self.pins.iter().map(|pin| *pin + lead).chain(held);
         attributes.pin_targets = Some(targets.collect()).filter(|targets: &Vec<Vec3>| !targets.is_empty());
         let report = self.cloth.step(FRAME, &attributes)?;
+        (self.time, self.held, self.steps) = (time, held, self.steps + 1);
         (self.substeps, self.levels) = (report.substeps, report.levels);
         if self.on_gpu {
             return Ok(());
@@ -165,25 +182,40 @@ impl Toy {
         Ok(())
     }
 
-    /// Requests the state from a GPU; [`Toy::arrived`] receives it later.
+    /// Requests the state from a GPU, unless it is the one that is shown or one that was requested has not arrived. Returns
+    /// whether it did; [`Toy::arrived`] receives the state later.
     ///
     /// # Errors
     /// If the GPU was lost.
-    pub fn request(&mut self) -> Result<(), JsError> {
-        Ok(self.cloth.request_positions()?)
+    pub fn request(&mut self) -> Result<bool, JsError> {
+        if self.requested.is_some() || self.steps == 0 {
+            return Ok(false);
+        }
+        self.cloth.request_positions()?;
+        self.requested = Some(std::mem::take(&mut self.steps));
+        Ok(true)
     }
 
-    /// Whether the requested state has arrived, `steps` steps after the previous one.
+    /// How many steps after the previous state the requested one is, if it has arrived; otherwise 0.
     ///
     /// # Errors
     /// As [`Toy::step`]; on a GPU errors arrive late.
-    pub fn arrived(&mut self, steps: u32) -> Result<bool, JsError> {
-        let Some(positions) = self.cloth.requested_positions()? else { return Ok(false) };
-        let rate = 1.0 / (FRAME * steps.max(1) as f32);
+    pub fn arrived(&mut self) -> Result<u32, JsError> {
+        let Some(steps) = self.requested else { return Ok(0) };
+        let positions = match self.cloth.requested_positions() {
+            Ok(Some(positions)) => positions,
+            Ok(None) => return Ok(0),
+            Err(error) => {
+                self.requested = None;
+                return Err(error.into());
+            }
+        };
+        let rate = 1.0 / (FRAME * steps as f32);
         self.velocities = positions.iter().zip(&self.positions).map(|(now, before)| (*now - *before) * rate).collect();
         self.positions = positions.to_vec();
+        self.requested = None;
         self.shade();
-        Ok(true)
+        Ok(steps)
     }
 
     /// Grabs the vertex nearest to the eye that a ray passes. Returns its distance along the ray, or nothing.
@@ -229,7 +261,7 @@ impl Toy {
     pub fn reset(&mut self) -> Result<(), JsError> {
         self.release()?;
         self.cloth.reset();
-        self.time = 0.0;
+        (self.time, self.steps, self.requested) = (0.0, 0, None);
         self.positions.clone_from(&self.mesh.positions);
         self.velocities.fill(Vec3::ZERO);
         self.twin.iter_mut().for_each(Twin::begin_anew);
@@ -301,6 +333,8 @@ impl Toy {
         let mut cloth = Deformer::new(&self.mesh, self.options.clone())?;
         cloth.set_state(&self.positions, &self.velocities)?;
         self.cloth = cloth;
+        // What was requested of the other one does not arrive.
+        (self.steps, self.requested) = (0, None);
         if self.twin.is_some() {
             self.compare(true);
         }

@@ -26,6 +26,7 @@ impl GpuEngine {
     /// Sets the state.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.put(x, p);
+        self.readback.forget();
         self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
