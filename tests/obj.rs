@@ -172,7 +172,8 @@ fn what_cloth_has_no_use_for_is_harmless() {
 
 #[test]
 fn a_position_that_is_none_is_named() {
-    for word in ["NaN", "nan", "inf", "-inf", "infinity", "1e999", "-1e39", "x", "1,5", "0x10", "--1", "1e", "1.#QNAN", "1.#INF"] {
+    for word in ["NaN", "nan", "inf", "-inf", "infinity", "1e999", "-1e39", "x", "1,5", "0x10", "--1", "1e", "1.#QNAN", "1.#INF"]
+    {
         let message = refusal(&format!("# towel\nv 0 0 0\n\nv 1 {word} 0\nf 1 2 2\n"));
         assert_eq!(message, format!("line 4: vertex 2 is at (1, {word}, 0); positions must be finite numbers"));
     }

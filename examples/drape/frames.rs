@@ -73,13 +73,6 @@ impl<'a> Frames<'a> {
         Ok(Frames { outputs, template, caches })
     }
 
-    /// The first OBJ file of the frames up to this one that does not exist.
-    pub(crate) fn first_missing(&self, last: i64) -> Option<PathBuf> {
-        let frames = (1..=self.outputs.frames).take_while(|&frame| i64::from(frame) <= last);
-        let mut paths = frames.map(|frame| self.outputs.folder.join(frame_name(frame)));
-        if self.outputs.writes(Format::Obj) { paths.find(|path| !path.exists()) } else { None }
-    }
-
     /// Whether there is any cache, which must contain all frames.
     pub(crate) fn has_caches(&self) -> bool {
         !self.caches.is_empty()

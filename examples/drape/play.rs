@@ -79,9 +79,6 @@ pub(crate) fn play(
         cells.extend(is_cell(frame).then(cell));
         moving.extend(is_moving(frame).then(cell));
     };
-    if let Some(missing) = done.and_then(|done| frames.first_missing(done)) {
-        warn("warning", &format!("{} is not there: the frames before the resumed ones are where the first run wrote them", missing.display()));
-    }
     for frame in (1..=outputs.frames).take_while(|&frame| done >= Some(frame.into())) {
         if frames.has_caches() || is_cell(frame) || is_moving(frame) {
             save::written(outputs, frame, &mut shape)?;

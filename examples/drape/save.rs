@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Failure,
-    output::{Output, Outputs},
+    arguments::Format,
+    command::warn,
+    output::{Output, Outputs, frame_name},
     report::Frame,
     scene::Scene,
 };
@@ -72,12 +74,17 @@ pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Sa
     }
     let snapshot = Snapshot::from_bytes(snapshot.get(1..).unwrap_or_default()).map_err(|error| refuse(&error))?;
     deformer.restore(&snapshot).map_err(|error| refuse(&error))?;
+    let earlier = (1..=outputs.frames).take_while(|&frame| i64::from(frame) <= saved.frame);
+    let mut earlier = earlier.map(|frame| outputs.folder.join(frame_name(frame)));
+    if let Some(missing) = earlier.find(|path| outputs.writes(Format::Obj) && !path.exists()) {
+        warn("warning", &format!("--resume: {} is missing, and is not written again", missing.display()));
+    }
     Ok(Some(saved))
 }
 
 /// Reads a frame that was written before the run was interrupted.
 pub(crate) fn written(outputs: &Outputs, frame: u32, shape: &mut Mesh) -> Result<(), Failure> {
-    let path = outputs.folder.join(crate::output::frame_name(frame));
+    let path = outputs.folder.join(frame_name(frame));
     let read =
         Mesh::load_obj(&path).map_err(|error| Failure::input(format_args!("--resume needs the frames so far: {error}")))?;
     if read.positions.len() != shape.positions.len() {

@@ -22,10 +22,7 @@ pub(super) struct Bodies {
     pub first: usize,
     /// The meshes that their triangles were numbered for: see [`Surface`](super::surface::Surface).
     pub numbered: Vec<Arc<Mesh>>,
-    /// Whether there was no step since the state was set. The next one must then number them where it finds them, whatever
-    /// was before.
-    pub are_new: bool,
-    /// Their meshes at the end of the step, which are part of the state.
+    /// Their meshes at the end of the step, which are part of the state; empty if there was none since the state was set.
     pub last: Vec<Arc<Mesh>>,
     /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
     pub are_still: bool,
@@ -44,8 +41,7 @@ impl Bodies {
     pub(super) fn new(first: usize, numbered: Vec<Arc<Mesh>>) -> Bodies {
         Bodies {
             first,
-            are_new: true,
-            last: numbered.clone(),
+            last: Vec::with_capacity(numbered.len()),
             are_still: false,
             are_known: false,
             near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
@@ -56,10 +52,10 @@ impl Bodies {
         }
     }
 
-    /// Whether a step can go on with these meshes: they have the same triangles, and in the first step they are also where
-    /// the triangles were numbered.
+    /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
+    /// set they are also where the triangles were numbered, so that nothing depends on what was before.
     pub(super) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
-        if self.are_new {
+        if self.last.is_empty() {
             return self.are_numbered_for(meshes);
         }
         self.last.len() == meshes.len() && self.last.iter().zip(meshes).all(|(last, mesh)| last.has_triangles_of(mesh))
@@ -73,18 +69,19 @@ impl Bodies {
 
     /// Forgets the last step, because the state was replaced.
     pub(super) fn forget(&mut self) {
-        (self.are_new, self.are_still, self.are_known) = (true, false, false);
+        self.last.clear();
+        (self.are_still, self.are_known) = (false, false);
     }
 
-    /// Goes back to these positions at the end of the last step, or in an old state, after which nothing is new. Returns false
-    /// if they are not the same meshes.
-    pub(super) fn go_back(&mut self, last: &[Arc<Mesh>], are_new: bool) -> bool {
-        let is_other = |(one, last): (&Arc<Mesh>, &Arc<Mesh>)| !one.has_triangles_of(last);
-        if last.len() != self.numbered.len() || self.numbered.iter().zip(last).any(is_other) {
+    /// Goes back to the end of another step. Returns false, and changes nothing, if these are not its meshes.
+    pub(super) fn go_back(&mut self, last: &[Arc<Mesh>]) -> bool {
+        let is_same = |(one, last): (&Arc<Mesh>, &Arc<Mesh>)| one.has_triangles_of(last);
+        let are_same = last.len() == self.numbered.len() && self.numbered.iter().zip(last).all(is_same);
+        if !(last.is_empty() || are_same) {
             return false;
         }
-        self.last.clone_from_slice(last);
-        (self.are_new, self.are_still, self.are_known) = (are_new, false, false);
+        self.forget();
+        self.last.extend_from_slice(last);
         true
     }
 
@@ -98,12 +95,10 @@ impl Bodies {
         self.friction.extend(coefficients());
         let jumped = !self.last.iter().zip(meshes).all(|(last, body)| is_same_place(last, &body.from));
         let are_still = meshes.iter().all(|body| is_same_place(&body.from, &body.to));
-        self.are_new = false;
         self.are_known &= are_still && self.are_still && !jumped;
         self.are_still = are_still;
-        for (last, body) in self.last.iter_mut().zip(meshes) {
-            last.clone_from(&body.to);
-        }
+        self.last.clear();
+        self.last.extend(meshes.iter().map(|body| Arc::clone(&body.to)));
         jumped
     }
 

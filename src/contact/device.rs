@@ -316,7 +316,7 @@ impl HostContact {
             lambda,
         };
         let pairs: Vec<DevicePair> = all.map(pair).collect();
-        if !self.bodies.go_back(bodies, false) {
+        if !self.bodies.go_back(bodies) {
             return None;
         }
         self.ignored.take(crossings.clone(), &self.surface);

@@ -65,7 +65,6 @@ impl ContactPast {
 #[derive(Debug, Default)]
 pub(super) struct Checkpoint {
     bodies: Vec<Arc<Mesh>>,
-    are_new: bool,
     lists: [Rows; 2],
     paths: Paths,
     crossings: Vec<[u32; 2]>,
@@ -76,9 +75,8 @@ pub(super) struct Checkpoint {
 impl TriangleContact {
     /// Keeps what a failed step is to leave as it was.
     pub(crate) fn save(&mut self) {
-        let Checkpoint { bodies, are_new, lists, paths, crossings, may_cross, h } = &mut self.checkpoint;
+        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &mut self.checkpoint;
         bodies.clone_from(&self.bodies.last);
-        *are_new = self.bodies.are_new;
         lists.iter_mut().zip(&self.lists).for_each(|(saved, rows)| saved.copy_from(rows));
         paths.copy_from(&self.paths);
         crossings.clone_from(&self.ignored.crossings);
@@ -87,8 +85,8 @@ impl TriangleContact {
 
     /// Goes back to where the last step began.
     pub(crate) fn roll_back(&mut self) {
-        let Checkpoint { bodies, are_new, lists, paths, crossings, may_cross, h } = &self.checkpoint;
-        self.bodies.go_back(bodies, *are_new);
+        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &self.checkpoint;
+        self.bodies.go_back(bodies);
         self.lists.iter_mut().zip(lists).for_each(|(rows, saved)| rows.copy_from(saved));
         self.paths.copy_from(paths);
         if self.ignored.crossings != *crossings {
@@ -147,7 +145,7 @@ impl TriangleContact {
         let [Some(first), Some(second)] = lists else { return false };
         let crosses =
             |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
-        if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) || !self.bodies.go_back(&past.bodies, false) {
+        if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) || !self.bodies.go_back(&past.bodies) {
             return false;
         }
         self.lists = [first, second];

@@ -245,8 +245,10 @@ impl Deformer {
         let cloth = &self.cloth;
         let shape = cloth.rest.iter().fold(said(&cloth.origin), |hash, x| hash.with(bytemuck::bytes_of(&x.truncate())));
         let mesh = shape.with(bytemuck::cast_slice(&cloth.order)).with(bytemuck::cast_slice(&cloth.triangles));
-        // Threads are edges without triangles.
-        let mesh = cloth.links.iter().fold(mesh, |hash, link| hash.with(bytemuck::bytes_of(&link.ends)));
+        // Threads are edges without triangles. The order of all edges depends on the pins, too.
+        let mut edges: Vec<[u32; 2]> = cloth.links.iter().map(|link| link.ends).collect();
+        edges.sort_unstable();
+        let mesh = mesh.with(bytemuck::cast_slice(&edges));
         let list = |list: &[f32]| Hash::NOTHING.with(bytemuck::cast_slice(list));
         [
             ("mesh", mesh),

@@ -4,7 +4,7 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::bend_tiles::{BendTiles, push_rings};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, lanes, slot};
+use crate::gpu::stage::{Bind, BindGroup, ComputePass, SLOT, Sent, Stage, fill_slots, lanes, slot};
 use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
@@ -95,16 +95,8 @@ impl Bending {
         matches!(self.kernels[self.in_use].1, Kernels::Tiles(_, _, true))
     }
 
-    /// Number of dispatches in a substep, including the prediction.
-    pub(super) fn dispatches(&self) -> usize {
-        match self.kernels[self.in_use] {
-            (_, Kernels::Tiles(..)) => 1,
-            ((count, _), Kernels::Apart { .. }) => 2 * count,
-        }
-    }
-
     /// Encodes the prediction from state `from`, and the bending forces.
-    pub(super) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
+    pub(super) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
         match &self.kernels[self.in_use] {
             (_, Kernels::Tiles(stage, tiles, _)) => stage.dispatch_workgroups(pass, from, &[], *tiles),

@@ -4,14 +4,11 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Stage};
+use crate::gpu::stage::{Bind, ComputePass, Stage};
 use crate::gpu::state::StateBuffers;
 use crate::gpu::watch::Defects;
 use crate::model::cloth::Cloth;
 use crate::step::watch::{LEAST, TURNS};
-
-/// Dispatches of a commit.
-pub(crate) const DISPATCHES: usize = 2;
 
 /// The stages that check and commit, with a bind group for each state but the cloth's own.
 #[derive(Debug)]
@@ -53,7 +50,7 @@ impl Commit {
     }
 
     /// Encodes the commit of state number `made`, and its check unless it is already `checked`.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, made: usize, cloth: &Cloth, checked: bool) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, made: usize, cloth: &Cloth, checked: bool) {
         let vertices = cloth.rest.len();
         if let (false, Some(check)) = (checked, &self.check) {
             let edges = cloth.swept().len().div_ceil(TURNS).max(LEAST);

@@ -196,7 +196,7 @@ impl GpuEngine {
             let path = self.prepare(plan, false);
             Gpu::refused()?;
             let mut submission = Submission::new(&gpu);
-            self.encode(&mut submission, plan, path);
+            self.stats.dispatches = self.encode(&mut submission, plan, path);
             let due = self.report.is_due();
             submission.submit_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
             self.report.ask(due);
@@ -233,7 +233,9 @@ impl GpuEngine {
                     // A failure of one cloth fails this step for all of them. The others can be stepped again.
                     Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
                 }
-                together.iter().zip(paths).for_each(|((_, engine, plan), path)| engine.encode(&mut submission, plan, path));
+                for ((_, engine, plan), path) in together.iter_mut().zip(paths) {
+                    engine.stats.dispatches = engine.encode(&mut submission, plan, path);
+                }
                 let due: Vec<bool> = together.iter_mut().map(|(_, engine, _)| engine.report.is_due()).collect();
                 submission.submit_with(|encoder| {
                     let due = together.iter().zip(&due);

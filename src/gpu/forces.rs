@@ -7,7 +7,7 @@ use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::bending::{Bending, BendingInputs};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, BindGroup, SLOT, Sent, Stage, fill_slots, slot};
+use crate::gpu::stage::{Bind, BindGroup, ComputePass, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
@@ -136,14 +136,8 @@ impl Forces {
     }
 
     /// Binds the parameters of one substep for the stages encoded next.
-    pub(crate) fn bind_substep(&self, pass: &mut wgpu::ComputePass<'_>, substep: usize) {
+    pub(crate) fn bind_substep(&self, pass: &mut ComputePass<'_>, substep: usize) {
         self.uniforms.set(pass, 0, &slot(substep));
-    }
-
-    /// Dispatches of a substep.
-    pub(crate) fn dispatches(&self, plan: &Plan<'_>) -> usize {
-        let bending = self.bending.as_ref().filter(|_| plan.bending).map_or(1, Bending::dispatches);
-        bending + usize::from(plan.wind) + usize::from(plan.method == Method::Springs)
     }
 
     /// Whether the forces of a substep include the averages of its finest level.
@@ -163,7 +157,7 @@ impl Forces {
     }
 
     /// Encodes the forces of one substep that starts from state number `from`.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, from: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
         match self.bending.as_ref().filter(|_| plan.bending) {
             None => self.predict.dispatch(pass, from, &[], vertices + plan.pins.len()),

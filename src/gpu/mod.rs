@@ -52,7 +52,7 @@ pub use bound_mesh::BoundMesh;
 pub(crate) use bound_mesh::BoundVertex;
 pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;
-pub(crate) use stage::{Bind, Stage};
+pub(crate) use stage::{Bind, ComputePass, Stage};
 #[cfg(feature = "bench")]
 pub use stats::GpuStats;
 pub use surface::Surface;

@@ -115,8 +115,25 @@ impl BindGroup {
     }
 
     /// Sets the bind group as number `index`.
-    pub(crate) fn set(&self, pass: &mut wgpu::ComputePass<'_>, index: u32, offsets: &[u32]) {
-        pass.set_bind_group(index, &self.group, offsets);
+    pub(crate) fn set(&self, pass: &mut ComputePass<'_>, index: u32, offsets: &[u32]) {
+        pass.pass.set_bind_group(index, &self.group, offsets);
+    }
+}
+
+/// A compute pass that counts its dispatches.
+pub(crate) struct ComputePass<'a> {
+    pass: wgpu::ComputePass<'a>,
+    pub dispatches: usize,
+}
+
+impl<'a> ComputePass<'a> {
+    pub(crate) fn new(encoder: &'a mut wgpu::CommandEncoder) -> ComputePass<'a> {
+        ComputePass { pass: encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), dispatches: 0 }
+    }
+
+    /// The same pass, which must be dropped before its encoder is used again.
+    pub(crate) fn forget_lifetime(self) -> ComputePass<'static> {
+        ComputePass { pass: self.pass.forget_lifetime(), dispatches: self.dispatches }
     }
 }
 
@@ -140,23 +157,24 @@ impl Stage {
     }
 
     /// Dispatches an invocation for each of `items` items, with the stage's group number `group`.
-    pub(crate) fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, group: usize, offsets: &[u32], items: usize) {
+    pub(crate) fn dispatch(&self, pass: &mut ComputePass<'_>, group: usize, offsets: &[u32], items: usize) {
         self.dispatch_workgroups(pass, group, offsets, items.div_ceil(WORKGROUP));
     }
 
     /// Dispatches this many workgroups.
-    pub(crate) fn dispatch_workgroups(&self, pass: &mut wgpu::ComputePass<'_>, group: usize, offsets: &[u32], count: usize) {
+    pub(crate) fn dispatch_workgroups(&self, pass: &mut ComputePass<'_>, group: usize, offsets: &[u32], count: usize) {
         let rows = count.div_ceil(MAX_GROUPS).max(1);
-        pass.set_pipeline(self.pipeline.get());
+        pass.pass.set_pipeline(self.pipeline.get());
         self.groups[group].set(pass, 1, offsets);
-        pass.dispatch_workgroups(count.div_ceil(rows) as u32, rows as u32, 1);
+        pass.pass.dispatch_workgroups(count.div_ceil(rows) as u32, rows as u32, 1);
+        pass.dispatches += 1;
     }
 
     /// Submits a dispatch of an invocation for each of `items` items.
     pub(crate) fn submit(&self, gpu: &Gpu, uniforms: &BindGroup, items: usize) {
         let mut encoder = gpu.encoder();
         {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            let mut pass = ComputePass::new(&mut encoder);
             uniforms.set(&mut pass, 0, &[]);
             self.dispatch(&mut pass, 0, &[], items);
         }

@@ -7,7 +7,7 @@ use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu, IN_BROWSER};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Stage, WORKGROUP};
+use crate::gpu::stage::{Bind, ComputePass, Stage, WORKGROUP};
 use crate::kernels::statistics::{Statistics, StrainGauge};
 
 /// Most workgroups that compute statistics; each adds its result to that of the others.
@@ -63,16 +63,13 @@ impl Counter {
         (self.stage, self.counted, self.items) = (stage, counted, items);
     }
 
-    /// Dispatches to compute statistics.
-    pub(crate) const DISPATCHES: usize = 1;
-
     /// Resets the statistics, ahead of what is submitted next.
     pub(crate) fn clear(&self, gpu: &Gpu) {
         gpu.write(&self.counted, 0, &[Statistics::NONE]);
     }
 
     /// Encodes the statistics of the cloth's own state.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>) {
         self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MAX_WORKGROUPS));
     }
 

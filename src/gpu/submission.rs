@@ -1,6 +1,7 @@
 //! Collects the dispatches of a step: one pass and one submission, or as few submissions as possible.
 
 use crate::device::Gpu;
+use crate::gpu::stage::ComputePass;
 
 /// Approximate number of dispatches per submission. Drivers reset a device that one submission occupies for seconds.
 const LONGEST: usize = 16_384;
@@ -15,8 +16,12 @@ const PORTIONS: [usize; 2] = [8, 96];
 pub(crate) struct Submission<'a> {
     gpu: &'a Gpu,
     encoder: wgpu::CommandEncoder,
-    pass: wgpu::ComputePass<'static>,
-    dispatches: usize,
+    pass: ComputePass<'static>,
+    /// Dispatches of the pass before the last group of [`Submission::group`], those of the group before, and those of earlier
+    /// submissions.
+    before: usize,
+    last: usize,
+    earlier: usize,
     /// Largest number of dispatches in this submission, and in the next one.
     most: [usize; 2],
 }
@@ -30,8 +35,8 @@ impl<'a> Submission<'a> {
     fn after(gpu: &'a Gpu, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> Submission<'a> {
         let mut encoder = gpu.encoder();
         copies(&mut encoder);
-        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
-        Submission { gpu, encoder, pass, dispatches: 0, most: [FIRST, LONGEST] }
+        let pass = ComputePass::new(&mut encoder).forget_lifetime();
+        Submission { gpu, encoder, pass, before: 0, last: 0, earlier: 0, most: [FIRST, LONGEST] }
     }
 
     /// For a step that is waited for, with copies before its dispatches.
@@ -39,16 +44,31 @@ impl<'a> Submission<'a> {
         Submission { most: [PORTIONS[0], 2 * PORTIONS[0]], ..Submission::after(gpu, copies) }
     }
 
-    /// The pass, with room for some dispatches that must be in the same pass. Bindings may have to be set again.
-    pub(crate) fn room_for(&mut self, dispatches: usize) -> &mut wgpu::ComputePass<'static> {
+    /// The pass, for a group of dispatches that must be in the same pass, about as many as those of the last group. Bindings
+    /// may have to be set again.
+    pub(crate) fn group(&mut self) -> &mut ComputePass<'static> {
         let [most, next] = self.most;
-        if self.dispatches > 0 && self.dispatches + dispatches > most {
+        if self.pass.dispatches > self.before {
+            self.last = self.pass.dispatches - self.before;
+        }
+        if self.pass.dispatches > 0 && self.pass.dispatches + self.last > most {
             let after = if next < PORTIONS[1] { (2 * next).min(PORTIONS[1]) } else { next };
-            let next = Submission { most: [next, after], ..Submission::new(self.gpu) };
+            let (last, earlier) = (self.last, self.dispatches());
+            let next = Submission { last, earlier, most: [next, after], ..Submission::new(self.gpu) };
             std::mem::replace(self, next).submit();
         }
-        self.dispatches += dispatches;
+        self.before = self.pass.dispatches;
         &mut self.pass
+    }
+
+    /// The pass, for a few more dispatches.
+    pub(crate) fn pass(&mut self) -> &mut ComputePass<'static> {
+        &mut self.pass
+    }
+
+    /// Number of dispatches so far.
+    pub(crate) fn dispatches(&self) -> usize {
+        self.earlier + self.pass.dispatches
     }
 
     pub(crate) fn submit(self) {

@@ -16,7 +16,7 @@ use glam::{Vec3, Vec4};
 use crate::cpu::{MappedVectors, Task};
 use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu};
-use crate::gpu::{Bind, Forces, Stage, shaders};
+use crate::gpu::{Bind, ComputePass, Forces, Stage, shaders};
 use crate::step::plan::Plan;
 
 /// Size of three floats in bytes.
@@ -149,7 +149,7 @@ impl Exchange {
             let end = if what.has_displacements() { 2 * half } else { half };
             encoder.copy_buffer_to_buffer(&self.outbox, start, sent, start, end - start);
         }
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let mut pass = ComputePass::new(&mut encoder);
         forces.bind_substep(&mut pass, index);
         self.arrive[what as usize].dispatch(&mut pass, 0, &[], vertices);
         forces.encode(&mut pass, plan, 0);

@@ -40,6 +40,8 @@ use crate::cpu::{Cpu, ExternalPrediction, SharedArray};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
+#[cfg(feature = "bench")]
+use crate::gpu::ComputePass;
 use crate::gpu::Forces;
 use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::hybrid::stages::{ExchangedStep, Exchanges};
@@ -143,7 +145,7 @@ impl Hybrid {
         gpu.checked(|| {
             forces.prepare(gpu, plan, false, None);
             let mut encoder = gpu.encoder();
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            let mut pass = ComputePass::new(&mut encoder);
             forces.bind_substep(&mut pass, 0);
             (0..repeats).for_each(|_| forces.encode(&mut pass, plan, 0));
             drop(pass);

@@ -109,7 +109,8 @@ impl Cloth {
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
             sides(named).for_each(|side| side_area[index_of.of(side)] += triangle_area);
         }
-        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area, mesh_edges.iter().map(|ends| ends.map(|vertex| rank[vertex as usize])))?;
+        let Weights { mass, density, pinned, inverse_mass } =
+            Weights::new(options, &order, &area, mesh_edges.iter().map(|ends| ends.map(|vertex| rank[vertex as usize])))?;
 
         let [low, high] = bounds(used());
         let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
@@ -181,8 +182,12 @@ impl Cloth {
     pub(crate) fn changed(&self, options: &Options) -> Result<(Cloth, Change), BuildError> {
         check_options(self.rest.len(), self.links.len(), options)?;
         let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
-        let Weights { mass, density, pinned, inverse_mass } =
-            Weights::new(options, &self.order, &vertex_areas(&self.triangles, &positions), self.links.iter().map(|link| link.ends))?;
+        let Weights { mass, density, pinned, inverse_mass } = Weights::new(
+            options,
+            &self.order,
+            &vertex_areas(&self.triangles, &positions),
+            self.links.iter().map(|link| link.ends),
+        )?;
 
         let stretch = f64::from(options.fabric.stretch);
         let mut links = self.links.clone();

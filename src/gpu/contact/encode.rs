@@ -6,13 +6,9 @@ use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::table::ContactParams;
 use crate::contact::{ITERATIONS, ROUNDS};
-use crate::gpu::stage::Stage;
+use crate::gpu::stage::{ComputePass, Stage};
 use crate::step::plan::Plan;
 
-/// Dispatches at the start of a step with mesh colliders, of a detection with the decision whether it is due, and of the response.
-const OF_START: usize = 2;
-const OF_DETECTION: usize = 8;
-const OF_RESPONSE: usize = 11 + 2 * ITERATIONS;
 /// Range of the invocations of dispatches over pairs. With more pairs, each handles several.
 const MIN_ITEMS: usize = 4096;
 const MAX_ITEMS: usize = 1 << 18;
@@ -29,23 +25,9 @@ pub(super) const MANY: u32 = 1 << 16;
 const GLANCED: usize = 16_384;
 
 impl GpuContact {
-    /// Limit on the dispatches of a substep.
-    pub(crate) fn dispatches(&self, index: usize) -> usize {
-        let detection = if self.choice.may_detect(index) { OF_DETECTION } else { 0 };
-        let start = if index == 0 { OF_START } else { 0 };
-        1 + start
-            + detection
-            + match self.choice.response {
-                Response::None => 0,
-                Response::Glance => 1,
-                Response::Full if self.max_carry > 0.0 => OF_RESPONSE + 3 * ROUNDS,
-                Response::Full => OF_RESPONSE,
-            }
-    }
-
     /// Encodes contact in substep number `index` after its sweep; `group` is an index of
     /// [`crate::gpu::state::PING_PONG`].
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
         let (may_detect, response) = (self.choice.may_detect(index), self.choice.response);
         let begin_contact = match response {
@@ -79,7 +61,7 @@ impl GpuContact {
         (2 * before as usize).clamp(MIN_ITEMS, self.room.clamp(MIN_ITEMS, MAX_ITEMS))
     }
 
-    fn encode_detection(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, group: usize) {
+    fn encode_detection(&self, stages: &Stages, pass: &mut ComputePass<'_>, group: usize) {
         let ContactParams { all_vertices, depth, mesh_depth, mesh_leaves, features, .. } = self.params;
         stages.begin_paths.dispatch(pass, group, &[], all_vertices as usize);
         stages.prepare.dispatch(pass, group, &[], self.params.boxes().max(self.items(self.status.listed)));
@@ -96,7 +78,7 @@ impl GpuContact {
         stages.measure.dispatch_workgroups(pass, group, &[], measured.div_ceil(MEASURERS));
     }
 
-    fn encode_response(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+    fn encode_response(&self, stages: &Stages, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         let vertices = self.vertices;
         stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
         let items = self.items(self.status.near + self.status.acting);
@@ -108,7 +90,7 @@ impl GpuContact {
             let apply_impulses = if iteration < ITERATIONS { &stages.apply_impulses } else { &stages.apply_impulses_last };
             apply_impulses.dispatch(pass, group, &[], vertices);
         }
-        let truncate = |pass: &mut wgpu::ComputePass<'_>, [truncate, finish]: &[Stage; 2]| {
+        let truncate = |pass: &mut ComputePass<'_>, [truncate, finish]: &[Stage; 2]| {
             truncate.dispatch(pass, group, &[], items);
             finish.dispatch(pass, group, &[], vertices);
         };

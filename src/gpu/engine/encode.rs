@@ -1,7 +1,6 @@
 //! The commands of a step: its substeps, and its end.
 
 use super::{EdgeSweep, GpuEngine, Path};
-use crate::gpu::commit;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
 use crate::gpu::statistics::Counter;
@@ -9,17 +8,19 @@ use crate::gpu::submission::Submission;
 use crate::step::plan::Plan;
 
 impl GpuEngine {
-    /// Encodes the commands of a step.
-    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) {
+    /// Encodes the commands of a step. Returns the number of their dispatches.
+    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) -> usize {
+        let before = submission.dispatches();
         if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
-            let pass = submission.room_for(1 + Counter::DISPATCHES);
+            let pass = submission.group();
             self.forces.bind_substep(pass, 0);
             single.encode(pass);
             self.counter().into_iter().for_each(|counter| counter.encode(pass));
-            return;
+        } else {
+            self.encode_substeps(submission, plan, None);
+            self.encode_commit(submission, plan);
         }
-        self.encode_substeps(submission, plan, None);
-        self.encode_commit(submission, plan);
+        submission.dispatches() - before
     }
 
     /// Encodes the substeps, each followed by contact of triangles if there is a `contact_plan`, which has the colliders.
@@ -28,9 +29,7 @@ impl GpuEngine {
         let predicted = forced.params.predicted != 0;
         for substep in 0..plan.substeps.len() {
             let group = ping_pong(substep);
-            let contact = self.contact.as_ref().filter(|_| contact_plan.is_some());
-            let more = contact.map_or(0, |contact| contact.dispatches(substep));
-            let pass = submission.room_for(self.dispatches(plan) + more);
+            let pass = submission.group();
             self.forces.bind_substep(pass, substep);
             if predicted {
                 self.forces.encode(pass, &forced, PING_PONG[group][0]);
@@ -60,7 +59,7 @@ impl GpuEngine {
     /// Encodes the end of a step.
     pub(super) fn encode_commit(&self, submission: &mut Submission<'_>, plan: &Plan<'_>) {
         let last = plan.substeps.len() - 1;
-        let pass = submission.room_for(commit::DISPATCHES + Counter::DISPATCHES);
+        let pass = submission.pass();
         self.forces.bind_substep(pass, last);
         self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth, self.is_checked(plan));
         self.counter().into_iter().for_each(|counter| counter.encode(pass));

@@ -13,7 +13,7 @@ use glam::Vec4;
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, Stage, batches, slot};
+use crate::gpu::stage::{Batch, Bind, ComputePass, Stage, batches, slot};
 use crate::gpu::state::{PING_PONG, groups};
 use crate::model::cloth::Cloth;
 use crate::model::csr::Span;
@@ -158,27 +158,19 @@ impl Multigrid {
         }
     }
 
-    /// Dispatches of a substep, including that of [`Multigrid::encode_correct`].
-    pub(crate) fn dispatches(&self, levels: usize) -> usize {
-        match &self.sweep {
-            LevelSweep::Tiled(tiled) => 2 * tiled.dispatches(levels),
-            LevelSweep::PerColor(per_color) => levels + per_color.dispatches(levels),
-        }
-    }
-
     /// Encodes the averages of the finest level over the displacements that the forces of substep number `group` of
     /// [`PING_PONG`] predict.
-    pub(crate) fn encode_averages(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+    pub(crate) fn encode_averages(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         let predicted = plan.params.predicted as usize * PING_PONG.len();
         self.restrict_vertices.dispatch(pass, group + predicted, &slot(0), EACH[0] * self.starts[1]);
     }
 
     /// Encodes the corrections that follow from the averages of the finest level.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>) {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let levels = plan.params.levels as usize;
         let averaged = match &self.sweep {
-            LevelSweep::Tiled(tiled) => tiled.dispatches(levels),
+            LevelSweep::Tiled(tiled) => tiled.averaged(levels),
             LevelSweep::PerColor(_) => levels,
         };
         for level in 1..averaged {
@@ -191,7 +183,7 @@ impl Multigrid {
     }
 
     /// Encodes adding the correction to the vertices, if the sweep does not do that itself.
-    pub(crate) fn encode_correct(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>) {
+    pub(crate) fn encode_correct(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>) {
         if let LevelSweep::PerColor(per_color) = &self.sweep {
             per_color.encode_correct(pass, plan.cloth.rest.len());
         }

@@ -3,7 +3,7 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, Stage, batches, slot};
+use crate::gpu::stage::{Batch, Bind, ComputePass, Stage, batches, slot};
 use crate::gpu::tiles::NO_EDGE;
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
@@ -77,13 +77,8 @@ impl LevelsPerColor {
         7 * self.edges.size() as usize
     }
 
-    /// Dispatches of [`LevelsPerColor::encode`] and [`LevelsPerColor::encode_correct`].
-    pub(crate) fn dispatches(&self, levels: usize) -> usize {
-        levels + self.colors.iter().filter(|(of, _)| *of < levels).count() + 2
-    }
-
     /// Encodes the sweeps of this many levels, the coarsest first.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize) {
         let count = |level: usize| self.aggregates[level].count as usize;
         for level in (0..levels).rev() {
             let arrive = if level + 1 == levels { &self.begin } else { &self.prolongate };
@@ -96,7 +91,7 @@ impl LevelsPerColor {
     }
 
     /// Encodes adding the finest level's correction to the vertices.
-    pub(crate) fn encode_correct(&self, pass: &mut wgpu::ComputePass<'_>, vertices: usize) {
+    pub(crate) fn encode_correct(&self, pass: &mut ComputePass<'_>, vertices: usize) {
         self.correct.dispatch(pass, 0, &slot(0), vertices);
     }
 }

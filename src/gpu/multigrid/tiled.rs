@@ -6,7 +6,7 @@ use glam::Vec4;
 use crate::device::{Entry, Gpu};
 use crate::gpu::multigrid::level_table::LevelTable;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, BindGroup, Stage, lanes};
+use crate::gpu::stage::{Bind, BindGroup, ComputePass, Stage, lanes};
 use crate::gpu::tiles::{NO_EDGE, TileSize, Tiles};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
@@ -72,9 +72,8 @@ impl TiledLevels {
         self.in_tiles.len()
     }
 
-    /// The number of dispatches that sweep this many levels, which is also the number of levels to be averaged
-    /// separately: the workgroup averages all of its levels but the finest.
-    pub(crate) fn dispatches(&self, levels: usize) -> usize {
+    /// How many of this many levels are averaged separately: the workgroup averages all of its levels but the finest.
+    pub(crate) fn averaged(&self, levels: usize) -> usize {
         levels.min(self.in_tiles.len() + 1)
     }
 
@@ -100,7 +99,7 @@ impl TiledLevels {
     }
 
     /// Encodes the sweeps of this many levels, the coarsest first.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, levels: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize) {
         if let Some((_, _, stage)) = self.in_workgroup.as_ref().filter(|_| levels > self.in_tiles.len()) {
             stage.dispatch_workgroups(pass, 0, &[], 1);
         }

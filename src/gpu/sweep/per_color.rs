@@ -4,7 +4,7 @@
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, Sent, Stage, batches, slot};
+use crate::gpu::stage::{Batch, Bind, ComputePass, Sent, Stage, batches, slot};
 use crate::gpu::state::groups;
 use crate::gpu::tethers;
 use crate::kernels::distance::Edge;
@@ -63,18 +63,13 @@ impl PerColor {
         }
     }
 
-    /// Dispatches of a substep.
-    pub(crate) fn dispatches(&self, plan: &Plan<'_>) -> usize {
-        plan.sweeps as usize * self.colors.len() + 1
-    }
-
     /// Bytes of a substep.
     pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
         plan.sweeps as usize * 112 * plan.cloth.swept().len()
     }
 
     /// Encodes the sweeps and contact of a substep, number `group` of [`crate::gpu::state::PING_PONG`].
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         for _ in 0..plan.sweeps {
             for (color, batch) in self.colors.iter().enumerate() {
                 self.project.dispatch(pass, group, &slot(color), batch.count as usize);

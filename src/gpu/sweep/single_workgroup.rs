@@ -5,7 +5,7 @@ use glam::Vec4;
 use crate::device::{Entry, Gpu};
 use crate::gpu::multigrid::LevelTable;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Stage, lanes};
+use crate::gpu::stage::{Bind, ComputePass, Stage, lanes};
 use crate::gpu::sweep::forces_in_workgroup::ForceTable;
 use crate::gpu::sweep::tiled::SweepInputs;
 use crate::gpu::tethers;
@@ -148,7 +148,7 @@ impl SingleWorkgroup {
     }
 
     /// Encodes the dispatch of a step.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>) {
         self.stage.dispatch_workgroups(pass, 0, &[], 1);
     }
 }

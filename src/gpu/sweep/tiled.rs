@@ -5,7 +5,7 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, Sent, Stage, lanes};
+use crate::gpu::stage::{Bind, ComputePass, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, StateBuffers, groups};
 use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
@@ -224,7 +224,7 @@ impl Tiled {
 
     /// Encodes a substep, number `group` of [`PING_PONG`]. With bending, tiles always predict; otherwise unless the
     /// displacements are `predicted` already.
-    pub(crate) fn encode(&self, pass: &mut wgpu::ComputePass<'_>, group: usize, predicted: bool) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, group: usize, predicted: bool) {
         let predicted = usize::from(predicted && !self.bends()) * PING_PONG.len();
         self.stage.dispatch_workgroups(pass, group + predicted, &[], self.tiles.count);
     }
