@@ -27,7 +27,8 @@ const END: usize = size_of::<u64>();
 /// The state of a motion: everything that its next steps depend on. Created by [`Deformer::snapshot`].
 ///
 /// A snapshot does not contain the mesh and the options, only hashes of them. It takes 24 bytes per vertex and a few
-/// thousand bytes more; with [`Options::contact`] 52 more bytes per vertex and 24 per listed pair. Its bytes can be
+/// thousand bytes more; with [`Options::contact`] 52 more bytes per vertex and 24 per listed pair; with mesh colliders some
+/// hundred bytes per vertex of theirs, since it has their places in several moments. Its bytes can be
 /// stored in a file and restored elsewhere: numbers are little-endian, and a hash at the end detects truncated or
 /// altered files. With the `serde` feature it implements `Serialize` and `Deserialize` as those bytes.
 ///

@@ -8,7 +8,8 @@
 //! or each cloth of a crowd, is stepped by one workgroup in one dispatch, including its forces
 //! ([`sweep::SingleWorkgroup`]). A larger cloth is divided into [`tiles`] and swept in one dispatch per substep
 //! ([`sweep::Tiled`]), after separate dispatches for what reaches beyond a tile: the [`forces`] of bending and wind,
-//! and the coarse levels ([`multigrid`]). Within a dispatch a color takes 0.2 us if its edges are loaded in time, and
+//! and the coarse levels ([`multigrid`]). Tiles of a small cloth do these themselves where a pass of bending or a single level
+//! is all. Within a dispatch a color takes 0.2 us if its edges are loaded in time, and
 //! twice that if a lane has to wait for memory (see `shaders/stages/sweep.wgsl`). A mesh that cannot be divided takes a
 //! dispatch per color ([`sweep::PerColor`]). A step works on copies, and is committed at its end if the [`watch`] found
 //! no error, so a step that fails leaves the cloth unchanged.

@@ -1,6 +1,7 @@
 //! Coarse levels on the GPU; [`crate::multigrid::hierarchy`] has the theory.
 //!
-//! The finest level is averaged from the vertices in a dispatch of its own. The levels that fit together into one
+//! The finest level is averaged from the vertices in a dispatch of its own, unless that of bending does it; where it is the
+//! only level, the tiles of a small cloth do all of this ([`super::sweep::Tiled::corrected`]). The levels that fit together into one
 //! workgroup are swept in one dispatch. Larger levels are divided into tiles, as the cloth is, and take two dispatches
 //! each, one to average and one to sweep. On a mesh that cannot be divided each color takes a dispatch.
 
