@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File as OsFile, TryLockError};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use toml::{Table, Value};
 
@@ -97,7 +97,7 @@ impl Sweep {
             match done {
                 Ok(line) if !arguments.quiet => say(&line),
                 Ok(_) => {}
-                Err(_) if interrupted.load(Ordering::Relaxed) => {
+                Err(failure) if failure.code == Failure::INTERRUPTED => {
                     failed.into_iter().for_each(|(_, failure)| warn("error", &failure.message));
                     let message = format_args!("interrupted in variant {number}, of which nothing is kept");
                     return Err(Failure::new(Failure::INTERRUPTED, message));

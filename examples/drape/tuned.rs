@@ -34,7 +34,8 @@ pub(crate) fn show(tuned: &Tuned, tolerance: Tolerance) {
     let row = |trial: &Trial| {
         let &Trial { setting, substeps, levels, error, checked, milliseconds, .. } = trial;
         let [error, checked] = [error, checked].map(|error| scale * error);
-        say(&format!("| {setting} | {substeps:.0} | {levels} | {error:.2} | {checked:.2} | {milliseconds:.2} |"));
+        let air = if setting.terms[2] { "" } else { ", without air" };
+        say(&format!("| {setting}{air} | {substeps:.0} | {levels} | {error:.2} | {checked:.2} | {milliseconds:.2} |"));
     };
     tuned.trials.iter().for_each(row);
     let Trial { setting, milliseconds, error, checked, .. } = tuned.best;

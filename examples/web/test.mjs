@@ -122,6 +122,7 @@ try {
   await moves("the wind has changed");
   await page.mouse.move(...middle);
   await page.mouse.down();
+  assert.ok(await page.evaluate(() => document.getElementById("view").classList.contains("held")), "on the GPU the cloth was not taken hold of");
   await moves("it was taken hold of");
   await page.mouse.up();
   await moves("it was released");

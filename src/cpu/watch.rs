@@ -36,7 +36,8 @@ pub(crate) struct VertexWatch {
 impl VertexWatch {
     /// Nothing yet, in a step from the positions `x` (m).
     pub(crate) fn nothing(params: &Params, x: &[Vec4]) -> VertexWatch {
-        let center = x.first().map_or(Vec3A::ZERO, |&x| xyz(x));
+        // A vertex that cannot move may be far from the cloth.
+        let center = x.iter().find(|x| x.w > 0.0).map_or(Vec3A::ZERO, |&x| xyz(x));
         // All within the cube are then within the bounds of positions, too.
         let within = MAX_POSITION - center.abs().max_element();
         VertexWatch {

@@ -16,8 +16,8 @@ pub struct Measure {
     /// Maximum over the edges of `max(0, l/l0 - 1)`.
     pub max_strain: f32,
     /// The stretch `max(0, l/l0 - 1)` that 99 percent of the cloth's area does not exceed, each edge weighted by the
-    /// area of its triangles. Edges that [`Options::edge_scale`](crate::Options::edge_scale) softens to less than half
-    /// are left out.
+    /// area of its triangles. Edges that [`Options::edge_scale`](crate::Options::edge_scale) makes softer than half of
+    /// the fabric, or of the stiffest edge if none is stiffer, are left out.
     pub stretch_share: f32,
     /// Kinetic energy (J). Velocities are those of half a substep ago (leapfrog).
     pub kinetic_energy: f64,
@@ -58,6 +58,9 @@ impl Measure {
         if bending > 0.0 {
             potential += bending * cloth.bending().energy(x);
         }
+        // Vertices without edges belong to no cloth.
+        let mut is_cloth: Vec<bool> = cloth.rest.iter().map(|rest| rest.w > 0.0).collect();
+        cloth.pinned.iter().for_each(|&vertex| is_cloth[vertex as usize] = true);
         let depth = |x: &DVec3| colliders.iter().map(|collider| -collider.depth_from(*x)).fold(0.0, f64::max);
         Measure {
             mean_strain: (sum / cloth.links.len().max(1) as f64) as f32,
@@ -65,7 +68,8 @@ impl Measure {
             stretch_share: stretch_share(cloth, x) as f32,
             kinetic_energy: kinetic,
             potential_energy: potential,
-            penetration: x.iter().map(depth).fold(0.0, f64::max) as f32,
+            penetration: x.iter().zip(is_cloth).filter(|(_, is_cloth)| *is_cloth).map(|(x, _)| depth(x)).fold(0.0, f64::max)
+                as f32,
         }
     }
 }

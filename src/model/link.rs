@@ -12,7 +12,7 @@ pub(crate) struct Link {
     pub shape: f64,
     /// Factor on the fabric's stiffness ([`Options::edge_scale`](crate::Options::edge_scale)).
     pub scale: f32,
-    /// Whether the edge has at least half of the fabric's stiffness, or of that of the stiffest edge if all are softer. The
+    /// Whether the edge has at least half of the fabric's stiffness; or, if none has, of the stiffest edge's. The
     /// stretch of softer ones, as for soft shear, is a property of the fabric: they have no strain gauges, and tethers do not
     /// measure distances along them.
     pub is_firm: bool,

@@ -54,7 +54,7 @@ async function build() {
   const wanted = at("gpu").checked;
   const number = ++builds;
   const found = wanted ? await device().catch(() => null) : null;
-  if (number !== builds) return; // another choice was made meanwhile
+  if (number !== builds) return void found?.free(); // another choice was made meanwhile
   onGpu = found !== null;
   at("gpu").checked = onGpu;
   at("compare").disabled = onGpu;
@@ -172,7 +172,7 @@ for (const id of ["wind", "gravity", "method", "substeps", "levels", "compare"])
 for (const id of ["scenes", "size", "gpu"]) at(id).addEventListener("change", build);
 at("pause").addEventListener("click", () => pause(!paused));
 at("reset").addEventListener("click", () => attempt(() => toy.reset()));
-at("view").addEventListener("webglcontextlost", () => say("The browser has lost the picture; reload the page.", true));
+at("view").addEventListener("webglcontextlost", () => say((usual = "The browser has lost the picture; reload the page."), true));
 at("settings").addEventListener("submit", (event) => event.preventDefault());
 
 await init().catch((error) => (say(`The cloth could not be loaded: ${error.message}`, true), Promise.reject(error)));

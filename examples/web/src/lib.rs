@@ -132,8 +132,9 @@ impl Toy {
         if (method, quality, levels) == (self.options.method, self.options.quality, self.options.levels) {
             return Ok(());
         }
-        self.options = Options { method, quality, levels, ..self.options.clone() };
-        self.rebuild()
+        let before = self.options.clone();
+        self.options = Options { method, quality, levels, ..before.clone() };
+        self.rebuild().inspect_err(|_| self.options = before)
     }
 
     /// Sets wind (m/s) and gravity (m/s²).

@@ -20,18 +20,14 @@ const MIN_AHEAD: f32 = 6.0;
 const MAX_AHEAD: f32 = 64.0;
 const FARTHER_AHEAD: f32 = 1.5;
 
-// Whether a vertex belongs to no triangle: it may stray any distance from its path.
-fn is_loose(track: Track) -> bool {
-    return track.by.w > 0.0 && track.by.w < 1e-12;
-}
-
 // A vertex's part of the reduction: for a free cloth the mean by mass, otherwise the range of the pins' displacements besides
-// their rotation. One that belongs to no triangle has none.
-fn part_of(track: Track, u: vec3f, w: f32) -> Part {
-    if w == 0.0 && (is_free() || is_loose(track)) {
-        return nothing();
-    }
+// their rotation.
+fn part_of(u: vec3f, w: f32) -> Part {
     if is_free() {
+        // A vertex without edges stays where it is.
+        if w == 0.0 {
+            return nothing();
+        }
         return Part(vec4f(u, 1.0) / w, vec4f());
     }
     if w == 0.0 {
@@ -94,7 +90,7 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
             atomicOr(&contact_state.status.stopped, EARLY);
         }
     }
-    return part_of(track, path.u - by_turning(x_i.xyz), x_i.w);
+    return part_of(path.u - by_turning(x_i.xyz), x_i.w);
 }
 
 // Moves a vertex of a mesh collider through the substep, and tests whether it is close enough to its path.

@@ -97,7 +97,7 @@ fn give_back(
     workgroupBarrier();
     let back = lost[0] * contact_params.per_mass;
     let i = item(id, groups);
-    if i < contact_params.vertices && !has_stopped() && any(back != vec3f()) {
+    if i < contact_params.vertices && vertices[i].x.w != 0.0 && !has_stopped() && any(back != vec3f()) {
         let u = vertices[i].u.xyz + back;
         x_out[i] = vec4f(vertices[i].x.xyz + vertices[i].push.xyz + u, vertices[i].x.w);
         p_out[i] = vec4f(u, params.h);
