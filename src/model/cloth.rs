@@ -123,8 +123,6 @@ impl Cloth {
             a.distance(b)
         });
         let longest = longest.fold(0.0, f64::max);
-        let stiffest = options.edge_scale.iter().flatten().copied().reduce(f32::max).unwrap_or(1.0);
-        let firm = if stiffest < 0.5 { 0.5 * stiffest } else { 0.5 };
         let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
         let (mut slivers, mut worst_aspect) = (Slivers::default(), 0.0);
         for (index, &named) in mesh_edges.iter().enumerate() {
@@ -145,8 +143,7 @@ impl Cloth {
             let scale = options.edge_scale.as_ref().map_or(1.0, |scale| scale[index]);
             let shape = f64::from(scale) * aspect;
             let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
-            let is_firm = scale > 0.0 && scale >= firm;
-            links.push(Link { ends, rest: length as f32, stiffness, shape, scale, is_firm });
+            links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let bending_scale =

@@ -12,8 +12,18 @@ pub(crate) struct Link {
     pub shape: f64,
     /// Factor on the fabric's stiffness ([`Options::edge_scale`](crate::Options::edge_scale)).
     pub scale: f32,
-    /// Whether the edge has at least half of the fabric's stiffness; or, if none has, of the stiffest edge's. The
-    /// stretch of softer ones, as for soft shear, is a property of the fabric: they have no strain gauges, and tethers do not
-    /// measure distances along them.
-    pub is_firm: bool,
+}
+
+impl Link {
+    /// Whether the edge is firm, given the [`least_firm`] factor of the cloth. The stretch of softer ones, as for soft shear, is a
+    /// property of the fabric: they have no strain gauges, and tethers do not measure distances along them.
+    pub(crate) fn is_firm(&self, least: f32) -> bool {
+        self.scale > 0.0 && self.scale >= least
+    }
+}
+
+/// The least factor of a firm edge: half, or half of the largest if no edge has that.
+pub(crate) fn least_firm(links: &[Link]) -> f32 {
+    let stiffest = links.iter().map(|link| link.scale).fold(0.0, f32::max);
+    if stiffest < 0.5 { 0.5 * stiffest } else { 0.5 }
 }

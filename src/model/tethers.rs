@@ -24,7 +24,7 @@ use glam::{DVec3, Vec4};
 
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
-use crate::model::link::Link;
+use crate::model::link::{Link, least_firm};
 
 /// Maximum length of tethers as a share of the cloth's extent.
 pub(crate) const REACH: f64 = 0.5;
@@ -122,9 +122,10 @@ struct ShortestPaths<'a> {
 
 impl<'a> ShortestPaths<'a> {
     fn new(cloth: Hung<'a>) -> ShortestPaths<'a> {
-        let vertices = cloth.rest.len();
-        let firm = cloth.links.iter().filter(|link| link.is_firm).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
-        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm).map(|link| link.ends).collect();
+        let (vertices, least) = (cloth.rest.len(), least_firm(cloth.links));
+        let firm =
+            cloth.links.iter().filter(|link| link.is_firm(least)).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
+        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm(least)).map(|link| link.ends).collect();
         let is_soft = |a: u32, b: u32| soft.contains(&[a.min(b), a.max(b)]);
         let of_firm =
             |&(_, &[a, b, c]): &(usize, &[u32; 3])| soft.is_empty() || !(is_soft(a, b) || is_soft(b, c) || is_soft(c, a));

@@ -184,7 +184,7 @@ impl Edges<'_> {
             return None;
         }
         let shape = area / (rest * rest);
-        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape, scale: 1.0, is_firm: true })
+        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape, scale: 1.0 })
     }
 }
 
