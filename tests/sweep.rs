@@ -128,6 +128,7 @@ fn what_is_done_is_not_done_again() {
     // Missing frames are not noticed; an invalid receipt is. What is replaced is told, and a folder of something else is not
     // replaced.
     fs::write(path.join("receipt.json"), "{}").unwrap();
+    assert!(run_it(&["--gravity", "0,-5,0"]) > times[3]);
     let output = run(&directory, &["--scene", "s.toml", "--variant", "2", "--out", "out"]);
     succeeds(&output);
     assert!(String::from_utf8_lossy(&output.stdout).contains("replaces the one there"));

@@ -180,7 +180,7 @@ impl Sweep {
                 figures: Figures::of(&report),
             };
             receipt.write(&partial)?;
-            replaced(&folder)?;
+            // The folder may contain a variant with other inputs.
             remove(&folder)?;
             fs::rename(&partial, &folder).map_err(|error| failed(&folder, error))?;
         }
