@@ -338,6 +338,11 @@ fn top_of_an_upright_mesh_is_its_highest_side() {
     mesh.save_obj(directory.path().join("curtain.obj")).unwrap();
     let path = directory.path().join("curtain.obj");
     assert_eq!(held(&[path.to_str().unwrap(), "--pin", "top"]), [8, 9, 10, 11]);
+    // A vertex that no face uses is not part of it. It stays where it is, too.
+    mesh.positions.push(Vec3::new(5.0, 5.0, 5.0));
+    mesh.save_obj(&path).unwrap();
+    assert_eq!(held(&[path.to_str().unwrap(), "--pin", "top"]), [8, 9, 10, 11, 12]);
+    assert_eq!(held(&[path.to_str().unwrap(), "--pin", "corners"]), [0, 3, 8, 11, 12]);
 }
 
 #[test]

@@ -225,11 +225,11 @@ pin = [{ color = [1, 0, 0] }]
     assert_eq!(faces.last(), Some(&[4, 6, 5]));
 }
 
-/// A byte order mark, tabs and continued lines are no reason to pin another vertex.
+/// A byte order mark, tabs, continued lines, and comments and paths that end like these, are no reason to pin another vertex.
 #[test]
 fn colors_are_those_of_their_vertices() {
     let directory = TempDir::new().unwrap();
-    let obj = "\u{feff}v 0 0 0 1 0 0\nv\t1 0 0 0 0 1\n  v 1 \\\n 0 1 1 0 0 # red\nv 0 0 1 0 0 1\nf 1 2 3 4\n";
+    let obj = "\u{feff}v 0 0 0 1 0 0\n# C:\\work\\\nmtllib C:\\work\\\nv\t1 0 0 0 0 1\n  v 1 \\\n 0 1 1 0 0 # red\nv 0 0 1 0 0 1\nf 1 2 3 4\n";
     fs::write(directory.path().join("m.obj"), obj).unwrap();
     fs::write(directory.path().join("s.toml"), "[[cloth]]\nmesh = \"m.obj\"\npin = [{ color = [1, 0, 0] }]\n").unwrap();
     succeeds(&run(&directory, &["--scene", "s.toml", "--frames", "4", "--quiet"]));
@@ -320,6 +320,22 @@ fn shear_is_as_stiff_as_it_says() {
         let stiff = energy(mesh, "");
         assert!((stiff / expected(5000.0 * 0.329_f64.powi(2)) - 1.0).abs() < 0.02, "{mesh}: {stiff} J without");
     }
+}
+
+/// A quad without an area has no shear stiffness; the others have theirs.
+#[test]
+fn shear_leaves_out_quads_without_an_area() {
+    let directory = TempDir::new().unwrap();
+    let obj = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 0 1\nv 1 0 1\nv 2 0 1\nv 3 0 0\nf 1 4 5 2\nf 2 5 6 3\nf 1 2 3 7\n";
+    fs::write(directory.path().join("quads.obj"), obj).unwrap();
+    let most = |shear: &str| {
+        let text =
+            format!("frames = 2\n[[cloth]]\nmesh = \"quads.obj\"\nfabric = {{ stretch = 5000, bending = 0 }}\nshear = {shear}\n");
+        fs::write(directory.path().join("s.toml"), text).unwrap();
+        run(&directory, &["--scene", "s.toml", "--quiet", "--no-floor"])
+    };
+    succeeds(&most("50"));
+    fails(&most("1251"), 2, &["shear = 1251 N/m", "1250 N/m at most"]);
 }
 
 #[test]

@@ -50,14 +50,15 @@ fn top(mesh: &Mesh) -> Vec<u32> {
     const LEVEL: f32 = 1e-4;
     let (low, high) = bounds(mesh);
     let extent = high - low;
-    let is_top = |position: &Vec3| {
+    let is_top = |vertex: &u32| {
+        let position = mesh.positions[*vertex as usize];
         if extent.y > LEVEL * extent.max_element() {
             position.y >= high.y - LEVEL * extent.y
         } else {
             position.z <= low.z + LEVEL * extent.z
         }
     };
-    (0..).zip(&mesh.positions).filter(|(_, position)| is_top(position)).map(|(vertex, _)| vertex).collect()
+    used(mesh).into_iter().filter(is_top).collect()
 }
 
 /// The vertices nearest to the corners of the mesh's bounding rectangle in the plane of its two largest extents.
@@ -67,9 +68,10 @@ fn corners(mesh: &Mesh) -> Vec<u32> {
     axes.sort_by(|&a, &b| f32::total_cmp(&(high - low)[b], &(high - low)[a]));
     let across = |point: Vec3| Vec2::new(point[axes[0]], point[axes[1]]);
     let (low, high) = (across(low), across(high));
+    let used = used(mesh);
     let nearest = |corner: Vec2| {
-        let distance = |position: &Vec3| across(*position).distance_squared(corner);
-        (0..).zip(&mesh.positions).min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(vertex, _)| vertex)
+        let distance = |vertex: &u32| across(mesh.positions[*vertex as usize]).distance_squared(corner);
+        used.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))
     };
     let rectangle = [low, Vec2::new(high.x, low.y), Vec2::new(low.x, high.y), high];
     let mut vertices: Vec<u32> = rectangle.into_iter().filter_map(nearest).collect();
@@ -79,8 +81,20 @@ fn corners(mesh: &Mesh) -> Vec<u32> {
     vertices
 }
 
-/// The corners of the mesh's bounding box (m); the origin if the mesh is empty.
+/// The corners of the bounding box (m) of the vertices that triangles use; the origin if the mesh is empty.
 pub(crate) fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
-    let first = mesh.positions.first().copied().unwrap_or_default();
-    mesh.positions.iter().fold((first, first), |(low, high), &position| (low.min(position), high.max(position)))
+    let mut used = used(mesh).into_iter().map(|vertex| mesh.positions[vertex as usize]);
+    let first = used.next().unwrap_or_default();
+    used.fold((first, first), |(low, high), position| (low.min(position), high.max(position)))
+}
+
+/// The vertices that triangles use, in order; all if there are no triangles. Files often have others beside a cloth.
+pub(crate) fn used(mesh: &Mesh) -> Vec<u32> {
+    if mesh.triangles.is_empty() {
+        return (0..mesh.positions.len() as u32).collect();
+    }
+    let mut used = mesh.triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    used
 }

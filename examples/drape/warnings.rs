@@ -132,7 +132,8 @@ pub(crate) fn begins_inside(mesh: &Mesh, pinned: &[u32], colliders: &[Collider])
     let edges = mesh.edges();
     let length = |&[a, b]: &[u32; 2]| mesh.positions[a as usize].distance(mesh.positions[b as usize]);
     let mean = edges.iter().map(length).sum::<f32>() / edges.len() as f32;
-    let mut is_free = vec![true; mesh.positions.len()];
+    let mut is_free = vec![false; mesh.positions.len()];
+    edges.iter().flatten().for_each(|&vertex| is_free[vertex as usize] = true);
     pinned.iter().for_each(|&vertex| is_free[vertex as usize] = false);
     let free = (0..).zip(&mesh.positions).filter(|&(vertex, _): &(usize, _)| is_free[vertex]);
     let solid = || (1..).zip(colliders).filter(|(_, collider): &(u32, _)| !matches!(collider.shape, Shape::Mesh { .. }));

@@ -150,8 +150,8 @@ impl Cloths {
                     None => vec![4; quads],
                 };
                 soft_diagonals(&piece, corners.into_iter(), fabric.stretch, shear.0).map_err(|most| match most {
-                    0.0 => wrong("shear needs polygons of four corners; leave it out"),
-                    most => wrong(&format!("shear = {} N/m; this fabric and mesh have {most:.0} N/m at most", shear.0)),
+                    None => wrong("shear needs polygons of four corners; leave it out"),
+                    Some(most) => wrong(&format!("shear = {} N/m; this fabric and mesh have {most:.0} N/m at most", shear.0)),
                 })?
             }
         };

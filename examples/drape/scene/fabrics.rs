@@ -57,14 +57,14 @@ pub(super) fn combine(mesh: &Mesh, pieces: &[Material]) -> Result<Options, (usiz
 /// holds the number of corners of each polygon, whose triangles follow one another.
 ///
 /// A diagonal of length l in a quad of area A that turns by the shear angle g stretches by `g A/l²` for small angles, and its energy is
-/// `K scale A strain²/2`, so that `scale = (shear/K) (l²/A)²`: four times `shear/K` for squares. Fails with the largest shear stiffness
-/// that the mesh can have; 0 if it has no quads.
+/// `K scale A strain²/2`, so that `scale = (shear/K) (l²/A)²`: four times `shear/K` for squares. Quads without an area or a diagonal
+/// keep theirs. Fails with the largest shear stiffness that the mesh can have, or with nothing if it has no quads.
 pub(super) fn soft_diagonals(
     mesh: &Mesh,
     corners: impl Iterator<Item = usize>,
     stretch: f32,
     shear: f32,
-) -> Result<Vec<([u32; 2], f32)>, f64> {
+) -> Result<Vec<([u32; 2], f32)>, Option<f64>> {
     let mut soft = Vec::new();
     let (mut triangle, mut most) = (0, f64::INFINITY);
     for corners in corners {
@@ -74,16 +74,18 @@ pub(super) fn soft_diagonals(
             if let &[a, b] = shared.as_slice() {
                 let [x, y] = [a, b].map(|vertex| mesh.positions[vertex as usize].as_dvec3());
                 let slope = (area(mesh, one) + area(mesh, other)) / x.distance_squared(y);
-                most = most.min(f64::from(stretch) * slope * slope);
-                soft.push((sorted([a, b]), (f64::from(shear) / f64::from(stretch) / (slope * slope)) as f32));
+                if slope > 0.0 && slope.is_finite() {
+                    most = most.min(f64::from(stretch) * slope * slope);
+                    soft.push((sorted([a, b]), (f64::from(shear) / f64::from(stretch) / (slope * slope)) as f32));
+                }
             }
         }
         triangle += corners - 2;
     }
     match soft.is_empty() {
-        true => Err(0.0),
+        true => Err(None),
         false if f64::from(shear) <= most => Ok(soft),
-        false => Err(most),
+        false => Err(Some(most)),
     }
 }
 

@@ -1,7 +1,5 @@
 //! Pins of a scene file: the vertices of a cloth that they hold, and how they move.
 
-use std::str::SplitWhitespace;
-
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Mesh, ObjTemplate};
 use toml::Spanned;
@@ -119,15 +117,21 @@ impl Group {
 /// opacity after it. Its text comes from the template, since a pipe can be read only once.
 fn colored(obj: &ObjTemplate, color: Vec3) -> Result<Vec<u32>, Failure> {
     let text = obj.write(&obj.mesh().positions).map_err(Failure::input)?;
-    // A line may be continued after a backslash.
-    let text = String::from_utf8_lossy(&text).replace("\\\r\n", " ").replace("\\\n", " ");
-    let lines = text.trim_start_matches('\u{feff}').lines();
-    let words = lines.map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
-    let vertices = words.filter_map(|mut words| (words.next() == Some("v")).then_some(words));
-    let has_color = |words: SplitWhitespace<'_>| {
-        let numbers: Vec<f32> = words.map_while(|word| word.parse().ok()).collect();
+    let text = String::from_utf8_lossy(&text);
+    let mut lines = text.trim_start_matches('\u{feff}').lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    let vertices = std::iter::from_fn(|| {
+        let of_vertex = |line: &&str| line.trim_end_matches('\\').split_whitespace().next() == Some("v");
+        let mut vertex = lines.find(of_vertex)?.to_owned();
+        // Only statements are continued after a backslash; a comment or a path may end in one.
+        while let Some(continued) = vertex.strip_suffix('\\') {
+            vertex = format!("{continued} {}", lines.next().unwrap_or_default());
+        }
+        Some(vertex)
+    });
+    let has_color = |vertex: &str| {
+        let numbers: Vec<f32> = vertex.split_whitespace().skip(1).map_while(|word| word.parse().ok()).collect();
         let rgb = numbers.get(3..6).filter(|_| numbers.len() < 8);
         rgb.is_some_and(|rgb| (Vec3::from_slice(rgb) - color).abs().max_element() <= SAME_COLOR)
     };
-    Ok((0..).zip(vertices).filter(|(_, words)| has_color(words.clone())).map(|(vertex, _)| vertex).collect())
+    Ok((0..).zip(vertices).filter(|(_, vertex)| has_color(vertex)).map(|(index, _)| index).collect())
 }
