@@ -105,9 +105,11 @@ impl<'a> Search<'a> {
         self.trials.push(trial);
 
         let eighth = plain.with_substeps(((SHARE * f64::from(count)).ceil() as u32).max(FEWEST));
-        let base = self.scene.play(&eighth, 0.0)?;
-        let trial = self.noted(eighth, &base);
-        self.trials.push(trial);
+        let base = finished(self.scene.play(&eighth, 0.0))?;
+        let trial = self.note(eighth, base.as_ref());
+        // What terms are worth is found out from that run; without it all are kept.
+        let resolved = self.trials.first().copied();
+        let Some(base) = base else { return Ok(Baseline { resolved, chaotic, terms: Vec::new(), plain }) };
         let mut terms = Vec::new();
         for (term, name) in TERMS.into_iter().enumerate().filter(|(term, _)| self.scene.has(*term)) {
             let mut without = eighth;
@@ -133,12 +135,7 @@ impl<'a> Search<'a> {
             plain.terms = [true; 3];
             terms.iter_mut().for_each(|(_, term)| term.dropped = false);
         }
-        Ok(Baseline {
-            resolved: self.trials.first().copied(),
-            chaotic,
-            terms: terms.into_iter().map(|(_, term)| term).collect(),
-            plain,
-        })
+        Ok(Baseline { resolved, chaotic, terms: terms.into_iter().map(|(_, term)| term).collect(), plain })
     }
 
     /// Halves the number of substeps, beginning at `from`, until the tolerance is missed, or doubles it until it is
@@ -214,12 +211,17 @@ impl<'a> Search<'a> {
         if self.trials.len() >= MAX_CLIPS - 1 - TERMS.len() {
             return Ok(false);
         }
-        let trial = match finished(self.scene.play(&setting, 0.0))? {
-            Some(clip) => self.noted(setting, &clip),
-            None => Trial { setting, substeps: 0.0, levels: 0, error: f32::INFINITY, checked: f32::INFINITY, milliseconds: 0.0 },
-        };
-        self.trials.push(trial);
+        let clip = finished(self.scene.play(&setting, 0.0))?;
+        let trial = self.note(setting, clip.as_ref());
         Ok(self.keeps(&trial))
+    }
+
+    /// Notes a run, if it came to its end, or that it did not.
+    fn note(&mut self, setting: Setting, clip: Option<&Clip>) -> Trial {
+        let failed = Trial { setting, substeps: 0.0, levels: 0, error: f32::INFINITY, checked: f32::INFINITY, milliseconds: 0.0 };
+        let trial = clip.map_or(failed, |clip| self.noted(setting, clip));
+        self.trials.push(trial);
+        trial
     }
 
     fn noted(&self, setting: Setting, clip: &Clip) -> Trial {
@@ -251,11 +253,14 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The run, or `None` if it became unstable or would have needed too many substeps.
+/// The run, or `None` if it became unstable or crowded, or would have needed too many substeps.
 fn finished(played: Result<Clip, BuildError>) -> Result<Option<Clip>, BuildError> {
     match played {
         Ok(clip) => Ok(Some(clip)),
-        Err(BuildError::Step { error: StepError::Unstable { .. } | StepError::TooManySubsteps { .. }, .. }) => Ok(None),
+        Err(BuildError::Step {
+            error: StepError::Unstable { .. } | StepError::TooManySubsteps { .. } | StepError::Crowded { .. },
+            ..
+        }) => Ok(None),
         Err(error) => Err(error),
     }
 }
