@@ -180,8 +180,9 @@ impl Deformer {
     fn step_on(&mut self, dt: f32, attributes: &Attributes, alone: bool) -> Result<StepReport, StepError> {
         let length = self.coefficients.as_ref().map(|last| last.length);
         let Some(decision) = self.prepare(dt, attributes)? else { return Ok(idle(dt)) };
-        // Only a budget needs a clock, which not every machine has. Where substeps have another length, preparing them takes time, too.
-        let is_timed = !alone && matches!(self.options.quality, Quality::Budget(_)) && length == Some(decision.division.length);
+        // Only a budget needs a clock, which not every machine has.
+        let counts = self.pace.counts(dt, length != Some(decision.division.length));
+        let is_timed = counts && !alone && matches!(self.options.quality, Quality::Budget(_));
         let start = is_timed.then(Instant::now);
         let (engine, plan) = self.plan(&decision, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
@@ -282,7 +283,7 @@ impl Deformer {
 
     /// The engine and the plan that it is to execute.
     fn plan<'a>(&'a mut self, decision: &StepDecision, attributes: &'a Attributes) -> (&'a mut Engine, Plan<'a>) {
-        let observed = self.is_observed();
+        let observed = self.is_observed(attributes);
         let coefficients = self.coefficients.as_ref().expect("a step is prepared first");
         let inputs = StepInputs {
             cloth: &self.cloth,
@@ -329,7 +330,7 @@ impl Deformer {
         self.shown = false;
         let mut warnings = self.warnings(&decision, attributes, limited, self.in_step.1);
         warnings.extend(self.contact_warnings(attributes));
-        let stretch = self.evaluate(decision, seen.as_ref(), &mut warnings);
+        let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let contacts = self.engine.contact().map_or(0, |tally| tally.contacts);
         let in_a_sixtieth = (rate / FRAMES).ceil() as u32;

@@ -3,9 +3,9 @@
 #[macro_use]
 mod common;
 
-use cloth_deformer::glam::{EulerRot, Quat, Vec3};
+use cloth_deformer::glam::{Affine3A, EulerRot, Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, StepError, Tethers,
+    Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, Shape, Snapshot, StepError, Tethers,
 };
 use common::{FRAME, play};
 
@@ -377,6 +377,16 @@ fn positions_arrive_later(backend: Backend) {
     deformer.request_positions().unwrap();
     let later = taken(&mut deformer).unwrap();
     assert_eq!(later, deformer.positions().unwrap());
+    // What was requested before the state was replaced is dropped.
+    let snapshot = deformer.snapshot().unwrap();
+    for replace in [Deformer::restore, |cloth: &mut Deformer, _: &Snapshot| {
+        cloth.warp(Affine3A::IDENTITY).unwrap();
+        Ok(())
+    }] {
+        deformer.request_positions().unwrap();
+        replace(&mut deformer, &snapshot).unwrap();
+        assert!(deformer.wait().is_ok() && deformer.requested_positions().unwrap().is_none());
+    }
     let endless = common::gale(&Attributes::default());
     let failed = deformer
         .step(FRAME, &endless)

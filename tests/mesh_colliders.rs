@@ -30,6 +30,7 @@ on_every_backend!(
     a_fast_plate_does_not_cut_hung_cloth,
     cloth_goes_along_with_a_body_while_it_is_hooked_elsewhere,
     a_ball_takes_along_all_that_is_in_its_way,
+    a_fast_body_elsewhere_is_no_matter,
     an_open_patch_holds_on_both_sides,
     friction_follows_the_body,
     a_ball_that_spins_drags_what_lies_on_it,
@@ -90,6 +91,24 @@ fn a_ball_of_triangles_holds_like_a_ball(backend: Backend) {
         let nearest = nearest.fold(f32::INFINITY, f32::min);
         assert!(nearest > 0.9 * R, "contact {contact}: {nearest} m from the body");
         println!("contact {contact}: {a} m and {b} m from the middle, nearest {nearest} m");
+    }
+}
+
+/// A body that does not come near the cloth may be as fast as it likes, also with a fixed number of substeps; the first step does
+/// not know yet where the cloth is.
+fn a_fast_body_elsewhere_is_no_matter(backend: Backend) {
+    let mesh = Mesh::grid(9, 9, 0.5, 0.5);
+    let limb = capsule(Vec3::new(-0.3, 0.0, 0.0), Vec3::new(0.3, 0.0, 0.0), 0.08, 12);
+    let options = Options { pinned: vec![0, 8], ..options(backend, 8, true) };
+    for (distance, outruns) in [(100.0, false), (0.1, true)] {
+        let mut cloth = Deformer::new(&mesh, options.clone()).unwrap();
+        let frame = |frame: i32| {
+            let body = moved(&limb, |x| x + Vec3::new(0.2 * frame as f32, -distance, 0.0));
+            let report = cloth.step(FRAME, &with(vec![Collider::mesh(body)])).unwrap();
+            report.warnings.iter().any(|warning| matches!(warning, Warning::ContactOutruns { .. }))
+        };
+        let warned = (-4..4).map(frame).skip(2).any(|outruns| outruns);
+        assert_eq!(warned, outruns, "{distance} m below");
     }
 }
 

@@ -307,6 +307,10 @@ fn a_longer_time_takes_more_substeps() {
     let with_contact = Options { contact: Some(Contact::default()), quality: Quality::Budget(1e-4), ..options.clone() };
     assert!(played(&mesh, &with_contact, &script, 5).iter().all(|(report, ..)| report.substeps == 5));
     assert!((1.4 * resolving..1.42 * resolving + 1.0).contains(&(counts[1] as f32)), "{counts:?} of {resolving}");
+    // Steps of the length of real frames, each of which takes other coefficients, tell what fits, too.
+    let mut in_real_time = Deformer::new(&mesh, Options { quality: Quality::Budget(1e4), ..options.clone() }).unwrap();
+    let step = |frame: u32| in_real_time.step(FRAME * (1.0 + 0.01 * (frame % 7) as f32), &script(frame)).unwrap();
+    assert!((1..=10).map(step).last().unwrap().in_a_sixtieth as f32 > resolving);
     assert!(deformer.set_quality(Quality::Budget(1.0)).is_ok());
 }
 

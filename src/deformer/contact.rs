@@ -115,7 +115,7 @@ impl Deformer {
 }
 
 /// The indices of mesh colliders.
-fn mesh_colliders(attributes: &Attributes) -> impl Iterator<Item = usize> {
+pub(super) fn mesh_colliders(attributes: &Attributes) -> impl Iterator<Item = usize> {
     let is_mesh = |collider: &Collider| matches!(collider.shape, Shape::Mesh { .. });
     (0..).zip(&attributes.colliders).filter(move |(_, collider)| is_mesh(collider)).map(|(index, _)| index)
 }

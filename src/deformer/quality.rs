@@ -1,5 +1,6 @@
 //! How a bound on strain is kept: choosing the substeps of the next step, and learning from the last one.
 
+use super::contact::mesh_colliders;
 use super::{Deformer, StepDecision};
 use crate::attributes::Attributes;
 use crate::error::BuildError;
@@ -43,9 +44,9 @@ impl Deformer {
         StrainBound::of(self.options.quality).filter(|_| self.options.method == Method::SmallSteps)
     }
 
-    /// Whether a step needs statistics.
-    pub(super) fn is_observed(&self) -> bool {
-        self.strain_bound().is_some() || self.options.sleep.is_some()
+    /// Whether a step under these attributes needs statistics. Those of contact with meshes tell whether they come near the cloth.
+    pub(super) fn is_observed(&self, attributes: &Attributes) -> bool {
+        self.strain_bound().is_some() || self.options.sleep.is_some() || mesh_colliders(attributes).next().is_some()
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).
@@ -105,11 +106,12 @@ impl Deformer {
     pub(super) fn evaluate(
         &mut self,
         decision: StepDecision,
+        attributes: &Attributes,
         seen: Option<&Statistics>,
         warnings: &mut Vec<Warning>,
     ) -> Option<Stretch> {
         self.controller = decision.controller;
-        if !self.is_observed() {
+        if !self.is_observed(attributes) {
             self.awaiting_statistics.clear();
             self.seen = None;
             return None;

@@ -206,7 +206,7 @@ impl Deformer {
         (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
         self.gravity = gravity;
-        self.shown = false;
+        (self.shown, self.arrived) = (false, false);
         Ok(())
     }
 

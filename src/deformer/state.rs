@@ -31,7 +31,7 @@ impl Deformer {
 
     /// Requests the positions after the steps so far, without waiting for them. More steps may be queued meanwhile;
     /// [`Deformer::requested_positions`] returns the positions once they have arrived. A previous request that was not
-    /// taken is dropped, and so is one when the state is set or reset.
+    /// taken is dropped, and so is one when the state is set, reset, restored or warped.
     ///
     /// # Errors
     /// As [`Deformer::positions`].

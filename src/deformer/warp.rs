@@ -41,7 +41,7 @@ impl Deformer {
         self.motion.colliders.clear();
         self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();
-        self.shown = false;
+        (self.shown, self.arrived) = (false, false);
         Ok(())
     }
 }

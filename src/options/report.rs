@@ -11,7 +11,8 @@ pub struct StepReport {
     pub in_a_sixtieth: u32,
     /// Coarse levels used in each substep.
     pub levels: u32,
-    /// How the cloth was stretched, measured if the quality bounds the strain or the cloth may sleep, otherwise `None`.
+    /// How the cloth was stretched, measured if the quality bounds the strain, the cloth may sleep, or there are mesh
+    /// colliders, otherwise `None`.
     /// On the GPU the measurement is three steps old, and `None` in the first steps, unless there is contact of triangles.
     pub stretch: Option<Stretch>,
     /// The cloth slept through the step and did not change: see [`Options::sleep`](crate::Options::sleep).

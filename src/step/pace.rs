@@ -7,9 +7,11 @@ use crate::record::recorded;
 pub(crate) struct Pace {
     /// Moving average of the time (s) of a substep; 0 before anything was measured.
     substep: f64,
+    /// Length (s) of the last step; 0 before the first.
+    dt: f32,
 }
 
-recorded!(Pace { substep });
+recorded!(Pace { substep } but { dt });
 
 /// Weight of the newest step in the moving average.
 const NEWEST: f64 = 0.2;
@@ -27,6 +29,14 @@ impl Pace {
         let fitting = (SPENT * budget / self.substep).floor();
         let steady = last <= fitting && fitting <= (1.0 + STEADY) * last;
         (self.substep > 0.0).then_some(if steady { last } else { fitting })
+    }
+
+    /// Whether a step of `dt` (s) tells what steps take, given whether its coefficients `are_new`. Computing these belongs to
+    /// what the caller asks for if he changes the length of steps or the fabric, but not in the first step, or if the number of
+    /// substeps was changed here.
+    pub(crate) fn counts(&mut self, dt: f32, are_new: bool) -> bool {
+        let last = std::mem::replace(&mut self.dt, dt);
+        last > 0.0 && (!are_new || dt != last)
     }
 
     /// Records that `substeps` substeps took `seconds` (s).

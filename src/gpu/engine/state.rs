@@ -74,6 +74,7 @@ impl GpuEngine {
         });
         self.counter = counter.map_err(Failure::Gpu)?;
         self.put(x, p);
+        self.readback.forget();
         self.commit.go_on(&gpu, Defects { steps: past.steps, ..Defects::NOTHING });
         self.counter.iter_mut().for_each(|counter| counter.resume(&past.pending));
         Ok(true)
