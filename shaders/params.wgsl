@@ -27,6 +27,7 @@ struct Params {
     tethers: u32,
     load: f32,
     checks: u32,
+    used: u32,
 }
 
 struct Substep {

@@ -35,7 +35,7 @@ fn count(
     var fastest = 0.0;
     var low = vec3f(MAX_POSITION);
     var high = vec3f(-MAX_POSITION);
-    for (var i = item(id, groups); i < params.vertices; i += all) {
+    for (var i = item(id, groups); i < params.used; i += all) {
         low = min(low, x[i].xyz);
         high = max(high, x[i].xyz);
         if x[i].w > 0.0 {

@@ -151,7 +151,7 @@ impl Bodies {
 
     /// Lists the vertices near the cloth, and returns [`Bodies::travel`].
     fn find_near(&mut self, plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
-        let [low, high] = bounds(x[..plan.cloth.rest.len()].iter().map(|x| x.truncate()));
+        let [low, high] = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
         let enlargement = Vec3::splat(NEAR * (high - low).max_element());
         self.near.clear();
         let mut travel = None;

@@ -208,8 +208,8 @@ impl Cpu {
     pub(crate) fn statistics(&self, plan: &Plan<'_>) -> Option<Statistics> {
         let gauges = plan.gauges?;
         let alone = plan.alone || self.choice.as_ref().is_none_or(|choice| choice.threads() == 1);
-        let Cpu { x, p, packed: Packed { width, .. }, .. } = self;
-        Some(Observed { x, u: p, drift: plan.params.drift.into(), h: plan.params.h, width: *width }.statistics(gauges, alone))
+        let (x, u, width) = (&self.x[..plan.cloth.used], &self.p[..plan.cloth.used], self.packed.width);
+        Some(Observed { x, u, drift: plan.params.drift.into(), h: plan.params.h, width }.statistics(gauges, alone))
     }
 
     /// Restores the state at the start of the last step.

@@ -57,11 +57,12 @@ impl Deformer {
         let [mut x, mut p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
         x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
         // Vertices without edges stay where they are once they are not pinned.
-        let mut stays: Vec<bool> = x.iter().map(|x| x.w == 0.0).collect();
-        if !stays.is_empty() {
-            cloth.pinned.iter().for_each(|&vertex| stays[vertex as usize] = false);
-        }
-        p.iter_mut().zip(stays).filter(|(_, stays)| *stays).for_each(|(p, _)| *p = Vec4::ZERO.with_w(p.w));
+        let stays = |vertex: usize| !cloth.pinned.contains(&(vertex as u32));
+        p.iter_mut()
+            .enumerate()
+            .skip(cloth.used)
+            .filter(|(vertex, _)| stays(*vertex))
+            .for_each(|(_, p)| *p = Vec4::ZERO.with_w(p.w));
         let changed = self.engine.change(&cloth, &options, change, [&x, &p]);
         changed.map_err(|failure| self.failed(failure))?;
         if change != Change::Stiffness {

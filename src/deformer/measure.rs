@@ -58,9 +58,6 @@ impl Measure {
         if bending > 0.0 {
             potential += bending * cloth.bending().energy(x);
         }
-        // Vertices without edges belong to no cloth.
-        let mut is_cloth: Vec<bool> = cloth.rest.iter().map(|rest| rest.w > 0.0).collect();
-        cloth.pinned.iter().for_each(|&vertex| is_cloth[vertex as usize] = true);
         let depth = |x: &DVec3| colliders.iter().map(|collider| -collider.depth_from(*x)).fold(0.0, f64::max);
         Measure {
             mean_strain: (sum / cloth.links.len().max(1) as f64) as f32,
@@ -68,8 +65,7 @@ impl Measure {
             stretch_share: stretch_share(cloth, x) as f32,
             kinetic_energy: kinetic,
             potential_energy: potential,
-            penetration: x.iter().zip(is_cloth).filter(|(_, is_cloth)| *is_cloth).map(|(x, _)| depth(x)).fold(0.0, f64::max)
-                as f32,
+            penetration: x[..cloth.used].iter().map(depth).fold(0.0, f64::max) as f32,
         }
     }
 }

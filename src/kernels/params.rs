@@ -54,7 +54,8 @@ pub(crate) struct Params {
     pub load: f32,
     /// 1 if tiles check the result of the step in its last substep, because nothing follows it.
     pub checks: u32,
-    pub padding: u32,
+    /// Number of vertices with edges, which come first.
+    pub used: u32,
 }
 
 /// Parameters that differ between substeps.

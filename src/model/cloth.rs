@@ -19,7 +19,7 @@ use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
 use crate::model::masses::Weights;
-use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, sides, vertex_areas};
+use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, has_edges, sides, vertex_areas};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
@@ -30,7 +30,10 @@ use crate::options::{self, Method, Options};
 pub(crate) struct Cloth {
     /// The index in the mesh of each vertex.
     pub order: Vec<u32>,
-    /// The origin of the local coordinates (m). Subtracting it from the mesh's positions is exact.
+    /// Number of vertices with edges, which come first. Files often have others next to a cloth, which belong to nothing and
+    /// stay where they are unless they are pinned. If there are no edges at all, all vertices are points that move.
+    pub used: usize,
+    /// The origin of the local coordinates (m). Subtracting it from the mesh's positions of vertices with edges is exact.
     pub origin: Vec3,
     /// Rest positions (m); w is the inverse mass (1/kg), 0 where pinned.
     pub rest: Vec<Vec4>,
@@ -93,9 +96,9 @@ impl Cloth {
         check_options(vertices, mesh_edges.len(), options)?;
         let order = vertex_order::vertex_order(&mesh_edges, vertices);
         let rank = vertex_order::inverse(&order);
-        // Vertices without edges count neither for where the cloth is nor for its size.
-        let used = || mesh_edges.iter().flatten().map(|&vertex| &mesh.positions[vertex as usize]);
-        let origin = if mesh_edges.is_empty() { local_origin(&mesh.positions) } else { local_origin(used()) };
+        let count = has_edges(&mesh_edges, vertices).iter().filter(|has_edges| **has_edges).count();
+        let used = if count > 0 { count } else { vertices };
+        let origin = local_origin(order[..used].iter().map(|&vertex| &mesh.positions[vertex as usize]));
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
         let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
         let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
@@ -109,14 +112,13 @@ impl Cloth {
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
             sides(named).for_each(|side| side_area[index_of.of(side)] += triangle_area);
         }
-        let Weights { mass, density, pinned, inverse_mass } =
-            Weights::new(options, &order, &area, mesh_edges.iter().map(|ends| ends.map(|vertex| rank[vertex as usize])))?;
+        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area, used)?;
 
-        let [low, high] = bounds(used());
+        let [low, high] = bounds(&rest[..count]);
         let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let extent = extents.max_element();
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
-            check_thickness(&rest, extent, contact.thickness)?;
+            check_thickness(&rest[..used], extent, contact.thickness)?;
         }
         let longest = mesh_edges.iter().map(|ends| {
             let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
@@ -151,6 +153,7 @@ impl Cloth {
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
         let cloth = Cloth {
             order,
+            used,
             origin,
             rest,
             mass,
@@ -180,12 +183,8 @@ impl Cloth {
     pub(crate) fn changed(&self, options: &Options) -> Result<(Cloth, Change), BuildError> {
         check_options(self.rest.len(), self.links.len(), options)?;
         let positions: Vec<Vec3> = self.rest.iter().map(|x| x.truncate()).collect();
-        let Weights { mass, density, pinned, inverse_mass } = Weights::new(
-            options,
-            &self.order,
-            &vertex_areas(&self.triangles, &positions),
-            self.links.iter().map(|link| link.ends),
-        )?;
+        let area = vertex_areas(&self.triangles, &positions);
+        let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &self.order, &area, self.used)?;
 
         let stretch = f64::from(options.fabric.stretch);
         let mut links = self.links.clone();

@@ -12,27 +12,18 @@ pub(crate) struct Weights {
     pub density: f64,
     /// Pinned vertices, in the order of the options.
     pub pinned: Vec<u32>,
-    /// Inverse masses (1/kg), 0 where pinned and of vertices without edges, which files often have next to a cloth. If there are
-    /// no edges at all, they are those of points.
+    /// Inverse masses (1/kg), 0 where pinned and of vertices without edges.
     pub inverse_mass: Vec<f32>,
 }
 
 impl Weights {
-    /// `area` is that of each vertex (m²), and `edges` has the ends of each edge, both in the cloth's order.
-    pub(crate) fn new(
-        options: &Options,
-        order: &[u32],
-        area: &[f64],
-        edges: impl Iterator<Item = [u32; 2]>,
-    ) -> Result<Weights, BuildError> {
-        let (mass, density) = masses(options, order, area)?;
+    /// `area` is that of each vertex (m²), in the cloth's order, in which the first `used` vertices have edges.
+    pub(crate) fn new(options: &Options, order: &[u32], area: &[f64], used: usize) -> Result<Weights, BuildError> {
+        let (mass, density) = masses(options, order, area, used)?;
         let rank = vertex_order::inverse(order);
         let pinned: Vec<u32> = options.pinned.iter().map(|&vertex| rank[vertex as usize]).collect();
-        let mut has_edges = vec![false; order.len()];
-        edges.flatten().for_each(|vertex| has_edges[vertex as usize] = true);
-        let are_points = !has_edges.contains(&true);
-        let inverse = |(mass, has_edges): (&f32, bool)| if has_edges || are_points { 1.0 / mass } else { 0.0 };
-        let mut inverse_mass: Vec<f32> = mass.iter().zip(has_edges).map(inverse).collect();
+        let mut inverse_mass: Vec<f32> = mass.iter().map(|mass| 1.0 / mass).collect();
+        inverse_mass[used..].fill(0.0);
         pinned.iter().for_each(|&vertex| inverse_mass[vertex as usize] = 0.0);
         Ok(Weights { mass, density, pinned, inverse_mass })
     }
@@ -43,12 +34,12 @@ impl Weights {
 /// A vertex without triangles, or with degenerate ones only, has no area. It gets the mean mass of the others; if there
 /// are none, an equal share of the mass of one square meter. The mass of such a vertex has no influence on how it moves
 /// unless it is connected to others.
-fn masses(options: &Options, order: &[u32], area: &[f64]) -> Result<(Vec<f32>, f64), BuildError> {
+fn masses(options: &Options, order: &[u32], area: &[f64], used: usize) -> Result<(Vec<f32>, f64), BuildError> {
     let density = f64::from(options.fabric.density);
     let total: f64 = area.iter().sum();
     if let Some(mass) = &options.mass {
         let mass: Vec<f32> = order.iter().map(|&vertex| mass[vertex as usize]).collect();
-        let weighed = mass.iter().map(|&mass| f64::from(mass)).sum::<f64>();
+        let weighed = mass[..used].iter().map(|&mass| f64::from(mass)).sum::<f64>();
         return Ok((mass, if total > 0.0 { weighed / total } else { density }));
     }
     let count = area.iter().filter(|&&area| area > 0.0).count();

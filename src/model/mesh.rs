@@ -144,6 +144,13 @@ pub(crate) fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect()
 }
 
+/// For each vertex whether it has any of the edges.
+pub(crate) fn has_edges(edges: &[[u32; 2]], vertices: usize) -> Vec<bool> {
+    let mut has_edges = vec![false; vertices];
+    edges.iter().flatten().for_each(|&vertex| has_edges[vertex as usize] = true);
+    has_edges
+}
+
 /// Finds edges in a sorted list by their vertices.
 pub(crate) struct EdgeIndex<'a> {
     edges: &'a [[u32; 2]],

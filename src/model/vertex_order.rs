@@ -1,19 +1,22 @@
-//! Vertex orders that keep neighbors close in memory.
+//! Vertex orders that keep neighbors close in memory, and vertices without edges out of the way.
 
 use std::collections::VecDeque;
 
 use crate::model::csr::Csr;
+use crate::model::mesh::has_edges;
 
 /// An order of the vertices in which neighbors are close: the mesh's own if it consists of rows or is good enough, else
-/// breadth-first. `order[k]` is the mesh's index of the `k`-th vertex. `edges` must be sorted.
+/// breadth-first. Vertices without edges come last. `order[k]` is the mesh's index of the `k`-th vertex. `edges` must be sorted.
 pub(crate) fn vertex_order(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
-    let own: Vec<u32> = (0..vertices as u32).collect();
+    let has_edges = has_edges(edges, vertices);
+    let (mut own, without): (Vec<u32>, Vec<u32>) = (0..vertices as u32).partition(|&vertex| has_edges[vertex as usize]);
+    own.extend(without);
     // Edges that line up can be processed by contiguous loads, which is worth more than a shorter distance to the next
     // row. On a grid at least two thirds of the edges do, whichever way its diagonals run.
     if 5 * lined_up(edges) >= 3 * edges.len() {
         return own;
     }
-    let breadth_first = breadth_first(edges, vertices);
+    let breadth_first = breadth_first(edges, &own);
     // The breadth-first order must be clearly better, because part of the mesh's own order may line up.
     if spread(edges, &own) <= 1.5 * spread(edges, &breadth_first) { own } else { breadth_first }
 }
@@ -43,12 +46,14 @@ pub(crate) fn inverse(order: &[u32]) -> Vec<u32> {
     rank
 }
 
-fn breadth_first(edges: &[[u32; 2]], vertices: usize) -> Vec<u32> {
+/// Each connected part breadth-first from its first vertex in `own`, which is an order, too.
+fn breadth_first(edges: &[[u32; 2]], own: &[u32]) -> Vec<u32> {
+    let vertices = own.len();
     let neighbors = Csr::new(vertices, edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
     let mut order = Vec::with_capacity(vertices);
     let mut seen = vec![false; vertices];
     let mut queue = VecDeque::new();
-    for first in 0..vertices as u32 {
+    for &first in own {
         if !std::mem::replace(&mut seen[first as usize], true) {
             queue.push_back(first);
         }

@@ -67,6 +67,7 @@ use glam::DVec3;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
+use crate::model::mesh::has_edges;
 use crate::multigrid::aggregation::{Aggregate, Bisection, holding};
 use crate::multigrid::coarse_edges::{Edges, Fiber, PointMasses, Stiffness, two_rings};
 
@@ -119,6 +120,7 @@ impl Hierarchy {
         let fibers = Fiber::all(cloth);
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
+        let mut joined = joined_by(&pairs, cloth.rest.len());
         // The aggregates of the last level (initially the vertices), those of the level before it, and for each vertex
         // its aggregate in the last level.
         let mut last = vertices(cloth);
@@ -126,9 +128,6 @@ impl Hierarchy {
         let mut item_of: Vec<u32> = (0..last.len() as u32).collect();
         for index in 0..MAX_LEVELS as u32 {
             let (aggregate_of, count) = bisection.of_level(cloth, index);
-            if count < FEWEST || 3 * count > 2 * last.len() {
-                break;
-            }
             let mut label = vec![0; last.len()];
             item_of.iter().zip(&aggregate_of).for_each(|(&item, &aggregate)| label[item as usize] = aggregate);
             let aggregates = merged(&last, &label, count);
@@ -138,8 +137,10 @@ impl Hierarchy {
                 moved.filter(|[a, b]| a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned)).collect();
             pairs.sort_unstable();
             pairs.dedup();
-            // Without edges, as between many pieces of one mesh, there is nothing to correct.
-            if pairs.is_empty() {
+            // Vertices and pieces without edges to others, of which a mesh may have any number, do not count: there is nothing
+            // to correct.
+            let joined_before = std::mem::replace(&mut joined, joined_by(&pairs, count));
+            if joined < FEWEST || 3 * joined > 2 * joined_before {
                 break;
             }
             let members = Csr::new(count, label.iter().enumerate().map(|(item, &aggregate)| (aggregate, item as u32)));
@@ -170,6 +171,11 @@ impl Hierarchy {
         }
         Hierarchy { levels, built: true }
     }
+}
+
+/// The number of items, of `count`, that are in any of the pairs.
+fn joined_by(pairs: &[[u32; 2]], count: usize) -> usize {
+    has_edges(pairs, count).into_iter().filter(|&is_joined| is_joined).count()
 }
 
 /// The vertices as aggregates of one.

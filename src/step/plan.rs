@@ -120,6 +120,7 @@ impl StepInputs<'_> {
             lift: attributes.lift,
             fraction: 1.0 / self.substeps as f32,
             vertices: cloth.rest.len() as u32,
+            used: cloth.used as u32,
             damped: u32::from(options.fabric.damping > 0.0),
             substeps: self.substeps,
             sweeps: match options.method {

@@ -21,9 +21,11 @@ pub(super) struct Scene<'a> {
     pub options: &'a Options,
     pub attributes: &'a dyn Fn(u32) -> Attributes,
     pub frames: u32,
+    /// The vertices that are compared: those that triangles use, in order.
+    pub compared: Vec<u32>,
 }
 
-/// The state at one frame.
+/// The state at one frame: positions (m) of the vertices that are compared, and their speed.
 #[derive(Debug, Clone)]
 pub(super) struct ClipFrame {
     pub positions: Vec<Vec3>,
@@ -87,8 +89,13 @@ impl Scene<'_> {
             clip.substeps += f64::from(report.substeps) / f64::from(self.frames);
             clip.levels = clip.levels.max(report.levels);
             if compared.contains(&frame) {
-                let speed = speed(cloth.velocities().map_err(failed(frame))?);
-                clip.frames.push(ClipFrame { positions: cloth.positions().map_err(failed(frame))?.to_vec(), speed });
+                let velocities = cloth.velocities().map_err(failed(frame))?;
+                let speed = speed(self.compared.iter().map(|&vertex| velocities[vertex as usize]));
+                let positions = cloth.positions().map_err(failed(frame))?;
+                clip.frames.push(ClipFrame {
+                    positions: self.compared.iter().map(|&vertex| positions[vertex as usize]).collect(),
+                    speed,
+                });
             }
         }
         times.sort_by(f64::total_cmp);
@@ -99,19 +106,19 @@ impl Scene<'_> {
     fn nudge(&self, cloth: &mut Deformer, nudge: f32) -> Result<(), StepError> {
         let mut positions = cloth.positions()?.to_vec();
         let still = vec![Vec3::ZERO; positions.len()];
-        for (k, x) in positions.iter_mut().enumerate().filter(|(k, _)| !self.options.pinned.contains(&(*k as u32))) {
+        for &vertex in self.compared.iter().filter(|vertex| !self.options.pinned.contains(vertex)) {
             // An arbitrary displacement that is the same in every search.
-            let wave = |f: f32| (f * k as f32).sin();
-            *x += nudge * Vec3::new(wave(1.3), wave(2.1), wave(3.7));
+            let wave = |f: f32| (f * vertex as f32).sin();
+            positions[vertex as usize] += nudge * Vec3::new(wave(1.3), wave(2.1), wave(3.7));
         }
         cloth.set_state(&positions, &still)
     }
 }
 
 /// Root mean square speed (m/s).
-fn speed(velocities: &[Vec3]) -> f64 {
-    let sum: f64 = velocities.iter().map(|v| v.as_dvec3().length_squared()).sum();
-    (sum / velocities.len().max(1) as f64).sqrt()
+fn speed(velocities: impl ExactSizeIterator<Item = Vec3>) -> f64 {
+    let count = velocities.len().max(1) as f64;
+    (velocities.map(|v| v.as_dvec3().length_squared()).sum::<f64>() / count).sqrt()
 }
 
 impl Clip {

@@ -16,7 +16,7 @@ use std::fmt::{self, Display, Formatter};
 
 use crate::attributes::Attributes;
 use crate::error::BuildError;
-use crate::model::mesh::Mesh;
+use crate::model::mesh::{Mesh, has_edges};
 use crate::options::{Levels, Method, Options, Quality, Tethers};
 use clip::Scene;
 use search::Search;
@@ -25,7 +25,7 @@ use search::Search;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Tolerance {
-    /// Root mean square distance (mm) of the vertices from those of a resolved run, in the worst frame.
+    /// Root mean square distance (mm) of the vertices that triangles use from those of a resolved run, in the worst frame.
     Position(f32),
     /// Stretch that 99 percent of the cloth's area may not exceed, in all but one frame of a hundred.
     Strain(f32),
@@ -172,5 +172,7 @@ pub fn tune(
     if frames < 2 {
         return Err(value("frames", frames.to_string(), "must be at least 2"));
     }
-    Search::new(Scene { mesh, options, attributes: &attributes, frames }, f64::from(most)).run(tolerance)
+    let has_edges = has_edges(&mesh.edges(), mesh.positions.len());
+    let compared = (0..).zip(has_edges).filter(|(_, has_edges)| *has_edges).map(|(vertex, _)| vertex).collect();
+    Search::new(Scene { mesh, options, attributes: &attributes, frames, compared }, f64::from(most)).run(tolerance)
 }

@@ -14,10 +14,13 @@ fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
     let mut masses: Vec<f64> = cloth.mass.iter().map(|&mass| f64::from(mass)).collect();
     let mut pinned: Vec<bool> = cloth.rest.iter().map(|x| x.w == 0.0).collect();
     let mut of_vertex: Vec<u32> = (0..masses.len() as u32).collect();
+    let count_joined = |links: &mut dyn Iterator<Item = &Link>| links.flat_map(|link| link.ends).collect::<BTreeSet<u32>>().len();
+    let mut joined = count_joined(&mut holding(&cloth));
     for level in &levels {
         let count = level.inverse_mass.len();
         assert_eq!(level.label.len(), masses.len(), "every item is in an aggregate");
-        assert!(3 * count <= 2 * masses.len(), "a level is much smaller than the one below");
+        let joined_below = std::mem::replace(&mut joined, count_joined(&mut level.links.iter()));
+        assert!(3 * joined <= 2 * joined_below, "a level is much smaller than the one below");
         let mut sums = vec![0.0; count];
         for (item, &aggregate) in level.label.iter().enumerate() {
             sums[aggregate as usize] += masses[item];
@@ -120,6 +123,10 @@ fn pieces_are_apart() {
     let lone = Mesh { positions: vec![Vec3::ZERO; 50], triangles: Vec::new() };
     check(&both(grid.clone(), &lone, Vec3::ONE), Options::default());
     assert!(check(&lone, Options::default()).is_empty());
+    // However many small pieces there are, the large one has all of its levels.
+    let pieces =
+        (0..300).fold(Mesh::grid(64, 64, 1.0, 1.0), |all, k| both(all, &Mesh::grid(2, 2, 0.01, 0.01), Vec3::Y * k as f32));
+    assert_eq!(check(&pieces, Options::default()).len(), 3);
     // Three sheets that share an edge.
     let upright = Mesh { positions: grid.positions.iter().map(|x| Vec3::new(x.x, x.z + 0.5, 0.0)).collect(), ..grid.clone() };
     let mut fin = both(grid, &upright, Vec3::ZERO);

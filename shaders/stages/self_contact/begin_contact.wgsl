@@ -24,10 +24,6 @@ const FARTHER_AHEAD: f32 = 1.5;
 // their rotation.
 fn part_of(u: vec3f, w: f32) -> Part {
     if is_free() {
-        // A vertex without edges stays where it is.
-        if w == 0.0 {
-            return nothing();
-        }
         return Part(vec4f(u, 1.0) / w, vec4f());
     }
     if w == 0.0 {
@@ -39,8 +35,8 @@ fn part_of(u: vec3f, w: f32) -> Part {
 // An estimate of the common deviation of a free cloth from the paths, from a few vertices. It is subtracted, because a
 // common translation brings no two vertices closer to each other.
 fn strayed_together(lane: u32) -> vec3f {
-    let each = (contact_params.vertices + SAMPLES - 1u) / SAMPLES;
-    let count = (contact_params.vertices + each - 1u) / each;
+    let each = (params.used + SAMPLES - 1u) / SAMPLES;
+    let count = (params.used + each - 1u) / each;
     if lane < SAMPLES {
         let i = min(lane, count - 1u) * each;
         let strayed = x[i].xyz - tracks[i].start.xyz - tracks[i].by.xyz * since();
@@ -89,6 +85,10 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
         } else {
             atomicOr(&contact_state.status.stopped, EARLY);
         }
+    }
+    // Vertices without edges are not part of the cloth.
+    if i >= params.used {
+        return nothing();
     }
     return part_of(path.u - by_turning(x_i.xyz), x_i.w);
 }
