@@ -186,3 +186,11 @@ fn share_above(height: f32, clearance: f32, toward: f32) -> f32 {
     }
     return 1.0;
 }
+
+// The weights of the closest points of two edges, or of a vertex and a triangle.
+fn closest(is_edge: bool, at: Four) -> vec4f {
+    if is_edge {
+        return edge_edge(at);
+    }
+    return vertex_triangle(at);
+}

@@ -16,6 +16,8 @@ use crate::gpu::BoundVertex;
 use crate::kernels::limits::{MAX_POSITION, is_bounded};
 use crate::kernels::pair::vertex_triangle;
 use crate::model::mesh::Mesh;
+#[cfg(feature = "gpu")]
+use crate::model::vertex_order;
 use crate::simd::Vector;
 
 /// Number of triangles in a leaf of the search tree.
@@ -192,8 +194,7 @@ impl Binding {
         if order.len() != self.cloth_vertices {
             return Err(BindError::OtherCloth { bound: self.cloth_vertices, vertices: order.len() });
         }
-        let mut place = vec![0; order.len()];
-        order.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
+        let place = vertex_order::inverse(order);
         let bound = |foot: &Foot| BoundVertex {
             corners: foot.corners.map(|corner| place[corner as usize]),
             weights: foot.weights,

@@ -231,20 +231,16 @@ impl Collider {
 
     /// The same collider in coordinates relative to `origin`; a mesh is returned unchanged.
     pub(crate) fn relative_to(&self, origin: Vec3) -> Collider {
-        let shape = match self.shape {
-            Shape::Sphere { center, radius } => Shape::Sphere { center: center - origin, radius },
-            Shape::Plane { point, normal } => Shape::Plane { point: point - origin, normal },
-            Shape::Capsule { a, b, radius } => Shape::Capsule { a: a - origin, b: b - origin, radius },
-            Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
-                Shape::TaperedCapsule { a: a - origin, radius_a, b: b - origin, radius_b }
+        let mut moved = self.clone();
+        match &mut moved.shape {
+            Shape::Sphere { center: point, .. } | Shape::Plane { point, .. } | Shape::RoundedBox { center: point, .. } => {
+                *point -= origin;
             }
-            Shape::RoundedBox { center, half, rotation, radius } => {
-                Shape::RoundedBox { center: center - origin, half, rotation, radius }
-            }
+            Shape::Capsule { a, b, .. } | Shape::TaperedCapsule { a, b, .. } => (*a, *b) = (*a - origin, *b - origin),
             // A mesh has many vertices, so whoever reads them subtracts the origin.
-            Shape::Mesh { ref mesh } => Shape::Mesh { mesh: Arc::clone(mesh) },
-        };
-        Collider { shape, ..*self }
+            Shape::Mesh { .. } => {}
+        }
+        moved
     }
 }
 

@@ -292,19 +292,10 @@ impl HostContact {
     /// Converts a saved state to the GPU's layout. Returns `None`, and changes nothing, if the state cannot belong to
     /// this cloth.
     pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<DeviceLists> {
-        let ContactPast { numbered: _, bodies, lists: [of_vertices, of_edges], paths, crossings, may_cross, h } = past;
+        let ContactPast { numbered: _, bodies, lists: _, paths, crossings, may_cross, h } = past;
         let Paths { from, by, margin, ahead, since, renewed: _ } = paths;
-        let surface = &self.surface;
-        let crosses =
-            |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
-        if !paths.are_of(self.vertices) || !crossings.iter().all(crosses) {
-            return None;
-        }
-        let first = of_vertices.others.len() as u32;
-        let pairs =
-            |kind, rows: &ListedRows, count, others| super::past::rows(surface, kind, rows, [count, others]).map(Rows::in_rows);
-        let one = pairs(Kind::VertexTriangle, of_vertices, self.vertices, surface.triangles.len())?;
-        let other = pairs(Kind::EdgeEdge, of_edges, surface.edges.len(), surface.edges.len())?;
+        let [one, other] = past.lists_on(&self.surface, self.vertices)?.map(Rows::in_rows);
+        let first = one.pairs.len() as u32;
         let mut starts = one.starts;
         starts.pop();
         starts.extend(other.starts.iter().map(|start| first + start));

@@ -49,6 +49,18 @@ recorded!(ContactPast { numbered, bodies, lists, paths, crossings, may_cross, h 
 recorded!(ListedRows { starts, later, others, thickness, lambda });
 
 impl ContactPast {
+    /// The lists on a surface with this many vertices. `None` if the state cannot belong to it.
+    pub(super) fn lists_on(&self, surface: &Surface, vertices: usize) -> Option<[Rows; 2]> {
+        let (edges, triangles) = (surface.edges.len(), surface.triangles.len());
+        let crosses = |&[edge, triangle]: &[u32; 2]| (edge as usize) < edges && (triangle as usize) < triangles;
+        if !self.paths.are_of(vertices) || !self.crossings.iter().all(crosses) {
+            return None;
+        }
+        let [of_vertices, of_edges] = &self.lists;
+        let of_vertices = rows(surface, Kind::VertexTriangle, of_vertices, [vertices, triangles])?;
+        Some([of_vertices, rows(surface, Kind::EdgeEdge, of_edges, [edges; 2])?])
+    }
+
     /// Applies a rigid motion of the whole cloth.
     pub(crate) fn warp(&mut self, rigid: &Rigid) {
         self.paths.warp(rigid);
@@ -138,17 +150,11 @@ impl TriangleContact {
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     pub(crate) fn resume(&mut self, past: &ContactPast) -> bool {
-        let kinds = [Kind::VertexTriangle, Kind::EdgeEdge];
-        let (vertices, surface) = (self.surface.piece.len(), &self.surface);
-        let counts = [[vertices, surface.triangles.len()], [surface.edges.len(); 2]];
-        let lists = kinds.map(|kind| rows(surface, kind, &past.lists[kind as usize], counts[kind as usize]));
-        let [Some(first), Some(second)] = lists else { return false };
-        let crosses =
-            |&[edge, triangle]: &[u32; 2]| (edge as usize) < surface.edges.len() && (triangle as usize) < surface.triangles.len();
-        if !past.paths.are_of(vertices) || !past.crossings.iter().all(crosses) || !self.bodies.go_back(&past.bodies) {
+        let Some(lists) = past.lists_on(&self.surface, self.surface.piece.len()).filter(|_| self.bodies.go_back(&past.bodies))
+        else {
             return false;
-        }
-        self.lists = [first, second];
+        };
+        self.lists = lists;
         self.contacts.forget();
         self.ignored.take(past.crossings.clone(), &self.surface);
         self.detection.is_fitted = false;
@@ -158,7 +164,7 @@ impl TriangleContact {
 }
 
 /// Converts saved lists with this many rows and second features. Returns `None` if they cannot belong to this cloth.
-pub(super) fn rows(surface: &Surface, kind: Kind, rows: &ListedRows, [features, other_features]: [usize; 2]) -> Option<Rows> {
+fn rows(surface: &Surface, kind: Kind, rows: &ListedRows, [features, other_features]: [usize; 2]) -> Option<Rows> {
     let ListedRows { starts, later, others, thickness, lambda } = rows;
     let is_whole = starts.is_empty() && others.is_empty() && later.is_empty()
         || starts.len() == features + 1

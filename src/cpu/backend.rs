@@ -17,7 +17,6 @@ use crate::cpu::sweep::Rule;
 use crate::cpu::tasks::scheduler::On;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::tasks::team::Team;
-use crate::cpu::tethers::Tethering;
 use crate::cpu::threads::ThreadChoice;
 use crate::cpu::watch::VertexWatch;
 use crate::error::failure::{Cause, Failure};
@@ -187,7 +186,7 @@ impl Cpu {
 
     /// Runs one step. If `external` is given, another engine predicts the displacements. If the motion became
     /// unstable, the step is undone and the cause returned.
-    pub(crate) fn step(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Result<(), Failure> {
+    pub(crate) fn step(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Result<(), Failure> {
         self.steps_good = self.steps;
         let step = self.steps.saturating_add(1);
         let cause = self.run(plan, external);
@@ -223,7 +222,7 @@ impl Cpu {
     }
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
-    fn run(&mut self, plan: &Plan<'_>, external: Option<&ExternalPrediction<'_>>) -> Option<Cause> {
+    fn run(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Option<Cause> {
         let pool = rayon::current_num_threads();
         self.prepare_contact(plan);
         if self.packed.pack(plan, external.is_some(), self.contact.is_some(), pool) {
@@ -233,7 +232,7 @@ impl Cpu {
         let choice = self.choice.get_or_insert_with(|| ThreadChoice::new(plan.cloth.rest.len(), pool));
         let threads = self.threads.map_or(choice.threads(), |threads| threads.min(pool));
         let threads = if plan.alone { 1 } else { threads };
-        let turns = plan.substeps.len() as u32 * plan.sweeps.max(1);
+        let turns = plan.substeps.len() as u32 * plan.params.sweeps.max(1);
         // A pool of one thread leaves nothing to choose, and its platform (a browser) may have no clock.
         let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
@@ -256,13 +255,13 @@ impl Cpu {
         &mut self,
         contact: &mut TriangleContact,
         plan: &Plan<'_>,
-        external: Option<&ExternalPrediction<'_>>,
+        external: Option<&dyn ExternalPrediction>,
         team: &Team,
         threads: usize,
     ) -> Option<Cause> {
         let run = |count: usize, work: &(dyn Fn(usize) + Sync)| team.run(count, work);
         let (workers, on) = (Workers::new(team.threads(), &run), On::Team(team, threads));
-        let sweeps = plan.sweeps.max(1);
+        let sweeps = plan.params.sweeps.max(1);
         // Contact also handles the analytic colliders, so the move must not handle them again.
         let moves = Plan { bodies: &[], ..*plan };
         contact.begin(plan, self.x.room(), self.p.room());
@@ -284,7 +283,7 @@ impl Cpu {
         schedule: usize,
         turns: Range<u32>,
         plan: &Plan<'_>,
-        external: Option<&ExternalPrediction<'_>>,
+        external: Option<&dyn ExternalPrediction>,
         on: On<'_>,
     ) -> Option<Cause> {
         let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
@@ -299,7 +298,6 @@ impl Cpu {
             partition: partition.as_ref().expect("packed"),
             edges,
             tethers,
-            tethering: Tethering { plan, x: &x, u: &u, width: *width },
             forces: forces.share(plan, &x, &u, *width),
             correction: Correction::new(
                 coarse,

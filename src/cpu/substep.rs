@@ -11,7 +11,7 @@ use crate::cpu::schedule::{Domain, Pass};
 use crate::cpu::stages::{Stage, Terms};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::shared::{Task, View};
-use crate::cpu::tethers::{TetherBatches, Tethering};
+use crate::cpu::tethers::{self, TetherBatches};
 use crate::step::plan::Plan;
 
 /// The state as one task sees it: positions and displacements.
@@ -21,20 +21,16 @@ pub(crate) struct StateView<'t> {
     pub u: View<'t>,
 }
 
-/// A callback that is given a task, the state, what to work on, and the index of the substep within the step.
-type TaskLoop<'a, T> = dyn Fn(&Task, StateView<'_>, T, usize) + Sync + 'a;
-
-/// A callback that is given the ranges of vertices that were just moved.
-type MovedLoop<'a> = dyn Fn(&Task, StateView<'_>, &[Range<u32>], usize) + Sync + 'a;
-
-/// Callbacks of an engine that predicts the displacements itself, as the hybrid engine does on the GPU.
-pub(crate) struct ExternalPrediction<'a> {
+/// An engine that predicts the displacements itself, as the hybrid engine does on the GPU.
+pub(crate) trait ExternalPrediction: Sync {
     /// Runs before each substep, while no other task runs.
-    pub exchange: &'a TaskLoop<'a, ()>,
+    fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize);
+
     /// Predicts the displacements of a range of vertices.
-    pub predict: &'a TaskLoop<'a, Range<u32>>,
-    /// Is told of vertices that have just been moved.
-    pub moved: &'a MovedLoop<'a>,
+    fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize);
+
+    /// Is told of ranges of vertices that have just been moved.
+    fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize);
 }
 
 /// All that the tasks of a step need.
@@ -44,12 +40,11 @@ pub(crate) struct Stepper<'a> {
     pub partition: &'a Partition,
     pub edges: &'a [EdgeBatches],
     pub tethers: &'a [TetherBatches],
-    pub tethering: Tethering<'a>,
     pub forces: Forces<'a>,
     pub correction: Correction<'a>,
     pub integrator: Integrator<'a>,
     pub chunks: Option<&'a [Range<u32>]>,
-    pub external: Option<&'a ExternalPrediction<'a>>,
+    pub external: Option<&'a dyn ExternalPrediction>,
     /// How edges are corrected; none if they are springs, which act as forces.
     pub rule: Option<Rule>,
     pub workers: usize,
@@ -60,7 +55,7 @@ impl Stepper<'_> {
     /// substep has several under relaxation. Stages before the sweep run in a substep's first turn, those after it in
     /// the last.
     pub(crate) fn work(&self, task: &Task, pass: &Pass, turn: u32, index: usize) {
-        let sweeps = self.plan.sweeps.max(1);
+        let sweeps = self.plan.params.sweeps.max(1);
         let substep = (turn / sweeps) as usize;
         let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
         for &stage in pass {
@@ -84,7 +79,7 @@ impl Stepper<'_> {
         match stage {
             Stage::Remember => self.integrator.remember(task, tile()),
             Stage::Exchange => {
-                self.external.into_iter().for_each(|external| (external.exchange)(task, self.state(task), (), index));
+                self.external.into_iter().for_each(|external| external.exchange(task, self.state(task), index));
             }
             Stage::BendMoments => self.forces.bend_moments(task, tile(), substep),
             Stage::TrialDisplacements(pass) => self.forces.trial_displacements(task, tile(), pass),
@@ -97,7 +92,10 @@ impl Stepper<'_> {
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
             Stage::Sweep(round) => self.sweep(task, round, part),
-            Stage::Tether(round) => self.tethering.hold(task, &self.tethers[round], part, substep),
+            Stage::Tether(round) => {
+                let StateView { x, u } = self.state(task);
+                tethers::hold(&self.tethers[round], part, self.plan, substep, [x, u], self.integrator.width);
+            }
             Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
             Stage::MoveAfterContact => self.advance(task, &[tile()], index),
         }
@@ -110,7 +108,7 @@ impl Stepper<'_> {
     fn predict(&self, task: &Task, tile: Range<u32>, index: usize) {
         let substep = &self.plan.substeps[index];
         if let Some(external) = self.external {
-            return (external.predict)(task, self.state(task), tile, index);
+            return external.predict(task, self.state(task), tile, index);
         }
         if self.terms.bending {
             self.forces.bend(task, tile.clone(), substep);
@@ -141,6 +139,6 @@ impl Stepper<'_> {
             Some(_) => AfterMove::Wait,
         };
         self.integrator.advance(task, vertices, &self.plan.substeps[index], after);
-        self.external.into_iter().for_each(|external| (external.moved)(task, self.state(task), vertices, index));
+        self.external.into_iter().for_each(|external| external.moved(task, self.state(task), vertices, index));
     }
 }

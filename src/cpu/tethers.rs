@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
+use crate::cpu::tasks::shared::View;
 use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
-use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::kernels::params::Substep;
 use crate::kernels::tether::{Tether, anchor_path, tethered};
 use crate::simd::aligned::AlignedVec;
@@ -57,22 +57,16 @@ impl TetherBatches {
     }
 }
 
-/// What the tethers read, and the displacements that they correct.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Tethering<'a> {
-    pub plan: &'a Plan<'a>,
-    pub x: &'a SharedArray<'a>,
-    pub u: &'a SharedArray<'a>,
-    pub width: Width,
-}
-
-impl Tethering<'_> {
-    /// Corrects the tethered vertices among those whose last edge `piece` has swept.
-    pub(crate) fn hold(&self, task: &Task, batches: &TetherBatches, piece: usize, substep: &Substep) {
-        let Tethering { plan, x, u, width } = *self;
-        let (x, u) = (x.within(task), u.within(task));
-        simd::run(width, Hold { batches, range: batches.of[piece].clone(), x, u, plan, substep });
-    }
+/// Corrects the displacements `u` (m) of the tethered vertices, at `x` (m), among those whose last edge `piece` has swept.
+pub(crate) fn hold(
+    batches: &TetherBatches,
+    piece: usize,
+    plan: &Plan<'_>,
+    substep: &Substep,
+    [x, u]: [View<'_>; 2],
+    width: Width,
+) {
+    simd::run(width, Hold { batches, range: batches.of[piece].clone(), x, u, plan, substep });
 }
 
 struct Hold<'t> {

@@ -12,7 +12,7 @@ use crate::multigrid::hierarchy::Level;
 /// Words of the table for each tile, before the lists.
 const HEADER: usize = 4;
 /// The position of a vertex that is not in the tile.
-const NO_PLACE: u32 = u32::MAX;
+pub(crate) const NO_PLACE: u32 = u32::MAX;
 /// Limit on the vertices in all tiles per vertex of the cloth. With more, recomputing them costs more than it saves.
 const MAX_HELD: usize = 12;
 
@@ -66,7 +66,7 @@ impl BendTiles {
         let mut tiles = BendTiles { table: vec![0; HEADER * pieces.len()], count: pieces.len(), largest: 0, longest: 0 };
         let mut held_by_all = 0;
         for (tile, own) in pieces.into_iter().enumerate() {
-            let (vertices, ends) = with_rings(own, entries, rings, most.room, &mut place)?;
+            let (vertices, ends) = surrounded(own, entries, rings, most.room, &mut place)?;
             let held = ends[rings];
             held_by_all += held;
             if held_by_all > MAX_HELD * rest.len().max(256) {
@@ -122,7 +122,7 @@ pub(crate) fn push_rings<'a>(
 
 /// A tile's own vertices followed by `rings` rings around them and one more, and the number of vertices up to the end of each
 /// ring but the last. `None` if there is no room for those. On return `place` has the position of each vertex.
-fn with_rings(
+pub(crate) fn surrounded(
     own: Vec<u32>,
     entries: &Csr<BendEntry>,
     rings: usize,

@@ -39,14 +39,9 @@ impl Commit {
         });
     }
 
-    /// Resets the result of the check and the number of steps.
-    pub(crate) fn begin(&self, gpu: &Gpu) {
-        gpu.write(&self.found, 0, &[Defects::NOTHING]);
-    }
-
-    /// Resets a failure; keeps the number of steps.
-    pub(crate) fn go_on(&self, gpu: &Gpu, found: Defects) {
-        gpu.write(&self.found, 0, &[Defects { steps: found.steps, ..Defects::NOTHING }]);
+    /// Resets the result of the check, and sets the number of steps.
+    pub(crate) fn restart(&self, gpu: &Gpu, steps: u32) {
+        gpu.write(&self.found, 0, &[Defects { steps, ..Defects::NOTHING }]);
     }
 
     /// Encodes the commit of state number `made`, and its check unless it is already `checked`.

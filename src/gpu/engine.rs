@@ -26,7 +26,7 @@ use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{OnDemand, PerColor, SingleWorkgroup, SweepInputs, Tiled};
 use crate::gpu::tiles::{TileSize, Tiles};
-use crate::gpu::watch::{Defects, Report};
+use crate::gpu::watch::Report;
 use crate::kernels::contact::Body;
 use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
@@ -169,9 +169,7 @@ impl GpuEngine {
         made.contact = self.contact.take();
         made.contact.iter_mut().for_each(|contact| contact.unbind());
         *self = made;
-        self.gpu.write(&self.forces.states[0].x, 0, x);
-        self.gpu.write(&self.forces.states[0].p, 0, p);
-        self.commit.go_on(&self.gpu, Defects { steps, ..Defects::NOTHING });
+        self.put(x, p, steps);
         Ok(())
     }
 

@@ -6,7 +6,7 @@
 //! forces that differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
 //!
 //! # Practice
-//! An exchange is a stage of the CPU's substep ([`ExternalPrediction`]), run by one thread while the others wait. Tasks
+//! An exchange is a stage of the CPU's substep ([`ExternalPrediction`](crate::cpu::ExternalPrediction)), run by one thread while the others wait. Tasks
 //! write what is sent into mapped memory as they move their vertices, and read the results from mapped memory: see
 //! [`Exchange`]. While the GPU works, its next commands are encoded. What is sent depends on the forces: positions for
 //! bending and springs; displacements for air and damped bending, from which the GPU updates its positions; both if
@@ -36,7 +36,7 @@ use std::sync::Mutex;
 
 use glam::Vec4;
 
-use crate::cpu::{Cpu, ExternalPrediction, SharedArray};
+use crate::cpu::{Cpu, SharedArray};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
@@ -189,14 +189,7 @@ impl Hybrid {
             mapped: SharedArray::new(&mut first),
             exchanges: Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None }),
         };
-        let stepped = cpu.step(
-            plan,
-            Some(&ExternalPrediction {
-                exchange: &|task, state, (), substep| step.exchange(task, state, substep),
-                predict: &|task, state, vertices, substep| step.predict(task, state, vertices, substep),
-                moved: &|task, state, vertices, substep| step.moved(task, state, vertices, substep),
-            }),
-        );
+        let stepped = cpu.step(plan, Some(&step));
         *mapped = step.finish().map_err(|reason| {
             cpu.roll_back();
             Failure::Gpu(reason)

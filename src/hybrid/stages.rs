@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{Vec3A, Vec4};
 
-use crate::cpu::{SharedArray, StateView, Task};
+use crate::cpu::{ExternalPrediction, SharedArray, StateView, Task};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::Forces;
@@ -47,9 +47,9 @@ pub(super) fn forces_alone(substeps: &[Substep]) -> impl Iterator<Item = Substep
     substeps.iter().map(|substep| Substep { carry: 0.0, ..*substep })
 }
 
-impl ExchangedStep<'_> {
-    /// Before a substep, while no other task runs: exchanges the state for the displacements that the forces cause.
-    pub(super) fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize) {
+impl ExternalPrediction for ExchangedStep<'_> {
+    /// Exchanges the state for the displacements that the forces cause.
+    fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize) {
         let mapped = self.mapped.within(task);
         if substep == 0 && !self.is_sent {
             let vertices = 0..self.plan.cloth.rest.len();
@@ -61,8 +61,8 @@ impl ExchangedStep<'_> {
         mapped.replace(0, exchanged);
     }
 
-    /// Predicts the displacements of a range of vertices: what carries over, and what the forces cause.
-    pub(super) fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize) {
+    /// What carries over, and what the forces cause.
+    fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize) {
         let carry = Vec3A::splat(self.plan.substeps[substep].carry);
         self.mapped.within(task).show(0, |mapped| {
             let Some(mapped) = mapped else { return };
@@ -76,14 +76,16 @@ impl ExchangedStep<'_> {
         });
     }
 
-    /// After vertices have been moved: sends their state.
-    pub(super) fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize) {
+    /// Sends their state.
+    fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize) {
         let is_last = substep + 1 == self.plan.substeps.len();
         let payload = if is_last { self.complete } else { self.payload };
         let vertices = vertices.iter().flat_map(|range| range.start as usize..range.end as usize);
         self.mapped.within(task).show(0, |mapped| mapped.iter().for_each(|to| send(to, task, payload, state, vertices.clone())));
     }
+}
 
+impl ExchangedStep<'_> {
     /// The mapped buffers after the step, or why exchanging failed.
     pub(super) fn finish(self) -> Result<Option<Mapped>, GpuFault> {
         match self.exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {

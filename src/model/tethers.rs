@@ -225,9 +225,7 @@ struct OwnStretch {
 
 impl OwnStretch {
     fn new(cloth: Hung<'_>, anchors: &[u32]) -> OwnStretch {
-        let mut parts = DisjointSets::new(cloth.rest.len());
-        cloth.links.iter().for_each(|link| parts.join(link.ends));
-        let root: Vec<u32> = (0..cloth.rest.len() as u32).map(|vertex| parts.root(vertex)).collect();
+        let root = DisjointSets::parts(cloth.rest.len(), cloth.links.iter().map(|link| link.ends));
         let (mut mass, mut pins) = (vec![0.0; root.len()], vec![0.0; root.len()]);
         for ((x, &root), &vertex_mass) in cloth.rest.iter().zip(&root).zip(cloth.mass) {
             let part = if x.w > 0.0 { (&mut mass, f64::from(vertex_mass)) } else { (&mut pins, 1.0) };

@@ -72,8 +72,6 @@ pub(crate) struct Plan<'a> {
     pub pins: &'a [Pin],
     /// Where the step starts for all pins (m, in local coordinates), in the order of [`Cloth::pinned`].
     pub pins_from: &'a [Vec3],
-    /// Sweeps over the edges per substep.
-    pub sweeps: u32,
     pub method: Method,
     /// The force terms of the scene. Springs are given by `method`.
     pub bending: bool,
@@ -209,7 +207,6 @@ impl<'a> Plan<'a> {
             meshes: &buffers.meshes,
             pins: &buffers.pins,
             pins_from: &motion.pins,
-            sweeps: params.sweeps,
             method: options.method,
             bending: inputs.bends(),
             wind: inputs.attributes.air_density > 0.0,

@@ -4,6 +4,7 @@ use glam::{Vec3, Vec3A, Vec4};
 
 use super::*;
 use crate::cpu::partition::Partition;
+use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::oracle;
@@ -62,8 +63,8 @@ fn every_width_holds_as_the_oracle_does() {
             for pieces in &partition.rounds {
                 let batches = TetherBatches::new(pieces, &coefficients.tethers, x.len(), width.lanes());
                 let (x, u) = (SharedArray::new(x_now.room()), SharedArray::new(u.room()));
-                let tethering = Tethering { plan: &plan, x: &x, u: &u, width };
-                (0..pieces.len()).for_each(|piece| tethering.hold(&task, &batches, piece, substep));
+                let state = [x.within(&task), u.within(&task)];
+                (0..pieces.len()).for_each(|piece| hold(&batches, piece, &plan, substep, state, width));
             }
             let apart = plain.iter().zip(u.iter()).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
             assert!(apart <= 3e-6 * (1.0 + size), "{size} {width:?}: {apart} of {moved}");

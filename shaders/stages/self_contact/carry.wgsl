@@ -52,17 +52,7 @@ fn is_run_over(pair: Passed) -> bool {
 
 // Whether a vertex is around what crosses, which would not separate if it were carried.
 fn is_entangled(v: u32) -> bool {
-    var low = contact_params.ignored + contact_params.ignored_edges;
-    var high = low + contact_params.entangled;
-    while low < high {
-        let middle = (low + high) / 2u;
-        if ignored[middle].x == v {
-            return true;
-        }
-        low = select(low, middle + 1u, ignored[middle].x < v);
-        high = select(high, middle, ignored[middle].x > v);
-    }
-    return false;
+    return is_among(vec2u(v, 0u), contact_params.ignored + contact_params.ignored_edges, contact_params.entangled);
 }
 
 // Finds out whether a pair is run over, and which corners are to be carried by which. A corner without a weight is not
@@ -74,10 +64,7 @@ fn run_over(pair: Passed) -> RunOver {
     let is_edge = pair.is_edge;
     let v = pair.v;
     let start = pair.start;
-    var weights = vertex_triangle(start);
-    if is_edge {
-        weights = edge_edge(start);
-    }
+    let weights = closest(is_edge, start);
     let apart = between(weights, start);
     let is_first = vec4<bool>(true, is_edge, false, false);
     let is_kinematic = vec4f(vertices[v.x].x.w, vertices[v.y].x.w, vertices[v.z].x.w, vertices[v.w].x.w) <= vec4f();

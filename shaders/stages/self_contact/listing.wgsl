@@ -8,31 +8,12 @@ var<workgroup> listed_here: array<atomic<u32>, 2>;
 var<workgroup> first_listed: array<u32, 2>;
 var<workgroup> with_triangles: u32;
 
-
-// Whether a pair is in the sorted list of those of its kind.
+// Whether a pair is in the list of those of its kind.
 fn is_ignored(is_edge: bool, row: u32, other: u32) -> bool {
-    let one = select(row, row - contact_params.all_vertices, is_edge);
-    var low = select(0u, contact_params.ignored, is_edge);
-    var high = low + select(contact_params.ignored, contact_params.ignored_edges, is_edge);
-    while low < high {
-        let middle = (low + high) / 2u;
-        let pair = ignored[middle];
-        if pair.x < one || (pair.x == one && pair.y < other) {
-            low = middle + 1u;
-        } else if pair.x == one && pair.y == other {
-            return true;
-        } else {
-            high = middle;
-        }
-    }
-    return false;
-}
-
-fn closest(is_edge: bool, at: Four) -> vec4f {
     if is_edge {
-        return edge_edge(at);
+        return is_among(vec2u(row - contact_params.all_vertices, other), contact_params.ignored, contact_params.ignored_edges);
     }
-    return vertex_triangle(at);
+    return is_among(vec2u(row, other), 0u, contact_params.ignored);
 }
 
 // The distance at which a pair is held, or 0 if it cannot come so close within the substeps that detection covers.

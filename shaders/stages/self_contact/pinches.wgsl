@@ -35,10 +35,7 @@ fn moves_through(is_edge: bool, start: Four, end: Four) -> bool {
 
 // The distance between the features of a pair [m].
 fn distance_of(is_edge: bool, at: Four) -> f32 {
-    if is_edge {
-        return length(between(edge_edge(at), at));
-    }
-    return length(between(vertex_triangle(at), at));
+    return length(between(closest(is_edge, at), at));
 }
 
 // Where a vertex is at the end of the substep.

@@ -273,6 +273,24 @@ fn way_with(v: u32, push: vec3f) -> vec3f {
     return vertices[v].u.xyz + push - contact_state.status.mean - by_turning(vertices[v].x.xyz);
 }
 
+// Whether a pair is in a part of `ignored`, which is sorted.
+fn is_among(pair: vec2u, first: u32, count: u32) -> bool {
+    var low = first;
+    var high = first + count;
+    while low < high {
+        let middle = (low + high) / 2u;
+        let other = ignored[middle];
+        if other.x < pair.x || (other.x == pair.x && other.y < pair.y) {
+            low = middle + 1u;
+        } else if all(other == pair) {
+            return true;
+        } else {
+            high = middle;
+        }
+    }
+    return false;
+}
+
 fn has_stopped() -> bool {
     return atomicLoad(&contact_state.status.stopped) != 0u;
 }

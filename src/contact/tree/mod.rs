@@ -70,7 +70,6 @@ pub(super) struct DetectionScope {
 #[derive(Debug)]
 pub(super) struct Tree {
     pub leaves: Leaves,
-    depth: u32,
     /// The leaf of each triangle.
     leaf_of: Vec<u32>,
     /// Indexed by heap number; entry 0 is unused.
@@ -95,10 +94,10 @@ pub(super) struct Tree {
 impl Tree {
     /// Over the bodies, which are not tested against each other.
     pub(super) fn of_bodies(leaves: Leaves) -> Tree {
-        let (depth, leaf_of, nodes) = (leaves.depth, leaves.of_triangles(), vec![Bounds::NOTHING; 2 << leaves.depth]);
-        let around = Csr::new(1 << depth, std::iter::empty());
+        let (leaf_of, nodes) = (leaves.of_triangles(), vec![Bounds::NOTHING; 2 << leaves.depth]);
+        let around = Csr::new(1 << leaves.depth, std::iter::empty());
         let (excess, rest, normals, beside, marks, before, frontier, found) = Default::default();
-        Tree { leaves, depth, leaf_of, nodes, excess, rest, around, normals, beside, marks, before, frontier, found }
+        Tree { leaves, leaf_of, nodes, excess, rest, around, normals, beside, marks, before, frontier, found }
     }
 
     /// Over the cloth. The surface must contain nothing else yet.
@@ -110,7 +109,7 @@ impl Tree {
             let corners = surface.triangles[tree.leaves.triangles_of(leaf)].iter().flat_map(at_rest);
             corners.fold(Bounds::NOTHING.place, |[low, high], x| [low.min(x), high.max(x)])
         };
-        tree.rest = (0..1 << tree.depth).map(boxed).collect();
+        tree.rest = (0..1 << tree.leaves.depth).map(boxed).collect();
         let leaf_of = tree.leaf_of.clone();
         // The leaves around each vertex. One of a fan is in few leaves, however many triangles it has.
         let corners = surface.triangles.iter().zip(&leaf_of);
@@ -126,7 +125,7 @@ impl Tree {
             let leaves = around.of(vertex);
             pairs.extend(leaves.iter().flat_map(|&a| leaves.iter().map(move |&b| [a, b])).filter(|[a, b]| a != b));
         }
-        for level in (0..=tree.depth).rev() {
+        for level in (0..=tree.leaves.depth).rev() {
             pairs.sort_unstable();
             pairs.dedup();
             tree.beside.push(Csr::new(1 << level, pairs.iter().map(|&[a, b]| (a, b))));
@@ -139,8 +138,8 @@ impl Tree {
 
     fn sum_excess(&mut self, surface: &Surface, around: &Csr<u32>) {
         for (vertex, &excess) in surface.excess.iter().enumerate().filter(|(_, excess)| **excess > 0.0) {
-            let mut nodes: Vec<u32> = around.of(vertex as u32).iter().map(|leaf| leaf + (1 << self.depth)).collect();
-            for _ in 0..=self.depth {
+            let mut nodes: Vec<u32> = around.of(vertex as u32).iter().map(|leaf| leaf + (1 << self.leaves.depth)).collect();
+            for _ in 0..=self.leaves.depth {
                 nodes.sort_unstable();
                 nodes.dedup();
                 nodes.iter_mut().for_each(|node| {
@@ -154,8 +153,8 @@ impl Tree {
     /// Sets the excess of nodes whose triangles are not connected to infinity.
     fn find_parts(&mut self, surface: &Surface, leaf_of: &[u32]) {
         let at_edges = surface.at_edges();
-        for level in 0..=self.depth {
-            let node = |triangle: u32| (leaf_of[triangle as usize] + (1 << self.depth)) >> (self.depth - level);
+        for level in 0..=self.leaves.depth {
+            let node = |triangle: u32| (leaf_of[triangle as usize] + (1 << self.leaves.depth)) >> (self.leaves.depth - level);
             let mut parts = DisjointSets::new(leaf_of.len());
             for edge in 0..surface.edges.len() as u32 {
                 for pair in at_edges.of(edge).windows(2).filter(|pair| node(pair[0]) == node(pair[1])) {
@@ -185,7 +184,7 @@ impl Tree {
 
     /// The bounds of a leaf.
     pub(super) fn leaf(&self, leaf: u32) -> &Bounds {
-        &self.nodes[leaf as usize + (1 << self.depth)]
+        &self.nodes[leaf as usize + (1 << self.leaves.depth)]
     }
 }
 

@@ -28,7 +28,7 @@ impl Tree {
             (first..).zip(normals).for_each(|(triangle, normal)| *normal = normals_of(surface, triangle, path, substeps));
         });
         self.normals = normals;
-        let leaves = 1_usize << self.depth;
+        let leaves = 1_usize << self.leaves.depth;
         let mut nodes = std::mem::take(&mut self.nodes);
         path.workers.chunks(&mut nodes[leaves..], GRAIN, |first, nodes| {
             (first..).zip(nodes).for_each(|(leaf, node)| *node = self.bounds(leaf, surface, boxes, path));
@@ -55,7 +55,7 @@ impl Tree {
                 self.normals[triangle as usize] = normals_of(surface, triangle as usize, path, substeps);
             }
         }
-        let leaves = 1_usize << self.depth;
+        let leaves = 1_usize << self.leaves.depth;
         for leaf in (0..leaves).filter(|leaf| self.marks[leaf + leaves] != 0) {
             self.nodes[leaf + leaves] = self.bounds(leaf, surface, boxes, path);
         }
@@ -70,8 +70,8 @@ impl Tree {
     /// Marks the leaves that new paths of some vertices change.
     pub(in super::super) fn mark(&mut self, vertices: &[u32], surface: &Surface) {
         self.marks.clear();
-        self.marks.resize(2 << self.depth, 0);
-        let leaves = 1 << self.depth;
+        self.marks.resize(2 << self.leaves.depth, 0);
+        let leaves = 1 << self.leaves.depth;
         let first = self.leaves.all()[0].start;
         let leaf_of = |triangle: u32| self.leaf_of[triangle as usize - first] as usize + leaves;
         for &triangle in vertices.iter().flat_map(|&vertex| surface.at.of(vertex)) {
@@ -85,8 +85,8 @@ impl Tree {
 
     /// The leaves with vertices that have new paths.
     pub(in super::super) fn moved(&self) -> impl Iterator<Item = usize> {
-        let leaves: Range<usize> = 0..1 << self.depth;
-        leaves.filter(|leaf| self.marks[leaf + (1 << self.depth)] & MOVED != 0)
+        let leaves: Range<usize> = 0..1 << self.leaves.depth;
+        leaves.filter(|leaf| self.marks[leaf + (1 << self.leaves.depth)] & MOVED != 0)
     }
 
     /// Whether normals matter: the cloth may meet itself, but bodies are not tested against each other.

@@ -27,14 +27,14 @@ impl Tree {
     /// depend on the number of threads.
     pub(in super::super) fn walk(&mut self, walk: Walk<'_>, leaves: &mut Vec<[u32; 2]>) {
         let is_shared = walk.workers.count() > 1;
-        let top = if is_shared { SHARED_LEVELS.min(self.depth) } else { self.depth };
+        let top = if is_shared { SHARED_LEVELS.min(self.leaves.depth) } else { self.leaves.depth };
         let mut frontier = std::mem::take(&mut self.frontier);
         frontier.clear();
         self.descend(([1, 1], walk.all), top, walk.scope, &mut frontier);
-        let first = 1 << self.depth;
-        if top < self.depth {
+        let first = 1 << self.leaves.depth;
+        if top < self.leaves.depth {
             let mut found = std::mem::take(&mut self.found);
-            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend(pair, self.depth, walk.scope, found);
+            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend(pair, self.leaves.depth, walk.scope, found);
             finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - first], leaves);
             self.found = found;
         } else {
@@ -51,7 +51,7 @@ impl Tree {
         let mut frontier = std::mem::take(&mut self.frontier);
         frontier.clear();
         self.descend_across(other, ([1, 1], walk.all), levels, walk.scope, &mut frontier);
-        let (first, other_first) = (1 << self.depth, 1 << other.depth);
+        let (first, other_first) = (1 << self.leaves.depth, 1 << other.leaves.depth);
         if is_shared {
             let mut found = std::mem::take(&mut self.found);
             let below = |pair: Pair, found: &mut Vec<Pair>| self.descend_across(other, pair, u32::MAX, walk.scope, found);
@@ -70,7 +70,7 @@ impl Tree {
         if !all && !is_new() || self.nodes[a as usize].is_apart(&other.nodes[b as usize], scope.thickness, scope.substeps) {
             return;
         }
-        let (is_leaf, is_other_leaf) = (a >> self.depth != 0, b >> other.depth != 0);
+        let (is_leaf, is_other_leaf) = (a >> self.leaves.depth != 0, b >> other.leaves.depth != 0);
         if levels == 0 || is_leaf && is_other_leaf {
             return found.push((pair, all));
         }
@@ -91,7 +91,7 @@ impl Tree {
             return;
         }
         all = all || self.were_in_one_cone(pair, here);
-        if here == self.depth && !all && marks() & MOVED == 0 {
+        if here == self.leaves.depth && !all && marks() & MOVED == 0 {
             return;
         }
         if here == level {

@@ -25,17 +25,18 @@ impl GpuEngine {
 
     /// Sets the state.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
-        self.put(x, p);
+        self.put(x, p, 0);
+        self.counter.iter_mut().for_each(Counter::forget);
         self.readback.forget();
         self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
-    fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
+    /// Writes the state that `steps` steps led to.
+    pub(super) fn put(&self, x: &[Vec4], p: &[Vec4], steps: u32) {
         let state = &self.forces.states[0];
         self.gpu.write(&state.x, 0, x);
         self.gpu.write(&state.p, 0, p);
-        self.commit.begin(&self.gpu);
-        self.counter.iter_mut().for_each(Counter::forget);
+        self.commit.restart(&self.gpu, steps);
     }
 
     /// What the engine knows besides positions and displacements; waits for it.
@@ -73,9 +74,8 @@ impl GpuEngine {
             Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
         });
         self.counter = counter.map_err(Failure::Gpu)?;
-        self.put(x, p);
+        self.put(x, p, past.steps);
         self.readback.forget();
-        self.commit.go_on(&gpu, Defects { steps: past.steps, ..Defects::NOTHING });
         self.counter.iter_mut().for_each(|counter| counter.resume(&past.pending));
         Ok(true)
     }
@@ -100,7 +100,7 @@ impl GpuEngine {
 
     /// Goes on from the state before a failed step, which the GPU has kept.
     fn go_on(&mut self, found: Defects) {
-        self.commit.go_on(&self.gpu, found);
+        self.commit.restart(&self.gpu, found.steps);
         // What was requested reports the same failure, in terms of an engine that may be replaced meanwhile.
         self.readback.forget();
         self.contact.iter_mut().for_each(|contact| contact.forget());

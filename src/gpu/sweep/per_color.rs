@@ -56,7 +56,7 @@ impl PerColor {
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
-        if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
+        if self.length != Some(plan.coefficients.length) && plan.params.sweeps > 0 {
             gpu.write(&self.edges, 0, &plan.coefficients.edges);
             self.tethers.iter().for_each(|buffer| tethers::send(gpu, plan, buffer, 0));
             self.length = Some(plan.coefficients.length);
@@ -65,12 +65,12 @@ impl PerColor {
 
     /// Bytes of a substep.
     pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
-        plan.sweeps as usize * 112 * plan.cloth.swept().len()
+        plan.params.sweeps as usize * 112 * plan.cloth.swept().len()
     }
 
     /// Encodes the sweeps and contact of a substep, number `group` of [`crate::gpu::state::PING_PONG`].
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
-        for _ in 0..plan.sweeps {
+        for _ in 0..plan.params.sweeps {
             for (color, batch) in self.colors.iter().enumerate() {
                 self.project.dispatch(pass, group, &slot(color), batch.count as usize);
             }

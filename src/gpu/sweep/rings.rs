@@ -1,6 +1,7 @@
 //! What bending in a single pass needs around the tiles of a sweep: more vertices, and the entries of each.
 
 use crate::device::Gpu;
+use crate::gpu::bend_tiles::{NO_PLACE, surrounded};
 use crate::gpu::stage::lanes;
 use crate::gpu::tiles::{IN_TILE, Tiles};
 use crate::kernels::bending::BendEntry;
@@ -10,8 +11,6 @@ use crate::model::csr::Csr;
 const OF_MOMENT: usize = 24;
 /// Most entries of a vertex. Every vertex has room for as many as any has.
 const WIDEST: usize = 16;
-/// The place of a vertex that is not in the tile.
-const NO_PLACE: u32 = u32::MAX;
 
 /// The entries of the vertices in each tile, in the form that `stages/bent_tile.wgsl` reads.
 #[derive(Debug)]
@@ -26,59 +25,32 @@ pub(crate) struct Rings {
     pub ring: usize,
 }
 
-/// The vertices of a tile: first those that are swept, then those whose moments also act on these, then those on which
-/// the moments depend. `ends` are the ends of the first two parts.
-struct Surrounded {
-    vertices: Vec<u32>,
-    ends: [usize; 2],
-}
-
-impl Surrounded {
-    /// `place` has no places before and after.
-    fn new(mut vertices: Vec<u32>, entries: &Csr<BendEntry>, place: &mut [u32]) -> Surrounded {
-        vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
-        let mut start = 0;
-        let ends = [(); 2].map(|()| {
-            let end = vertices.len();
-            for k in start..end {
-                for entry in entries.of(vertices[k]) {
-                    if place[entry.other as usize] == NO_PLACE {
-                        place[entry.other as usize] = vertices.len() as u32;
-                        vertices.push(entry.other);
-                    }
-                }
-            }
-            start = end;
-            end
-        });
-        vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
-        Surrounded { vertices, ends }
-    }
-
-    /// Appends the entries of the tile's vertices, with room for `bent` vertices with `ring` entries each. What is left
-    /// is filled with entries that refer to the vertex itself and have no effect.
-    fn push_entries(&self, entries: &Csr<BendEntry>, [bent, ring]: [usize; 2], place: &mut [u32], table: &mut Vec<u32>) {
-        let Surrounded { vertices, ends } = self;
-        vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
-        for index in 0..ring {
-            let words = |k: usize| match vertices[..ends[1]].get(k).and_then(|&vertex| entries.of(vertex).get(index)) {
-                Some(entry) => [place[entry.other as usize], entry.forward.to_bits(), entry.backward.to_bits()],
-                None => [k as u32, 0, 0],
-            };
-            (0..3).for_each(|word| table.extend((0..bent).map(|k| words(k)[word])));
-        }
-        vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
+/// Appends the entries of vertices of a tile, with room for `bent` vertices with `ring` entries each. What is left is filled with
+/// entries that refer to the vertex itself and have no effect. `place` has the places of the tile's vertices.
+fn push_entries(vertices: &[u32], entries: &Csr<BendEntry>, [bent, ring]: [usize; 2], place: &[u32], table: &mut Vec<u32>) {
+    for index in 0..ring {
+        let words = |k: usize| match vertices.get(k).and_then(|&vertex| entries.of(vertex).get(index)) {
+            Some(entry) => [place[entry.other as usize], entry.forward.to_bits(), entry.backward.to_bits()],
+            None => [k as u32, 0, 0],
+        };
+        (0..3).for_each(|word| table.extend((0..bent).map(|k| words(k)[word])));
     }
 }
-
 /// Adds to each tile the vertices whose moments act on those that it sweeps, and the ring around these. `None` if some
 /// tile would have no room, or more vertices than a workgroup has invocations.
 pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>) -> Option<(Tiles, Rings)> {
     let mut place = vec![NO_PLACE; entries.spans.len()];
-    let parts: Vec<Surrounded> = tiles.lists().map(|list| Surrounded::new(list.to_vec(), entries, &mut place)).collect();
+    // The vertices of each tile: first those that are swept, then those whose moments also act on these, then those on which the
+    // moments depend; and the ends of the first two parts.
+    let with_ring = |list: &[u32]| {
+        let (vertices, ends) = surrounded(list.to_vec(), entries, 1, usize::MAX, &mut place)?;
+        vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
+        Some((vertices, ends))
+    };
+    let parts: Vec<(Vec<u32>, Vec<usize>)> = tiles.lists().map(with_ring).collect::<Option<_>>()?;
     let ring = entries.spans.iter().map(|span| (span.end - span.start) as usize).max()?;
-    let [swept, bent] = [0, 1].map(|part| parts.iter().map(|tile| tile.ends[part]).max().unwrap_or(0));
-    let room = parts.iter().map(|tile| tile.vertices.len()).max()?;
+    let [swept, bent] = [0, 1].map(|part| parts.iter().map(|(_, ends)| ends[part]).max().unwrap_or(0));
+    let room = parts.iter().map(|(vertices, _)| vertices.len()).max()?;
     let words = 3 * ring * bent * parts.len();
     let fits = room <= lanes(gpu, room)
         && IN_TILE * room + OF_MOMENT * bent <= gpu.workgroup_memory()
@@ -86,8 +58,11 @@ pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>) -> 
         && size_of::<u32>() * words + tiles.bytes() <= gpu.most_table_bytes();
     fits.then(|| {
         let mut table = Vec::with_capacity(words);
-        parts.iter().for_each(|tile| tile.push_entries(entries, [bent, ring], &mut place, &mut table));
-        let lists: Vec<Vec<u32>> = parts.into_iter().map(|tile| tile.vertices).collect();
+        for (vertices, ends) in &parts {
+            vertices.iter().zip(0..).for_each(|(&vertex, k)| place[vertex as usize] = k);
+            push_entries(&vertices[..ends[1]], entries, [bent, ring], &place, &mut table);
+        }
+        let lists: Vec<Vec<u32>> = parts.into_iter().map(|(vertices, _)| vertices).collect();
         (tiles.with_lists(&lists, room), Rings { table, swept, bent, ring })
     })
 }

@@ -126,7 +126,7 @@ impl SingleWorkgroup {
     pub(crate) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
         let used = plan.coefficients.levels.len();
         let [rounds, edges] = self.levels.as_ref().map_or([0, 0], |levels| levels.counts(used));
-        let sweeps = plan.sweeps as usize;
+        let sweeps = plan.params.sweeps as usize;
         [rounds + sweeps * self.tiles.colors, edges + sweeps * self.tiles.swept]
     }
 

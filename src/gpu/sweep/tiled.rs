@@ -198,7 +198,7 @@ impl Tiled {
         if !plan.pins.is_empty() {
             gpu.write(&self.table, self.at.pins + size_of::<u32>() * plan.cloth.rest.len(), plan.pins);
         }
-        if self.length != Some(plan.coefficients.length) && plan.sweeps > 0 {
+        if self.length != Some(plan.coefficients.length) && plan.params.sweeps > 0 {
             self.tiles.send_edges(gpu, &self.table, 0, &plan.coefficients.edges);
             if let (Some(of_level), [edges, ..]) = (&mut self.level, plan.coefficients.levels.as_slice()) {
                 of_level.send_edges(gpu, &self.table, self.at.level, edges);
