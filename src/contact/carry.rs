@@ -35,7 +35,7 @@ impl Contacts {
     /// Carries vertices with what runs over them, after truncation has removed `lost` of the momentum (kg m). Near pairs were not
     /// found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if there are such,
     /// carries nothing.
-    pub(super) fn carry(&mut self, input: ContactInput<'_>, mass: &[f32], mut lost: DVec3) -> Held {
+    pub(super) fn carry(&mut self, input: ContactInput<'_>, mut lost: DVec3) -> Held {
         for round in 0..ROUNDS {
             let pairs = self.run_over(input);
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
@@ -55,13 +55,14 @@ impl Contacts {
                     }
                 }
             }
-            lost += self.truncate(mass, input);
+            lost += self.truncate(input);
         }
         Held::Done { lost }
     }
 
     /// The pairs that are run over, among those whose plane has passed a vertex, where nothing crosses.
-    fn run_over(&self, ContactInput { thickness, entangled, .. }: ContactInput<'_>) -> Vec<RunOver> {
+    fn run_over(&self, ContactInput { surface, entangled, .. }: ContactInput<'_>) -> Vec<RunOver> {
+        let thickness = surface.thickness;
         let is_entangled = |place: u32| entangled.binary_search(&self.vertices[place as usize].index).is_ok();
         let is_run_over = |&(kind, places): &(Kind, [u32; 4])| {
             if !entangled.is_empty() && places.into_iter().any(is_entangled) {

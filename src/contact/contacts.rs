@@ -17,9 +17,7 @@ use super::vertex_pairs::SLICE;
 use super::voronoi::Around;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
-use crate::kernels::params::Substep;
 use crate::simd;
-use crate::step::plan::Plan;
 
 /// Least number of vertices that are worth a part of a loop.
 pub(super) const GRAIN: usize = 32;
@@ -74,21 +72,14 @@ pub(super) enum Held {
 
 impl Contacts {
     /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`.
-    pub(super) fn hold_apart(
-        &mut self,
-        lists: &mut [Rows; 2],
-        input: ContactInput<'_>,
-        plan: &Plan<'_>,
-        substep: &Substep,
-        scale: f32,
-    ) -> Held {
+    pub(super) fn hold_apart(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>, scale: f32) -> Held {
         self.gather(lists, input);
         if !self.has_near() {
             return Held::Done { lost: DVec3::ZERO };
         }
-        self.respond(plan, substep, scale, input.workers, input.width);
-        let lost = self.truncate(&plan.cloth.mass, input);
-        self.carry(input, &plan.cloth.mass, lost)
+        self.respond(input.context, scale);
+        let lost = self.truncate(input);
+        self.carry(input, lost)
     }
 
     /// Finds the near pairs of the lists, in order, and the active ones among them.
@@ -103,17 +94,17 @@ impl Contacts {
     /// Numbers the vertices of the lists as far as they are not. Returns whether the groups of the last substep remain valid.
     fn update_numbering(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) -> bool {
         if self.friction != input.friction {
-            self.store_multipliers(lists, input.workers);
+            self.store_multipliers(lists, input.context.workers);
             self.forget();
             input.friction.clone_into(&mut self.friction);
         }
         let was_numbered = self.is_numbered;
         if !was_numbered {
-            self.number(lists, input.x.len(), input.workers);
+            self.number(lists, input.x.len(), input.context.workers);
         } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
-            self.number_more(lists, input.workers);
+            self.number_more(lists, input.context.workers);
         }
-        let ranges = Ranges::of(self.order.len(), SLICE, input.workers);
+        let ranges = Ranges::of(self.order.len(), SLICE, input.context.workers);
         let last_ranges = std::mem::replace(&mut self.acting.ranges, ranges);
         was_numbered && ranges == last_ranges
     }
@@ -127,10 +118,10 @@ impl Contacts {
             acting.number(portions);
         }
         let around = Around { surface: input.surface, x: input.x, vertices };
-        for_groups(portions, (&mut acting.weights, &mut []), input.workers, &|kind, _, groups, weights, _: &mut [()]| {
-            simd::run(input.width, FindAgain { kind, groups, weights, x, u, most_push: input.most_push, around });
+        for_groups(portions, (&mut acting.weights, &mut []), input.context.workers, &|kind, _, groups, weights, _: &mut [()]| {
+            simd::run(input.context.width, FindAgain { kind, groups, weights, x, u, most_push: input.most_push, around });
         });
-        acting.weigh(portions, have_changed, vertices, input.workers);
+        acting.weigh(portions, have_changed, vertices, input.context.workers);
     }
 
     /// Discards what depends on the lists, because they have changed.
@@ -164,7 +155,7 @@ impl Contacts {
         vertices.resize(order.len(), Vertex::default());
         [&mut *u, relative].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
         let last_common_motion = std::mem::replace(common_motion, input.common_motion);
-        let part = input.workers.part(order.len(), GRAIN);
+        let part = input.context.workers.part(order.len(), GRAIN);
         let (mut vertices, mut x, mut u, mut order, mut motions) =
             (&mut **vertices, &mut **x, &mut **u, &**order, &mut **motions);
         let mut first = 0;
@@ -177,7 +168,7 @@ impl Contacts {
             let state = (vertices.split_off_mut(..count)?, x.split_off_mut(..count)?, u.split_off_mut(..count)?);
             Some((of.start, order.split_off(..count)?, state, motions.split_off_mut(..of.len())?))
         });
-        input.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
+        input.context.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
             let mut state = vertices.iter_mut().zip(x.iter_mut().zip(u));
             for order in order.chunk_by(|&a, &b| patch(a) == patch(b)) {
                 let mut all = PatchMotion::NONE;
@@ -217,17 +208,17 @@ impl Contacts {
             (of.corners, of.thickness, of.safe_until) = (corners, thickness, safe_until);
         }
         let counts = left.each_ref().map(|left| left.portions.len());
-        let parts = (0..input.workers.count()).map(|part| {
-            let mut counts = counts.iter().map(|count| input.workers.share(part, *count));
+        let parts = (0..input.context.workers.count()).map(|part| {
+            let mut counts = counts.iter().map(|count| input.context.workers.share(part, *count));
             left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
         });
-        input.workers.each(parts, |parts| {
+        input.context.workers.each(parts, |parts| {
             parts.into_iter().flat_map(ListSlice::portions).for_each(
                 |ListSlice { portions, pairs, corners, thickness, lambda, safe_until }| {
                     let (portion, most_push) = (&mut portions[0], input.most_push);
                     portion.bunches.take(portion.kind, pairs, motions.len());
-                    portion.bunches.advance(motions, input.most_push, input.thickness);
-                    simd::run(input.width, Find { corners, thickness, x, u, safe_until, most_push, around, portion });
+                    portion.bunches.advance(motions, input.most_push, input.surface.thickness);
+                    simd::run(input.context.width, Find { corners, thickness, x, u, safe_until, most_push, around, portion });
                     if !portion.joining.is_empty() || !keeps_groups {
                         portion.join((pairs, corners), lambda, safe_until, friction, ranges);
                     }

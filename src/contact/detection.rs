@@ -72,8 +72,6 @@ pub(super) struct Detection {
 #[derive(Clone, Copy)]
 pub(super) struct DetectionInput<'a> {
     pub surface: &'a Surface,
-    /// Whether contact of the cloth with itself is on.
-    pub has_self_contact: bool,
     /// Whether bodies are where they were at the last detection.
     pub bodies_rest: bool,
     pub path: Path<'a>,
@@ -158,7 +156,7 @@ impl Detection {
         let [own, across] = &mut self.leaves;
         own.clear();
         across.clear();
-        if input.has_self_contact {
+        if surface.has_self_contact {
             cloth.walk(walk, own);
         }
         if surface.has_bodies() {

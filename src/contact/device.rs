@@ -29,7 +29,6 @@ pub(crate) const MARK: u32 = 1 << 31;
 #[derive(Debug)]
 pub(crate) struct HostContact {
     surface: Surface,
-    has_self_contact: bool,
     bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
@@ -38,7 +37,6 @@ pub(crate) struct HostContact {
     ignored: IgnoredPairs,
     may_cross: bool,
     pinched: Vec<u32>,
-    thickness: f32,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
 }
@@ -74,27 +72,24 @@ impl HostContact {
         contact: Option<Contact>,
         meshes: Vec<Arc<Mesh>>,
     ) -> Option<(HostContact, ContactParams, Table)> {
-        let thickness = contact.unwrap_or_default().thickness;
-        let (mut surface, leaves) = Surface::new(cloth, thickness)?;
+        let (mut surface, leaves) = Surface::new(cloth, contact)?;
         let tree = Tree::of_cloth(&surface, leaves);
         let own = cloth.rest.len();
         let (mut range, mut of_meshes) = ([own; 2], None);
         if !meshes.is_empty() {
             let first = surface.rest.len();
             range = [first, first + meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>()];
-            of_meshes = Some(surface.add_bodies(&meshes, thickness));
+            of_meshes = Some(surface.add_bodies(&meshes));
         }
         let (params, table) = Table::new(&surface, &tree, of_meshes.as_ref(), range);
         let bodies = Bodies::new(range[0], meshes);
         let contact = HostContact {
             surface,
-            has_self_contact: contact.is_some(),
             bodies,
             vertices: range[1],
             ignored: IgnoredPairs::default(),
             may_cross: true,
             pinched: Vec::new(),
-            thickness,
             motions: Vec::new(),
         };
         Some((contact, params, table))
@@ -137,7 +132,8 @@ impl HostContact {
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
         let of_meshes = motions(plan).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
-        let turning = CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.thickness).unwrap_or_default();
+        let turning =
+            CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();
         let [x, y, z, center, by] = turning.columns();
         [x, y, z, center, by / fraction]
     }
@@ -148,7 +144,7 @@ impl HostContact {
     }
 
     pub(crate) fn has_self_contact(&self) -> bool {
-        self.has_self_contact
+        self.surface.has_self_contact
     }
 
     /// Discards what depends on the state, because it was replaced.
@@ -174,7 +170,7 @@ impl HostContact {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        IgnoredPairs::kinematics_cross(&self.surface, &x, self.has_self_contact, self.thickness)
+        IgnoredPairs::kinematics_cross(&self.surface, &x)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
@@ -183,7 +179,7 @@ impl HostContact {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         self.may_cross = self.may_cross || self.kinematics_cross(plan);
         let moved = match self.may_cross && is_new {
-            true => IgnoredPairs::part_touches(&self.surface, &x, self.has_self_contact, self.thickness),
+            true => IgnoredPairs::part_touches(&self.surface, &x),
             false => Vec::new(),
         };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
@@ -195,13 +191,13 @@ impl HostContact {
     /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
-        let HostContact { surface, has_self_contact, ignored, thickness, .. } = self;
+        let HostContact { surface, ignored, .. } = self;
         let pinched = std::mem::take(&mut self.pinched);
         if std::mem::take(&mut self.may_cross) {
-            ignored.find(surface, x, *has_self_contact, *thickness);
+            ignored.find(surface, x);
             return true;
         }
-        ignored.follow(surface, x, *has_self_contact, *thickness, &pinched)
+        ignored.follow(surface, x, &pinched)
     }
 
     /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, and whether these `are_all`.

@@ -30,9 +30,9 @@ pub(super) struct IgnoredPairs {
 }
 
 impl IgnoredPairs {
-    /// Searches for intersections with bodies and, if `has_self_contact`, of the cloth with itself.
-    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) {
-        let found = features(surface, x, thickness).crossings(|a, b| surface.may_collide(a, b, has_self_contact));
+    /// Searches for intersections with bodies and, if they touch, of the cloth with itself.
+    pub(super) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
+        let found = features(surface, x).crossings(|a, b| surface.may_collide(a, b));
         self.take(found, surface);
     }
 
@@ -41,14 +41,7 @@ impl IgnoredPairs {
     ///
     /// While contact holds all other pairs, intersections arise only where pairs are ignored, or pinched: a vertex that moves
     /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
-    pub(super) fn follow(
-        &mut self,
-        surface: &Surface,
-        x: &[Vec4],
-        has_self_contact: bool,
-        thickness: f32,
-        vertices: &[u32],
-    ) -> bool {
+    pub(super) fn follow(&mut self, surface: &Surface, x: &[Vec4], vertices: &[u32]) -> bool {
         if self.crossings.is_empty() && vertices.is_empty() {
             return false;
         }
@@ -59,9 +52,9 @@ impl IgnoredPairs {
         let features = Features {
             edges: &edges.iter().map(|&edge| surface.edges[edge as usize]).collect::<Vec<_>>(),
             triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
-            ..features(surface, x, thickness)
+            ..features(surface, x)
         };
-        let found = features.crossings(|a, b| surface.may_collide(a, b, has_self_contact));
+        let found = features.crossings(|a, b| surface.may_collide(a, b));
         let found: Vec<[u32; 2]> =
             found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
         let are_new = found != self.crossings;
@@ -83,13 +76,13 @@ impl IgnoredPairs {
     }
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
-    pub(super) fn part_touches(surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) -> Vec<(u32, Vec4)> {
-        apart(features(surface, x, thickness), |a, b| surface.may_collide(a, b, has_self_contact))
+    pub(super) fn part_touches(surface: &Surface, x: &[Vec4]) -> Vec<(u32, Vec4)> {
+        apart(features(surface, x), |a, b| surface.may_collide(a, b))
     }
 
     /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
     /// these apart.
-    pub(super) fn kinematics_cross(surface: &Surface, x: &[Vec4], has_self_contact: bool, thickness: f32) -> bool {
+    pub(super) fn kinematics_cross(surface: &Surface, x: &[Vec4]) -> bool {
         let (mut edges, mut triangles) = kinematic_features(surface, x);
         if edges.is_empty() {
             return false;
@@ -99,8 +92,8 @@ impl IgnoredPairs {
         let (body_edges, body_triangles) = bodies_within(surface, x, region, !triangles.is_empty());
         edges.extend(body_edges);
         triangles.extend(body_triangles);
-        let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x, thickness) };
-        let may_collide = |a, b| surface.may_collide(a, b, has_self_contact);
+        let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x) };
+        let may_collide = |a, b| surface.may_collide(a, b);
         features.are_close(may_collide) && !features.crossings(may_collide).is_empty()
     }
 
@@ -206,6 +199,7 @@ fn by_vertices([edge, triangle]: [u32; 2], surface: &Surface) -> ([u32; 2], [u32
     (surface.edges[edge as usize], surface.triangles[triangle as usize])
 }
 
-fn features<'a>(surface: &'a Surface, x: &'a [Vec4], thickness: f32) -> Features<'a> {
-    Features { edges: &surface.edges, triangles: &surface.triangles, x, of_cloth: surface.of_cloth(), thickness }
+fn features<'a>(surface: &'a Surface, x: &'a [Vec4]) -> Features<'a> {
+    let Surface { edges, triangles, thickness, .. } = surface;
+    Features { edges, triangles, x, of_cloth: surface.of_cloth(), thickness: *thickness }
 }

@@ -2,10 +2,9 @@
 
 use glam::{Vec3A, Vec4};
 
+use super::SubstepContext;
 use super::common_motion::CommonMotion;
 use super::surface::Surface;
-use super::workers::Workers;
-use crate::simd::Width;
 
 /// A vertex of listed pairs.
 #[derive(Debug, Clone, Copy, Default)]
@@ -48,10 +47,7 @@ pub(super) struct ContactInput<'a> {
     /// Whether vertices slide along pairs with a kinematic side: where there are mesh bodies.
     pub may_slide: bool,
     pub surface: &'a Surface,
-    /// The thickness (m) of pairs that are not closer at rest.
-    pub thickness: f32,
     /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],
-    pub workers: Workers<'a>,
-    pub width: Width,
+    pub context: SubstepContext<'a>,
 }

@@ -10,7 +10,6 @@ use super::surface::Surface;
 use super::tree::DetectionScope;
 use super::{Path, TriangleContact, Workers};
 use crate::kernels::integrate::xyz;
-use crate::options::Contact;
 use crate::simd::Width;
 
 /// Least margin within which a vertex may stray from its path before it gets a new one, in units of the thickness.
@@ -19,13 +18,13 @@ const MIN_MARGIN: f32 = 0.1;
 impl TriangleContact {
     /// Ignores the pairs of what crosses at the end of the substep because it is pinched.
     pub(super) fn ignore_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
-        let TriangleContact { options, surface, contacts, ignored, paths, has_self_contact, .. } = self;
-        let pinched = contacts.pinched(options.thickness);
+        let TriangleContact { surface, contacts, ignored, paths, .. } = self;
+        let pinched = contacts.pinched(surface.thickness);
         if !pinched.is_empty() {
             ignored.note(&pinched, surface);
             let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
             let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
-            if ignored.follow(surface, &ends, *has_self_contact, options.thickness, &vertices) {
+            if ignored.follow(surface, &ends, &vertices) {
                 paths.end();
             }
         }
@@ -39,7 +38,7 @@ impl TriangleContact {
             return false;
         }
         if self.kinematics_moved && !self.may_cross {
-            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x, self.has_self_contact, self.options.thickness);
+            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x);
         }
         let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let is_known = !self.may_cross && self.ignored.crossings.is_empty();
@@ -61,24 +60,24 @@ impl TriangleContact {
 
     /// Lists all pairs, for new paths.
     fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
-        let TriangleContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         // A short list may become longer: margins are as large as the surface allows. A list is long if it has several times as
         // many pairs as a substep works on, which are the vertices' and the near ones.
         let is_short = 4 * listed < path.x.len();
         let is_long = listed > 4 * (path.x.len() + self.tally.near as usize);
-        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * options.thickness, is_free);
+        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * surface.thickness, is_free);
         if bodies.are_still {
             paths.margin[bodies.first..].fill(0.0);
         }
         paths.begin(path.x, path.u);
         if std::mem::take(&mut self.may_cross) {
-            self.ignored.find(surface, path.x, self.has_self_contact, options.thickness);
+            self.ignored.find(surface, path.x);
         } else {
-            self.ignored.follow(surface, path.x, self.has_self_contact, options.thickness, &[]);
+            self.ignored.follow(surface, path.x, &[]);
         }
         self.contacts.store_multipliers(lists, path.workers);
-        let input = detection_input(surface, *options, self.has_self_contact, bodies.are_known, paths, path.workers, width);
+        let input = detection_input(surface, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let ignored = &self.ignored;
         self.contacts.forget();
@@ -87,16 +86,13 @@ impl TriangleContact {
 
     /// Lists more pairs, around some vertices that get new paths.
     fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
-        let TriangleContact { options, surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         if !detection.is_fitted {
-            detection.fit(
-                detection_input(surface, *options, self.has_self_contact, false, paths, path.workers, width),
-                [of_cloth, of_bodies],
-            );
+            detection.fit(detection_input(surface, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
-        paths.restart(strayed, path, surface, MIN_MARGIN * options.thickness, is_free);
+        paths.restart(strayed, path, surface, MIN_MARGIN * surface.thickness, is_free);
         bodies.are_known &= bodies.are_still;
-        let input = detection_input(surface, *options, self.has_self_contact, false, paths, path.workers, width);
+        let input = detection_input(surface, false, paths, path.workers, width);
         detection.run_around(input, strayed, [of_cloth, of_bodies], lists)
     }
 }
@@ -104,14 +100,12 @@ impl TriangleContact {
 /// The input of a detection along some paths.
 fn detection_input<'a>(
     surface: &'a Surface,
-    options: Contact,
-    has_self_contact: bool,
     bodies_rest: bool,
     paths: &'a Paths,
     workers: Workers<'a>,
     width: Width,
 ) -> DetectionInput<'a> {
     let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers };
-    let scope = DetectionScope { substeps: paths.ahead, thickness: options.thickness };
-    DetectionInput { surface, has_self_contact, bodies_rest, path, scope, width }
+    let scope = DetectionScope { substeps: paths.ahead, thickness: surface.thickness };
+    DetectionInput { surface, bodies_rest, path, scope, width }
 }

@@ -155,10 +155,9 @@ pub(crate) struct Tally {
 /// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
 #[derive(Debug)]
 pub(crate) struct TriangleContact {
-    options: Contact,
-    /// Whether contact of the cloth with itself is on; otherwise there is contact with bodies only.
-    has_self_contact: bool,
     surface: Surface,
+    /// The cloth's coefficient of friction with itself.
+    friction: f32,
     /// Over the triangles of the cloth, and over those of the bodies.
     trees: [Tree; 2],
     bodies: Bodies,
@@ -186,16 +185,14 @@ pub(crate) struct TriangleContact {
 impl TriangleContact {
     /// Returns `None` if the cloth has no triangles.
     pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<TriangleContact> {
-        let options = contact.unwrap_or_default();
-        let (mut surface, leaves) = Surface::new(cloth, options.thickness)?;
+        let (mut surface, leaves) = Surface::new(cloth, contact)?;
         let of_cloth = Tree::of_cloth(&surface, leaves);
         let first = surface.rest.len();
-        let leaves = surface.add_bodies(&meshes, options.thickness);
+        let leaves = surface.add_bodies(&meshes);
         let bodies = Bodies::new(first, meshes);
         Some(TriangleContact {
-            options,
-            has_self_contact: contact.is_some(),
             surface,
+            friction: contact.unwrap_or_default().friction,
             trees: [of_cloth, Tree::of_bodies(leaves)],
             bodies,
             lists: Default::default(),
@@ -256,8 +253,8 @@ impl TriangleContact {
         (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
         self.ignored.begin();
         self.save();
-        let jumped = self.bodies.begin(plan, self.options.friction);
-        self.bodies.place(plan, self.options.thickness, x, u);
+        let jumped = self.bodies.begin(plan, self.friction);
+        self.bodies.place(plan, self.surface.thickness, x, u);
         self.may_cross |= jumped;
         // Bodies that stand still are not tested for straying, so those that stop must not have paths that go on.
         if jumped || self.bodies.are_still && self.paths.move_from(self.bodies.first) {
@@ -285,8 +282,8 @@ impl TriangleContact {
         self.part_touches(x);
         self.push_out(context, x, u);
         // Vertices that jump this far out of a collider may jump over others.
-        self.may_cross |= self.push.most > self.options.thickness;
-        let common_motion = self.bodies.common_motion(plan, x, u, self.options.thickness);
+        self.may_cross |= self.push.most > self.surface.thickness;
+        let common_motion = self.bodies.common_motion(plan, x, u, self.surface.thickness);
         if !self.list(context, x, u, common_motion.is_none()) {
             return;
         }
@@ -304,7 +301,7 @@ impl TriangleContact {
     /// Moves apart what touches exactly, once after the state was replaced.
     fn part_touches(&self, x: &mut [Vec4]) {
         if self.may_cross && self.paths.since.is_none() {
-            let moved = IgnoredPairs::part_touches(&self.surface, x, self.has_self_contact, self.options.thickness);
+            let moved = IgnoredPairs::part_touches(&self.surface, x);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
     }
@@ -326,8 +323,8 @@ impl TriangleContact {
     /// Holds the listed pairs apart that come near. They move relative to `common_motion`; without one the cloth is free,
     /// and they move relative to its mean motion.
     fn hold_apart(&mut self, context: SubstepContext<'_>, x: &mut [Vec4], u: &mut [Vec4], common_motion: Option<CommonMotion>) {
-        let SubstepContext { plan, substep, width, .. } = context;
-        let workers = context.workers.for_items(self.tally.listed as usize, PAIRS);
+        let SubstepContext { plan, workers, .. } = context;
+        let workers = workers.for_items(self.tally.listed as usize, PAIRS);
         let mut scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
         self.h = plan.params.h;
         let push = self.push.of_vertices();
@@ -341,13 +338,11 @@ impl TriangleContact {
             entangled: &self.ignored.entangled,
             may_slide: self.bodies.first < self.vertices(),
             surface: &self.surface,
-            thickness: self.options.thickness,
             friction: &self.bodies.friction,
-            workers,
-            width,
+            context: SubstepContext { workers, ..context },
         };
         let lost = loop {
-            match self.contacts.hold_apart(&mut self.lists, input, plan, substep, scale) {
+            match self.contacts.hold_apart(&mut self.lists, input, scale) {
                 Held::Done { lost } => break lost,
                 // The next time, near pairs are found for cloth that is carried this far.
                 // The multipliers that it starts with are of this substep already.

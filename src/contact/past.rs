@@ -117,10 +117,9 @@ impl TriangleContact {
             may_cross,
             h,
             // These follow from the cloth and the options, or are recomputed in each substep.
-            options: _,
-            has_self_contact: _,
             kinematics_moved: _,
             surface: _,
+            friction: _,
             trees: _,
             detection: _,
             contacts: _,

@@ -4,6 +4,7 @@
 
 use glam::Vec4;
 
+use super::SubstepContext;
 use super::acting::{Acting, for_groups};
 use super::contacts::Contacts;
 use super::group::{Group, Weights};
@@ -11,13 +12,10 @@ use super::lanes::{corners_of, number, scattered, store, store_vector, vector};
 use super::pairs::between;
 use super::vertex_pairs::Sums;
 use super::vertices::Collide;
-use super::workers::Workers;
 use crate::kernels::contact::DEPENETRATION;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{RELAXATION, impulse, separation, step_of_lambda, warm_share};
-use crate::kernels::params::Substep;
-use crate::simd::{self, Loop, MAX_LANES, Registers, Vector, Width};
-use crate::step::plan::Plan;
+use crate::simd::{self, Loop, MAX_LANES, Registers, Vector};
 
 /// Iterations of the response per substep.
 pub(crate) const ITERATIONS: usize = 4;
@@ -25,23 +23,22 @@ pub(crate) const ITERATIONS: usize = 4;
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
     /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
-    pub(super) fn respond(&mut self, plan: &Plan<'_>, substep: &Substep, scale: f32, workers: Workers<'_>, width: Width) {
+    pub(super) fn respond(&mut self, context: SubstepContext<'_>, scale: f32) {
         if self.acting.impulses.is_empty() {
             return;
         }
-        let most = DEPENETRATION * plan.params.h;
-        self.warm_start(scale, most, workers, width);
-        self.apply_impulses(plan, substep, true, workers, width);
+        self.warm_start(context, scale);
+        self.apply_impulses(context, true);
         for _ in 0..ITERATIONS {
-            self.step(workers, width);
-            self.apply_impulses(plan, substep, false, workers, width);
+            self.step(context);
+            self.apply_impulses(context, false);
         }
     }
 
     /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
-    /// Computes their impulses, and the corrections that separate pairs closer than their thickness by at most `most`
-    /// (m).
-    fn warm_start(&mut self, scale: f32, most: f32, workers: Workers<'_>, width: Width) {
+    /// Computes their impulses, and the corrections that separate pairs closer than their thickness.
+    fn warm_start(&mut self, SubstepContext { plan, workers, width, .. }: SubstepContext<'_>, scale: f32) {
+        let most = DEPENETRATION * plan.params.h;
         let Contacts { acting: Acting { impulses, pushes, weights, mobility, .. }, portions, used, .. } = self;
         let warm_start = |_, before: usize, groups: &mut [Group], impulses: &mut [_], pushes: &mut [[Vec4; MAX_LANES]]| {
             let weights = &weights[before..];
@@ -52,7 +49,7 @@ impl Contacts {
     }
 
     /// Updates the multipliers, and computes the impulses of the pairs.
-    fn step(&mut self, workers: Workers<'_>, width: Width) {
+    fn step(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>) {
         let Contacts { acting: Acting { impulses, weights, .. }, portions, used, u, .. } = self;
         let step = |_, before: usize, groups: &mut [Group], impulses: &mut [[Vec4; MAX_LANES]], _: &mut [()]| {
             simd::run(width, Step { groups, weights: &weights[before..], impulses: impulses.as_flattened_mut(), u });
@@ -62,7 +59,7 @@ impl Contacts {
 
     /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
     /// up the corrections of positions.
-    fn apply_impulses(&mut self, plan: &Plan<'_>, substep: &Substep, is_first: bool, workers: Workers<'_>, width: Width) {
+    fn apply_impulses(&mut self, SubstepContext { plan, substep, workers, width }: SubstepContext<'_>, is_first: bool) {
         let Contacts { acting: Acting { impulses, pushes, vertex_pairs, ranges, .. }, vertices, x, u, .. } = self;
         let (impulses, pushes) = (impulses.as_flattened(), pushes.as_flattened());
         let state = x.chunks(ranges.len()).zip(u.chunks_mut(ranges.len()));

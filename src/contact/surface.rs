@@ -11,6 +11,7 @@ use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{self, EdgeIndex, Mesh, sides};
+use crate::options::Contact;
 use crate::simd::MAX_LANES;
 
 /// Bounds on [`Surface::max_margin`], in units of the thickness.
@@ -28,6 +29,9 @@ pub(super) const LEAF: usize = 6;
 /// The features of the cloth, followed by those of the bodies. They do not change between steps.
 #[derive(Debug)]
 pub(super) struct Surface {
+    /// The thickness (m) of contact, and whether the cloth touches itself; otherwise it touches bodies only.
+    pub thickness: f32,
+    pub has_self_contact: bool,
     /// Triangles in the order of the leaves.
     pub triangles: Vec<[u32; 3]>,
     pub edges: Vec<[u32; 2]>,
@@ -95,11 +99,12 @@ impl Leaves {
 }
 
 impl Surface {
-    /// The features of the cloth alone; `None` if it has no triangles.
-    pub(super) fn new(cloth: &Cloth, thickness: f32) -> Option<(Surface, Leaves)> {
+    /// The features of the cloth alone; `None` if it has no triangles. Without `contact`, the cloth touches bodies only.
+    pub(super) fn new(cloth: &Cloth, contact: Option<Contact>) -> Option<(Surface, Leaves)> {
         if cloth.triangles.is_empty() {
             return None;
         }
+        let Contact { thickness, .. } = contact.unwrap_or_default();
         let vertices = cloth.rest.len();
         let heights = heights(cloth);
         let max_margin = |height: &f32| {
@@ -110,6 +115,8 @@ impl Surface {
             flat.min(STEADY * height).max(SLIVER_MARGIN * thickness)
         };
         let mut surface = Surface {
+            thickness,
+            has_self_contact: contact.is_some(),
             triangles: Vec::new(),
             edges: Vec::new(),
             sides: Vec::new(),
@@ -126,12 +133,12 @@ impl Surface {
         let leaves = surface.add(cloth.triangles.clone());
         surface.excess = surface.excesses(cloth);
         // The state's arrays end with a full group of lanes, and bodies follow after that.
-        surface.lengthen(vertices.next_multiple_of(MAX_LANES), 0, thickness);
+        surface.lengthen(vertices.next_multiple_of(MAX_LANES), 0);
         Some((surface, leaves))
     }
 
     /// Adds all bodies.
-    pub(super) fn add_bodies(&mut self, bodies: &[Arc<Mesh>], thickness: f32) -> Leaves {
+    pub(super) fn add_bodies(&mut self, bodies: &[Arc<Mesh>]) -> Leaves {
         let mut all = Vec::new();
         for (owner, mesh) in (1..).zip(bodies) {
             let first = self.rest.len();
@@ -139,20 +146,20 @@ impl Surface {
             let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
             all.extend(proper.map(place));
             self.bodies = owner;
-            self.lengthen(first + mesh.positions.len(), owner, thickness);
+            self.lengthen(first + mesh.positions.len(), owner);
             self.piece[first..].fill(first as u32);
             for (rest, x) in self.rest[first..].iter_mut().zip(&mesh.positions) {
                 *rest = x.extend(0.0);
             }
         }
-        self.lengthen(self.rest.len().next_multiple_of(MAX_LANES), 0, thickness);
+        self.lengthen(self.rest.len().next_multiple_of(MAX_LANES), 0);
         self.add(all)
     }
 
-    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself if `has_self_contact`.
-    pub(super) fn may_collide(&self, a: u32, b: u32, has_self_contact: bool) -> bool {
+    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself.
+    pub(super) fn may_collide(&self, a: u32, b: u32) -> bool {
         match [a, b].map(|vertex| self.owner[vertex as usize]) {
-            [0, 0] => has_self_contact,
+            [0, 0] => self.has_self_contact,
             [a, b] => a == 0 || b == 0,
         }
     }
@@ -167,7 +174,8 @@ impl Surface {
     }
 
     /// Extends the arrays to this many vertices.
-    fn lengthen(&mut self, vertices: usize, owner: u32, thickness: f32) {
+    fn lengthen(&mut self, vertices: usize, owner: u32) {
+        let thickness = self.thickness;
         self.rest.resize(vertices, Vec4::ZERO);
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);

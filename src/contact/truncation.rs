@@ -31,12 +31,13 @@ pub(super) const FARTHER: f32 = 0.45;
 
 impl Contacts {
     /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes from a cloth that nothing holds.
-    pub(super) fn truncate(&mut self, mass: &[f32], input: ContactInput<'_>) -> DVec3 {
+    pub(super) fn truncate(&mut self, input: ContactInput<'_>) -> DVec3 {
         self.find_shares(input);
         if self.carried.is_empty() && self.slide() {
             self.find_shares(input);
         }
         let Contacts { vertices, u, shares, common_motion, .. } = self;
+        let mass = &input.context.plan.cloth.mass;
         let mut lost = DVec3::ZERO;
         for (place, &share) in shares.iter().enumerate().filter(|(_, share)| **share < 1.0) {
             let (vertex, u) = (&mut vertices[place], &mut u[place]);
@@ -70,7 +71,7 @@ impl Contacts {
     /// Computes the share of each vertex's displacement that is left.
     fn find_shares(&mut self, input: ContactInput<'_>) {
         let Contacts { portions, used, vertices, u, relative, shares, carried, common_motion, .. } = self;
-        let workers = input.workers;
+        let workers = input.context.workers;
         let part = workers.part(vertices.len(), GRAIN);
         shares.resize(vertices.len(), 1.0);
         let parts = vertices.chunks(part).zip(relative.chunks_mut(part)).zip(u.chunks(part)).zip(shares.chunks_mut(part));
@@ -91,8 +92,14 @@ impl Contacts {
                 let mut found = std::mem::take(&mut portion.truncation);
                 found.clear();
                 simd::run(
-                    input.width,
-                    Shares { portion, relative, may_slide: input.may_slide, thickness: input.thickness, found: &mut found },
+                    input.context.width,
+                    Shares {
+                        portion,
+                        relative,
+                        may_slide: input.may_slide,
+                        thickness: input.surface.thickness,
+                        found: &mut found,
+                    },
                 );
                 portion.truncation = found;
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();

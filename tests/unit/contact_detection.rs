@@ -13,7 +13,7 @@ use super::super::workers::Workers;
 use super::{Detection, DetectionInput, Path, max_listed};
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
-use crate::options::Options;
+use crate::options::{Contact, Options};
 use crate::simd::Width;
 
 const THICKNESS: f32 = 0.005;
@@ -28,9 +28,9 @@ struct Folded {
 }
 
 fn trees(cloth: &Cloth, body: &Arc<Mesh>) -> (Surface, [Tree; 2]) {
-    let (mut surface, leaves) = Surface::new(cloth, THICKNESS).unwrap();
+    let (mut surface, leaves) = Surface::new(cloth, Some(Contact { thickness: THICKNESS, ..Contact::default() })).unwrap();
     let of_cloth = Tree::of_cloth(&surface, leaves);
-    let of_bodies = surface.add_bodies(std::slice::from_ref(body), THICKNESS);
+    let of_bodies = surface.add_bodies(std::slice::from_ref(body));
     (surface, [of_cloth, Tree::of_bodies(of_bodies)])
 }
 
@@ -58,7 +58,7 @@ impl Folded {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
         let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers: Workers::ALONE };
         let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
-        let input = DetectionInput { surface, has_self_contact: true, bodies_rest: false, path, scope, width: Width::detected() };
+        let input = DetectionInput { surface, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
             None => detection.run(input, [of_cloth, of_bodies], lists, |_, _, _| false).unwrap(),
             Some(vertices) => {

@@ -10,7 +10,7 @@ use super::{DetectionScope, Tree, Walk};
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
-use crate::options::Options;
+use crate::options::{Contact, Options};
 
 /// The leaves that are compared with themselves if the vertices stand still at `x`.
 fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
@@ -33,7 +33,7 @@ fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
 #[test]
 fn what_is_beside_a_triangle_that_is_turned_over_is_not_culled() {
     let cloth = Cloth::new(&Mesh::grid(12, 12, 1.1, 1.1), &Options::default()).unwrap();
-    let (surface, leaves) = Surface::new(&cloth, 0.005).unwrap();
+    let (surface, leaves) = Surface::new(&cloth, Some(Contact { thickness: 0.005, ..Contact::default() })).unwrap();
     let mut tree = Tree::of_cloth(&surface, leaves);
     let leaf_of = tree.leaves.of_triangles();
     assert_eq!(compared(&surface, &mut tree, &surface.rest), []);
