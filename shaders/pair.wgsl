@@ -4,6 +4,7 @@ const RELAXATION: f32 = 1.7;
 const CLEARANCE: f32 = 0.05;
 const THIN: f32 = 1e-6;
 const NARROW: f32 = 0.2;
+const LONG: f32 = 1e-6;
 const SLACK: f32 = 0.01;
 const DEEP: f32 = 0.2;
 const UNWINDING: f32 = 0.125;
@@ -37,6 +38,13 @@ fn between(weights: vec4f, at: Four) -> vec3f {
 
 fn without(v: vec3f, t: vec3f) -> vec3f {
     return v - t * (dot(v, t) / max(square(t), 1e-30));
+}
+
+// Whether rounding may tilt the vector between the closest points of a pair.
+fn is_tilted(distance: f32, thickness: f32, at: Four, is_edge: bool) -> bool {
+    let first = select(at.c - at.b, at.b - at.a, is_edge);
+    let second = select(at.d - at.b, at.d - at.c, is_edge);
+    return distance < thickness * NARROW || distance * distance < max(square(first), square(second)) * LONG;
 }
 
 // The part of `apart`, the vector between the closest points, that is perpendicular to the corners that these points lie
@@ -86,7 +94,7 @@ fn in_triangle(p: vec3f, a: vec3f, b: vec3f, c: vec3f) -> vec2f {
     let va = d3 * d6 - d5 * d4;
     let vb = d5 * d2 - d1 * d6;
     let vc = d1 * d4 - d3 * d2;
-    if va + vb + vc < square(ab) * square(ac) * THIN {
+    if !(va + vb + vc > square(ab) * square(ac) * THIN) {
         // A degenerate triangle has no interior in single precision; use the closest point on its sides.
         let s = along(ap, ab);
         let t = along(ap, ac);

@@ -31,6 +31,7 @@ on_every_backend!(
     cloth_goes_along_with_a_body_while_it_is_hooked_elsewhere,
     a_ball_takes_along_all_that_is_in_its_way,
     a_fast_body_elsewhere_is_no_matter,
+    a_large_triangle_holds_like_small_ones,
     an_open_patch_holds_on_both_sides,
     friction_follows_the_body,
     a_ball_that_spins_drags_what_lies_on_it,
@@ -109,6 +110,25 @@ fn a_fast_body_elsewhere_is_no_matter(backend: Backend) {
         };
         let warned = (-4..4).map(frame).skip(2).any(|outruns| outruns);
         assert_eq!(warned, outruns, "{distance} m below");
+    }
+}
+
+/// A ground of two triangles may be 20,000 thicknesses wide: cloth sticks to it or slides on it as on two of 2 m. Over that width,
+/// rounding of positions tilts the vector between the closest points by more than the thickness.
+fn a_large_triangle_holds_like_small_ones(backend: Backend) {
+    let turn = Quat::from_euler(EulerRot::XYZ, 0.3, 0.4, 0.5);
+    let plane = |mesh: Mesh, height: f32| moved(&mesh, |x| turn * (x + Vec3::new(0.1, height, 0.2)));
+    let sheet = plane(Mesh::grid(7, 7, 0.5, 0.5), R);
+    for (size, friction) in [(2.0, 0.8), (20_000.0 * R, 0.8), (20_000.0 * R, 0.3)] {
+        let ground = Collider { friction, ..Collider::mesh(plane(Mesh::grid(2, 2, size, size), 0.0)) };
+        let mut cloth = Deformer::new(&sheet, options(backend, 8, true)).unwrap();
+        let gravity = turn * Vec3::new(4.905, -8.4957, 0.0);
+        (0..20).for_each(|_| drop(cloth.step(FRAME, &Attributes { gravity, ..with(vec![ground.clone()]) }).unwrap()));
+        let by: Vec3 = cloth.positions().unwrap().iter().zip(&sheet.positions).map(|(to, from)| *to - *from).sum::<Vec3>() / 49.0;
+        let slid = (turn.inverse() * by).x;
+        let expected = 0.5 * (4.905 - friction * 8.4957_f32).max(0.0) * (20.0 * FRAME).powi(2);
+        println!("{size} m, friction {friction}: slid {slid} m, {expected} m expected");
+        assert!((slid - expected).abs() < 1e-3 + 0.02 * expected, "{size} m, friction {friction}: {slid} m");
     }
 }
 

@@ -9,6 +9,10 @@ use super::surface::Surface;
 use super::tree::DetectionScope;
 use crate::simd::{Loop, MAX_LANES, Registers};
 
+/// The least distance at which a pair is held, where cloth coincides at rest: a share of the thickness, larger than what counts as
+/// touching.
+pub(super) const LEAST_HELD: f32 = 2e-3;
+
 /// Lists the candidates that are close enough.
 pub(super) struct Measure<'a> {
     pub surface: &'a Surface,
@@ -61,7 +65,8 @@ impl Loop for Measure<'_> {
                 close &= close - 1;
                 let ([first, second], corners) = (group[lane], places[lane]);
                 let together = second & BESIDE != 0 && surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
-                let thickness = if together { thickness.min(0.5 * at_rest[lane]) } else { thickness };
+                let thickness =
+                    if together { thickness.min((0.5 * at_rest[lane]).max(LEAST_HELD * thickness)) } else { thickness };
                 if lefts[lane] < thickness {
                     listed.push((first, Listed { corners, other: second & !BESIDE, thickness }));
                 }

@@ -9,7 +9,7 @@ use super::lanes::{corners_of, number, store, store_vector, vector, whole_corner
 use super::pairs::{Kind, between, closest};
 use super::portions::Portion;
 use super::voronoi::{Around, ON_SIDE};
-use crate::kernels::pair::{NARROW, clearance, perpendicular};
+use crate::kernels::pair::{clearance, is_tilted, perpendicular};
 use crate::simd::{Loop, MAX_LANES, Registers, Vector};
 
 /// A pair acts if it comes closer than its thickness plus this multiple of it. Other near pairs are held by truncation
@@ -53,13 +53,13 @@ fn proximity_of<L: Registers>(
     // A vector of no length has no direction.
     let near = L::and(is_pair, L::and(left.lt(thickness), L::splat(1e-12).lt(distance)));
     let mut normal = apart * (one / distance);
-    let is_far = (thickness * L::splat(NARROW)).lt(distance);
-    if L::bits(L::and(is_far, near)) != L::bits(near) {
+    let is_tilted = is_tilted(distance, thickness, x, kind == Kind::EdgeEdge);
+    if L::bits(L::and(is_tilted, near)) != 0 {
         let exact = perpendicular(apart, weights, x, kind == Kind::EdgeEdge);
         let length = exact.dot(exact).sqrt();
         // A vector that all but vanishes is noise.
-        let is_kept = L::or(is_far, length.lt(distance * half));
-        normal = Vector::select(is_kept, normal, Vector::new(exact.x / length, exact.y / length, exact.z / length));
+        let is_exact = L::and(is_tilted, (distance * half).lt(length));
+        normal = Vector::select(is_exact, Vector::new(exact.x / length, exact.y / length, exact.z / length), normal);
     }
     Proximity { near, weights, distance, left, normal: Vector::select(near, normal, Vector::zero()), x }
 }

@@ -30,8 +30,10 @@ pub(crate) const SLIDING: f32 = 1.6;
 
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 pub(crate) const THIN: f32 = 1e-6;
-/// Pairs closer than this share of their thickness are so close that the direction between them is that of [`perpendicular`].
+/// Pairs that are closer than this share of their thickness, or whose square distance is less than this share of a side's, are so
+/// close that the direction between them is that of [`perpendicular`].
 pub(crate) const NARROW: f32 = 0.2;
+pub(crate) const LONG: f32 = 1e-6;
 /// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 
@@ -87,13 +89,13 @@ pub(crate) fn vertex_triangle<L: Lanes>([p, a, b, c]: [Vector<L>; 4]) -> [L; 4] 
     let weights = choose(L::and(up(d3), down(d4 - d3)), (one, zero), weights);
     let mut weights = choose(L::and(down(d1), down(d2)), (zero, zero), weights);
     // A degenerate triangle has no interior in single precision; use the closest point on its sides.
-    let thin = (va + vb + vc).lt(ab.dot(ab) * ac.dot(ac) * L::splat(THIN));
-    if !L::all(L::eq(L::select(thin, one, zero), zero)) {
+    let is_wide = (ab.dot(ab) * ac.dot(ac) * L::splat(THIN)).lt(va + vb + vc);
+    if !L::all(is_wide) {
         let (s, t, r) = (along(ap, ab), along(ap, ac), along(bp, c - b));
         let (near_ab, near_ac, near_bc) = (square(ap - ab * s), square(ap - ac * t), square(bp - (c - b) * r));
         let sides = choose(near_ac.lt(near_ab), (zero, t), (s, zero));
         let least = L::select(near_ac.lt(near_ab), near_ac, near_ab);
-        weights = choose(thin, choose(near_bc.lt(least), (one - r, r), sides), weights);
+        weights = choose(is_wide, weights, choose(near_bc.lt(least), (one - r, r), sides));
     }
     let (v, w) = weights;
     [one, v + w - one, zero - v, zero - w]
@@ -113,6 +115,14 @@ pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
     // Where the parameter on the second edge was clamped, recompute that on the first.
     let s = clamp01((b * t - c) / a);
     [one - s, s, t - one, zero - t]
+}
+
+/// Whether rounding may tilt the vector between the closest points of a pair, of length `distance` (m).
+#[inline(always)]
+pub(crate) fn is_tilted<L: Lanes>(distance: L, thickness: L, x: [Vector<L>; 4], is_edge: bool) -> L::Mask {
+    let (first, second) = if is_edge { (x[1] - x[0], x[3] - x[2]) } else { (x[2] - x[1], x[3] - x[1]) };
+    let is_short = (distance * distance).lt(square(first).max(square(second)) * L::splat(LONG));
+    L::or(distance.lt(thickness * L::splat(NARROW)), is_short)
 }
 
 /// The part of `apart` (m), the vector between the closest points, that is perpendicular to the corners that these

@@ -2,7 +2,7 @@
 
 use naga::Literal;
 
-use super::{bodies, carry, near, normals, paths, pinches, tree, truncation, voronoi};
+use super::{bodies, carry, measure, near, normals, paths, pinches, tree, truncation, voronoi};
 use crate::kernels::pair;
 
 pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
@@ -11,6 +11,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("CLEARANCE", Literal::F32(pair::CLEARANCE)),
         ("THIN", Literal::F32(pair::THIN)),
         ("NARROW", Literal::F32(pair::NARROW)),
+        ("LONG", Literal::F32(pair::LONG)),
         ("SLACK", Literal::F32(pair::SLACK)),
         ("DEEP", Literal::F32(pair::DEEP)),
         ("UNWINDING", Literal::F32(pair::UNWINDING)),
@@ -23,6 +24,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("FARTHER_AHEAD", Literal::F32(paths::FARTHER_AHEAD)),
         ("CONE_COSINE", Literal::F32(normals::CONE_COSINE)),
         ("MAX_EXCESS", Literal::F32(tree::MAX_EXCESS)),
+        ("LEAST_HELD", Literal::F32(measure::LEAST_HELD)),
         ("ACTING", Literal::F32(near::ACTING)),
         ("BESIDE", Literal::F32(voronoi::BESIDE)),
         ("ON_SIDE", Literal::F32(voronoi::ON_SIDE)),

@@ -67,11 +67,14 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
     }
     x_out[i] = vec4f(path.x + path.u, x_i.w);
     p_out[i] = vec4f(path.u, params.h);
+    let pushed = length(push);
+    if pushed > contact_params.thickness {
+        atomicStore(&contact_state.status.jumped, 1u);
+    }
     if HAS_CONTACT {
         vertices[i].x = x_i;
         vertices[i].u = vec4f(path.u, x_i.w);
         vertices[i].push = vec4f(push, 0.0);
-        let pushed = length(push);
         if pushed > 0.0 {
             atomicMax(&contact_state.status.most_push, bitcast<u32>(pushed));
         }

@@ -14,7 +14,7 @@ fn bound_cloth(
 ) {
     let i = item(id, groups);
     var part = nothing();
-    if i < contact_params.vertices {
+    if i < params.used {
         part = Part(x[i], x[i]);
     }
     gather(part, lane);

@@ -16,6 +16,9 @@ fn is_ignored(is_edge: bool, row: u32, other: u32) -> bool {
     return is_among(vec2u(row, other), 0u, contact_params.ignored);
 }
 
+// The least distance at which a pair is held, as a share of the thickness.
+const LEAST_HELD: f32 = 0.002;
+
 // The distance at which a pair is held, or 0 if it cannot come so close within the substeps that detection covers.
 fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
     let a = place_at(corners.x);
@@ -41,7 +44,7 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
     var thickness = contact_params.thickness;
     if piece_of(corners.x) == piece_of(corners.w) {
         let rest = Four(rest_of(corners.x), rest_of(corners.y), rest_of(corners.z), rest_of(corners.w));
-        thickness = min(thickness, 0.5 * length(between(closest(is_edge, rest), rest)));
+        thickness = min(thickness, max(0.5 * length(between(closest(is_edge, rest), rest)), LEAST_HELD * thickness));
     }
     return select(0.0, thickness, left < thickness);
 }

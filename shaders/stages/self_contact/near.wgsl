@@ -18,9 +18,7 @@ struct Closest {
     left: f32,
 }
 
-fn closest_of(pair: Listed, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
-    let corners = pair.corners;
-    let at = positions(corners);
+fn closest_of(at: Four, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Closest {
     // A vertex that is carried may move farther.
     let least = contact_params.max_carry * contact_params.max_carry;
     let travel = max(vec4f(least), vec4f(
@@ -59,7 +57,7 @@ fn glance(
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let pair = pairs[place(k)];
         let is_edge = k >= with_vertices;
-        let closest = closest_of(pair, is_edge, displacements(pair.corners), mean, pushed);
+        let closest = closest_of(positions(pair.corners), is_edge, displacements(pair.corners), mean, pushed);
         if !(closest.left > pair.thickness + ROUNDING_MARGIN * contact_params.thickness) {
             atomicOr(&contact_state.status.stopped, CLOSE);
         }
@@ -85,12 +83,13 @@ fn proximity_of(k: u32) -> Proximity {
     let pair = pairs[place(k)];
     let is_edge = k >= with_vertices;
     let u = displacements(pair.corners);
-    let closest = closest_of(pair, is_edge, u, contact_state.status.mean, contact_state.status.pushed);
+    let at = positions(pair.corners);
+    let closest = closest_of(at, is_edge, u, contact_state.status.mean, contact_state.status.pushed);
     let weights = closest.weights;
     let distance = length(closest.apart);
     var normal = closest.apart / max(distance, 1e-12);
-    if distance < NARROW * pair.thickness {
-        let exact = perpendicular(closest.apart, weights, positions(pair.corners), is_edge);
+    if is_tilted(distance, pair.thickness, at, is_edge) {
+        let exact = perpendicular(closest.apart, weights, at, is_edge);
         // A vector that all but vanishes is noise.
         let size = length(exact);
         normal = select(normal, exact / size, size > 0.5 * distance);

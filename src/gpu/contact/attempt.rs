@@ -120,9 +120,7 @@ impl GpuContact {
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
             let (pinched, are_all) = readback.pinched();
-            // Vertices that jump this far out of a collider may jump over others.
-            let jumped = status.pushed.max(f32::from_bits(status.most_push)) > self.options.thickness;
-            self.on_cpu.note_pinched(pinched, are_all && !jumped);
+            self.on_cpu.note_pinched(pinched, are_all && status.jumped == 0);
             return Ok(Judgment::Good);
         }
         self.choice.change(status.stopped, needed > 0);

@@ -51,6 +51,8 @@ pub(crate) struct Status {
     pub again: u32,
     pub needed_carry: u32,
     pub squeezed: u32,
+    pub jumped: u32,
+    pub padding: [u32; 3],
 }
 
 impl Status {
