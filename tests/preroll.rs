@@ -137,12 +137,12 @@ fn gravity_and_wind_are_those_of_frame_1() {
     let grid = Mesh::grid(9, 9, 0.8, 0.8).positions;
     let off = x.iter().zip(grid).map(|(x, at)| x.distance(Vec3::new(at.x, -at.z, at.y))).fold(0.0, f32::max);
     assert!(off < 1e-6, "{off} m from the mesh");
-    // In the step to a frame, gravity is that of the frame. In the next step the mean speed is that of its middle.
+    // In the step to a frame, gravity is the mean of both frames. In the next step the mean speed is that of its middle.
     let start = "gravity = { start = [0, 0, 0], keys = [{ time = 0, value = [0, -6, 0] }] }\n";
     let sheet = SHEET.replace("velocity = [0, 0, 1]", "velocity = [0, 0, 0]\ndensity = 0");
     let directory = played(&format!("preroll = 1\n{start}{sheet}"), &[]);
     let speed = 60.0 * f64::from(frame(&directory, 1)[40].y - frame(&directory, 2)[40].y);
-    let fallen = (1..=60).map(|passed| ease(passed, 60)).sum::<f64>() + 0.5;
+    let fallen = (1..=60).map(|passed| 0.5 * (ease(passed - 1, 60) + ease(passed, 60))).sum::<f64>() + 0.5;
     assert!((speed - 6.0 / 60.0 * fallen).abs() < 0.005, "{speed} m/s");
 }
 

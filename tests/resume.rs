@@ -121,17 +121,21 @@ fn only_the_same_run_is_resumed() {
         fs::write(directory.path().join("cut.save"), &bytes[..cut]).unwrap();
         fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "truncated or altered"]);
     }
-    // The line before the state is text that a hand may change.
-    let text = |from: &str, to: &str| {
-        let end = bytes.iter().position(|&byte| byte == b'\n').unwrap();
-        let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    // The line before the state is text that a hand may change, and its hash, too.
+    let text = |from: &str, to: &str, hashes: bool| {
+        let mut parts = bytes.splitn(3, |&byte| byte == b'\n');
+        let [head, hash, state] = [(); 3].map(|()| parts.next().unwrap());
+        let head = String::from_utf8(head.to_vec()).unwrap();
         assert!(head.contains(from), "{head}");
-        fs::write(directory.path().join("cut.save"), [head.replacen(from, to, 1).as_bytes(), &bytes[end..]].concat()).unwrap();
-    };
-    for number in ["-9", "0", "3"] {
-        text("\"frame\":4,", &format!("\"frame\":{number},"));
+        let head = head.replacen(from, to, 1);
+        let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        let anew = format!("{:016x}", head.bytes().fold(0xcbf2_9ce4_8422_2325, fnv));
+        let hash = if hashes { anew.as_bytes() } else { hash };
+        fs::write(directory.path().join("cut.save"), [head.as_bytes(), hash, state].join(&b'\n')).unwrap();
         fails(&directory, "--frames 6 --resume cut.save", &["cut.save", "truncated or altered"]);
-    }
+    };
+    ["-9", "0", "3"].into_iter().for_each(|number| text("\"frame\":4,", &format!("\"frame\":{number},"), true));
+    text("\"energy\":", "\"energy\":1", false);
     succeeds(&directory, more);
     assert!(directory.path().join(frame(6)).exists());
 }

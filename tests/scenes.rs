@@ -167,8 +167,8 @@ damping = 1000
     let (directory, output) = scene(&(SHEET.to_owned() + wind), &[]);
     succeeds(&output);
     let speed = |number: u32| 60.0 * (frame(&directory, number + 1)[4].x - frame(&directory, number)[4].x);
-    // A step uses the wind at its end.
-    assert!((speed(9) - 9.0 / 15.0).abs() < 0.01 && (speed(25) - 1.0).abs() < 1e-3, "{} and {} m/s", speed(9), speed(25));
+    // A step uses the wind halfway between its frames.
+    assert!((speed(9) - 8.5 / 15.0).abs() < 0.01 && (speed(25) - 1.0).abs() < 1e-3, "{} and {} m/s", speed(9), speed(25));
 
     let text = SHEET
         .replace("gravity = [0, 0, 0]", "gravity = [{ time = 0.2, value = [0, 0, 0] }, { time = 0.201, value = [0, -6, 0] }]");
@@ -322,6 +322,38 @@ fn shear_is_as_stiff_as_it_says() {
     }
 }
 
+/// A mesh collider in centimeters holds the cloth where it is in meters; `--scale` scales all meshes.
+#[test]
+fn mesh_colliders_have_a_scale() {
+    let directory = TempDir::new().unwrap();
+    let obj = "v -100 -20 -100\nv -100 -20 100\nv 100 -20 100\nv 100 -20 -100\nf 1 2 3 4\n";
+    fs::write(directory.path().join("table.obj"), obj).unwrap();
+    for (scale, size, argument) in [("scale = 0.01", 0.5, &[][..]), ("", 50.0, &["--scale", "0.01"])] {
+        let cloth = format!("[contact]\n[[cloth]]\ngrid = {{ columns = 5, rows = 5, width = {size}, height = {size} }}\n");
+        let text = format!("{cloth}[[collider]]\nshape = \"mesh\"\nmesh = \"table.obj\"\n{scale}\n");
+        fs::write(directory.path().join("s.toml"), text).unwrap();
+        let arguments = [&["--scene", "s.toml", "--frames", "40", "--no-floor", "--quiet"], argument].concat();
+        succeeds(&run(&directory, &arguments));
+        let height = frame(&directory, 40)[12].y;
+        assert!((height + 0.195).abs() < 2e-3, "{scale} {argument:?}: {height} m");
+    }
+}
+
+/// Gravity that grows linearly from 0 to `a` in one second moves a free sheet by `a/6`, at few frames per second, too.
+#[test]
+fn forces_between_keys_act_as_their_mean_in_each_frame() {
+    let text = "gravity = [{ time = 0, value = [0, 0, 0] }, { time = 1, value = [6, 0, 0] }]\n\
+                [[cloth]]\ngrid = { columns = 3, rows = 3, width = 1, height = 1 }\n";
+    for fps in [10, 60] {
+        let frames = (fps + 1).to_string();
+        let (directory, output) = scene(text, &["--no-floor", "--frames", &frames, "--fps", &fps.to_string(), "--out", "frames"]);
+        succeeds(&output);
+        let by = frame(&directory, fps + 1)[4].x - frame(&directory, 1)[4].x;
+        // At 60 frames per second, gravity at the end of each step would move it by 1.03 m.
+        assert!((by - 1.0).abs() < 0.01, "{fps} frames per second: {by} m");
+    }
+}
+
 /// A quad without an area has no shear stiffness; the others have theirs.
 #[test]
 fn shear_leaves_out_quads_without_an_area() {
@@ -403,6 +435,7 @@ fn a_scene_is_tuned() {
         (&["--tune", "10 miles"], &["--tune", "10mm"]),
         (&["--tune", "-1mm"], &["tolerance", "above 0"]),
         (&["--tune", "3%", "--save", "s"], &["--tune", "--save"]),
+        (&["--tune", "3%", "--preview", "p.png"], &["--tune", "--preview"]),
     ] {
         fails(&scene(SHEET, arguments).1, 2, words);
     }

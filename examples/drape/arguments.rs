@@ -83,10 +83,10 @@ pub(crate) struct Arguments {
     /// stretch of 99 % of the area (3%), and the error without each term of the scene. It takes about three times as long
     /// as the resolved run
     #[arg(long, value_name = "ERROR", value_parser = tolerance, allow_hyphen_values = true,
-          conflicts_with_all = ["list", "variant", "save", "resume", "untangle"])]
+          conflicts_with_all = ["list", "variant", "save", "resume", "untangle", "preview", "animate", "report", "pc2"])]
     pub(crate) tune: Option<Tolerance>,
 
-    /// Factor on the mesh's coordinates: 0.01 if they are in centimeters [default: 1]
+    /// Factor on the coordinates of all meshes, of colliders, too: 0.01 if they are in centimeters [default: 1]
     #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) scale: Option<f32>,
 
@@ -164,7 +164,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = plane, conflicts_with = "no_floor", allow_hyphen_values = true)]
     pub(crate) plane: Vec<Collider>,
 
-    /// No default sphere
+    /// No sphere, neither a default one nor those of a scene
     #[arg(long)]
     pub(crate) no_sphere: bool,
 
@@ -172,7 +172,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "Y", value_parser = finite, conflicts_with = "no_floor", allow_hyphen_values = true)]
     pub(crate) floor: Option<f32>,
 
-    /// No floor
+    /// No plane, neither a default one nor those of a scene
     #[arg(long)]
     pub(crate) no_floor: bool,
 

@@ -1,7 +1,7 @@
 //! Writing frames: one OBJ file each, and point caches of all frames.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{CacheForm, Mesh, ObjTemplate, PointCache, PointCacheError};
@@ -19,6 +19,8 @@ pub(crate) struct Frames<'a> {
     template: Option<&'a ObjTemplate>,
     /// The caches, each with the option that asked for it.
     caches: Vec<(&'static str, PointCache)>,
+    /// The paths of caches of an earlier run, until the first frame is written.
+    replaced: Option<Vec<PathBuf>>,
 }
 
 /// The file name in `--out` of a cache of a format.
@@ -39,22 +41,21 @@ impl<'a> Frames<'a> {
         fs::create_dir_all(out).map_err(|error| {
             Failure::input(format_args!("--out {}: {error}; name a directory that can be made", out.display()))
         })?;
-        if outputs.writes(Format::Obj) {
-            let names = fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.file_name());
-            let later = names.filter_map(|name| frame_number(name.to_str()?)).filter(|&frame| frame > outputs.frames);
-            if let Some(frame) = later.max() {
-                let (path, frames) = (out.join(frame_name(frame)), outputs.frames);
-                let message = format_args!(
-                    "{} is from a longer run, and would look like a part of this one of {frames} frames; remove the old frames, or use another --out",
-                    path.display()
-                );
-                return Err(Failure::input(message));
-            }
+        if outputs.writes(Format::Obj)
+            && let Some(frame) = frames_in(out).max().filter(|&frame| frame > outputs.frames)
+        {
+            let (path, frames) = (out.join(frame_name(frame)), outputs.frames);
+            let message = format_args!(
+                "{} is from a longer run, and would look like a part of this one of {frames} frames; remove the old frames, or use another --out",
+                path.display()
+            );
+            return Err(Failure::input(message));
         }
         let named = outputs.formats.iter().filter_map(|&format| Some(("--format", format, out.join(cache_name(format)?))));
         let mut named: Vec<(&str, Format, PathBuf)> = named.collect();
         named.extend(outputs.pc2.iter().map(|path| ("--pc2", Format::Pc2, path.clone())));
         let fps = outputs.fps;
+        let replaced = Some(named.iter().map(|(_, _, path)| path.clone()).collect());
         let mut caches = Vec::new();
         for (option, format, path) in named {
             let form = match format {
@@ -70,7 +71,7 @@ impl<'a> Frames<'a> {
             let cache = PointCache::create_as(form, &path, mesh.positions.len(), outputs.frames as usize);
             caches.push((option, cache.map_err(|error| failed(option, &error))?));
         }
-        Ok(Frames { outputs, template, caches })
+        Ok(Frames { outputs, template, caches, replaced })
     }
 
     /// Whether there is any cache, which must contain all frames.
@@ -80,6 +81,9 @@ impl<'a> Frames<'a> {
 
     /// Writes a frame to all files.
     pub(crate) fn write(&mut self, frame: u32, shape: &Mesh) -> Result<(), Failure> {
+        if let Some(caches) = self.replaced.take() {
+            self.remove_from(frame, caches)?;
+        }
         if self.outputs.writes(Format::Obj) {
             let path = self.outputs.folder.join(frame_name(frame));
             let written = match self.template {
@@ -91,6 +95,20 @@ impl<'a> Frames<'a> {
         self.cache(&shape.positions)
     }
 
+    /// Removes the caches of an earlier run, and its frames from this one on: if this run fails later, it must not seem to go on with
+    /// them. Links, pipes and devices stay, because they are written to.
+    fn remove_from(&self, first: u32, caches: Vec<PathBuf>) -> Result<(), Failure> {
+        let Outputs { folder, .. } = self.outputs;
+        let frames = frames_in(folder).filter(|&frame| self.outputs.writes(Format::Obj) && frame >= first);
+        let old: Vec<PathBuf> = frames.map(|frame| folder.join(frame_name(frame))).chain(caches).collect();
+        for path in old.iter().filter(|path| fs::symlink_metadata(path).is_ok_and(|found| found.is_file())) {
+            fs::remove_file(path).map_err(|error| {
+                Failure::input(format_args!("cannot replace {}: {error}; remove it, or use another --out", path.display()))
+            })?;
+        }
+        Ok(())
+    }
+
     /// Adds a frame to the caches only.
     pub(crate) fn cache(&mut self, positions: &[Vec3]) -> Result<(), Failure> {
         self.caches.iter_mut().try_for_each(|(option, cache)| cache.push(positions).map_err(|error| failed(option, &error)))
@@ -100,6 +118,12 @@ impl<'a> Frames<'a> {
     pub(crate) fn finish(self) -> Result<(), Failure> {
         self.caches.into_iter().try_for_each(|(option, cache)| cache.finish().map_err(|error| failed(option, &error)))
     }
+}
+
+/// The numbers of the frames in a folder.
+fn frames_in(folder: &Path) -> impl Iterator<Item = u32> {
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+    names.filter_map(|name| frame_number(name.to_str()?))
 }
 
 fn failed(option: &str, error: &PointCacheError) -> Failure {

@@ -55,7 +55,7 @@ pub(crate) fn play(
     // The forecast warns of what the scene asks too much of before the first frame.
     for warning in deformer.forecast(dt, &scene.attributes(first)).map_err(|error| Failure::step(first, &error))?.warnings {
         warned.add(first, warning);
-        warn("warning", &describe(warning, 60.0 * dt));
+        warn("warning", &describe(warning, 60.0 * dt, scene.untangle));
     }
     let resumed = save::resume(scene, &mut deformer)?;
     let done = resumed.as_ref().map(|saved| saved.frame);
@@ -100,7 +100,7 @@ pub(crate) fn play(
             let crosses = done.warnings.iter().any(warnings::is_of_crossings);
             // Each kind only once, with its first frame: a limit exceeded in one is exceeded in most of the following.
             for warning in done.warnings.into_iter().filter(|&warning| warned.add(frame, warning)) {
-                let line = format!("{}: {}", named(frame), describe(warning, 60.0 * dt));
+                let line = format!("{}: {}", named(frame), describe(warning, 60.0 * dt, scene.untangle));
                 progress.suspend(|| warn("warning", &line));
             }
             // Cloth that was pinched may hook on a body, and there may be room for it again.

@@ -1,7 +1,7 @@
 //! Interrupting and resuming a run: `--save` writes its state, and `--resume` continues from it.
 //!
-//! The file is a line of JSON with the frame number and the statistics so far, followed by the bytes of the cloth's
-//! [`Snapshot`].
+//! The file is a line of JSON with the frame number and the statistics so far, a line with its hash, and the bytes of the
+//! cloth's [`Snapshot`].
 
 use std::{fs, io};
 
@@ -13,6 +13,7 @@ use crate::{
     arguments::Format,
     command::warn,
     output::{Output, Outputs, frame_name},
+    receipt::hash,
     report::Frame,
     scene::Scene,
 };
@@ -36,7 +37,7 @@ pub(crate) fn save(scene: &Scene, frame: i64, is_last: bool, deformer: &mut Defo
     let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
     let saved = Saved { frame, scene: scene.acts(frame), frames: frames.to_vec() };
     let mut bytes = serde_json::to_vec(&saved).map_err(|error| Failure::input(format_args!("--save: {error}")))?;
-    bytes.push(b'\n');
+    bytes.extend(format!("\n{}\n", hash(&bytes)).bytes());
     bytes.extend(snapshot.to_bytes());
     Output::reserve(path)?.write(&bytes)
 }
@@ -52,9 +53,12 @@ pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Sa
         return Err(refuse(&"it is no file; name a file written by --save"));
     }
     let bytes = fs::read(path).map_err(unread)?;
-    let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
-    let (head, snapshot) = bytes.split_at(end);
     let altered = || refuse(&"it was not written by --save, or was truncated or altered");
+    let mut parts = bytes.splitn(3, |&byte| byte == b'\n');
+    let (Some(head), Some(hashed), Some(snapshot)) = (parts.next(), parts.next(), parts.next()) else { return Err(altered()) };
+    if hash(head).as_bytes() != hashed {
+        return Err(altered());
+    }
     let saved: Saved = serde_json::from_slice(head).map_err(|_| altered())?;
     if saved.frames.len() as i64 != saved.frame.max(0) {
         return Err(altered());
@@ -72,7 +76,7 @@ pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Sa
     if saved.frame < scene.timeline.first() {
         return Err(altered());
     }
-    let snapshot = Snapshot::from_bytes(snapshot.get(1..).unwrap_or_default()).map_err(|error| refuse(&error))?;
+    let snapshot = Snapshot::from_bytes(snapshot).map_err(|error| refuse(&error))?;
     deformer.restore(&snapshot).map_err(|error| refuse(&error))?;
     let earlier = (1..=outputs.frames).take_while(|&frame| i64::from(frame) <= saved.frame);
     let mut earlier = earlier.map(|frame| outputs.folder.join(frame_name(frame)));

@@ -6,8 +6,10 @@ use cloth_deformer::{Cause, Collider, Crossing, Mesh, Shape, Warning};
 
 use crate::named;
 
-/// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes. `sixtieths` is the length of a step in units of 1/60 s, by which `--substeps` counts.
-pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
+/// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes. `sixtieths` is the length of
+/// a step in units of 1/60 s, by which `--substeps` counts, and `untangles` says whether the run does that already.
+pub(crate) fn describe(warning: Warning, sixtieths: f32, untangles: bool) -> String {
+    let parted = if untangles { "--untangle found no way out; give them more room" } else { "--untangle helps them" };
     match warning {
         Warning::BendingLimited { vertices } => {
             format!("bending is softened at {vertices} vertices to stay stable; use more --substeps for its full stiffness")
@@ -23,7 +25,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         }
         Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
             format!(
-                "{pairs} edges pass through triangles, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated; --untangle helps them"
+                "{pairs} edges pass through triangles, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated; {parted}"
             )
         }
         Warning::StrainMissed { stretch, promised, cause } => {
@@ -38,6 +40,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
             };
             let remedy = match cause {
                 Cause::Slivers => "merge their ends, or ask for more --substeps",
+                Cause::Crossings if untangles => "give it more room",
                 Cause::Crossings => "give it more room, and use --untangle",
                 Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METRES), or ask for more --substeps",
                 Cause::Wind => "let it blow less hard, or ask for more --substeps",
@@ -60,7 +63,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32) -> String {
         Warning::BodyCrossings { pairs, collider } => {
             let number = collider + 1;
             format!(
-                "cloth and mesh colliders cross in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated; --untangle helps them"
+                "cloth and mesh colliders cross in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated; {parted}"
             )
         }
         Warning::ContactOutruns { speed, resolved } => {

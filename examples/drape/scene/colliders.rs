@@ -82,7 +82,13 @@ impl Moving {
     }
 
     /// Reads a collider of a scene file.
-    fn read(source: &Source, number: usize, given: &Spanned<file::Collider>, timeline: Timeline) -> Result<Moving, Failure> {
+    fn read(
+        arguments: &Arguments,
+        source: &Source,
+        number: usize,
+        given: &Spanned<file::Collider>,
+        timeline: Timeline,
+    ) -> Result<Moving, Failure> {
         let file::Collider {
             name,
             shape,
@@ -100,6 +106,7 @@ impl Moving {
             rotate,
             mesh,
             start,
+            scale,
         } = given.get_ref();
         let name = name.clone().unwrap_or_else(|| format!("collider {number}"));
         let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
@@ -117,6 +124,7 @@ impl Moving {
             ("rotate", starts(rotate.as_ref())),
             ("mesh", mesh.as_ref().map(|_| start.is_some())),
             ("start", start.as_ref().map(|_| true)),
+            ("scale", scale.map(|_| false)),
         ];
         if let Some((other, _)) = given_numbers.into_iter().find(|&(number, given)| given.is_some() && !known.contains(&number)) {
             return Err(wrong(format!("{called} has no `{other}`; it has {}", known.join(", "))));
@@ -156,7 +164,8 @@ impl Moving {
             ShapeName::Mesh => {
                 let path = source.beside(mesh.as_ref().ok_or_else(|| missing("mesh"))?.get_ref());
                 let start = start.as_ref().map(|start| source.beside(start.get_ref()));
-                let body = Body::load(&path, start.as_deref(), None, timeline.times());
+                let scale = arguments.scale.or(scale.map(|scale| scale.0));
+                let body = Body::load(&path, start.as_deref(), scale, timeline.times());
                 Motion::Mesh(body.map_err(|failure| wrong(format!("mesh: {}", failure.message())))?)
             }
         };
@@ -206,7 +215,7 @@ fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
         ShapeName::Capsule => ("a capsule", &["a", "b", "radius"]),
         ShapeName::TaperedCapsule => ("a tapered capsule", &["a", "radius_a", "b", "radius_b"]),
         ShapeName::Box => ("a box", &["center", "half", "rotate", "radius"]),
-        ShapeName::Mesh => ("a mesh", &["mesh", "start"]),
+        ShapeName::Mesh => ("a mesh", &["mesh", "start", "scale"]),
     }
 }
 
@@ -228,7 +237,7 @@ pub(super) fn colliders(
                 ShapeName::Box => !solid_box.is_empty(),
                 ShapeName::Mesh => !body.is_empty(),
             };
-            let moving = Moving::read(source, number + 1, given, timeline)?;
+            let moving = Moving::read(arguments, source, number + 1, given, timeline)?;
             if let Some(id) = moving.id
                 && let Some(earlier) = file.collider[..number].iter().find(|earlier| earlier.get_ref().id == Some(id))
             {

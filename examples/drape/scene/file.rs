@@ -293,6 +293,8 @@ pub(crate) struct Collider {
     pub(crate) mesh: Option<Spanned<PathBuf>>,
     /// The OBJ file of a mesh collider at the start of the preroll. Its shape at frame 1.
     pub(crate) start: Option<Spanned<PathBuf>>,
+    /// Factor on the coordinates of a mesh collider. 1.
+    pub(crate) scale: Option<Positive>,
 }
 
 /// Shapes of colliders.

@@ -150,15 +150,16 @@ impl Scene {
     /// The attributes of the step that leads to a frame. The preroll has frames before 1.
     pub(crate) fn attributes(&self, frame: i64) -> Attributes {
         let [last, moment] = [frame - 1, frame].map(|frame| self.timeline.moment(frame));
+        let halfway = self.timeline.before(frame);
         let is_led = self.pins.iter().any(Group::moves);
         let attributes = Attributes {
-            gravity: self.gravity.at(moment),
+            gravity: self.gravity.at(halfway),
             colliders: self.colliders.iter().map(|moving| moving.at(moment, last)).collect(),
             pin_targets: is_led.then(|| self.pins.iter().flat_map(|group| group.at(moment)).collect()),
             ..Attributes::default()
         };
         match &self.wind {
-            Some(wind) => wind.blow(moment, attributes),
+            Some(wind) => wind.blow(halfway, attributes),
             None => attributes,
         }
     }

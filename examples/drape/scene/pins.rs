@@ -7,7 +7,7 @@ use toml::Spanned;
 use super::colliders::turn;
 use super::file::{self, Bounds, Rule, Source};
 use super::keys::Animated;
-use super::timeline::{Moment, Timeline};
+use super::timeline::{Moment, NO_PREROLL, Timeline};
 use super::values::Extent;
 use crate::Failure;
 use crate::pins::{Pin, bounds};
@@ -66,12 +66,21 @@ impl Group {
             }
             _ => return Err(wrong("give one of rule, vertices, color and box, which choose its vertices".to_owned())),
         };
+        let has_start =
+            [by, rotate].into_iter().flatten().any(Animated::has_start) || scale.as_ref().is_some_and(Animated::has_start);
+        if has_start && timeline.preroll == 0 {
+            return Err(wrong(NO_PREROLL.to_owned()));
+        }
         let count = piece.positions.len();
         if let Some(vertex) = chosen.iter().find(|&&vertex| vertex as usize >= count) {
             return Err(wrong(format!("vertex {vertex} does not exist; the cloth has {count} vertices, numbered from 0")));
         }
         if chosen.is_empty() {
-            return Err(wrong("it chooses no vertex".to_owned()));
+            let file = obj.map_or("the grid", |_| "the mesh");
+            return Err(wrong(match color {
+                Some(color) => format!("it chooses no vertex; {file} has none of color {color}, in numbers from 0 to 1"),
+                None => format!("it chooses no vertex; {file} reaches {} m to {} m", bounds(piece).0, bounds(piece).1),
+            }));
         }
         let rest: Vec<Vec3> = chosen.iter().map(|&vertex| piece.positions[vertex as usize]).collect();
         let (low, high) = bounds(&Mesh { positions: rest.clone(), triangles: Vec::new() });

@@ -86,6 +86,13 @@ impl Timeline {
         (self.first()..1).map(move |frame| self.moment(frame))
     }
 
+    /// The moment halfway between a frame and the one before. What acts for a whole step has its mean value there, if it changes
+    /// linearly.
+    pub(super) fn before(self, frame: i64) -> Moment {
+        let [last, now] = [frame.saturating_sub(1), frame].map(|frame| self.moment(frame));
+        Moment { time: 0.5 * (last.time + now.time), share: 0.5 * (last.share + now.share) }
+    }
+
     /// The moment of a frame. In the first half of the preroll the share goes from 0 to 1, in the other half it is 1.
     pub(super) fn moment(self, frame: i64) -> Moment {
         let passed = |half: f64| (frame.saturating_sub(self.first()) as f64 / half).min(1.0);
