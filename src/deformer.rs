@@ -181,7 +181,7 @@ impl Deformer {
         let length = self.coefficients.as_ref().map(|last| last.length);
         let Some(decision) = self.prepare(dt, attributes)? else { return Ok(idle(dt)) };
         // Only a budget needs a clock, which not every machine has.
-        let counts = self.pace.counts(dt, length != Some(decision.division.length));
+        let counts = self.pace.begin(dt, length.is_some_and(|length| length != decision.division.length));
         let is_timed = counts && !alone && matches!(self.options.quality, Quality::Budget(_));
         let start = is_timed.then(Instant::now);
         let (engine, plan) = self.plan(&decision, attributes);

@@ -186,9 +186,9 @@ fn input_that_is_no_number_is_refused(backend: Backend) {
 /// Files often have vertices that no face uses, far from the cloth, many of them, and of whatever mass. They stay where they are,
 /// and the cloth moves as without them: on the CPU bit for bit, elsewhere up to rounding, since it may be cut into other tiles.
 fn vertices_that_no_triangle_uses_stay(backend: Backend) {
-    const OTHERS: usize = 2000;
+    const OTHERS: usize = 1100;
     let mut mesh = Mesh::grid(13, 13, 0.5, 0.5);
-    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(600.0, 1.0, 0.0));
+    mesh.positions.iter_mut().for_each(|x| *x += Vec3::new(600.0, 0.3, 0.0));
     let triangles = mesh.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + OTHERS as u32)).collect();
     let with = Mesh { positions: [vec![Vec3::ZERO; OTHERS], mesh.positions.clone()].concat(), triangles };
     for contact in [None, Some(Contact::default())] {
@@ -196,12 +196,14 @@ fn vertices_that_no_triangle_uses_stay(backend: Backend) {
             let cloths = [(&mesh, 0), (&with, OTHERS)].map(|(mesh, first)| {
                 let pinned = pinned.iter().map(|pin| pin + first as u32).collect();
                 let mass = Some([vec![100.0; first], vec![3e-4; 169]].concat());
-                Deformer::new(mesh, Options { backend, contact, pinned, mass, ..Options::default() }).unwrap()
+                // When statistics arrive from a GPU, and thus how many substeps are chosen, depends on what else it does.
+                let quality = if backend == Backend::Gpu { Quality::Substeps(12) } else { Quality::default() };
+                Deformer::new(mesh, Options { backend, contact, pinned, mass, quality, ..Options::default() }).unwrap()
             });
             let [mut cloth, mut other] = cloths;
             assert_eq!(cloth.origin(), other.origin());
             let pins: Vec<Vec3> = pinned.iter().map(|&pin| mesh.positions[pin as usize]).collect();
-            for frame in 1..30 {
+            for frame in 1..20 {
                 let by = Vec3::new(0.01, 0.002, 0.0) * frame as f32;
                 let floor = Attributes {
                     colliders: vec![Collider::plane(Vec3::ZERO, Vec3::Y)],

@@ -311,6 +311,13 @@ fn a_longer_time_takes_more_substeps() {
     let mut in_real_time = Deformer::new(&mesh, Options { quality: Quality::Budget(1e4), ..options.clone() }).unwrap();
     let step = |frame: u32| in_real_time.step(FRAME * (1.0 + 0.01 * (frame % 7) as f32), &script(frame)).unwrap();
     assert!((1..=10).map(step).last().unwrap().in_a_sixtieth as f32 > resolving);
+    // So do steps before each of which the fabric is changed.
+    let mut changing = Deformer::new(&mesh, Options { quality: Quality::Budget(1e4), ..options.clone() }).unwrap();
+    let step = |frame: u32| {
+        changing.set_fabric(Fabric { damping: 0.01 * frame as f32, ..options.fabric }).unwrap();
+        changing.step(FRAME, &script(frame)).unwrap()
+    };
+    assert!((1..=10).map(step).last().unwrap().in_a_sixtieth as f32 > resolving);
     assert!(deformer.set_quality(Quality::Budget(1.0)).is_ok());
 }
 

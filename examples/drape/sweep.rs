@@ -229,7 +229,9 @@ fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
                 let found = place.and_then(|place| list.get_mut(place)).and_then(Value::as_table_mut);
                 found.ok_or_else(|| format!("{path}: `{word}` has no `{item}`; give a name or a number from 1"))?
             }
-            _ => return Err(format!("{path}: the scene has no `{word}` with keys; write it there as a table, or vary all of it")),
+            _ => {
+                return Err(format!("{path}: the scene has no `{word}` with keys; write it there as a table, or vary all of it"));
+            }
         };
     }
     at.insert(last.to_owned(), value.clone());

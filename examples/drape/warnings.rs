@@ -9,7 +9,7 @@ use crate::named;
 /// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes. `sixtieths` is the length of
 /// a step in units of 1/60 s, by which `--substeps` counts, and `untangles` says whether the run does that already.
 pub(crate) fn describe(warning: Warning, sixtieths: f32, untangles: bool) -> String {
-    let parted = if untangles { "--untangle found no way out; give them more room" } else { "--untangle helps them" };
+    let parted = if untangles { "--untangle tries again; if they stay, give them more room" } else { "--untangle helps them" };
     match warning {
         Warning::BendingLimited { vertices } => {
             format!("bending is softened at {vertices} vertices to stay stable; use more --substeps for its full stiffness")

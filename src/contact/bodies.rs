@@ -133,7 +133,8 @@ impl Bodies {
     /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
     /// because otherwise cloth that touches neither would seem to move.
     pub(super) fn common_motion(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<CommonMotion> {
-        let pins = plan.cloth.pinned.iter().map(|&pin| motion_of(pin, x, u));
+        // Pinned vertices without edges are not part of the cloth.
+        let pins = plan.cloth.pinned.iter().filter(|&&pin| (pin as usize) < plan.cloth.used).map(|&pin| motion_of(pin, x, u));
         let turning =
             || CommonMotion::of_kinematic(pins.clone().chain(self.near.iter().map(|&vertex| motion_of(vertex, x, u))), thickness);
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
@@ -179,7 +180,8 @@ fn motion_of(vertex: u32, x: &[Vec4], u: &[Vec4]) -> (Vec3A, Vec3A) {
 
 /// The places (m) of the pins at the start of a step, and their displacements (m) in its first substep.
 pub(super) fn kinematic_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> + Clone {
-    plan.cloth.pinned.iter().zip(plan.pins_from).map(|(&vertex, &from)| {
+    let pins = plan.cloth.pinned.iter().zip(plan.pins_from).filter(|(vertex, _)| (**vertex as usize) < plan.cloth.used);
+    pins.map(|(&vertex, &from)| {
         let pin = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).map(|place| &plan.pins[place]);
         let by = pin.map_or(Vec3::ZERO, |pin| (Vec3::from(pin.goal) - Vec3::from(pin.origin)) * plan.params.fraction);
         (Vec3A::from(from), Vec3A::from(by))

@@ -80,7 +80,7 @@ impl Deformer {
     /// levels, because they take less time.
     pub(super) fn trades_levels(&self, attributes: &Attributes) -> bool {
         let may = match self.options.levels {
-            Levels::Auto => self.cloth.rest.len() < LEVELS_PAY,
+            Levels::Auto => self.cloth.used < LEVELS_PAY,
             Levels::Off => true,
             Levels::Count(_) => false,
         };
@@ -90,7 +90,7 @@ impl Deformer {
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
     pub(super) fn most_levels(&self) -> usize {
         let keeps = self.options.levels == Levels::Auto && self.backend() == Backend::Gpu && self.strain_bound().is_some();
-        let aggregates = (0..).map(|level| self.cloth.rest.len() >> (4 + 2 * level));
+        let aggregates = (0..).map(|level| self.cloth.used >> (4 + 2 * level));
         if keeps { 1 + aggregates.take_while(|&count| count > COARSE_ENOUGH).count() } else { usize::MAX }
     }
 
@@ -138,7 +138,7 @@ impl Deformer {
         let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
         let squeezed = self.engine.contact().map_or(0, |tally| tally.squeezed);
         // Fewer do not matter for the share of the area whose stretch is bounded.
-        let are_many = squeezed as f32 > (1.0 - strain_bound.share) * self.cloth.rest.len() as f32;
+        let are_many = squeezed as f32 > (1.0 - strain_bound.share) * self.cloth.used as f32;
         let causes = [(warnings.iter().any(is_crossed), Cause::Crossings), (are_many, Cause::Squeezed)];
         causes.into_iter().find_map(|(is, cause)| is.then_some(cause))
     }

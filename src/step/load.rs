@@ -146,7 +146,9 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
         _ => None,
     };
     let moves = || {
-        let pins = targets.iter().zip(&motion.pins).map(|(&to, &from)| to - cloth.origin - from);
+        let of_cloth = |(pin, _): &(&u32, _)| (**pin as usize) < cloth.used;
+        let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(of_cloth);
+        let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from);
         let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
         pins.chain(held).chain(meshes.map(|(&to, &from)| to - from))
     };

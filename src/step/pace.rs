@@ -31,12 +31,12 @@ impl Pace {
         (self.substep > 0.0).then_some(if steady { last } else { fitting })
     }
 
-    /// Whether a step of `dt` (s) tells what steps take, given whether its coefficients `are_new`. Computing these belongs to
-    /// what the caller asks for if he changes the length of steps or the fabric, but not in the first step, or if the number of
-    /// substeps was changed here.
-    pub(crate) fn counts(&mut self, dt: f32, are_new: bool) -> bool {
+    /// Begins a step of `dt` (s). Returns whether it tells what steps take, given whether its number of substeps was `chosen` anew
+    /// here. Then, and in the first step, coefficients are computed that the next steps go on with. If the caller changes the length
+    /// of steps or the fabric, that belongs to what he asks for.
+    pub(crate) fn begin(&mut self, dt: f32, chosen: bool) -> bool {
         let last = std::mem::replace(&mut self.dt, dt);
-        last > 0.0 && (!are_new || dt != last)
+        last > 0.0 && (!chosen || dt != last)
     }
 
     /// Records that `substeps` substeps took `seconds` (s).

@@ -172,7 +172,9 @@ pub fn tune(
     if frames < 2 {
         return Err(value("frames", frames.to_string(), "must be at least 2"));
     }
-    let has_edges = has_edges(&mesh.edges(), mesh.positions.len());
-    let compared = (0..).zip(has_edges).filter(|(_, has_edges)| *has_edges).map(|(vertex, _)| vertex).collect();
+    let edges = mesh.edges();
+    let has_edges = has_edges(&edges, mesh.positions.len());
+    let is_compared = |(_, has_edges): &(u32, bool)| *has_edges || edges.is_empty();
+    let compared = (0..).zip(has_edges).filter(is_compared).map(|(vertex, _)| vertex).collect();
     Search::new(Scene { mesh, options, attributes: &attributes, frames, compared }, f64::from(most)).run(tolerance)
 }

@@ -95,7 +95,7 @@ impl Timeline {
 
     /// The moment of a frame. In the first half of the preroll the share goes from 0 to 1, in the other half it is 1.
     pub(super) fn moment(self, frame: i64) -> Moment {
-        let passed = |half: f64| (frame.saturating_sub(self.first()) as f64 / half).min(1.0);
+        let passed = |half: f64| (frame.saturating_sub(self.first()) as f64 / half).clamp(0.0, 1.0);
         let share = if frame < 1 { ease(passed(0.5 * f64::from(self.preroll))) as f32 } else { 1.0 };
         Moment { time: frame.saturating_sub(1).max(0) as f64 / f64::from(self.fps), share }
     }
