@@ -1,5 +1,7 @@
 //! Changes of fabric, masses and pins between steps.
 
+use std::collections::HashSet;
+
 use glam::{Vec3, Vec4};
 
 use super::Deformer;
@@ -57,12 +59,9 @@ impl Deformer {
         let [mut x, mut p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
         x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
         // Vertices without edges stay where they are once they are not pinned.
-        let stays = |vertex: usize| !cloth.pinned.contains(&(vertex as u32));
-        p.iter_mut()
-            .enumerate()
-            .skip(cloth.used)
-            .filter(|(vertex, _)| stays(*vertex))
-            .for_each(|(_, p)| *p = Vec4::ZERO.with_w(p.w));
+        let pinned: HashSet<u32> = cloth.pinned.iter().copied().collect();
+        let stay = (0..).zip(&mut p).skip(cloth.used).filter(|(vertex, _)| !pinned.contains(vertex));
+        stay.for_each(|(_, p)| *p = Vec4::ZERO.with_w(p.w));
         let changed = self.engine.change(&cloth, &options, change, [&x, &p]);
         changed.map_err(|failure| self.failed(failure))?;
         if change != Change::Stiffness {

@@ -6,9 +6,9 @@
 //! forces that differ from vertex to vertex need a GPU: a scene without bending, wind and springs exchanges nothing.
 //!
 //! # Practice
-//! An exchange is a stage of the CPU's substep ([`ExternalPrediction`](crate::cpu::ExternalPrediction)), run by one thread while the others wait. Tasks
-//! write what is sent into mapped memory as they move their vertices, and read the results from mapped memory: see
-//! [`Exchange`]. While the GPU works, its next commands are encoded. What is sent depends on the forces: positions for
+//! An exchange is a stage of the CPU's substep ([`ExternalPrediction`](crate::cpu::ExternalPrediction)), run by one
+//! thread while the others wait. Tasks write what is sent into mapped memory as they move their vertices, and read the
+//! results from mapped memory: see [`Exchange`]. While the GPU works, its next commands are encoded. What is sent depends on the forces: positions for
 //! bending and springs; displacements for air and damped bending, from which the GPU updates its positions; both if
 //! contact also shifts positions.
 //!
