@@ -118,13 +118,15 @@ fn a_fast_body_elsewhere_is_no_matter(backend: Backend) {
 fn a_large_triangle_holds_like_small_ones(backend: Backend) {
     let turn = Quat::from_euler(EulerRot::XYZ, 0.3, 0.4, 0.5);
     let plane = |mesh: Mesh, height: f32| moved(&mesh, |x| turn * (x + Vec3::new(0.1, height, 0.2)));
-    let sheet = plane(Mesh::grid(7, 7, 0.5, 0.5), R);
+    let n = coarser(backend, 7, 4);
+    let sheet = plane(Mesh::grid(n, n, 0.5, 0.5), R);
     for (size, friction) in [(2.0, 0.8), (20_000.0 * R, 0.8), (20_000.0 * R, 0.3)] {
         let ground = Collider { friction, ..Collider::mesh(plane(Mesh::grid(2, 2, size, size), 0.0)) };
         let mut cloth = Deformer::new(&sheet, options(backend, 8, true)).unwrap();
         let gravity = turn * Vec3::new(4.905, -8.4957, 0.0);
         (0..20).for_each(|_| drop(cloth.step(FRAME, &Attributes { gravity, ..with(vec![ground.clone()]) }).unwrap()));
-        let by: Vec3 = cloth.positions().unwrap().iter().zip(&sheet.positions).map(|(to, from)| *to - *from).sum::<Vec3>() / 49.0;
+        let by: Vec3 =
+            cloth.positions().unwrap().iter().zip(&sheet.positions).map(|(to, from)| *to - *from).sum::<Vec3>() / (n * n) as f32;
         let slid = (turn.inverse() * by).x;
         let expected = 0.5 * (4.905 - friction * 8.4957_f32).max(0.0) * (20.0 * FRAME).powi(2);
         println!("{size} m, friction {friction}: slid {slid} m, {expected} m expected");
