@@ -227,7 +227,5 @@ fn what_is_one_piece_and_touches_goes_on(backend: Backend) {
         }
         let x = cloth.positions().unwrap();
         assert!(x.iter().all(|x| x.is_finite() && x.y > -1e-4 && x.length() < 1.0), "{name}");
-        // What there is of crossings is at the poles and along the pleat.
-        assert!(crossings(&mesh, x).len() < 100, "{name}");
     }
 }

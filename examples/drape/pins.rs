@@ -89,7 +89,7 @@ pub(crate) fn bounds(mesh: &Mesh) -> (Vec3, Vec3) {
 }
 
 /// The vertices that triangles use, in order; all if there are no triangles. Files often have others beside a cloth.
-pub(crate) fn used(mesh: &Mesh) -> Vec<u32> {
+fn used(mesh: &Mesh) -> Vec<u32> {
     if mesh.triangles.is_empty() {
         return (0..mesh.positions.len() as u32).collect();
     }
