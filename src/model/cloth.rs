@@ -19,7 +19,7 @@ use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
 use crate::model::masses::Weights;
-use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, has_edges, sides, vertex_areas};
+use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, sides, vertex_areas};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
@@ -96,7 +96,8 @@ impl Cloth {
         check_options(vertices, mesh_edges.len(), options)?;
         let order = vertex_order::vertex_order(&mesh_edges, vertices);
         let rank = vertex_order::inverse(&order);
-        let count = has_edges(&mesh_edges, vertices).iter().filter(|has_edges| **has_edges).count();
+        // Those with edges come first.
+        let count = mesh_edges.iter().flatten().map(|&vertex| 1 + rank[vertex as usize] as usize).max().unwrap_or(0);
         let used = if count > 0 { count } else { vertices };
         let origin = local_origin(order[..used].iter().map(|&vertex| &mesh.positions[vertex as usize]));
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
