@@ -2,9 +2,31 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::SubstepContext;
 use super::common_motion::CommonMotion;
 use super::surface::Surface;
+use super::workers::Workers;
+use crate::kernels::params::Substep;
+use crate::simd::Width;
+use crate::step::plan::Plan;
+
+/// A substep's start positions (m) and displacements (m).
+#[derive(Clone, Copy)]
+pub(crate) struct Path<'a> {
+    pub x: &'a [Vec4],
+    pub u: &'a [Vec4],
+    /// How far (m) each vertex may stray from its path.
+    pub margin: &'a [f32],
+    pub workers: Workers<'a>,
+}
+
+/// A substep, and what works on it.
+#[derive(Clone, Copy)]
+pub(crate) struct SubstepContext<'a> {
+    pub plan: &'a Plan<'a>,
+    pub substep: &'a Substep,
+    pub workers: Workers<'a>,
+    pub width: Width,
+}
 
 /// A vertex of listed pairs.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,7 +64,7 @@ pub(super) struct ContactInput<'a> {
     pub common_motion: CommonMotion,
     /// How far (m) vertices may be carried besides the common motion.
     pub max_carry: f32,
-    /// Vertices that are not carried, sorted: see [`IgnoredPairs::entangled`](super::ignored::IgnoredPairs::entangled).
+    /// Vertices that are not carried, sorted: see [`IgnoredPairs::entangled`](super::crossings::ignored::IgnoredPairs::entangled).
     pub entangled: &'a [u32],
     /// Whether vertices slide along pairs with a kinematic side: where there are mesh bodies.
     pub may_slide: bool,

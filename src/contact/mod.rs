@@ -2,67 +2,40 @@
 //!
 //! # Theory
 //! The method keeps the cloth free of intersections instead of resolving them afterwards. [`detection`] lists the pairs
-//! of features that may come closer than the thickness within some substeps ([`tree`]). In each substep, [`near`]
-//! selects those that may do so in that substep, except for a vertex and a triangle beside which it is above another one
-//! ([`voronoi`]), [`response`] holds them apart by the thickness, with friction, and [`truncation`] then shortens
-//! displacements so that the two sides of a pair stay on their sides of a plane, whatever the response achieved.
+//! of features of the [`surface`] that may come closer than the thickness within some substeps, by a
+//! [`tree`](detection::tree). The [`contacts`] of a substep are those of them that may do so in that substep
+//! ([`near`](contacts::near)), except for a vertex and a triangle beside which it is above another one
+//! ([`voronoi`](contacts::near::voronoi)). The [`response`](contacts::response) holds them apart by the thickness, with
+//! friction, and [`truncation`](contacts::truncation) then shortens displacements so that the two sides of a pair stay
+//! on their sides of a plane, whatever the response achieved.
 //!
-//! Detection assumes that vertices move along straight [`paths`], and is repeated when they leave them by more than a
-//! margin. Kinematic vertices (of pins and mesh bodies) cannot be truncated, so they carry the cloth that they would run
-//! over ([`carry`]). Where they leave it no room, it is pinched, and may cross ([`pinches`]). Contact ignores the pairs
-//! that cross until the cloth has left the intersection ([`ignored`]).
+//! Detection assumes that vertices move along straight [`paths`](detection::paths), and is repeated when they leave them
+//! by more than a margin. Kinematic vertices (of pins and mesh bodies) cannot be truncated, so they carry the cloth that
+//! they would run over ([`carry`](contacts::carry)). Where they leave it no room, it is pinched, and may cross
+//! ([`pinches`](contacts::pinches)). [`crossings`] finds what intersects; contact ignores the pairs that do
+//! ([`ignored`](crossings::ignored)) until the cloth has left the intersection, or [`untangle`] has parted it.
 //!
 //! # Practice
 //! [`TriangleContact::resolve`] runs in each substep, after the sweeps and before positions are updated. It loops over
 //! vertices, pairs and leaves. Each item writes only its own data and gathers the contributions of others in a fixed
 //! order, so the result does not depend on the number of threads.
 
-mod acting;
-mod apart;
-mod approach;
 mod bodies;
-mod boxes;
-mod candidates;
-mod carry;
 mod common_motion;
 #[cfg(all(test, feature = "gpu"))]
 #[path = "../../tests/unit/contact_constants.rs"]
 pub(crate) mod constants;
 mod contacts;
-mod contours;
 pub(crate) mod crossings;
 mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
-mod group;
-mod ignored;
 mod input;
-mod lanes;
-mod listing;
-mod measure;
-mod near;
-mod normals;
-mod numbering;
-mod overlaps;
-mod pairs;
 mod past;
-mod paths;
-mod pinches;
-mod portions;
 mod ranges;
-mod response;
-mod reused;
-mod rows;
 mod surface;
-#[cfg(feature = "gpu")]
-pub(crate) mod table;
-mod touches;
-mod tree;
-mod truncation;
 pub(crate) mod untangle;
-mod vertex_pairs;
 mod vertices;
-mod voronoi;
 mod workers;
 
 use std::sync::Arc;
@@ -79,23 +52,23 @@ use crate::simd::{self, Width};
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
-#[cfg(feature = "gpu")]
-pub(crate) use carry::ROUNDS;
 use common_motion::CommonMotion;
+#[cfg(feature = "gpu")]
+pub(crate) use contacts::carry::ROUNDS;
+#[cfg(feature = "gpu")]
+pub(crate) use contacts::response::ITERATIONS;
 use contacts::{Contacts, Held};
+use crossings::ignored::IgnoredPairs;
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::max_listed;
-use ignored::IgnoredPairs;
-use input::ContactInput;
+use detection::paths::Paths;
+use detection::rows::Rows;
+use detection::tree::Tree;
+use input::{ContactInput, Path, SubstepContext};
 use past::Checkpoint;
 pub(crate) use past::ContactPast;
-use paths::Paths;
-#[cfg(feature = "gpu")]
-pub(crate) use response::ITERATIONS;
-use rows::Rows;
 use surface::Surface;
-use tree::Tree;
 use vertices::PushOut;
 pub(crate) use workers::Workers;
 
@@ -103,25 +76,6 @@ pub(crate) use workers::Workers;
 const GRAIN: usize = 64;
 const VERTICES: usize = 128;
 const PAIRS: usize = 1024;
-
-/// A substep's start positions (m) and displacements (m).
-#[derive(Clone, Copy)]
-struct Path<'a> {
-    x: &'a [Vec4],
-    u: &'a [Vec4],
-    /// How far (m) each vertex may stray from its path.
-    margin: &'a [f32],
-    workers: Workers<'a>,
-}
-
-/// A substep, and what works on it.
-#[derive(Clone, Copy)]
-struct SubstepContext<'a> {
-    plan: &'a Plan<'a>,
-    substep: &'a Substep,
-    workers: Workers<'a>,
-    width: Width,
-}
 
 /// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
 #[derive(Debug, Default)]

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use glam::Vec4;
 
 use super::TriangleContact;
-use super::pairs::{Kind, Listed, corners};
-use super::paths::Paths;
-use super::rows::Rows;
+use super::detection::paths::Paths;
+use super::detection::rows::Rows;
 use super::surface::Surface;
+use super::surface::pairs::{Kind, Listed, corners};
 use crate::kernels::rigid::Rigid;
 use crate::model::mesh::Mesh;
 use crate::record::recorded;

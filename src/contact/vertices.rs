@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::Vec4;
 
 use super::input::Vertex;
-use super::lanes::store;
+use super::surface::lanes::store;
 use crate::kernels::contact::{Clear, contact_bodies, contact_body};
 use crate::kernels::params::Substep;
 use crate::simd::{Loop, MAX_LANES, Registers, load_vectors, store_vectors};

@@ -1,7 +1,7 @@
 //! Loops over the groups of portions.
 
-use super::super::portions::Portion;
 use super::*;
+use crate::contact::contacts::near::portions::Portion;
 
 /// Portions of edges that were listed after the groups were numbered, so that their numbers are still those of another
 /// list, must not take the places of the groups of vertices and triangles.

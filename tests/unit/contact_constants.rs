@@ -2,7 +2,11 @@
 
 use naga::Literal;
 
-use super::{bodies, carry, measure, near, normals, paths, pinches, tree, truncation, voronoi};
+use super::bodies;
+use super::contacts::near::{self, voronoi};
+use super::contacts::{carry, pinches, truncation};
+use super::detection::{measure, paths, tree};
+use super::surface::normals;
 use crate::kernels::pair;
 
 pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec3A, Vec4};
 
-use super::super::paths::Paths;
-use super::super::rows::Rows;
-use super::super::surface::Surface;
-use super::super::tree::{DetectionScope, Tree};
-use super::super::workers::Workers;
-use super::{Detection, DetectionInput, Path, max_listed};
+use super::paths::Paths;
+use super::rows::Rows;
+use super::tree::{DetectionScope, Tree};
+use super::{Detection, DetectionInput, max_listed};
+use crate::contact::input::Path;
+use crate::contact::surface::Surface;
+use crate::contact::workers::Workers;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::{Contact, Options};

@@ -2,9 +2,9 @@
 
 use fastrand::Rng;
 
-use super::super::group::Group;
-use super::super::pairs::Listed;
 use super::*;
+use crate::contact::contacts::near::group::Group;
+use crate::contact::surface::pairs::Listed;
 use crate::simd::MAX_LANES;
 
 /// Adds pairs of random vertices to either list.

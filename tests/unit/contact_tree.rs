@@ -2,11 +2,11 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::super::Path;
-use super::super::boxes::Boxes;
-use super::super::surface::Surface;
-use super::super::workers::Workers;
 use super::{DetectionScope, Tree, Walk};
+use crate::contact::detection::boxes::Boxes;
+use crate::contact::input::Path;
+use crate::contact::surface::Surface;
+use crate::contact::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;

@@ -7,7 +7,7 @@ use std::mem::offset_of;
 use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use crate::contact::table::ContactParams;
+use crate::contact::device::table::ContactParams;
 use crate::gpu::BoundVertex;
 use crate::gpu::contact::encode;
 use crate::gpu::contact::status::{self as contact, Listed, Status, Track};

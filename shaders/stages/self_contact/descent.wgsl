@@ -5,7 +5,7 @@
 const LANES: u32 = 128u;
 
 // The excess angle [rad] below which connected cloth does not meet itself if its normals are within a cone of `CONE_COSINE`:
-// `src/contact/tree/mod.rs`.
+// `src/contact/detection/tree/mod.rs`.
 const MAX_EXCESS: f32 = 0.6;
 // Number of nodes that can be held. With the last `LEVELS` of these places left, one node is replaced by its children at a
 // time, which needs at most a place for each level.

@@ -1,4 +1,4 @@
-// Truncates displacements: src/contact/truncation.rs has the theory.
+// Truncates displacements: src/contact/contacts/truncation.rs has the theory.
 
 // Whether displacements are truncated once more in a substep, because vertices slide or were carried.
 override AGAIN: bool = false;

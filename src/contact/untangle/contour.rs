@@ -3,7 +3,7 @@
 use glam::Vec3A;
 
 use super::Tangle;
-use crate::contact::contours::contours;
+use crate::contact::crossings::contours::contours;
 
 /// Smallest cosine between an edge and the normal of the triangle that it crosses; a flatter crossing would require an
 /// arbitrarily large distance.
@@ -14,7 +14,7 @@ const FLATTEST: f32 = 0.1;
 ///
 /// Each is the sum of its own gradient and of the mean over its contour, because its own gradient alone does not move
 /// the straight parts of a contour.
-pub(super) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
+pub(crate) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
     let own: Vec<Vec3A> = found.iter().map(|&crossing| gradient(tangle, crossing)).collect();
     let mut all = own.clone();
     for contour in contours(found, |edge| tangle.at_edges.of(edge)) {

@@ -16,7 +16,7 @@ const SEAM: f32 = 1e-5;
 
 /// Whether a body has an inside: each side of each triangle is a side of exactly one other triangle, in the opposite
 /// direction. Vertices at the same place count as one, because many meshes have seams.
-pub(super) fn is_closed(body: &Mesh) -> bool {
+pub(crate) fn is_closed(body: &Mesh) -> bool {
     let mut names = HashMap::new();
     let [low, high] = body.bounds();
     let cell = (SEAM * (high - low).max_element()).max(f32::MIN_POSITIVE);
@@ -34,7 +34,7 @@ pub(super) fn is_closed(body: &Mesh) -> bool {
 
 /// Moves vertices that are inside a body to the nearest point of its surface, and beyond it by the thickness. Returns
 /// their number.
-pub(super) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
+pub(crate) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
     let (mut count, thickness) = (0, tangle.thickness);
     for body in bodies {
         let [low, high] = body.bounds();

@@ -4,7 +4,7 @@ use super::GpuContact;
 use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
-use crate::contact::table::ContactParams;
+use crate::contact::device::table::ContactParams;
 use crate::contact::{ITERATIONS, ROUNDS};
 use crate::gpu::stage::{ComputePass, Stage};
 use crate::step::plan::Plan;

@@ -18,7 +18,7 @@ use glam::Vec4;
 
 use crate::contact::Tally;
 use crate::contact::device::HostContact;
-use crate::contact::table::{ContactParams, Table};
+use crate::contact::device::table::{ContactParams, Table};
 use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::stage::{Sent, WORKGROUP};

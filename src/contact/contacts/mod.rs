@@ -1,0 +1,323 @@
+//! The contacts of one substep: its near pairs, their vertices, and the active pairs.
+
+pub(super) mod acting;
+pub(super) mod carry;
+pub(super) mod near;
+mod numbering;
+pub(super) mod pinches;
+pub(super) mod response;
+pub(super) mod truncation;
+pub(super) mod vertex_pairs;
+
+use std::sync::atomic::AtomicU32;
+
+use glam::{DVec3, Vec3A, Vec4};
+
+use super::common_motion::CommonMotion;
+use super::contacts::acting::{Acting, for_groups};
+use super::contacts::near::approach::{PatchMotion, patch};
+use super::contacts::near::portions::{PORTION, Portion};
+use super::contacts::near::voronoi::Around;
+use super::contacts::near::{Find, FindAgain};
+use super::contacts::vertex_pairs::SLICE;
+use super::detection::rows::Rows;
+use super::input::{ContactInput, Vertex};
+use super::ranges::Ranges;
+use super::surface::pairs::{Kind, Listed};
+use super::workers::Workers;
+use crate::kernels::integrate::xyz;
+use crate::simd;
+
+/// Least number of vertices that are worth a part of a loop.
+pub(crate) const GRAIN: usize = 32;
+
+/// The contacts of a substep. The buffers are reused.
+#[derive(Debug, Default)]
+pub(crate) struct Contacts {
+    /// Whether the vertices of the lists are numbered. As long as they are, the multipliers are here, not in the lists.
+    pub is_numbered: bool,
+    /// The vertices of listed pairs, and the place of each vertex of the cloth among them.
+    pub order: Vec<u32>,
+    pub place: Vec<AtomicU32>,
+    /// The corners of listed pairs of each kind, as places, and up to which bound of approach the pairs are safe.
+    pub corners: [Vec<[u32; 4]>; 2],
+    pub safe_until: [Vec<f32>; 2],
+    /// The thickness (m) of each pair.
+    pub thickness: [Vec<f32>; 2],
+    /// How the vertices of each patch move.
+    pub motions: Vec<PatchMotion>,
+    /// The common motion in the last substep, and the coefficients of friction.
+    pub common_motion: CommonMotion,
+    friction: Vec<f32>,
+    /// The portions of the lists, one list after the other. Those beyond `used` are left from longer lists.
+    pub portions: Vec<Portion>,
+    pub used: usize,
+    pub vertices: Vec<Vertex>,
+    /// Positions (m) of the vertices. w: how far (m) the vertex was about to move relative to the common motion; negative if it
+    /// was not listed in the last substep.
+    pub x: Vec<Vec4>,
+    /// Displacements (m) of the vertices; w is unused.
+    pub u: Vec<Vec4>,
+    /// Displacements (m) relative to the common motion, in its axes. w: 1 if the vertex is kinematic or carried, otherwise 0.
+    pub relative: Vec<Vec4>,
+    /// The vertices that are carried in this substep, as places.
+    pub carried: Vec<u32>,
+    /// The share of its displacement that truncation leaves each vertex.
+    pub shares: Vec<f32>,
+    /// For each vertex the sum of how far (m) it gets beyond planes: see [`Truncation::beyond`](super::contacts::near::portions::Truncation).
+    pub beyond: Vec<Vec4>,
+    /// The active pairs.
+    pub acting: Acting,
+}
+
+/// The result of [`Contacts::hold_apart`].
+pub(crate) enum Held {
+    /// Pairs are held apart. Truncation has removed `lost` of the cloth's momentum (kg m).
+    Done { lost: DVec3 },
+    /// The displacements are not to be used, because vertices must be carried this far (m), which is more than
+    /// [`ContactInput::max_carry`]. The multipliers are those of this substep.
+    NeedsCarry(f32),
+}
+
+impl Contacts {
+    /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`.
+    pub(crate) fn hold_apart(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>, scale: f32) -> Held {
+        self.gather(lists, input);
+        if !self.has_near() {
+            return Held::Done { lost: DVec3::ZERO };
+        }
+        self.respond(input.context, scale);
+        let lost = self.truncate(input);
+        self.carry(input, lost)
+    }
+
+    /// Finds the near pairs of the lists, in order, and the active ones among them.
+    fn gather(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) {
+        let keeps_groups = self.update_numbering(lists, input);
+        self.carried.clear();
+        self.copy(input);
+        self.find(lists, keeps_groups, input);
+        self.refresh_groups(keeps_groups, input);
+    }
+
+    /// Numbers the vertices of the lists as far as they are not. Returns whether the groups of the last substep remain valid.
+    fn update_numbering(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) -> bool {
+        if self.friction != input.friction {
+            self.store_multipliers(lists, input.context.workers);
+            self.forget();
+            input.friction.clone_into(&mut self.friction);
+        }
+        let was_numbered = self.is_numbered;
+        if !was_numbered {
+            self.number(lists, input.x.len(), input.context.workers);
+        } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
+            self.number_more(lists, input.context.workers);
+        }
+        let ranges = Ranges::of(self.order.len(), SLICE, input.context.workers);
+        let last_ranges = std::mem::replace(&mut self.acting.ranges, ranges);
+        was_numbered && ranges == last_ranges
+    }
+
+    /// Finds out which of the pairs in groups act, and sums up the weights of vertices in them.
+    fn refresh_groups(&mut self, keeps_groups: bool, input: ContactInput<'_>) {
+        let Contacts { portions, used, acting, vertices, x, u, .. } = self;
+        let portions = &mut portions[..*used];
+        let have_changed = !keeps_groups || portions.iter().any(|portion| !portion.joining.is_empty());
+        if have_changed {
+            acting.number(portions);
+        }
+        let around = Around { surface: input.surface, x: input.x, vertices };
+        for_groups(portions, (&mut acting.weights, &mut []), input.context.workers, &|kind, _, groups, weights, _: &mut [()]| {
+            simd::run(input.context.width, FindAgain { kind, groups, weights, x, u, most_push: input.most_push, around });
+        });
+        acting.weigh(portions, have_changed, vertices, input.context.workers);
+    }
+
+    /// Discards what depends on the lists, because they have changed.
+    pub(crate) fn forget(&mut self) {
+        self.is_numbered = false;
+    }
+
+    pub(crate) fn portions(&self) -> &[Portion] {
+        &self.portions[..self.used]
+    }
+
+    /// Whether there are near pairs.
+    pub(crate) fn has_near(&self) -> bool {
+        self.portions().iter().flat_map(Portion::blocks).any(|block| block.near != 0)
+    }
+
+    /// How many pairs are near and how many press, after truncation.
+    pub(crate) fn counts(&self) -> [u32; 2] {
+        self.portions().iter().fold([0; 2], |[near, pressing], of| [near + of.near, pressing + of.pressing])
+    }
+
+    /// How many pairs are squeezed.
+    pub(crate) fn squeezed(&self) -> usize {
+        let is_kinematic = |place: u32| self.vertices[place as usize].x.w == 0.0;
+        self.portions().iter().flat_map(|portion| &portion.groups).map(|group| group.squeezed(is_kinematic)).sum()
+    }
+
+    /// Copies the state of the vertices, and bounds the motion of each patch.
+    fn copy(&mut self, input: ContactInput<'_>) {
+        let Contacts { vertices, x, u, relative, order, common_motion, motions, .. } = self;
+        vertices.resize(order.len(), Vertex::default());
+        [&mut *u, relative].into_iter().for_each(|of| of.resize(order.len(), Vec4::ZERO));
+        let last_common_motion = std::mem::replace(common_motion, input.common_motion);
+        let part = input.context.workers.part(order.len(), GRAIN);
+        let (mut vertices, mut x, mut u, mut order, mut motions) =
+            (&mut **vertices, &mut **x, &mut **u, &**order, &mut **motions);
+        let mut first = 0;
+        let parts = std::iter::from_fn(|| {
+            let last = *order.get(..part.min(order.len()))?.last()?;
+            // All vertices of a patch are in one part.
+            let count = order.partition_point(|&vertex| patch(vertex) <= patch(last));
+            let of = first..patch(last) + 1;
+            first = of.end;
+            let state = (vertices.split_off_mut(..count)?, x.split_off_mut(..count)?, u.split_off_mut(..count)?);
+            Some((of.start, order.split_off(..count)?, state, motions.split_off_mut(..of.len())?))
+        });
+        input.context.workers.each(parts, |(first, order, (vertices, x, u), motions)| {
+            let mut state = vertices.iter_mut().zip(x.iter_mut().zip(u));
+            for order in order.chunk_by(|&a, &b| patch(a) == patch(b)) {
+                let mut all = PatchMotion::NONE;
+                for (&index, (vertex, (x, u))) in order.iter().zip(state.by_ref()) {
+                    let of = index as usize;
+                    let moved = xyz(input.x[of]) - xyz(*x) - last_common_motion.at(xyz(*x));
+                    let was_listed = x.w >= 0.0;
+                    let base = input.common_motion.at(xyz(input.x[of]));
+                    *u = input.u[of].with_w(0.0);
+                    let least = if input.x[of].w > 0.0 { input.max_carry } else { 0.0 };
+                    *x = input.x[of].with_w((xyz(*u) - base).length().max(least));
+                    let push = input.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
+                    let travel = (xyz(*u) + push - base).length().max(least);
+                    *vertex = Vertex { index, x: input.x[of], push, weight: 0.0, travel, half_gap: input.surface.half_gap[of] };
+                    all.join(&PatchMotion { moved: if was_listed { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
+                }
+                motions[patch(order[0]) - first] = all;
+            }
+        });
+    }
+
+    /// Finds the near pairs among those that have not acted since they were listed. Makes the groups
+    /// anew unless it `keeps_groups`.
+    fn find(&mut self, lists: &mut [Rows; 2], keeps_groups: bool, input: ContactInput<'_>) {
+        let Contacts { corners, safe_until, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
+        let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
+        let around = Around { surface: input.surface, x: input.x, vertices };
+        let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
+        let friction = |[a, _, _, d]: [u32; 4]| input.friction[owner(a).max(owner(d)) as usize];
+        let mut portions = &mut portions[..*used];
+        let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
+            let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
+            ListSlice { portions, pairs, corners: &[], thickness: &[], lambda, safe_until: &mut [] }
+        });
+        for (of, (corners, (thickness, safe_until))) in left.iter_mut().zip(corners.iter().zip(thickness.iter().zip(safe_until)))
+        {
+            (of.corners, of.thickness, of.safe_until) = (corners, thickness, safe_until);
+        }
+        let counts = left.each_ref().map(|left| left.portions.len());
+        let parts = (0..input.context.workers.count()).map(|part| {
+            let mut counts = counts.iter().map(|count| input.context.workers.share(part, *count));
+            left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
+        });
+        input.context.workers.each(parts, |parts| {
+            parts.into_iter().flat_map(ListSlice::portions).for_each(
+                |ListSlice { portions, pairs, corners, thickness, lambda, safe_until }| {
+                    let (portion, most_push) = (&mut portions[0], input.most_push);
+                    portion.bunches.take(portion.kind, pairs, motions.len());
+                    portion.bunches.advance(motions, input.most_push, input.surface.thickness);
+                    simd::run(input.context.width, Find { corners, thickness, x, u, safe_until, most_push, around, portion });
+                    if !portion.joining.is_empty() || !keeps_groups {
+                        portion.join((pairs, corners), lambda, safe_until, friction, ranges);
+                    }
+                    if !keeps_groups {
+                        // Pairs that do not act have no multipliers.
+                        lambda.fill(Vec4::ZERO);
+                    }
+                },
+            );
+        });
+    }
+
+    /// Stores the multipliers in the lists.
+    pub(crate) fn store_multipliers(&mut self, lists: &mut [Rows; 2], workers: Workers<'_>) {
+        if !self.is_numbered {
+            return;
+        }
+        let mut portions = &self.portions[..];
+        for kind in Kind::ALL {
+            // Pairs that have been added since have no multipliers.
+            let lambda = &mut lists[kind as usize].lambda[..self.corners[kind as usize].len()];
+            let of_kind = portions.split_off(..lambda.len().div_ceil(PORTION)).unwrap_or_default();
+            let part = workers.part(of_kind.len(), 1);
+            workers.each(of_kind.chunks(part).zip(lambda.chunks_mut(part * PORTION)), |(portions, lambda)| {
+                for (portion, lambda) in portions.iter().zip(lambda.chunks_mut(PORTION)) {
+                    for group in &portion.groups {
+                        for lane in 0..group.count as usize {
+                            lambda[group.listed[lane] as usize - portion.first] = group.pair(lane).1;
+                        }
+                    }
+                }
+            });
+        }
+    }
+
+    /// Writes displacements and positions back to the state. `push` are the corrections of positions by colliders;
+    /// empty if there are none.
+    pub(crate) fn finish(&self, x: &mut [Vec4], u: &mut [Vec4], push: &[Vec4], workers: Workers<'_>) {
+        let part = workers.part(x.len(), GRAIN);
+        workers.each(x.chunks_mut(part).zip(u.chunks_mut(part)).enumerate(), |(index, (x, u))| {
+            let first = index * part;
+            let push = &push[first.min(push.len())..(first + x.len()).min(push.len())];
+            let place = |vertex: usize| self.order.partition_point(|&near| (near as usize) < vertex);
+            let of_task = place(first)..place(first + x.len());
+            let mut near = self.vertices[of_task.clone()].iter().zip(&self.u[of_task]).peekable();
+            if push.is_empty() {
+                for (vertex, by) in near.filter(|(vertex, _)| vertex.x.w > 0.0) {
+                    let index = vertex.index as usize - first;
+                    u[index] = by.with_w(u[index].w);
+                    x[index] += vertex.push.extend(0.0);
+                }
+                return;
+            }
+            for (index, (x, u)) in (first as u32..).zip(x.iter_mut().zip(u)) {
+                let found = near.next_if(|(vertex, _)| vertex.index == index).filter(|(vertex, _)| vertex.x.w > 0.0);
+                let push = found.map_or(xyz(push[index as usize - first]), |(vertex, _)| vertex.push);
+                found.into_iter().for_each(|(_, by)| *u = by.with_w(u.w));
+                *x += push.extend(0.0);
+            }
+        });
+    }
+}
+
+/// Consecutive portions of a list, and what is in them of the arrays that have an item for each pair.
+struct ListSlice<'a> {
+    portions: &'a mut [Portion],
+    pairs: &'a [Listed],
+    corners: &'a [[u32; 4]],
+    thickness: &'a [f32],
+    lambda: &'a mut [Vec4],
+    safe_until: &'a mut [f32],
+}
+
+impl<'a> ListSlice<'a> {
+    /// Takes at most so many portions off the front.
+    fn take(&mut self, portions: usize) -> ListSlice<'a> {
+        let portions = portions.min(self.portions.len());
+        let pairs = (portions * PORTION).min(self.pairs.len());
+        ListSlice {
+            portions: self.portions.split_off_mut(..portions).unwrap_or_default(),
+            pairs: self.pairs.split_off(..pairs).unwrap_or_default(),
+            corners: self.corners.split_off(..pairs).unwrap_or_default(),
+            thickness: self.thickness.split_off(..pairs).unwrap_or_default(),
+            lambda: self.lambda.split_off_mut(..pairs).unwrap_or_default(),
+            safe_until: self.safe_until.split_off_mut(..pairs).unwrap_or_default(),
+        }
+    }
+
+    /// The portions one by one.
+    fn portions(mut self) -> impl Iterator<Item = ListSlice<'a>> {
+        std::iter::from_fn(move || (!self.portions.is_empty()).then(|| self.take(1)))
+    }
+}

@@ -1,0 +1,109 @@
+//! Pairs in groups of the largest SIMD width: near ones, and active ones with their multipliers.
+
+use glam::Vec4;
+
+use crate::kernels::pair::SQUEEZED;
+use crate::simd::MAX_LANES;
+
+/// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
+/// lines.
+#[repr(C, align(64))]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Block {
+    /// Places among the vertices of listed pairs.
+    pub corners: [[u32; 4]; MAX_LANES],
+    /// Unit vectors from the second side to the first.
+    pub normal: [[f32; MAX_LANES]; 3],
+    /// The distance (m) of each corner from the plane halfway between the sides, and the clearance (m) that it keeps.
+    pub heights: [[f32; MAX_LANES]; 4],
+    pub clearance: [f32; MAX_LANES],
+    /// The lanes that hold near pairs, one bit each.
+    pub near: u32,
+}
+
+impl Default for Block {
+    fn default() -> Block {
+        let zero = [0.0; MAX_LANES];
+        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], clearance: zero }
+    }
+}
+
+/// At most as many pairs as there are lanes, as structure of arrays. Other lanes have no effect.
+#[repr(C, align(64))]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Group {
+    pub block: Block,
+    /// Indices in the list.
+    pub listed: [u32; MAX_LANES],
+    /// The distance (m) at which they are held apart.
+    pub thickness: [f32; MAX_LANES],
+    pub friction: [f32; MAX_LANES],
+    /// The distance (m) by which they may approach, and the depth (m) at the start.
+    pub gap: [f32; MAX_LANES],
+    pub depth: [f32; MAX_LANES],
+    /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
+    pub rate: [f32; MAX_LANES],
+    /// Multipliers (kg m): for friction, and along the normal.
+    pub lambda_t: [[f32; MAX_LANES]; 3],
+    pub lambda_n: [f32; MAX_LANES],
+    pub count: u32,
+}
+
+/// The weights of the corners of a group's pairs.
+#[repr(align(64))]
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Weights(pub [[f32; MAX_LANES]; 4]);
+
+impl Default for Group {
+    fn default() -> Group {
+        let zero = [0.0; MAX_LANES];
+        Group {
+            block: Block::default(),
+            listed: [0; MAX_LANES],
+            count: 0,
+            thickness: zero,
+            friction: zero,
+            gap: zero,
+            depth: zero,
+            rate: zero,
+            lambda_t: [zero; 3],
+            lambda_n: zero,
+        }
+    }
+}
+
+/// What does not change about a pair: its corners, its index in the list, its thickness (m), and its friction.
+pub(crate) type Member = ([u32; 4], u32, f32, f32);
+
+impl Group {
+    pub(crate) fn put(&mut self, lane: usize, pair: Member, multiplier: Vec4) {
+        (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]) = pair;
+        (0..3).for_each(|axis| self.lambda_t[axis][lane] = multiplier[axis]);
+        self.lambda_n[lane] = multiplier.w;
+    }
+
+    /// A pair, and its multiplier as it is stored in the list.
+    pub(crate) fn pair(&self, lane: usize) -> (Member, Vec4) {
+        let pair = (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]);
+        let [x, y, z] = &self.lambda_t;
+        (pair, Vec4::new(x[lane], y[lane], z[lane], self.lambda_n[lane]))
+    }
+
+    /// Sets the number of pairs. The other lanes get corners of another pair, so that all are valid.
+    pub(crate) fn close(&mut self, count: usize) {
+        let [corners, ..] = self.block.corners;
+        self.block.corners[count..].fill(corners);
+        self.count = count as u32;
+    }
+
+    /// How many pairs with a kinematic corner are squeezed.
+    pub(crate) fn squeezed(&self, is_kinematic: impl Fn(u32) -> bool) -> usize {
+        let lanes = (0..self.count as usize).filter(|&lane| self.depth[lane] > SQUEEZED * self.thickness[lane]);
+        lanes.filter(|&lane| self.block.corners[lane].into_iter().any(&is_kinematic)).count()
+    }
+
+    /// How many pairs press.
+    pub(crate) fn pressing(&self) -> usize {
+        self.lambda_n[..self.count as usize].iter().filter(|&&lambda_n| lambda_n > 0.0).count()
+    }
+}

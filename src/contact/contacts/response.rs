@@ -1,0 +1,169 @@
+//! The response: each acting pair is held apart by a multiplier. All multipliers are updated at once (Jacobi
+//! iteration). Each vertex then sums the impulses of its pairs in the order of the pairs, so the result does not depend
+//! on the number of threads.
+
+use glam::Vec4;
+
+use super::Contacts;
+use super::acting::{Acting, for_groups};
+use super::vertex_pairs::Sums;
+use crate::contact::contacts::near::group::{Group, Weights};
+use crate::contact::input::SubstepContext;
+use crate::contact::surface::lanes::{corners_of, number, scattered, store, store_vector, vector};
+use crate::contact::surface::pairs::between;
+use crate::contact::vertices::Collide;
+use crate::kernels::contact::DEPENETRATION;
+use crate::kernels::integrate::xyz;
+use crate::kernels::pair::{RELAXATION, impulse, separation, step_of_lambda, warm_share};
+use crate::simd::{self, Loop, MAX_LANES, Registers, Vector};
+
+/// Iterations of the response per substep.
+pub(crate) const ITERATIONS: usize = 4;
+
+impl Contacts {
+    /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
+    /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
+    pub(crate) fn respond(&mut self, context: SubstepContext<'_>, scale: f32) {
+        if self.acting.impulses.is_empty() {
+            return;
+        }
+        self.warm_start(context, scale);
+        self.apply_impulses(context, true);
+        for _ in 0..ITERATIONS {
+            self.step(context);
+            self.apply_impulses(context, false);
+        }
+    }
+
+    /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
+    /// Computes their impulses, and the corrections that separate pairs closer than their thickness.
+    fn warm_start(&mut self, SubstepContext { plan, workers, width, .. }: SubstepContext<'_>, scale: f32) {
+        let most = DEPENETRATION * plan.params.h;
+        let Contacts { acting: Acting { impulses, pushes, weights, mobility, .. }, portions, used, .. } = self;
+        let warm_start = |_, before: usize, groups: &mut [Group], impulses: &mut [_], pushes: &mut [[Vec4; MAX_LANES]]| {
+            let weights = &weights[before..];
+            let (impulses, pushes) = (impulses.as_flattened_mut(), pushes.as_flattened_mut());
+            simd::run(width, WarmStart { groups, weights, mobility, impulses, pushes, scale, most });
+        };
+        for_groups(&mut portions[..*used], (impulses, pushes), workers, &warm_start);
+    }
+
+    /// Updates the multipliers, and computes the impulses of the pairs.
+    fn step(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>) {
+        let Contacts { acting: Acting { impulses, weights, .. }, portions, used, u, .. } = self;
+        let step = |_, before: usize, groups: &mut [Group], impulses: &mut [[Vec4; MAX_LANES]], _: &mut [()]| {
+            simd::run(width, Step { groups, weights: &weights[before..], impulses: impulses.as_flattened_mut(), u });
+        };
+        for_groups(&mut portions[..*used], (impulses, &mut []), workers, &step);
+    }
+
+    /// Applies the impulses to the vertices, then resolves their contact with the colliders. The first time also sums
+    /// up the corrections of positions.
+    fn apply_impulses(&mut self, SubstepContext { plan, substep, workers, width }: SubstepContext<'_>, is_first: bool) {
+        let Contacts { acting: Acting { impulses, pushes, vertex_pairs, ranges, .. }, vertices, x, u, .. } = self;
+        let (impulses, pushes) = (impulses.as_flattened(), pushes.as_flattened());
+        let state = x.chunks(ranges.len()).zip(u.chunks_mut(ranges.len()));
+        workers.each(state.zip(vertices.chunks_mut(ranges.len())).zip(vertex_pairs), |(((x, u), vertices), pairs)| {
+            let mut sums = std::mem::take(&mut pairs.sums);
+            simd::run(width, Sums { pairs, from: impulses, to: &mut sums });
+            for ((u, vertex), sum) in
+                u.iter_mut().zip(&*vertices).zip(sums.as_flattened()).filter(|((_, vertex), _)| vertex.acts())
+            {
+                *u = (xyz(*u) + xyz(*sum) * vertex.x.w).extend(0.0);
+            }
+            if is_first {
+                simd::run(width, Sums { pairs, from: pushes, to: &mut sums });
+                for (vertex, sum) in vertices.iter_mut().zip(sums.as_flattened()).filter(|(vertex, _)| vertex.acts()) {
+                    vertex.push += xyz(*sum) * vertex.x.w;
+                }
+            }
+            pairs.sums = sums;
+            simd::run(width, Collide { plan, substep, vertices, x, u });
+        });
+    }
+}
+
+/// Computes the multipliers with which the iteration begins, their impulses, and the corrections of positions.
+struct WarmStart<'a> {
+    groups: &'a mut [Group],
+    weights: &'a [Weights],
+    mobility: &'a [f32],
+    impulses: &'a mut [Vec4],
+    pushes: &'a mut [Vec4],
+    scale: f32,
+    most: f32,
+}
+
+impl Loop for WarmStart<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let WarmStart { groups, weights, mobility, impulses, pushes, scale, most } = self;
+        let (zero, scale, most) = (L::splat(0.0), L::splat(scale), L::splat(most));
+        let lanes = impulses.chunks_exact_mut(L::LANES).zip(pushes.chunks_exact_mut(L::LANES));
+        for (index, (impulses, pushes)) in lanes.enumerate() {
+            let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
+            let (group, lanes) = (&mut groups[of], first..first + L::LANES);
+            let mut shares = [zero; 4];
+            for k in 0..4 {
+                let mut mobile = [0.0; MAX_LANES];
+                for (mobile, corners) in mobile.iter_mut().zip(&group.block.corners[lanes.clone()]) {
+                    *mobile = mobility[corners[k] as usize];
+                }
+                shares[k] = number::<L>(&mobile, 0) * number::<L>(&weights[of].0[k], first).abs();
+            }
+            let bound = (shares[0] + shares[1]) + (shares[2] + shares[3]);
+            let is_held = zero.lt(bound);
+            let rate = L::select(is_held, L::splat(RELAXATION) / bound, zero);
+            let (depth, thickness) = (number::<L>(&group.depth, first), number::<L>(&group.thickness, first));
+            let scale = scale * warm_share(depth, thickness);
+            let (lambda_t, lambda_n) = (vector::<L>(&group.lambda_t, first) * scale, number::<L>(&group.lambda_n, first) * scale);
+            let normal = vector::<L>(&group.block.normal, first);
+            let along = normal.x * lambda_t.x + normal.y * lambda_t.y + normal.z * lambda_t.z;
+            let lambda_t = Vector::select(is_held, lambda_t - normal * along, Vector::zero());
+            let lambda_n = L::select(is_held, lambda_n, zero);
+            store(&mut group.rate[lanes.clone()], rate);
+            store(&mut group.lambda_n[lanes], lambda_n);
+            store_vector(&mut group.lambda_t, first, lambda_t);
+            let push = normal * (separation(depth, thickness, most) * rate * L::splat(1.0 / RELAXATION));
+            store_vectors(impulse((lambda_t, lambda_n), normal), impulses);
+            store_vectors(push, pushes);
+        }
+    }
+}
+
+/// One iteration of the multipliers.
+struct Step<'a> {
+    groups: &'a mut [Group],
+    weights: &'a [Weights],
+    /// The changes of impulse.
+    impulses: &'a mut [Vec4],
+    u: &'a [Vec4],
+}
+
+impl Loop for Step<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let Step { groups, weights, impulses, u } = self;
+        for (index, impulses) in impulses.chunks_exact_mut(L::LANES).enumerate() {
+            let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
+            let (group, lanes) = (&mut groups[of], first..first + L::LANES);
+            let normal = vector::<L>(&group.block.normal, first);
+            let (lambda_t, lambda_n) = (vector::<L>(&group.lambda_t, first), number(&group.lambda_n, first));
+            let [a, b, c, d] = &weights[of].0;
+            let weights = [number(a, first), number(b, first), number(c, first), number(d, first)];
+            let relative = between(weights, corners_of::<L>(u, &group.block.corners[lanes.clone()]));
+            let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
+            let (new_lambda_t, new_lambda_n) = step_of_lambda((lambda_t, lambda_n), normal, gap, relative, rate, friction);
+            store_vector(&mut group.lambda_t, first, new_lambda_t);
+            store(&mut group.lambda_n[lanes], new_lambda_n);
+            store_vectors(impulse((new_lambda_t - lambda_t, new_lambda_n - lambda_n), normal), impulses);
+        }
+    }
+}
+
+#[inline(always)]
+fn store_vectors<L: Registers>(from: Vector<L>, to: &mut [Vec4]) {
+    let mut all = [Vec4::ZERO; MAX_LANES];
+    scattered(from, &mut all);
+    to.copy_from_slice(&all[..L::LANES]);
+}

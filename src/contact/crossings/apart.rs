@@ -1,0 +1,137 @@
+//! Moves apart what touches exactly at the start, by a multiple of the distance that counts as touching.
+//!
+//! The vector between features that touch has no direction, or that of rounding errors. On which side of each other they
+//! belong follows from [`Touches`]. Each pair is moved apart along the vector between its closest points there, which the
+//! planes perpendicular to it separate.
+
+use std::collections::BTreeSet;
+
+use glam::{DVec3, Vec4};
+
+use super::overlaps::{Span, around, for_overlaps};
+use super::touches::Touches;
+use super::{Features, pierced};
+use crate::model::mesh::along;
+
+/// The distance (m) of what was moved apart, in units of the distance that counts as touching: so much that single
+/// precision knows the direction, also between large triangles.
+const GAP: f64 = 16.0;
+/// Most rounds of moves.
+const ROUNDS: usize = 50;
+/// Least sum of squared weights of the vertices of a pair that may move. If the closest points are all but pinned, the others
+/// would have to move without limit.
+const MIN_SUM: f64 = 0.1;
+/// Most pairs of boxes to compare, per triangle. Cloth that is crammed into one place has more, and stays as it is.
+const ROOM: usize = 500;
+
+/// Two features that touch: their vertices, the weights of these in the vector between the closest points, and its
+/// direction.
+struct Pair {
+    corners: [u32; 4],
+    weights: [f64; 4],
+    normal: DVec3,
+}
+
+/// Moves apart what touches. Returns the vertices that move, with their new positions (m).
+pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool) -> Vec<(u32, Vec4)> {
+    let (x, normals) = features.in_general_position();
+    let found = pierced(features.edges, features.triangles, &x, &mut { usize::MAX }, &may_collide);
+    let mut touches = Touches::new(features, x, normals, &may_collide);
+    // What really intersects stays as it is; contact ignores it.
+    let crossing = touches.left_out_of(found);
+    let ends = crossing.iter().flat_map(|&[edge, _]| features.edges[edge as usize]);
+    let of_crossings: BTreeSet<u32> =
+        ends.chain(crossing.iter().flat_map(|&[_, triangle]| features.triangles[triangle as usize])).collect();
+    let (mut x, gap) = (touches.x, GAP * features.touching());
+    let mut pairs = pairs(features, &x, gap, &may_collide);
+    pairs.retain(|pair| !pair.corners.iter().any(|vertex| of_crossings.contains(vertex)));
+    for _ in 0..ROUNDS {
+        let mut is_apart = true;
+        for Pair { corners, weights, normal } in &pairs {
+            let share = corners.map(|vertex| f64::from(u8::from(features.x[vertex as usize].w > 0.0)));
+            let distance: f64 =
+                corners.iter().zip(weights).map(|(&vertex, weight)| weight * x[vertex as usize].dot(*normal)).sum();
+            let sum: f64 = weights.iter().zip(share).map(|(weight, share)| share * weight * weight).sum();
+            if distance < gap && sum > 0.0 {
+                is_apart &= distance > 0.9 * gap;
+                let along = *normal * ((gap - distance) / sum.max(MIN_SUM));
+                corners
+                    .iter()
+                    .zip(weights)
+                    .zip(share)
+                    .for_each(|((&v, weight), share)| x[v as usize] += along * (weight * share));
+            }
+        }
+        if is_apart {
+            break;
+        }
+    }
+    let mut moved: Vec<u32> = pairs.iter().flat_map(|pair| pair.corners).collect();
+    moved.sort_unstable();
+    moved.dedup();
+    let place = |vertex: u32| (vertex, x[vertex as usize].as_vec3().extend(features.x[vertex as usize].w));
+    moved.into_iter().filter(|&vertex| features.x[vertex as usize].w > 0.0).map(place).collect()
+}
+
+/// The pairs of features that are closer than `reach` (m) at `x` (m).
+fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u32, u32) -> bool) -> Vec<Pair> {
+    let Features { edges, triangles, .. } = features;
+    let at = |vertex: u32| x[vertex as usize];
+    let mut vertices: Vec<u32> = triangles.iter().flatten().copied().collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let of_vertices: Vec<Span> = vertices.iter().map(|&vertex| around(&[at(vertex)], reach)).collect();
+    let of_edges: Vec<Span> = edges.iter().map(|ends| around(&ends.map(at), 0.5 * reach)).collect();
+    let of_triangles: Vec<Span> = triangles.iter().map(|corners| around(&corners.map(at), 0.0)).collect();
+    let (mut pairs, mut room) = (Vec::new(), ROOM * triangles.len());
+    let mut add = |corners: [u32; 4], weights: [f64; 4]| {
+        let apart: DVec3 = corners.iter().zip(weights).map(|(&vertex, weight)| at(vertex) * weight).sum();
+        if apart.length() < reach {
+            pairs.push(Pair { corners, weights, normal: apart.normalize_or_zero() });
+        }
+    };
+    for_overlaps(&of_vertices, &of_triangles, &mut room, |vertex, triangle| {
+        let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
+        if may_collide(vertex, a) && ![a, b, c].contains(&vertex) {
+            let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
+            add([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c]);
+        }
+    });
+    for_overlaps(&of_edges, &of_edges, &mut room, |one, other| {
+        let ([a, b], [c, d]) = (edges[one], edges[other]);
+        if one < other && may_collide(a, c) && a != c && a != d && b != c && b != d {
+            let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);
+            add([a, b, c, d], [1.0 - s, s, t - 1.0, -t]);
+        }
+    });
+    pairs.sort_unstable_by_key(|pair| pair.corners);
+    if room > 0 { pairs } else { Vec::new() }
+}
+
+/// The weights of the point of a triangle that is nearest to `p`.
+fn nearest(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let normal = (b - a).cross(c - a);
+    let share = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) / normal.length_squared();
+    let inside = [share(b, c), share(c, a), share(a, b)];
+    if inside.iter().all(|&share| share > 0.0) {
+        return inside;
+    }
+    let [s, t, r] = [[a, b], [b, c], [c, a]].map(|side| along(p, side));
+    let on_sides = [[1.0 - s, s, 0.0], [0.0, 1.0 - t, t], [r, 0.0, 1.0 - r]];
+    let far = |[of_a, of_b, of_c]: &[f64; 3]| (a * *of_a + b * *of_b + c * *of_c).distance_squared(p);
+    on_sides.into_iter().min_by(|one, other| far(one).total_cmp(&far(other))).unwrap_or([1.0, 0.0, 0.0])
+}
+
+/// The parameters of the closest points of two segments.
+fn closest([a, b]: [DVec3; 2], [c, d]: [DVec3; 2]) -> [f64; 2] {
+    let (e, f) = (b - a, d - c);
+    let normal = e.cross(f);
+    let [s, t] = [f, e].map(|other| (c - a).cross(other).dot(normal) / normal.length_squared());
+    if [s, t].iter().all(|of| (0.0..=1.0).contains(of)) {
+        return [s, t];
+    }
+    // One of them is an end.
+    let ends = [[0.0, along(a, [c, d])], [1.0, along(b, [c, d])], [along(c, [a, b]), 0.0], [along(d, [a, b]), 1.0]];
+    let far = |[s, t]: &[f64; 2]| (a + e * *s).distance_squared(c + f * *t);
+    ends.into_iter().min_by(|one, other| far(one).total_cmp(&far(other))).unwrap_or([0.0, 0.0])
+}

@@ -1,0 +1,205 @@
+//! The intersections, and the pairs that contact ignores because of them.
+
+use std::collections::BTreeSet;
+
+use glam::{Vec3, Vec4};
+
+use super::Features;
+use super::apart::apart;
+use crate::contact::contacts::pinches::Pinched;
+use crate::contact::surface::Surface;
+use crate::contact::surface::pairs::{Kind, Listed, crossing_of};
+use crate::model::mesh::bounds;
+use crate::options::Crossing;
+
+/// The rings of triangles around known intersections in which others are searched for, for which one would suffice, and in which
+/// nothing is carried.
+const RINGS: usize = 2;
+
+/// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
+#[derive(Debug, Default)]
+pub(crate) struct IgnoredPairs {
+    /// Known intersections: each an edge and a triangle, sorted.
+    pub crossings: Vec<[u32; 2]>,
+    /// Pairs of an edge and a triangle that have moved through each other in this step. They need not intersect any more.
+    through: Vec<[u32; 2]>,
+    /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
+    pairs: [Vec<[u32; 2]>; 2],
+    /// The vertices around known intersections, sorted. They are not carried, since what crosses would not separate then.
+    pub entangled: Vec<u32>,
+}
+
+impl IgnoredPairs {
+    /// Searches for intersections with bodies and, if they touch, of the cloth with itself.
+    pub(crate) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
+        let found = features(surface, x).crossings(|a, b| surface.may_collide(a, b));
+        self.take(found, surface);
+    }
+
+    /// Searches for intersections around the known ones and around some vertices only. Returns whether there are others than
+    /// before.
+    ///
+    /// While contact holds all other pairs, intersections arise only where pairs are ignored, or pinched: a vertex that moves
+    /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
+    pub(crate) fn follow(&mut self, surface: &Surface, x: &[Vec4], vertices: &[u32]) -> bool {
+        if self.crossings.is_empty() && vertices.is_empty() {
+            return false;
+        }
+        let known = self.crossings.iter().flat_map(|&pair| corners(pair, surface));
+        let [_, triangles] = around(surface, known.chain(vertices.iter().copied()).collect());
+        let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+        let (triangles, edges) = (Vec::from_iter(triangles), Vec::from_iter(edges));
+        let features = Features {
+            edges: &edges.iter().map(|&edge| surface.edges[edge as usize]).collect::<Vec<_>>(),
+            triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
+            ..features(surface, x)
+        };
+        let found = features.crossings(|a, b| surface.may_collide(a, b));
+        let found: Vec<[u32; 2]> =
+            found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
+        let are_new = found != self.crossings;
+        if are_new {
+            self.take(found, surface);
+        }
+        are_new
+    }
+
+    /// Begins a step.
+    pub(crate) fn begin(&mut self) {
+        self.through.clear();
+    }
+
+    /// Notes which of the pinched pairs have moved through each other.
+    pub(crate) fn note(&mut self, pinched: &[Pinched], surface: &Surface) {
+        let through = pinched.iter().filter(|pair| pair.is_through);
+        self.through.extend(through.filter_map(|pair| crossing_of(surface, pair.kind, pair.corners)));
+    }
+
+    /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
+    pub(crate) fn part_touches(surface: &Surface, x: &[Vec4]) -> Vec<(u32, Vec4)> {
+        apart(features(surface, x), |a, b| surface.may_collide(a, b))
+    }
+
+    /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
+    /// these apart.
+    pub(crate) fn kinematics_cross(surface: &Surface, x: &[Vec4]) -> bool {
+        let (mut edges, mut triangles) = kinematic_features(surface, x);
+        if edges.is_empty() {
+            return false;
+        }
+        // Only what is around the kinematic cloth can intersect it, and edges of bodies only if they meet its triangles.
+        let region = bounds(edges.iter().flatten().map(|&vertex| x[vertex as usize].truncate()));
+        let (body_edges, body_triangles) = bodies_within(surface, x, region, !triangles.is_empty());
+        edges.extend(body_edges);
+        triangles.extend(body_triangles);
+        let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x) };
+        let may_collide = |a, b| surface.may_collide(a, b);
+        features.are_close(may_collide) && !features.crossings(may_collide).is_empty()
+    }
+
+    /// Replaces the intersections.
+    pub(crate) fn take(&mut self, crossings: Vec<[u32; 2]>, surface: &Surface) {
+        self.crossings = crossings;
+        let [with_vertices, with_edges] = &mut self.pairs;
+        with_vertices.clear();
+        with_edges.clear();
+        for &[edge, triangle] in &self.crossings {
+            with_vertices.extend(surface.edges[edge as usize].map(|end| [end, triangle]));
+            with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
+        }
+        self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
+        let [near, _] = around(surface, self.crossings.iter().flat_map(|&pair| corners(pair, surface)).collect());
+        self.entangled = Vec::from_iter(near);
+    }
+
+    /// Intersections of the cloth with itself, given by vertices, and what has moved through itself in this step.
+    pub(crate) fn of_cloth(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
+        let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
+        let crossing = |(edge, triangle)| Crossing { edge, triangle };
+        self.all(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
+    }
+
+    /// For each intersection of the cloth with a body, in this step too: the index of the body.
+    pub(crate) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
+        let owner = |vertex: u32| surface.owner[vertex as usize];
+        let owners = self.all(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
+        owners.filter(|&owner| owner > 0).map(|owner| owner - 1)
+    }
+
+    /// All that intersects, or did in this step.
+    fn all(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
+        let through = self.through.iter().filter(|pair| !self.crossings.contains(pair));
+        self.crossings.iter().chain(through).map(|&pair| by_vertices(pair, surface))
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn pairs(&self) -> &[Vec<[u32; 2]>; 2] {
+        &self.pairs
+    }
+
+    /// Whether a pair is ignored.
+    pub(crate) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
+        let pairs = &self.pairs[kind as usize];
+        !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
+    }
+}
+
+/// The edges and triangles of the cloth whose vertices are all kinematic, given by vertices.
+fn kinematic_features(surface: &Surface, x: &[Vec4]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
+    let is_kinematic = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
+    // They are all around the pins, which are few.
+    let pins = (0..surface.of_cloth().min(x.len()) as u32).filter(|vertex| is_kinematic(&[*vertex]));
+    let mut triangles: Vec<u32> = pins.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
+    let mut edges: Vec<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+    edges.retain(|&edge| is_kinematic(&surface.edges[edge as usize]));
+    triangles.retain(|&triangle| is_kinematic(&surface.triangles[triangle as usize]));
+    [&mut edges, &mut triangles].into_iter().for_each(|of| {
+        of.sort_unstable();
+        of.dedup();
+    });
+    let edges = edges.into_iter().map(|edge| surface.edges[edge as usize]);
+    let triangles = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]);
+    (edges.collect(), triangles.collect())
+}
+
+/// The edges (if `with_edges`) and triangles of bodies that may reach into a box, given by vertices.
+fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edges: bool) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
+    let cloth = surface.of_cloth();
+    // For each vertex a bit for each side of the box that it is beyond. A feature with all of its vertices beyond the same side
+    // does not reach into the box.
+    let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
+    let beyond: Vec<u32> = x.get(cloth..).unwrap_or_default().iter().map(beyond).collect();
+    let may_reach = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize - cloth]) == 0;
+    let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
+    let edges = &surface.edges[surface.edges.partition_point(|ends| of_cloth(ends))..];
+    let edges = edges.iter().filter(|ends| with_edges && may_reach(*ends)).copied();
+    let triangles = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
+    let triangles = triangles.iter().filter(|corners| may_reach(*corners)).copied();
+    (edges.collect(), triangles.collect())
+}
+
+/// The vertices and triangles in some rings around vertices.
+fn around(surface: &Surface, mut vertices: BTreeSet<u32>) -> [BTreeSet<u32>; 2] {
+    let mut triangles = BTreeSet::new();
+    for _ in 0..RINGS {
+        triangles = vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
+        vertices = triangles.iter().flat_map(|&triangle: &u32| surface.triangles[triangle as usize]).collect();
+    }
+    [vertices, triangles]
+}
+
+/// The vertices of an intersection.
+fn corners(crossing: [u32; 2], surface: &Surface) -> [u32; 5] {
+    let ([a, b], [c, d, e]) = by_vertices(crossing, surface);
+    [a, b, c, d, e]
+}
+
+/// The vertices of an edge and of a triangle.
+fn by_vertices([edge, triangle]: [u32; 2], surface: &Surface) -> ([u32; 2], [u32; 3]) {
+    (surface.edges[edge as usize], surface.triangles[triangle as usize])
+}
+
+fn features<'a>(surface: &'a Surface, x: &'a [Vec4]) -> Features<'a> {
+    let Surface { edges, triangles, thickness, .. } = surface;
+    Features { edges, triangles, x, of_cloth: surface.of_cloth(), thickness: *thickness }
+}

@@ -1,0 +1,96 @@
+//! Pairs of overlapping boxes, by cells that are halved until they hold few.
+
+use glam::DVec3;
+
+/// The lowest and the highest corner (m).
+pub(crate) type Span = [DVec3; 2];
+
+const NOTHING: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+/// A cell is not divided if it has no more pairs of a box of either list.
+const FEW: u64 = 256;
+/// Nor if its halves would have more than this share of those pairs, because its boxes overlap one another.
+const WORTH: f64 = 0.9;
+
+/// The box around some points, enlarged by `by` (m).
+pub(crate) fn around(points: &[DVec3], by: f64) -> Span {
+    let [low, high] = points.iter().fold(NOTHING, |[low, high], &x| [low.min(x), high.max(x)]);
+    [low - by, high + by]
+}
+
+/// Whether two boxes overlap.
+pub(crate) fn overlap(a: &Span, b: &Span) -> bool {
+    a[0].cmple(b[1]).all() && a[1].cmpge(b[0]).all()
+}
+
+/// Calls `visit` for each pair of a box of one list and a box of the other that overlap, until `room` for such pairs is
+/// used up.
+pub(crate) fn for_overlaps(one: &[Span], other: &[Span], room: &mut usize, visit: impl FnMut(usize, usize)) {
+    let all = [one, other].map(|boxes| (0..boxes.len() as u32).collect());
+    Search { boxes: [one, other], room, visit }.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
+}
+
+struct Search<'a, M> {
+    boxes: [&'a [Span]; 2],
+    room: &'a mut usize,
+    visit: M,
+}
+
+impl<M: FnMut(usize, usize)> Search<'_, M> {
+    /// Searches among the boxes of both lists that reach into a cell. A cell includes its lower borders only.
+    fn within(&mut self, both: &[Vec<u32>; 2], cell: Span) {
+        let count = |both: &[Vec<u32>; 2]| both[0].len() as u64 * both[1].len() as u64;
+        if count(both) > FEW {
+            let (axis, middle) = self.cut(both, cell);
+            let halves = [0, 1].map(|half| self.half(both, axis, middle, half));
+            let is_worth = halves.iter().map(count).sum::<u64>() as f64 <= WORTH * count(both) as f64;
+            if is_worth {
+                let [mut low, mut high] = [cell, cell];
+                (low[1][axis], high[0][axis]) = (middle, middle);
+                halves.iter().zip([low, high]).for_each(|(half, cell)| self.within(half, cell));
+                return;
+            }
+        }
+        for &a in &both[0] {
+            for &b in &both[1] {
+                let (one, other) = (&self.boxes[0][a as usize], &self.boxes[1][b as usize]);
+                // Two boxes may be in several cells together. They meet in that of the lowest corner of what they share.
+                let corner = one[0].max(other[0]);
+                if overlap(one, other) && corner.cmpge(cell[0]).all() && corner.cmplt(cell[1]).all() {
+                    if *self.room == 0 {
+                        return;
+                    }
+                    *self.room -= 1;
+                    (self.visit)(a as usize, b as usize);
+                }
+            }
+        }
+    }
+
+    /// The axis along which the lowest corners of the boxes extend the farthest within the cell, and their mean on it.
+    fn cut(&self, both: &[Vec<u32>; 2], cell: Span) -> (usize, f64) {
+        let (mut sum, mut count, [mut low, mut high]) = (DVec3::ZERO, 0.0, NOTHING);
+        for (boxes, indices) in self.boxes.iter().zip(both) {
+            for &index in indices {
+                let corner = boxes[index as usize][0].max(cell[0]);
+                (sum, count, low, high) = (sum + corner, count + 1.0, low.min(corner), high.max(corner));
+            }
+        }
+        let axis = (high - low).max_position();
+        (axis, sum[axis] / count)
+    }
+
+    /// The boxes that reach below `middle` on an axis, or those that reach up to it.
+    fn half(&self, both: &[Vec<u32>; 2], axis: usize, middle: f64, half: usize) -> [Vec<u32>; 2] {
+        [0, 1].map(|list| {
+            let reaches = |index: &u32| {
+                let [low, high] = self.boxes[list][*index as usize];
+                if half == 0 { low[axis] < middle } else { high[axis] >= middle }
+            };
+            both[list].iter().copied().filter(reaches).collect()
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/contact_overlaps.rs"]
+mod tests;

@@ -1,0 +1,113 @@
+//! When pairs are listed: anew for all vertices, or around those that strayed from their paths; and what is not listed, because
+//! it crosses.
+
+use glam::{Vec3A, Vec4};
+
+use super::DetectionInput;
+use super::paths::Paths;
+use super::tree::DetectionScope;
+use crate::contact::TriangleContact;
+use crate::contact::crossings::ignored::IgnoredPairs;
+use crate::contact::input::Path;
+use crate::contact::surface::Surface;
+use crate::contact::workers::Workers;
+use crate::kernels::integrate::xyz;
+use crate::simd::Width;
+
+/// Least margin within which a vertex may stray from its path before it gets a new one, in units of the thickness.
+const MIN_MARGIN: f32 = 0.1;
+
+impl TriangleContact {
+    /// Ignores the pairs of what crosses at the end of the substep because it is pinched.
+    pub(crate) fn ignore_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
+        let TriangleContact { surface, contacts, ignored, paths, .. } = self;
+        let pinched = contacts.pinched(surface.thickness);
+        if !pinched.is_empty() {
+            ignored.note(&pinched, surface);
+            let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
+            let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
+            if ignored.follow(surface, &ends, &vertices) {
+                paths.end();
+            }
+        }
+    }
+
+    /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
+    /// too many pairs, or if the state is not finite, which the end of the step reports.
+    pub(crate) fn detect(&mut self, path: Path<'_>, moving: usize, is_free: bool, width: Width) -> bool {
+        let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
+        if !sum.is_finite() {
+            return false;
+        }
+        if self.kinematics_moved && !self.may_cross {
+            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x);
+        }
+        let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
+        let is_known = !self.may_cross && self.ignored.crossings.is_empty();
+        let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
+        let mut strayed = std::mem::take(&mut self.detection.strayed);
+        let listed = if is_listed && self.paths.strayed(moving_path, is_free, &mut strayed) {
+            self.list_around(&strayed, path, is_free, width)
+        } else {
+            self.tally.detections += 1;
+            self.list_all(path, is_free, width)
+        };
+        self.detection.strayed = strayed;
+        if let Err(too_many) = listed {
+            (self.too_many, self.detection.is_fitted) = (too_many, false);
+            return false;
+        }
+        true
+    }
+
+    /// Lists all pairs, for new paths.
+    fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+        let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
+        // A short list may become longer: margins are as large as the surface allows. A list is long if it has several times as
+        // many pairs as a substep works on, which are the vertices' and the near ones.
+        let is_short = 4 * listed < path.x.len();
+        let is_long = listed > 4 * (path.x.len() + self.tally.near as usize);
+        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * surface.thickness, is_free);
+        if bodies.are_still {
+            paths.margin[bodies.first..].fill(0.0);
+        }
+        paths.begin(path.x, path.u);
+        if std::mem::take(&mut self.may_cross) {
+            self.ignored.find(surface, path.x);
+        } else {
+            self.ignored.follow(surface, path.x, &[]);
+        }
+        self.contacts.store_multipliers(lists, path.workers);
+        let input = detection_input(surface, bodies.are_known, paths, path.workers, width);
+        bodies.are_known = bodies.are_still;
+        let ignored = &self.ignored;
+        self.contacts.forget();
+        detection.run(input, [of_cloth, of_bodies], lists, |kind, first, pair| ignored.has(kind, first, pair))
+    }
+
+    /// Lists more pairs, around some vertices that get new paths.
+    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+        let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
+        if !detection.is_fitted {
+            detection.fit(detection_input(surface, false, paths, path.workers, width), [of_cloth, of_bodies]);
+        }
+        paths.restart(strayed, path, surface, MIN_MARGIN * surface.thickness, is_free);
+        bodies.are_known &= bodies.are_still;
+        let input = detection_input(surface, false, paths, path.workers, width);
+        detection.run_around(input, strayed, [of_cloth, of_bodies], lists)
+    }
+}
+
+/// The input of a detection along some paths.
+fn detection_input<'a>(
+    surface: &'a Surface,
+    bodies_rest: bool,
+    paths: &'a Paths,
+    workers: Workers<'a>,
+    width: Width,
+) -> DetectionInput<'a> {
+    let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers };
+    let scope = DetectionScope { substeps: paths.ahead, thickness: surface.thickness };
+    DetectionInput { surface, bodies_rest, path, scope, width }
+}

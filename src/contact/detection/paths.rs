@@ -1,0 +1,249 @@
+//! The straight paths that detection assumes for the vertices, and the test whether vertices are still close to them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{Vec3A, Vec4};
+
+use crate::contact::GRAIN;
+use crate::contact::input::Path;
+use crate::contact::surface::Surface;
+use crate::kernels::integrate::xyz;
+use crate::kernels::rigid::Rigid;
+use crate::record::recorded;
+use crate::simd::{self, Loop, Registers, Width};
+
+/// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
+pub(crate) const LASTS: f32 = 12.0;
+/// Least share of the last margin that a new margin keeps.
+pub(crate) const MARGIN_DECAY: f32 = 0.8;
+/// Range of the number of substeps that detection looks ahead.
+pub(crate) const AHEAD: [f32; 2] = [6.0, 64.0];
+/// Factor by which detection looks farther ahead if the last paths lasted as long as they should.
+pub(crate) const FARTHER_AHEAD: f32 = 1.5;
+/// Share of the distance that it may stray, from which on a vertex gets a new path when others do.
+const NEARLY: f32 = 0.75;
+/// Share of all vertices up to which only those get new paths that strayed.
+const FEW: f32 = 0.01;
+/// Factor by which such a vertex may stray farther.
+const LONGER: f32 = 1.5;
+/// Number of vertices from which the common deviation is estimated.
+pub(crate) const SAMPLES: usize = 32;
+
+/// The paths since the last detection.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Paths {
+    pub from: Vec<Vec4>,
+    /// Displacement per substep (m); w is the inverse of the distance that the vertex may stray (1/m).
+    pub by: Vec<Vec4>,
+    /// The margin of each vertex: how far (m) it may stray.
+    pub margin: Vec<f32>,
+    /// The number of substeps that the paths cover, and how many of them are over; `None` before the first detection.
+    pub ahead: f32,
+    pub since: Option<f32>,
+    /// How many vertices got new paths since.
+    pub renewed: u32,
+}
+
+recorded!(Paths { from, by, margin, ahead, since, renewed });
+
+impl Paths {
+    /// Becomes other paths, in its own buffers.
+    pub(crate) fn copy_from(&mut self, other: &Paths) {
+        self.from.clone_from(&other.from);
+        self.by.clone_from(&other.by);
+        self.margin.clone_from(&other.margin);
+        (self.ahead, self.since, self.renewed) = (other.ahead, other.since, other.renewed);
+    }
+
+    /// Whether these are valid paths of this many vertices, or there are none.
+    pub(crate) fn are_of(&self, vertices: usize) -> bool {
+        let Paths { from, by, margin, since, .. } = self;
+        let counts = [from.len(), by.len(), margin.len()];
+        counts == [vertices; 3] || counts == [0; 3] && since.is_none()
+    }
+
+    /// Applies a rigid motion of the whole cloth.
+    pub(crate) fn warp(&mut self, rigid: &Rigid) {
+        rigid.points4(&mut self.from);
+        rigid.vectors4(&mut self.by);
+    }
+
+    /// Discards the paths, because the state was replaced.
+    pub(crate) fn forget(&mut self) {
+        self.since = None;
+    }
+
+    /// Ends the paths, so that the next substep starts new ones.
+    pub(crate) fn end(&mut self) {
+        self.ahead = 0.0;
+    }
+
+    /// Whether any vertex from this one on moves along its path.
+    pub(crate) fn move_from(&self, first: usize) -> bool {
+        self.by.get(first..).is_some_and(|by| by.iter().any(|by| xyz(*by) != Vec3A::ZERO))
+    }
+
+    /// Whether all vertices will be close to their paths after this substep. If `is_free`, there are no kinematic
+    /// vertices, and the mean deviation is subtracted first: a common translation brings no two vertices closer to each
+    /// other.
+    pub(crate) fn are_followed(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
+        let Some(since) = self.since else { return false };
+        if since >= self.ahead || self.from.len() < path.x.len() {
+            return false;
+        }
+        let (substeps, [common, _]) = (since + 1.0, self.common(path, is_free));
+        let all = AtomicBool::new(true);
+        let test = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
+        let (count, part) = (path.x.len(), path.workers.part(path.x.len(), GRAIN));
+        let state = path.x.chunks(part).zip(path.u.chunks(part));
+        let paths = self.from[..count].chunks(part).zip(self.by[..count].chunks(part));
+        path.workers.each(state.zip(paths), |((x, u), (from, by))| test([x, u, from, by]));
+        all.into_inner()
+    }
+
+    /// Finds the vertices that have strayed, or will soon. Returns false if these are many, or if the paths are over.
+    pub(crate) fn strayed(&self, path: Path<'_>, is_free: bool, strayed: &mut Vec<u32>) -> bool {
+        strayed.clear();
+        if self.since.is_none_or(|since| since >= self.ahead) || self.from.len() < path.x.len() {
+            return false;
+        }
+        let [common, _] = self.common(path, is_free);
+        let most = ((FEW * path.x.len() as f32) as usize).saturating_sub(self.renewed as usize);
+        let is_near =
+            |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < NEARLY * NEARLY;
+        strayed.extend((0..path.x.len()).filter(|&vertex| !is_near(vertex)).take(most + 1).map(|vertex| vertex as u32));
+        strayed.len() <= most
+    }
+
+    /// Starts new paths for some vertices, as if they had been on them since the last detection.
+    pub(crate) fn restart(&mut self, vertices: &[u32], path: Path<'_>, surface: &Surface, least: f32, is_free: bool) {
+        let [common, rate] = self.common(path, is_free);
+        let steps = self.since.map_or(0.0, |since| since + 1.0);
+        self.renewed += vertices.len() as u32;
+        for vertex in vertices.iter().map(|&vertex| vertex as usize) {
+            let (x, u, most) = (xyz(path.x[vertex]), xyz(path.u[vertex]), surface.max_margin[vertex]);
+            let margin = (LONGER * self.margin[vertex]).clamp(least.min(most), most);
+            let by = u - rate;
+            self.from[vertex] = (x + u - by * steps - common).extend(self.from[vertex].w);
+            self.by[vertex] = by.extend(inverse(margin));
+            self.margin[vertex] = margin;
+        }
+    }
+
+    /// The vector (m) by which a vertex will have strayed after this substep.
+    fn strayed_by(&self, path: Path<'_>, vertex: usize) -> Vec3A {
+        let steps = self.since.map_or(0.0, |since| since + 1.0);
+        (xyz(path.x[vertex]) - xyz(self.from[vertex])) + (xyz(path.u[vertex]) - xyz(self.by[vertex]) * steps)
+    }
+
+    /// An estimate of the common deviation (m), from a few vertices, and its growth in this substep; zero unless the cloth
+    /// `is_free`. Accuracy does not matter: subtracting the same vector from all vertices is always valid.
+    fn common(&self, path: Path<'_>, is_free: bool) -> [Vec3A; 2] {
+        if !is_free {
+            return [Vec3A::ZERO; 2];
+        }
+        let samples = (0..path.x.len()).step_by(path.x.len().div_ceil(SAMPLES));
+        let share = 1.0 / samples.len() as f32;
+        let growth = |vertex: usize| xyz(path.u[vertex]) - xyz(self.by[vertex]);
+        [
+            samples.clone().map(|vertex| self.strayed_by(path, vertex)).sum::<Vec3A>() * share,
+            samples.map(growth).sum::<Vec3A>() * share,
+        ]
+    }
+
+    /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
+    /// last; if the list `is_short`, the margins are the largest that the surface allows. Looks farther ahead if the last paths
+    /// lasted, unless the list `is_long` already.
+    pub(crate) fn adapt(&mut self, path: Path<'_>, is_short: bool, is_long: bool, surface: &Surface, least: f32, is_free: bool) {
+        let most = &surface.max_margin;
+        let known = self.since.filter(|_| self.from.len() == path.x.len() && !is_short);
+        let mut margin = std::mem::take(&mut self.margin);
+        margin.resize(path.x.len(), 0.0);
+        if let Some(since) = known {
+            let [common, _] = self.common(path, is_free);
+            let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
+            path.workers.chunks(&mut margin, GRAIN, |first, margin| {
+                for (vertex, margin) in (first..).zip(margin) {
+                    let far = (self.strayed_by(path, vertex) - common).length() * longer;
+                    *margin = far.max(MARGIN_DECAY * *margin).clamp(least.min(most[vertex]), most[vertex]);
+                }
+            });
+        } else {
+            margin.copy_from_slice(most);
+        }
+        self.margin = margin;
+        self.ahead = ahead_after(self.since, self.ahead, is_long);
+    }
+
+    /// Starts new paths.
+    pub(crate) fn begin(&mut self, x: &[Vec4], u: &[Vec4]) {
+        self.from.clear();
+        self.from.extend_from_slice(x);
+        self.by.clear();
+        self.by.extend(u.iter().zip(&self.margin).map(|(u, &margin)| u.with_w(inverse(margin))));
+        (self.since, self.renewed) = (Some(0.0), 0);
+    }
+}
+
+/// The inverse (1/m) of the distance that a vertex may stray. Bodies that stand still may not stray at all, and a snapshot
+/// holds finite numbers only.
+fn inverse(margin: f32) -> f32 {
+    1.0 / margin.max(f32::MIN_POSITIVE)
+}
+
+/// The number of substeps that the next detection looks ahead, if the last one looked `ahead` and lasted `since`
+/// substeps.
+fn ahead_after(since: Option<f32>, ahead: f32, is_long: bool) -> f32 {
+    let next = match since {
+        None => AHEAD[0],
+        Some(since) if since < ahead => FARTHER_AHEAD * since,
+        Some(_) if is_long => ahead / FARTHER_AHEAD,
+        Some(_) => FARTHER_AHEAD * ahead,
+    };
+    next.round().clamp(AHEAD[0], AHEAD[1])
+}
+
+/// Tests whether vertices are close enough to their paths.
+struct OnPath<'a> {
+    x: &'a [Vec4],
+    u: &'a [Vec4],
+    from: &'a [Vec4],
+    by: &'a [Vec4],
+    substeps: f32,
+    common: Vec3A,
+    all: &'a AtomicBool,
+}
+
+impl OnPath<'_> {
+    /// The deviation, in units of the allowed distance.
+    #[inline(always)]
+    fn row<L: Registers>(&self, first: usize, steps: L, common: L) -> L {
+        let range = first..first + L::VECTORS;
+        let by = L::load(&self.by[range.clone()]);
+        let way = L::load(&self.x[range.clone()]) - L::load(&self.from[range.clone()]) - common;
+        (way + by.neg_mul_add(steps, L::load(&self.u[range]))) * by.w()
+    }
+}
+
+impl Loop for OnPath<'_> {
+    #[inline(always)]
+    fn run<L: Registers>(self) {
+        let (steps, common, one) = (L::splat(self.substeps), L::repeat(self.common.extend(0.0)), L::splat(1.0));
+        let (mut farthest, whole) = (L::splat(0.0), self.x.len() / L::LANES * L::LANES);
+        for first in (0..whole).step_by(L::LANES) {
+            let (a, b) = (self.row(first, steps, common), self.row(first + L::VECTORS, steps, common));
+            let (c, d) = (self.row(first + 2 * L::VECTORS, steps, common), self.row(first + 3 * L::VECTORS, steps, common));
+            let strayed = L::transpose([a, b, c, d]);
+            // Written so that NaN counts as too far.
+            farthest = L::select(strayed.dot(strayed).lt(one), farthest, L::splat(f32::INFINITY));
+        }
+        let mut is_near = L::all(farthest.lt(one));
+        for i in whole..self.x.len() {
+            let strayed = xyz(self.x[i]) - xyz(self.from[i]) - self.common + (xyz(self.u[i]) - xyz(self.by[i]) * self.substeps);
+            is_near &= (strayed * self.by[i].w).length_squared() < 1.0;
+        }
+        if !is_near {
+            self.all.store(false, Ordering::Relaxed);
+        }
+    }
+}

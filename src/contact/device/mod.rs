@@ -1,0 +1,316 @@
+//! The part of contact on a GPU that the CPU keeps: the motion of mesh colliders, the search for intersections, and the
+//! ignored pairs.
+
+pub(crate) mod table;
+
+use std::sync::Arc;
+
+use glam::{Vec3, Vec3A, Vec4};
+
+use super::ContactPast;
+use super::bodies::{Bodies, kinematic_pins, motions, motions_of};
+use super::common_motion::CommonMotion;
+use super::contacts::pinches::Pinched;
+use super::crossings::ignored::IgnoredPairs;
+use super::detection::paths::Paths;
+use super::detection::rows::Rows;
+use super::detection::tree::Tree;
+use super::device::table::{ContactParams, Table};
+use super::past::ListedRows;
+use super::surface::Surface;
+use super::surface::pairs::Kind;
+use crate::model::cloth::Cloth;
+use crate::model::mesh::Mesh;
+use crate::options::{Contact, Crossing};
+use crate::step::plan::Plan;
+
+/// `MARK` of `shared.wgsl`.
+pub(crate) const MARK: u32 = 1 << 31;
+
+/// What the CPU keeps of a cloth whose contact runs on a GPU.
+#[derive(Debug)]
+pub(crate) struct HostContact {
+    surface: Surface,
+    bodies: Bodies,
+    /// Number of all vertices.
+    vertices: usize,
+    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices of pairs that were
+    /// `pinched` in the last step.
+    ignored: IgnoredPairs,
+    may_cross: bool,
+    pinched: Vec<u32>,
+    /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
+    motions: Vec<[Vec4; 2]>,
+}
+
+/// The lists in the GPU's layout: the rows of the vertices, followed by those of the edges.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct DeviceLists {
+    pub starts: Vec<u32>,
+    pub pairs: Vec<DevicePair>,
+    /// The paths: start, with the distance (m) that the vertex may stray in w; displacement per substep, with its
+    /// inverse in w; the number of substeps that they cover, and how many are over.
+    pub from: Vec<Vec4>,
+    pub by: Vec<Vec4>,
+    pub ahead: f32,
+    pub since: Option<f32>,
+    /// The duration (s) of the substep that the multipliers belong to.
+    pub h: f32,
+}
+
+/// A listed pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct DevicePair {
+    pub corners: [u32; 4],
+    pub other: u32,
+    pub thickness: f32,
+    pub lambda: Vec4,
+}
+
+impl HostContact {
+    /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
+    pub(crate) fn new(
+        cloth: &Cloth,
+        contact: Option<Contact>,
+        meshes: Vec<Arc<Mesh>>,
+    ) -> Option<(HostContact, ContactParams, Table)> {
+        let (mut surface, leaves) = Surface::new(cloth, contact)?;
+        let tree = Tree::of_cloth(&surface, leaves);
+        let own = cloth.rest.len();
+        let (mut range, mut of_meshes) = ([own; 2], None);
+        if !meshes.is_empty() {
+            let first = surface.rest.len();
+            range = [first, first + meshes.iter().map(|mesh| mesh.positions.len()).sum::<usize>()];
+            of_meshes = Some(surface.add_bodies(&meshes));
+        }
+        let (params, table) = Table::new(&surface, &tree, of_meshes.as_ref(), range);
+        let bodies = Bodies::new(range[0], meshes);
+        let contact = HostContact {
+            surface,
+            bodies,
+            vertices: range[1],
+            ignored: IgnoredPairs::default(),
+            may_cross: true,
+            pinched: Vec::new(),
+            motions: Vec::new(),
+        };
+        Some((contact, params, table))
+    }
+
+    /// Whether a step can go on with these mesh colliders.
+    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
+        self.bodies.are(meshes)
+    }
+
+    /// Whether it can go on from a saved state.
+    pub(crate) fn may_have(&self, past: &ContactPast) -> bool {
+        self.bodies.are_numbered_for(past.numbered.iter())
+    }
+
+    /// Begins a step; `friction` is that of the cloth with itself. Returns whether a mesh collider starts elsewhere than
+    /// where the last step left it.
+    pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
+        let jumped = self.bodies.begin(plan, friction);
+        self.may_cross |= jumped;
+        jumped
+    }
+
+    /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction; `None` if the
+    /// device knows them already.
+    pub(crate) fn motions(&mut self, plan: &Plan<'_>) -> Option<&[[Vec4; 2]]> {
+        if std::mem::replace(&mut self.bodies.are_known, self.bodies.are_still) {
+            return None;
+        }
+        self.motions.clear();
+        for body in plan.meshes {
+            let motions = motions_of(body, plan.cloth.origin);
+            self.motions.extend(motions.map(|[from, by]| [from.extend(body.friction), by.extend(0.0)]));
+        }
+        Some(&self.motions)
+    }
+
+    /// The rotation in the first substep of pins and mesh colliders, if they turn as one: see [`CommonMotion::columns`].
+    /// The center's displacement is that in the whole step.
+    pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
+        let fraction = plan.params.fraction;
+        let of_meshes = motions(plan).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
+        let turning =
+            CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();
+        let [x, y, z, center, by] = turning.columns();
+        [x, y, z, center, by / fraction]
+    }
+
+    /// Whether no mesh collider moves in this step.
+    pub(crate) fn meshes_rest(&self) -> bool {
+        self.bodies.are_still
+    }
+
+    pub(crate) fn has_self_contact(&self) -> bool {
+        self.surface.has_self_contact
+    }
+
+    /// Discards what depends on the state, because it was replaced.
+    pub(crate) fn forget(&mut self) {
+        self.may_cross = true;
+        self.bodies.forget();
+        self.pinched.clear();
+    }
+
+    /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
+    /// while there are intersections.
+    pub(crate) fn must_search(&self) -> bool {
+        self.may_cross || !self.ignored.crossings.is_empty()
+    }
+
+    /// Whether pins or mesh colliders are moved through each other in this step, so that intersections must be searched for.
+    pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
+        let pins_may = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
+        pins_may && self.pins_cross(plan)
+    }
+
+    fn pins_cross(&self, plan: &Plan<'_>) -> bool {
+        let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
+        plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
+        let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
+        IgnoredPairs::kinematics_cross(&self.surface, &x)
+    }
+
+    /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
+    /// contact, moves apart what touches exactly. Returns the positions if that changed any.
+    pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
+        let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
+        self.may_cross = self.may_cross || self.kinematics_cross(plan);
+        let moved = match self.may_cross && is_new {
+            true => IgnoredPairs::part_touches(&self.surface, &x),
+            false => Vec::new(),
+        };
+        moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
+        self.search(&x);
+        x.truncate(plan.cloth.rest.len());
+        (!moved.is_empty()).then_some(x)
+    }
+
+    /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
+    /// are known have changed.
+    fn search(&mut self, x: &[Vec4]) -> bool {
+        let HostContact { surface, ignored, .. } = self;
+        let pinched = std::mem::take(&mut self.pinched);
+        if std::mem::take(&mut self.may_cross) {
+            ignored.find(surface, x);
+            return true;
+        }
+        ignored.follow(surface, x, &pinched)
+    }
+
+    /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, and whether these `are_all`.
+    pub(crate) fn note_pinched(&mut self, marked: &[[u32; 4]], are_all: bool) {
+        self.may_cross |= !are_all;
+        let pinched = marked.iter().map(|marked| {
+            let [is_edge, is_through, ..] = marked.map(|corner| corner & MARK != 0);
+            let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
+            Pinched { kind, corners: marked.map(|corner| corner & !MARK), is_through }
+        });
+        let pinched: Vec<Pinched> = pinched.collect();
+        self.ignored.begin();
+        self.ignored.note(&pinched, &self.surface);
+        self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
+    }
+
+    /// The vertices that are not carried by what runs over them, sorted.
+    pub(crate) fn entangled(&self) -> &[u32] {
+        &self.ignored.entangled
+    }
+
+    /// Whether cloth may have been pinched in the last step.
+    pub(crate) fn is_pinched(&self) -> bool {
+        self.may_cross || !self.pinched.is_empty()
+    }
+
+    /// Searches for what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m). Returns
+    /// whether the intersections have changed.
+    pub(crate) fn ignore_pinched(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> bool {
+        let x = self.with_meshes(x, motions(plan).map(|[from, by]| from + by));
+        self.search(&x)
+    }
+
+    /// The positions of all vertices, given those of the cloth and of mesh colliders.
+    fn with_meshes(&self, mut x: Vec<Vec4>, of_meshes: impl Iterator<Item = Vec3>) -> Vec<Vec4> {
+        x.resize(self.bodies.first, Vec4::ZERO);
+        x.extend(of_meshes.map(|x| x.extend(0.0)));
+        x
+    }
+
+    /// Ignored pairs of a vertex and a triangle, and of two edges.
+    pub(crate) fn ignored(&self) -> &[Vec<[u32; 2]>; 2] {
+        self.ignored.pairs()
+    }
+
+    /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
+    /// mesh collider the index of that.
+    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
+        (self.ignored.of_cloth(&self.surface).collect(), self.ignored.with_bodies(&self.surface).collect())
+    }
+
+    /// Converts the state to the form that both backends save.
+    pub(crate) fn past(&self, lists: &DeviceLists) -> ContactPast {
+        let rows = |kind: Kind| {
+            let rows = self.rows_of(kind, lists.starts.len());
+            let starts = lists.starts.get(rows).unwrap_or_default();
+            let first = starts.first().copied().unwrap_or_default();
+            let pairs = &lists.pairs[first as usize..starts.last().copied().unwrap_or_default() as usize];
+            ListedRows {
+                starts: starts.iter().map(|start| start - first).collect(),
+                later: Vec::new(),
+                others: pairs.iter().map(|pair| pair.other).collect(),
+                thickness: pairs.iter().map(|pair| pair.thickness).collect(),
+                lambda: pairs.iter().map(|pair| pair.lambda).collect(),
+            }
+        };
+        let DeviceLists { from, by, ahead, since, h, .. } = lists;
+        let margin = from.iter().map(|from| from.w).collect();
+        ContactPast {
+            numbered: self.bodies.numbered.clone(),
+            bodies: self.bodies.last.clone(),
+            lists: Kind::ALL.map(rows),
+            paths: Paths { from: from.clone(), by: by.clone(), margin, ahead: *ahead, since: *since, renewed: 0 },
+            crossings: self.ignored.crossings.clone(),
+            may_cross: self.may_cross,
+            h: *h,
+        }
+    }
+
+    fn rows_of(&self, kind: Kind, starts: usize) -> std::ops::Range<usize> {
+        match (kind, starts) {
+            (_, 0) => 0..0,
+            (Kind::VertexTriangle, _) => 0..self.vertices + 1,
+            (Kind::EdgeEdge, _) => self.vertices..starts,
+        }
+    }
+
+    /// Converts a saved state to the GPU's layout. Returns `None`, and changes nothing, if the state cannot belong to
+    /// this cloth.
+    pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<DeviceLists> {
+        let ContactPast { numbered: _, bodies, lists: _, paths, crossings, may_cross, h } = past;
+        let Paths { from, by, margin, ahead, since, renewed: _ } = paths;
+        let [one, other] = past.lists_on(&self.surface, self.vertices)?.map(Rows::in_rows);
+        let first = one.pairs.len() as u32;
+        let mut starts = one.starts;
+        starts.pop();
+        starts.extend(other.starts.iter().map(|start| first + start));
+        let all = one.pairs.into_iter().zip(one.lambda).chain(other.pairs.into_iter().zip(other.lambda));
+        let pair = |(pair, lambda): (super::surface::pairs::Listed, Vec4)| DevicePair {
+            corners: pair.corners,
+            other: pair.other,
+            thickness: pair.thickness,
+            lambda,
+        };
+        let pairs: Vec<DevicePair> = all.map(pair).collect();
+        if !self.bodies.go_back(bodies) {
+            return None;
+        }
+        self.ignored.take(crossings.clone(), &self.surface);
+        self.may_cross = *may_cross;
+        let from = from.iter().zip(margin).map(|(from, &margin)| from.with_w(margin)).collect();
+        Some(DeviceLists { starts, pairs, from, by: by.clone(), ahead: *ahead, since: *since, h: *h })
+    }
+}

@@ -1,0 +1,97 @@
+//! Pairs of features: a vertex and a triangle, or two edges.
+
+use super::Surface;
+use crate::kernels::pair::{edge_edge, vertex_triangle};
+use crate::simd::{Lanes, Registers, Vector};
+
+/// The kinds of pairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Kind {
+    #[default]
+    VertexTriangle,
+    EdgeEdge,
+}
+
+impl Kind {
+    pub(crate) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
+
+    /// The weights of the four corners of as many pairs as there are lanes, of which two are given; they sum to 1 on the
+    /// first side and -1 on the second.
+    #[inline(always)]
+    pub(crate) fn weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
+        let one = L::splat(1.0);
+        match self {
+            Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],
+            Kind::EdgeEdge => [one - free, free, L::splat(-1.0) - last, last],
+        }
+    }
+
+    /// The number of corners on the first side.
+    pub(crate) fn first_side(self) -> usize {
+        match self {
+            Kind::VertexTriangle => 1,
+            Kind::EdgeEdge => 2,
+        }
+    }
+}
+
+/// A listed pair.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Listed {
+    pub corners: [u32; 4],
+    /// The second feature; the first is the row of the list.
+    pub other: u32,
+    /// Distance (m) at which they are held apart.
+    pub thickness: f32,
+}
+
+/// The corners of a pair.
+pub(crate) fn corners(surface: &Surface, kind: Kind, [first, second]: [u32; 2]) -> [u32; 4] {
+    match kind {
+        Kind::VertexTriangle => {
+            let [a, b, c] = surface.triangles[second as usize];
+            [first, a, b, c]
+        }
+        Kind::EdgeEdge => {
+            let ([a, b], [c, d]) = (surface.edges[first as usize], surface.edges[second as usize]);
+            [a, b, c, d]
+        }
+    }
+}
+
+/// An edge and a triangle that intersect once a pair with these corners has moved through each other: those of the pair, or
+/// beside them.
+pub(crate) fn crossing_of(surface: &Surface, kind: Kind, [a, b, c, d]: [u32; 4]) -> Option<[u32; 2]> {
+    let triangle_of = |at: u32, has: &[u32]| {
+        let mut triangles = surface.at.of(at).iter().copied();
+        triangles.find(|&triangle| has.iter().all(|of| surface.triangles[triangle as usize].contains(of)))
+    };
+    let edge_of = |at: u32, has: &[u32]| {
+        let mut edges = surface.at.of(at).iter().flat_map(|&triangle| surface.sides[triangle as usize]);
+        edges.find(|&edge| has.iter().all(|of| surface.edges[edge as usize].contains(of)))
+    };
+    Some(match kind {
+        Kind::VertexTriangle => [edge_of(a, &[a])?, triangle_of(b, &[b, c, d])?],
+        Kind::EdgeEdge => [edge_of(a, &[a, b])?, triangle_of(c, &[c, d])?],
+    })
+}
+
+/// The weights of the closest points of pairs.
+#[inline(always)]
+pub(crate) fn closest<L: Lanes>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
+    match kind {
+        Kind::VertexTriangle => vertex_triangle(x),
+        Kind::EdgeEdge => edge_edge(x),
+    }
+}
+
+/// The vector between the closest points.
+#[inline(always)]
+pub(crate) fn between<L: Lanes>(weights: [L; 4], x: [Vector<L>; 4]) -> Vector<L> {
+    x[3].mul_add(weights[3], x[2].mul_add(weights[2], x[1].mul_add(weights[1], x[0] * weights[0])))
+}
+
+#[inline(always)]
+pub(crate) fn square<L: Registers>(v: Vector<L>) -> L {
+    v.dot(v)
+}
