@@ -84,7 +84,8 @@ fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius_a: f32, taper: f32, tra
 
 fn respond(x: vec3f, u: vec3f, contact: ContactPoint, friction: f32) -> Path {
     let n = contact.n;
-    if contact.after >= 0.0 {
+    // Not of a gap that is not a number, either.
+    if !(contact.after < 0.0) {
         return Path(x, u);
     }
     let depth = -contact.after;

@@ -15,9 +15,10 @@ use glam::{DMat3, DVec3, Vec3};
 use crate::gpu::BoundVertex;
 use crate::kernels::limits::{MAX_POSITION, is_bounded};
 use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::Mesh;
+use crate::model::mesh::{Mesh, edges};
 #[cfg(feature = "gpu")]
 use crate::model::vertex_order;
+use crate::model::winding::wind_alike;
 use crate::simd::Vector;
 
 /// Number of triangles in a leaf of the search tree.
@@ -159,7 +160,11 @@ impl Binding {
             }
         }
         let tree = TriangleTree::new(cloth).ok_or(BindError::NoSurface)?;
-        let normals = normals(&cloth.triangles, &cloth.positions);
+        let mut triangles = cloth.triangles.clone();
+        triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        let edges = edges(&triangles);
+        wind_alike(&mut triangles, &edges, vertices);
+        let normals = normals(&triangles, &cloth.positions);
         let extent = tree.nodes.first().map_or(0.0, |root| (root.high - root.low).max_element());
         let (mut feet, mut heights, mut farthest) = (Vec::new(), Vec::new(), 0.0_f32);
         for (vertex, &x) in render.positions.iter().enumerate() {
@@ -184,7 +189,7 @@ impl Binding {
                 heights.push(Height { vertex: vertex as u32, along: height as f32, weights });
             }
         }
-        let triangles = if heights.is_empty() { Vec::new() } else { cloth.triangles.clone() };
+        let triangles = if heights.is_empty() { Vec::new() } else { triangles };
         Ok(Binding { cloth_vertices: vertices, triangles, feet, heights, farthest })
     }
 

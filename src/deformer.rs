@@ -256,7 +256,8 @@ impl Deformer {
         // It is a whole number of substeps in 1/60 s, as the report gives it.
         let most = FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST);
         let rate = if is_given { rate } else { rate.min(most) };
-        let division = self.rates.divide(&self.cloth, &self.options, dt, rate)?;
+        let controller = controller.after(rate);
+        let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.fewest()])?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         Ok(StepDecision { dt, load, controller, rate, division, levels })
@@ -296,7 +297,7 @@ impl Deformer {
         };
         let plan = Plan::new(&inputs, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, decision.dt, attributes) } else { plan };
-        self.in_step = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(decision.dt));
+        self.in_step = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(decision.dt), self.seen.as_ref());
         self.ahead = self.in_step.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
         self.watch.tell(&mut plan.params, self.ahead);
         (&mut self.engine, plan)
@@ -328,7 +329,7 @@ impl Deformer {
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(&decision, attributes, limited, self.in_step.1);
+        let mut warnings = self.warnings(&decision, limited, self.in_step.1);
         warnings.extend(self.contact_warnings(attributes));
         let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());

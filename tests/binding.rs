@@ -140,3 +140,21 @@ fn what_cannot_be_bound_is_refused() {
     let collapsed = applied(&binding, &vec![Vec3::ONE; 812], &drawn);
     assert!(collapsed.iter().all(|x| x.distance(Vec3::ONE) < 1e-4));
 }
+
+/// A cloth whose triangles are wound in any way carries a render mesh rigidly, too.
+#[test]
+fn mixed_winding_carries_heights() {
+    let mut cloth = Mesh::grid(9, 9, 1.0, 1.0);
+    cloth.triangles.iter_mut().step_by(2).for_each(|triangle| triangle.swap(1, 2));
+    let drawn = Mesh {
+        positions: Mesh::grid(31, 31, 1.0, 1.0).positions.iter().map(|x| *x + 0.05 * Vec3::Y).collect(),
+        triangles: vec![],
+    };
+    let binding = Binding::new(&drawn, &cloth).unwrap();
+    let turn = Quat::from_rotation_y(0.6) * Quat::from_rotation_x(0.3);
+    let moved: Vec<Vec3> = cloth.positions.iter().map(|x| turn * *x).collect();
+    let mut shown = drawn.positions.clone();
+    binding.apply(&moved, &mut shown).unwrap();
+    let farthest = shown.iter().zip(&drawn.positions).map(|(x, rest)| x.distance(turn * *rest)).fold(0.0, f32::max);
+    assert!(farthest < 1e-6, "{farthest} m");
+}

@@ -5,6 +5,7 @@ mod common;
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
     Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError,
+    Warning,
 };
 
 use common::{FRAME, play};
@@ -14,7 +15,9 @@ on_every_backend!(
     degenerate_meshes_with_levels_stay_finite,
     input_that_is_no_number_is_refused,
     vertices_that_no_triangle_uses_stay,
-    a_released_vertex_without_edges_stays
+    a_released_vertex_without_edges_stays,
+    a_pinned_vertex_without_edges_holds_nothing,
+    t_junctions_do_not_touch
 );
 
 fn mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
@@ -240,4 +243,71 @@ fn a_released_vertex_without_edges_stays(backend: Backend) {
     cloth.set_pinned(vec![0]).unwrap();
     (4..7).for_each(|frame| drop(cloth.step(FRAME, &targets(&[0], frame)).unwrap()));
     assert_eq!(cloth.positions().unwrap()[25], there);
+}
+
+/// Two sheets that fall freely above one another, as they do without a vertex that nothing hangs on.
+fn a_pinned_vertex_without_edges_holds_nothing(backend: Backend) {
+    let mut mesh = common::shapes::sheets(2, 9, 0.4, 0.004);
+    mesh.positions.push(Vec3::ONE);
+    let loose = mesh.positions.len() as u32 - 1;
+    let contact = Some(Contact { thickness: 5e-3, ..Contact::default() });
+    let options = Options { backend, contact, quality: Quality::Substeps(6), pinned: vec![loose], ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    play(&mut cloth, 20, &Attributes { air_density: 0.0, ..Attributes::default() });
+    let fallen = -cloth.positions().unwrap()[..loose as usize].iter().map(|x| f64::from(x.y)).sum::<f64>() / f64::from(loose);
+    // Of free fall, less the height of the middle between the sheets.
+    let t: f64 = 20.0 / 60.0;
+    let exact = 0.5 * 9.81 * t * t - 0.006;
+    assert!((fallen / exact - 1.0).abs() < 1e-4, "{fallen} m instead of {exact}");
+}
+
+/// A sheet with vertices on sides of triangles that do not have them as corners: each is joined by a triangle without area.
+fn with_t_junctions(n: u32, every: usize) -> Mesh {
+    let mut mesh = Mesh::grid(n, n, 0.6, 0.6);
+    let pairs: Vec<[[u32; 3]; 2]> = mesh.triangles.chunks(2).map(|pair| [pair[0], pair[1]]).collect();
+    mesh.triangles.clear();
+    for (index, [one, other]) in pairs.into_iter().enumerate() {
+        mesh.triangles.push(other);
+        if index % every != 0 {
+            mesh.triangles.push(one);
+            continue;
+        }
+        let place = (0..3).find(|&k| !other.contains(&one[k])).unwrap();
+        let [c, a, b] = [0, 1, 2].map(|k| one[(place + k) % 3]);
+        let middle = mesh.positions.len() as u32;
+        mesh.positions.push(mesh.positions[a as usize].midpoint(mesh.positions[b as usize]));
+        mesh.triangles.extend([[a, middle, c], [middle, b, c], [a, b, middle]]);
+    }
+    mesh
+}
+
+/// With contact, but without touching itself, such a sheet swings as without contact. It stood still in the air before the
+/// triangles without area were left out there.
+fn t_junctions_do_not_touch(backend: Backend) {
+    let mesh = with_t_junctions(12, 20);
+    let [with, without] = [Some(Contact { thickness: 3e-3, ..Contact::default() }), None].map(|contact| {
+        let options =
+            Options { backend, contact, quality: Quality::Substeps(20), pinned: (0..12).collect(), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        play(&mut cloth, 15, &Attributes::default());
+        cloth.positions().unwrap().to_vec()
+    });
+    let farthest = with.iter().zip(&without).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(farthest < 1e-4 && without[143].y < -0.1, "{farthest} m");
+}
+
+/// An edge between coincident vertices has no strain, and is warned of.
+#[test]
+fn edges_without_length_count_in_no_strain() {
+    let mut mesh = Mesh::grid(20, 20, 1.0, 1.0);
+    mesh.positions[45] = mesh.positions[44];
+    let options = Options { backend: Backend::Cpu, pinned: vec![0, 19], ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    for _ in 0..30 {
+        let report = cloth.step(FRAME, &Attributes::default()).unwrap();
+        assert!(report.warnings.contains(&Warning::Slivers { edges: 1, worst: [44, 45] }), "{:?}", report.warnings);
+        let measure = cloth.measure().unwrap();
+        assert!(measure.mean_strain < 0.02 && measure.max_strain < 1.0, "{measure:?}");
+        assert!(report.stretch.unwrap().worst < 1.0, "{:?}", report.stretch);
+    }
 }

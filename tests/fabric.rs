@@ -94,3 +94,25 @@ fn soft_diagonals_give_way_along_the_bias() {
     println!("along the bias: {:.4} with stiff diagonals, {:.4} with soft ones", stretched[0], stretched[1]);
     assert!(stretched[1] > 5.0 * stretched[0] && stretched[1] > 0.01, "{stretched:?}");
 }
+
+/// A sheet of jersey hangs as deep as its stiffness says, `rho g L²/2K`, whether levels carry it or not.
+#[test]
+fn jersey_hangs_by_its_own_stiffness() {
+    let (n, side) = (32, 2.0_f32);
+    let mut mesh = Mesh::grid(n, n, side, side);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, x.z, 0.0));
+    let exact = Fabric::JERSEY.density * 9.81 * side * side / (2.0 * Fabric::JERSEY.stretch);
+    for (quality, has_levels) in [(Quality::default(), true), (Quality::Substeps(5), true), (Quality::Substeps(20), false)] {
+        let pinned: Vec<u32> = (n * n - n..n * n).collect();
+        let options = Options { backend: Backend::Cpu, fabric: Fabric::JERSEY, quality, pinned, ..Options::default() };
+        let mut deformer = Deformer::new(&mesh, options).unwrap();
+        let damped = Attributes { damping: 1.5, ..Attributes::default() };
+        let mut levels = 0;
+        (0..360).for_each(|_| levels = deformer.step(FRAME, &damped).unwrap().levels);
+        assert_eq!(levels > 0, has_levels, "{quality:?}");
+        let x = deformer.positions().unwrap();
+        let depth = (0..n as usize).map(|v| mesh.positions[v].y - x[v].y).sum::<f32>() / n as f32;
+        println!("{quality:?}: {levels} levels, {:.3} of the exact depth", depth / exact);
+        assert!((0.8..1.25).contains(&(depth / exact)), "{quality:?}: {depth} m instead of {exact} m");
+    }
+}

@@ -3,6 +3,8 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{
     Attributes, Backend, Collider, Contact, Deformer, Fabric, Instability, Levels, Mesh, Method, Options, Quality, StepError,
@@ -294,6 +296,39 @@ fn what_outruns_contact_is_warned_of() {
         assert_eq!(is_told, is_fast, "{ratio}");
         assert!(sunk.contains(&deepest), "{ratio} thicknesses a substep: {deepest} m deep");
     }
+}
+
+/// Where the cloth is measured, what is too far away to touch it is not warned of, and hides nothing that may.
+#[test]
+fn far_colliders_are_not_warned_of_and_hide_no_near_one() {
+    let plate = |x: f32| {
+        let mesh = Mesh::grid(2, 2, 1.0, 1.0);
+        Mesh { positions: mesh.positions.iter().map(|at| *at + Vec3::new(x, 50.0, 0.0)).collect(), ..mesh }
+    };
+    let quality = Quality::Strain(0.03);
+    let contact = Some(Contact { thickness: 0.005, friction: 0.3 });
+    let options = Options { backend: Backend::Cpu, quality, contact, pinned: (0..21).collect(), ..Options::default() };
+    let mut deformer = Deformer::new(&Mesh::grid(21, 21, 0.4, 0.4), options).unwrap();
+    let scene = |far: f32, near: f32| Attributes {
+        colliders: vec![
+            Collider::sphere(Vec3::new(far, 50.0, 0.0), 0.5),
+            Collider::mesh(Arc::new(plate(far))),
+            Collider::sphere(Vec3::new(near, -2.0, 0.0), 0.5),
+        ],
+        ..Attributes::default()
+    };
+    let mut outran = Vec::new();
+    for step in 0..20 {
+        let [far, near] = [0.5 * step as f32, if step < 10 { 0.0 } else { 0.2 * (step - 9) as f32 }];
+        let warnings = deformer.step(FRAME, &scene(far, near)).unwrap().warnings;
+        outran.extend(warnings.into_iter().filter_map(|warning| match warning {
+            Warning::ColliderOutruns { collider, .. } => Some((step, collider)),
+            Warning::ContactOutruns { .. } => Some((step, usize::MAX)),
+            _ => None,
+        }));
+    }
+    // In the first step nothing is known of the cloth.
+    assert!(outran.iter().all(|&(step, collider)| step <= 1 || collider == 2), "{outran:?}");
 }
 
 /// Contact follows half the range of the pins' velocities up to a third of the thickness per substep, and a step that is faster

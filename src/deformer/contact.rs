@@ -34,15 +34,13 @@ impl Deformer {
             return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
+        let contact = contact.filter(|_| !self.cloth.triangles.is_empty());
         Ok(contact.map(|contact| f64::from(contact.thickness)))
     }
 
     /// Checks that contact of this thickness (m) can hold the cloth, and follow the pins and mesh colliders.
     pub(super) fn check_contact(&self, attributes: &Attributes, thickness: f64) -> Result<(), StepError> {
         let Deformer { cloth, motion, .. } = self;
-        if cloth.triangles.is_empty() {
-            return Ok(());
-        }
         let across = cloth.extent as f32;
         // A thickness that was chosen was compared with the cloth when the cloth was made.
         if let (Some(index), true) = (mesh_colliders(attributes).next(), across > 0.0 && thickness > MAX_THICKNESS * cloth.extent)
@@ -93,7 +91,7 @@ impl Deformer {
         let thickness = self.options.contact.unwrap_or_default().thickness;
         let (speed, resolved) =
             (decision.load.kinematic_speed as f32, thickness / (SUBSTEPS as f32 * decision.division.length.h));
-        (speed > 1.001 * resolved && !self.cloth.triangles.is_empty()).then_some(Warning::ContactOutruns { speed, resolved })
+        (speed > 1.001 * resolved).then_some(Warning::ContactOutruns { speed, resolved })
     }
 
     /// The warnings of what contact found in a step.

@@ -1,7 +1,7 @@
 //! Prediction of a step before it is taken, its warnings, and the translation of failures into errors.
 
 use super::{Deformer, StepDecision};
-use crate::attributes::{Attributes, Shape};
+use crate::attributes::Attributes;
 #[cfg(feature = "gpu")]
 use crate::device::fault::{Excess, GpuFault};
 use crate::error::failure::{Cause, Failure};
@@ -56,8 +56,8 @@ impl Deformer {
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
-        let (_, fastest) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt));
-        let warnings = self.warnings(&decision, attributes, limited, fastest);
+        let (_, fastest) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt), self.seen.as_ref());
+        let warnings = self.warnings(&decision, limited, fastest);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
@@ -75,13 +75,7 @@ impl Deformer {
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices and pins and colliders
     /// whose fastest move as `fastest` says.
-    pub(super) fn warnings(
-        &self,
-        decision: &StepDecision,
-        attributes: &Attributes,
-        limited: usize,
-        fastest: Fastest,
-    ) -> Vec<Warning> {
+    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize, fastest: Fastest) -> Vec<Warning> {
         let &StepDecision { dt, division: Division { substeps, .. }, .. } = decision;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
@@ -96,11 +90,11 @@ impl Deformer {
         let pin = outrun(fastest.pin.1, self.cloth.longest).filter(|_| self.options.method != Method::Springs);
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
         // Contact lets a vertex follow a collider only as far as it does not come too close to others. Meshes carry what they hit.
-        let is_mesh =
-            attributes.colliders.get(fastest.collider.0).is_some_and(|collider| matches!(collider.shape, Shape::Mesh { .. }));
-        let thickness = self.options.contact.filter(|_| !is_mesh).map_or(f32::INFINITY, |contact| contact.thickness);
-        let collider = outrun(fastest.collider.1, self.cloth.longest.min(thickness)).filter(|_| self.cloth.longest > 0.0);
-        let collider = collider.map(|[speed, carried]| Warning::ColliderOutruns { collider: fastest.collider.0, speed, carried });
+        let thickness = self.options.contact.map_or(f32::INFINITY, |contact| contact.thickness);
+        let limits = [(fastest.solid, self.cloth.longest.min(thickness)), (fastest.collider, self.cloth.longest)];
+        let collider = limits.into_iter().filter(|(_, length)| *length > 0.0).find_map(|((collider, speed), length)| {
+            outrun(speed, length).map(|[speed, carried]| Warning::ColliderOutruns { collider, speed, carried })
+        });
         [limited, needed, slivers, pin, collider, self.contact_outruns(decision)].into_iter().flatten().collect()
     }
 

@@ -11,7 +11,7 @@ use crate::options::Quality;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Measure {
-    /// Mean over the edges of `max(0, l/l0 - 1)`.
+    /// Mean over the edges of `max(0, l/l0 - 1)`, where edges without length at rest count as not stretched.
     pub mean_strain: f32,
     /// Maximum over the edges of `max(0, l/l0 - 1)`.
     pub max_strain: f32,
@@ -48,9 +48,11 @@ impl Measure {
             let [a, b] = link.ends.map(|vertex| x[vertex as usize]);
             let rest = f64::from(link.rest);
             let stretch = a.distance(b) - rest;
-            let strain = (stretch / rest).max(0.0);
-            sum += strain;
-            max = max.max(strain);
+            if cloth.has_length(link) {
+                let strain = (stretch / rest).max(0.0);
+                sum += strain;
+                max = max.max(strain);
+            }
             if link.stiffness.is_finite() {
                 potential += 0.5 * link.stiffness * stretch * stretch;
             }

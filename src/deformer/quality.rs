@@ -35,6 +35,7 @@ impl Deformer {
         options.check_numbers()?;
         self.engine.check(quality)?;
         self.options = options;
+        self.controller = self.controller.afresh();
         self.wake();
         Ok(())
     }

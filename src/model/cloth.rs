@@ -23,6 +23,7 @@ use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, sides, vertex_areas};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
+use crate::model::winding::wind_alike;
 use crate::options::{self, Method, Options};
 
 /// A cloth in its own vertex order and local coordinates.
@@ -70,7 +71,8 @@ pub(crate) struct Cloth {
     gauges: OnceLock<Vec<StrainGauge>>,
 }
 
-/// Counts edges whose triangles are over 100 times as high as the edge is long: `(A1 + A2)/l0²` above [`SLIVER`].
+/// Counts edges whose triangles are over 100 times as high as the edge is long, `(A1 + A2)/l0²` above [`SLIVER`], and edges without
+/// length.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Slivers {
     pub edges: usize,
@@ -79,6 +81,8 @@ pub(crate) struct Slivers {
 }
 
 const SLIVER: f64 = 100.0;
+/// The least length of an edge, as a share of the longest one.
+const SHORTEST: f64 = 1e-7;
 
 /// The triangles with their masses for aerodynamic forces, and the triangles at each vertex.
 #[derive(Debug, Clone)]
@@ -102,13 +106,15 @@ impl Cloth {
         let origin = local_origin(order[..used].iter().map(|&vertex| &mesh.positions[vertex as usize]));
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
         let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
-        let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
-        let triangles: Vec<[u32; 3]> = proper.clone().map(moved).collect();
+        let mut proper = mesh.triangles.clone();
+        proper.retain(|[a, b, c]| a != b && b != c && c != a);
+        wind_alike(&mut proper, &mesh_edges, vertices);
+        let triangles: Vec<[u32; 3]> = proper.iter().map(moved).collect();
 
         let mut area = vec![0.0; vertices];
         let mut side_area = vec![0.0; mesh_edges.len()];
         let index_of = EdgeIndex::new(&mesh_edges, vertices);
-        for (&named, &triangle) in proper.zip(&triangles) {
+        for (named, &triangle) in proper.into_iter().zip(&triangles) {
             let triangle_area = area_of(triangle, &rest);
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
             sides(named).for_each(|side| side_area[index_of.of(side)] += triangle_area);
@@ -133,14 +139,17 @@ impl Cloth {
             let ends = [a.min(b), a.max(b)];
             let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
             // Coincident vertices have no direction. A tiny length in place of 0 keeps the arithmetic finite.
-            let length = length.max(1e-7 * longest).max(1e-12);
+            let least = (SHORTEST * longest).max(1e-12);
+            let is_too_short = length < least;
+            let length = length.max(least);
             // An edge without area (a thread, a degenerate triangle) gets that of a square of its length.
             let area = if side_area[index] > 0.0 { side_area[index] } else { length * length };
             let aspect = area / (length * length);
-            if aspect > SLIVER {
+            let sliver = if is_too_short { f64::INFINITY } else { aspect };
+            if sliver > SLIVER {
                 slivers.edges += 1;
-                if aspect > worst_aspect {
-                    (slivers.worst, worst_aspect) = (named, aspect);
+                if sliver > worst_aspect {
+                    (slivers.worst, worst_aspect) = (named, sliver);
                 }
             }
             let scale = options.edge_scale.as_ref().map_or(1.0, |scale| scale[index]);
@@ -306,7 +315,22 @@ impl Cloth {
 
     /// The strain gauges; built when strain is measured.
     pub(crate) fn gauges(&self) -> &[StrainGauge] {
-        self.gauges.get_or_init(|| strain_gauges(self.swept()))
+        self.gauges.get_or_init(|| strain_gauges(self.swept(), |link| self.has_length(link)))
+    }
+
+    /// Whether an edge has a length at rest, of which its strain is a share.
+    pub(crate) fn has_length(&self, link: &Link) -> bool {
+        f64::from(link.rest) > 1.5 * SHORTEST * f64::from(self.longest)
+    }
+
+    /// Whether a vertex has edges. Others are in nobody's way.
+    pub(crate) fn is_used(&self, vertex: u32) -> bool {
+        (vertex as usize) < self.used
+    }
+
+    /// Whether any pin can hold anything.
+    pub(crate) fn has_pins(&self) -> bool {
+        self.pinned.iter().any(|&pin| self.is_used(pin))
     }
 }
 

@@ -13,3 +13,4 @@ pub(crate) mod mesh;
 pub(crate) mod strain_gauges;
 pub(crate) mod tethers;
 pub(crate) mod vertex_order;
+pub(crate) mod winding;

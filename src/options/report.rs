@@ -124,8 +124,8 @@ pub enum Warning {
         /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
         carried: f32,
     },
-    /// A collider moves farther in a substep than an edge is long, wherever the cloth is. It does not tunnel, but cloth
-    /// that it hits is stretched. Or it moves farther than the thickness of [`Options::contact`](crate::Options::contact),
+    /// A collider near the cloth (where that is measured, as for a bound on strain; otherwise anywhere) moves farther in a
+    /// substep than an edge is long. It does not tunnel, but cloth that it hits is stretched. Or it moves farther than the thickness of [`Options::contact`](crate::Options::contact),
     /// if it is no mesh: what it hits can then not follow without coming too close to itself, and lets it sink in, by
     /// several times the thickness and more. Move it more slowly, take more substeps, or mark it as
     /// [`teleported`](crate::Collider::teleported).

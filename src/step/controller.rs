@@ -82,13 +82,15 @@ pub(crate) struct Controller {
     count: f64,
     /// For how long (s) fewer substeps would have sufficed.
     low: f64,
+    /// The fewest substeps per second of any step since the cloth was placed; infinite before the first.
+    fewest: f64,
 }
 
-recorded!(Controller { factor, count, low });
+recorded!(Controller { factor, count, low, fewest });
 
 impl Default for Controller {
     fn default() -> Controller {
-        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0 }
+        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0, fewest: f64::INFINITY }
     }
 }
 
@@ -111,7 +113,7 @@ impl Controller {
             true => (asked.max(caution.rounded_up(FALL * self.count)).min(self.count), 0.0),
             false => (self.count, low),
         };
-        Controller { factor, count, low }
+        Controller { factor, count, low, ..*self }
     }
 
     /// Substeps in 1/60 s of the step that this state is for.
@@ -122,6 +124,21 @@ impl Controller {
     /// The strain beyond the fabric's own that the law predicts for substeps of at most `longest` (s).
     pub(crate) fn expected(&self, rates: &Rates, cloth: &Cloth, load: &Load, longest: f32) -> f64 {
         self.factor * rates.strain(load.stress(cloth), f64::from(longest))
+    }
+
+    /// The state after a step with this number of substeps per second.
+    pub(crate) fn after(&self, rate: f64) -> Controller {
+        Controller { fewest: self.fewest.min(rate), ..*self }
+    }
+
+    /// The state of a motion in which no step was taken yet, with what was learned.
+    pub(crate) fn afresh(&self) -> Controller {
+        Controller { fewest: f64::INFINITY, ..*self }
+    }
+
+    /// The fewest substeps per second of any step so far.
+    pub(crate) fn fewest(&self) -> f64 {
+        self.fewest
     }
 
     /// The state with another number of substeps in 1/60 s.

@@ -50,10 +50,11 @@ impl Load {
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
         let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
         let terms = [
-            (Cause::Motion, weighed(self.gravity, self.cloth_speed)),
             (Cause::Pins, weighed(self.pins, 0.0)),
             (Cause::Collider, weighed(0.0, self.collider_speed)),
             (Cause::Wind, self.pressure * cloth.extent),
+            // The last one of equal terms is taken: without any load it is the cloth's own motion.
+            (Cause::Motion, weighed(self.gravity, self.cloth_speed)),
         ];
         terms.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Cause::Motion, |(cause, _)| cause)
     }
@@ -95,8 +96,8 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let velocity = |slot: usize| targets.get(slot).map_or(Vec3::ZERO, |&target| (target - cloth.origin - motion.pins[slot]) / dt);
     let before = |slot: usize| motion.pin_velocities.get(slot).copied().unwrap_or_default();
-    let pins = targets.len().max(motion.pin_velocities.len());
-    let change = (0..pins).map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);
+    let pins = (0..targets.len().max(motion.pin_velocities.len())).filter(|&slot| cloth.is_used(cloth.pinned[slot]));
+    let change = pins.map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);
     f64::from(change) / f64::from(dt)
 }
 
@@ -110,7 +111,7 @@ fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f
 
 /// Whether a collider that moves by `travel` (m) may touch the cloth during a step of `dt` (s). True if nothing is
 /// known about the cloth yet.
-fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
+pub(crate) fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
     seen.is_none_or(|seen| {
         let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
         let [low, high] = [seen.low, seen.high].map(unordered);
@@ -124,7 +125,7 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Optio
 /// midpoint of the range. A common motion of all of them does not count.
 fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
-    let held = (targets.is_empty() && !cloth.pinned.is_empty()).then_some(Vec3::ZERO);
+    let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
             let near = seen.map(|seen| {
@@ -146,8 +147,7 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
         _ => None,
     };
     let moves = || {
-        let of_cloth = |(pin, _): &(&u32, _)| (**pin as usize) < cloth.used;
-        let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(of_cloth);
+        let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));
         let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from);
         let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
         pins.chain(held).chain(meshes.map(|(&to, &from)| to - from))

@@ -211,7 +211,7 @@ impl<'a> Plan<'a> {
             bending: inputs.bends(),
             wind: inputs.attributes.air_density > 0.0,
             gauges: None,
-            contact: options.contact,
+            contact: options.contact.filter(|_| !inputs.cloth.triangles.is_empty()),
             alone: false,
         }
     }
@@ -219,8 +219,9 @@ impl<'a> Plan<'a> {
     /// The same step with statistics after it.
     pub(crate) fn observed(self, motion: &Motion, dt: f32, attributes: &Attributes) -> Plan<'a> {
         let targets = attributes.pin_targets.as_deref().unwrap_or_default();
-        let moved: Vec3 = targets.iter().zip(&motion.pins).map(|(&target, &pin)| target - self.cloth.origin - pin).sum();
-        let drift = moved / targets.len().max(1) as f32 * (self.params.h / dt);
+        let pins = self.cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| self.cloth.is_used(**pin));
+        let moved: Vec3 = pins.clone().map(|(_, (&target, &pin))| target - self.cloth.origin - pin).sum();
+        let drift = moved / pins.count().max(1) as f32 * (self.params.h / dt);
         Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
     }
 

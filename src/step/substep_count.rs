@@ -36,6 +36,8 @@ pub(crate) struct Length {
     pub h: f32,
     /// The longest substep (s) that the quality allows, independent of the step; `h` if it is nearly as long.
     pub longest: f32,
+    /// The longest substep (s) since the cloth was placed, for which bending is stable: see [`BendRows::new`](crate::step::bending::BendRows::new).
+    pub softest: f32,
     /// `(S/S*)²`, the share of the stiffness that one sweep carries in the longest substep; 1 if the stiffness is
     /// resolved.
     pub resolved: f64,
@@ -45,13 +47,13 @@ pub(crate) struct Length {
 }
 
 recorded!(Division { substeps, length });
-recorded!(Length { h, longest, resolved } but { changes });
+recorded!(Length { h, longest, softest, resolved } but { changes });
 
 impl Length {
     /// For tests: a substep about which nothing else is known.
     #[cfg(test)]
     pub(crate) fn of(h: f32) -> Length {
-        Length { h, longest: h, resolved: 0.0, changes: 0 }
+        Length { h, longest: h, softest: h, resolved: 0.0, changes: 0 }
     }
 }
 
@@ -92,8 +94,14 @@ impl Rates {
     }
 
     /// Divides a step of `dt` (s) into the fewest substeps that are no longer than `rate` (1/s) says. That longest
-    /// length does not depend on the step.
-    pub(crate) fn divide(&self, cloth: &Cloth, options: &Options, dt: f32, rate: f64) -> Result<Division, StepError> {
+    /// length does not depend on the step. No step so far took fewer than `fewest` (1/s).
+    pub(crate) fn divide(
+        &self,
+        cloth: &Cloth,
+        options: &Options,
+        dt: f32,
+        [rate, fewest]: [f64; 2],
+    ) -> Result<Division, StepError> {
         let sweeps = if let Method::Relaxation { iterations } = options.method { f64::from(iterations) } else { 1.0 };
         // A step may exceed a whole number of substeps by rounding errors without taking one more.
         let needed = (f64::from(dt) * rate * (1.0 - 1e-6) - 1e-3).ceil().max(1.0);
@@ -102,8 +110,9 @@ impl Rates {
         }
         let (substeps, h) = (needed as u32, dt / needed as f32);
         let longest = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
-        let resolving = self.resolving(cloth.stretch) * f64::from(longest);
-        Ok(Division { substeps, length: Length { h, longest, resolved: resolving.max(1.0).powi(-2), changes: self.changes } })
+        let softest = if fewest < 0.999 * rate { (1.0 / fewest) as f32 } else { longest };
+        let resolved = (self.resolving(cloth.stretch) * f64::from(longest)).max(1.0).powi(-2);
+        Ok(Division { substeps, length: Length { h, longest, softest, resolved, changes: self.changes } })
     }
 
     /// The number of coarse levels to use.

@@ -20,12 +20,13 @@
 
 use glam::Vec4;
 
-use crate::attributes::Attributes;
+use crate::attributes::{Attributes, Shape};
 use crate::kernels::params::Params;
+use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::{Method, Options};
 use crate::record::recorded;
-use crate::step::load::{pressure, travel};
+use crate::step::load::{is_near, pressure, travel};
 use crate::step::motion::Motion;
 use crate::step::substep_count::{Length, Rates};
 
@@ -69,11 +70,13 @@ pub(crate) struct Watch {
 
 recorded!(Watch { speed, spread, fallen, fastest, gone } but { per_mass, wave, bends, softest });
 
-/// The fastest pin and the fastest collider of a step: index in its list, and speed (m/s).
+/// The fastest pin of a step, the fastest collider that may touch the cloth, and the fastest one of these that is no mesh:
+/// index in its list, and speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fastest {
     pub pin: (usize, f64),
     pub collider: (usize, f64),
+    pub solid: (usize, f64),
 }
 
 impl Watch {
@@ -108,26 +111,36 @@ impl Watch {
         Watch { per_mass: self.per_mass, wave: self.wave, bends: self.bends, softest: self.softest, ..*past }
     }
 
-    /// Adds a step of `dt` (s) that starts from `motion`. Also returns what is fastest in it.
-    pub(crate) fn with_step(&self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) -> (Watch, Fastest) {
-        let mut of_step = Fastest::default();
+    /// Adds a step of `dt` (s) that starts from `motion`. Also returns what is fastest in it, given the latest statistics.
+    pub(crate) fn with_step(
+        &self,
+        cloth: &Cloth,
+        motion: &Motion,
+        attributes: &Attributes,
+        dt: f64,
+        seen: Option<&Statistics>,
+    ) -> (Watch, Fastest) {
+        let (mut of_step, mut of_all) = (Fastest::default(), 0.0_f64);
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
-        for (index, (to, from)) in targets.enumerate() {
+        for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
             let speed = (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt;
             if speed > of_step.pin.1 {
                 of_step.pin = (index, speed);
             }
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
-            let speed = travel(&now.shape, &last.shape) / dt;
-            if speed > of_step.collider.1 {
-                of_step.collider = (index, speed);
+            let by = travel(&now.shape, &last.shape);
+            let speed = by / dt;
+            of_all = of_all.max(speed);
+            if speed > of_step.solid.1 && is_near(cloth, now, by, dt, seen) {
+                of_step.collider = if speed > of_step.collider.1 { (index, speed) } else { of_step.collider };
+                of_step.solid = if matches!(now.shape, Shape::Mesh { .. }) { of_step.solid } else { (index, speed) };
             }
         }
         let wind = attributes.wind.as_dvec3().length();
-        let fastest = self.fastest.max(wind).max(of_step.pin.1).max(of_step.collider.1);
+        let fastest = self.fastest.max(wind).max(of_step.pin.1).max(of_all);
         let fallen = self.fallen + attributes.gravity.as_dvec3().length() * dt;
-        let gone = self.gone + of_step.collider.1 * dt;
+        let gone = self.gone + of_all * dt;
         (Watch { fallen, fastest, gone, ..*self }, of_step)
     }
 

@@ -5,8 +5,8 @@ use naga::Literal;
 use super::bodies;
 use super::contacts::near::{self, voronoi};
 use super::contacts::{carry, pinches, truncation};
-use super::detection::{measure, paths, tree};
-use super::surface::normals;
+use super::detection::{paths, tree};
+use super::surface::{LEAST_HELD, normals};
 use crate::kernels::pair;
 
 pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
@@ -28,7 +28,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("FARTHER_AHEAD", Literal::F32(paths::FARTHER_AHEAD)),
         ("CONE_COSINE", Literal::F32(normals::CONE_COSINE)),
         ("MAX_EXCESS", Literal::F32(tree::MAX_EXCESS)),
-        ("LEAST_HELD", Literal::F32(measure::LEAST_HELD)),
+        ("LEAST_HELD", Literal::F32(LEAST_HELD)),
         ("ACTING", Literal::F32(near::ACTING)),
         ("BESIDE", Literal::F32(voronoi::BESIDE)),
         ("ON_SIDE", Literal::F32(voronoi::ON_SIDE)),

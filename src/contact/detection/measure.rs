@@ -4,14 +4,10 @@ use glam::Vec4;
 
 use super::candidates::BESIDE;
 use super::tree::DetectionScope;
-use crate::contact::surface::Surface;
 use crate::contact::surface::lanes::{corners_of, store, whole_corners_of};
 use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, square};
+use crate::contact::surface::{LEAST_HELD, Surface};
 use crate::simd::{Loop, MAX_LANES, Registers};
-
-/// The least distance at which a pair is held, where cloth coincides at rest: a share of the thickness, larger than what counts as
-/// touching.
-pub(crate) const LEAST_HELD: f32 = 2e-3;
 
 /// Lists the candidates that are close enough.
 pub(crate) struct Measure<'a> {

@@ -1,6 +1,7 @@
 //! The features that can touch: the vertices, edges and triangles of the cloth and of mesh colliders, in the order of
 //! fixed trees over their triangles.
 
+mod caps;
 pub(super) mod lanes;
 pub(super) mod normals;
 pub(super) mod pairs;
@@ -10,6 +11,8 @@ use std::sync::Arc;
 
 use glam::{Vec3A, Vec4};
 
+use caps::without_caps;
+
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
@@ -18,6 +21,9 @@ use crate::model::mesh::{self, EdgeIndex, Mesh, sides};
 use crate::options::Contact;
 use crate::simd::MAX_LANES;
 
+/// The least distance at which a pair is held, where cloth coincides at rest: a share of the thickness, larger than what counts as
+/// touching.
+pub(crate) const LEAST_HELD: f32 = 2e-3;
 /// Bounds on [`Surface::max_margin`], in units of the thickness.
 const MAX_MARGIN: [f32; 2] = [0.3, 1.6];
 /// Limit on the margin as a share of the least height of the triangles, so that they do not tilt too far
@@ -105,12 +111,13 @@ impl Leaves {
 impl Surface {
     /// The features of the cloth alone; `None` if it has no triangles. Without `contact`, the cloth touches bodies only.
     pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>) -> Option<(Surface, Leaves)> {
-        if cloth.triangles.is_empty() {
+        let Contact { thickness, .. } = contact.unwrap_or_default();
+        let triangles = without_caps(&cloth.triangles, &cloth.rest, f64::from(2.0 * LEAST_HELD * thickness));
+        if triangles.is_empty() {
             return None;
         }
-        let Contact { thickness, .. } = contact.unwrap_or_default();
         let vertices = cloth.rest.len();
-        let heights = heights(cloth);
+        let heights = heights(cloth, &triangles);
         let max_margin = |height: &f32| {
             if *height == f32::INFINITY {
                 return FAR;
@@ -134,7 +141,7 @@ impl Surface {
             max_margin: heights.iter().map(max_margin).collect(),
             excess: Vec::new(),
         };
-        let leaves = surface.add(cloth.triangles.clone());
+        let leaves = surface.add(triangles);
         surface.excess = surface.excesses(cloth);
         // The state's arrays end with a full group of lanes, and bodies follow after that.
         surface.lengthen(vertices.next_multiple_of(MAX_LANES), 0);
@@ -283,9 +290,9 @@ fn by_leaf(owner: &[u32], depth: u32) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// The smallest height (m) of the triangles around each vertex; infinite if there are none.
-fn heights(cloth: &Cloth) -> Vec<f32> {
+fn heights(cloth: &Cloth, triangles: &[[u32; 3]]) -> Vec<f32> {
     let mut heights = vec![f32::INFINITY; cloth.rest.len()];
-    for triangle in &cloth.triangles {
+    for triangle in triangles {
         let [a, b, c] = triangle.map(|vertex| xyz(cloth.rest[vertex as usize]));
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let height = (b - a).cross(c - a).length() / longest.max(1e-30);

@@ -221,7 +221,7 @@ impl GpuContact {
             // Without a response, any pair must stop the step.
             room: if choice.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
-            has_kinematic: (!plan.cloth.pinned.is_empty() || params.mesh_vertices() > 0).into(),
+            has_kinematic: (plan.cloth.has_pins() || params.mesh_vertices() > 0).into(),
             meshes_rest: on_cpu.meshes_rest().into(),
             has_self_contact: on_cpu.has_self_contact().into(),
             ignored: of_vertices.len() as u32,

@@ -1,0 +1,52 @@
+//! The cloth's triangles without caps: triangles without area whose one corner lies on the opposite side (Botsch and Kobbelt
+//! 2001, "A robust procedure to eliminate degenerate faces from triangle meshes"). They fill T-junctions.
+//!
+//! That corner touches the triangle beyond the side, although the two share no corner, and the vector between them is
+//! nothing but rounding errors. Held apart along it, cloth would not move. So the cap is left out, and what else is at its side
+//! is split at its corner, which changes no shape.
+
+use std::collections::HashMap;
+
+use glam::Vec4;
+
+/// At most this many times as many splits as triangles are made. More arise only in meshes where hundreds of triangles share sides.
+const MOST_SPLITS: usize = 4;
+
+/// The triangles without those that are lower than `least` (m), in a mesh whose positions at rest (m) are given. If that would take
+/// too many splits, all of them.
+pub(super) fn without_caps(triangles: &[[u32; 3]], rest: &[Vec4], least: f64) -> Vec<[u32; 3]> {
+    let corner_on = triangles.iter().filter_map(|&triangle| cap(triangle, rest, least));
+    let corner_on: HashMap<[u32; 2], u32> = corner_on.collect();
+    if corner_on.is_empty() {
+        return triangles.to_vec();
+    }
+    let (mut kept, mut splits) = (Vec::new(), 0);
+    let mut left: Vec<[u32; 3]> = triangles.iter().copied().filter(|&triangle| cap(triangle, rest, least).is_none()).collect();
+    while let Some([a, b, c]) = left.pop() {
+        let split = [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[a, b, c]| {
+            let corner = *corner_on.get(&[a.min(b), a.max(b)])?;
+            (corner != c).then_some([[a, corner, c], [corner, b, c]])
+        });
+        match split {
+            Some(_) if splits >= MOST_SPLITS * triangles.len() => return triangles.to_vec(),
+            Some(halves) => (left.extend(halves), splits += 1).0,
+            None => kept.push([a, b, c]),
+        }
+    }
+    kept
+}
+
+/// The longest side of a triangle if it is a cap, and the corner that lies on it.
+fn cap([a, b, c]: [u32; 3], rest: &[Vec4], least: f64) -> Option<([u32; 2], u32)> {
+    let at = |vertex: u32| rest[vertex as usize].truncate().as_dvec3();
+    [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[a, b, c]| {
+        let (to_a, to_b) = (at(a) - at(c), at(b) - at(c));
+        let height = to_a.cross(to_b).length() / (to_b - to_a).length();
+        let is_between = to_a.dot(to_b) < 0.0 && to_a.length().min(to_b.length()) > least;
+        (is_between && height <= least).then_some(([a.min(b), a.max(b)], c))
+    })
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/contact_caps.rs"]
+mod tests;

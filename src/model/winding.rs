@@ -1,0 +1,46 @@
+//! Consistent winding: neighboring triangles turn the same way, so that their normals can be summed and compared.
+
+use crate::model::csr::Csr;
+use crate::model::mesh::{EdgeIndex, sides};
+
+/// Winds triangles alike that share an edge with no third one, by turning over at most half of each connected part. A part
+/// that cannot be wound alike, like a Möbius strip, has a line across which it is not. `edges` are those of the triangles,
+/// sorted.
+pub(crate) fn wind_alike(triangles: &mut [[u32; 3]], edges: &[[u32; 2]], vertices: usize) {
+    let index = EdgeIndex::new(edges, vertices);
+    let at_edges = (0..).zip(&*triangles).flat_map(|(place, &triangle)| sides(triangle).map(move |side| (side, place)));
+    let at_edges: Csr<u32> = Csr::new(edges.len(), at_edges.map(|(side, place)| (index.of(side) as u32, place)));
+    let follows = |triangle: u32, ends: [u32; 2]| {
+        let [a, b, c] = triangles[triangle as usize];
+        [[a, b], [b, c], [c, a]].contains(&ends)
+    };
+    let mut is_turned: Vec<Option<bool>> = vec![None; triangles.len()];
+    let mut turned = Vec::new();
+    for first in 0..triangles.len() as u32 {
+        if is_turned[first as usize].is_some() {
+            continue;
+        }
+        let mut part = vec![(first, false)];
+        is_turned[first as usize] = Some(false);
+        let mut next = 0;
+        while let Some(&(triangle, turn)) = part.get(next) {
+            next += 1;
+            for side in sides(triangles[triangle as usize]) {
+                let &[one, other] = at_edges.of(index.of(side) as u32) else { continue };
+                let beside = if one == triangle { other } else { one };
+                if is_turned[beside as usize].is_none() {
+                    let turn = turn ^ (follows(triangle, side) == follows(beside, side));
+                    is_turned[beside as usize] = Some(turn);
+                    part.push((beside, turn));
+                }
+            }
+        }
+        let most = 2 * part.iter().filter(|(_, turn)| *turn).count() > part.len();
+        turned.extend(part.into_iter().filter(|(_, turn)| *turn != most).map(|(triangle, _)| triangle));
+    }
+    turned.into_iter().for_each(|triangle| triangles[triangle as usize].swap(1, 2));
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/model_winding.rs"]
+mod tests;
