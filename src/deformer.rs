@@ -257,7 +257,7 @@ impl Deformer {
         let most = FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST);
         let rate = if is_given { rate } else { rate.min(most) };
         let controller = controller.after(rate);
-        let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.fewest()])?;
+        let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         Ok(StepDecision { dt, load, controller, rate, division, levels })

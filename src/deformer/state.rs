@@ -150,7 +150,7 @@ impl Deformer {
     /// The edges of the cloth that pass through its triangles, computed in double precision, whether
     /// [`Options::contact`](crate::Options::contact) is set or not. Crossings that would disappear if the cloth moved by a
     /// ten-thousandth of the contact thickness count as touching and are left out. The time grows as the power 1.5 of the
-    /// number of vertices.
+    /// number of vertices, and as the square of the number of triangles that meet at a vertex.
     ///
     /// # Errors
     /// As [`Deformer::positions`].

@@ -29,7 +29,8 @@ impl Deformer {
     /// together. Cloth that crosses nothing and is inside of nothing stays as it is, bit for bit.
     ///
     /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006). This is a
-    /// local method, which may not find a way out: [`Untangled::after`] says what remains, and
+    /// local method, which may not find a way out: [`Untangled::after`] says what remains (if that would be more than nine
+    /// tenths, nothing is moved), and
     /// [`Options::contact`](crate::Options::contact) ignores that until it has separated. It takes up to some hundred
     /// rounds, each of about the time of [`Deformer::crossings`].
     ///

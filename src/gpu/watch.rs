@@ -56,12 +56,14 @@ pub(crate) struct Report {
     asked: Option<Arc<OnceLock<bool>>>,
     /// Steps since the last request.
     steps: u32,
+    /// Whether what was asked for is of a state that was replaced meanwhile.
+    is_stale: bool,
 }
 
 impl Report {
     pub(crate) fn new(gpu: &Gpu) -> Report {
         let staging = gpu.staging("found", size_of::<Defects>() as u64);
-        Report { staging, asked: None, steps: 0 }
+        Report { staging, asked: None, steps: 0, is_stale: false }
     }
 
     /// Counts a step; returns whether it should request the words.
@@ -88,6 +90,11 @@ impl Report {
         self.staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
     }
 
+    /// Drops the words that are under way. Their buffer can be used again only when they have arrived.
+    pub(crate) fn forget(&mut self) {
+        self.is_stale = self.asked.is_some();
+    }
+
     /// The words, once, if they have arrived. A lost device does not send them any more.
     pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Defects>, GpuFault> {
         match self.asked.as_ref().and_then(|mapped| mapped.get()) {
@@ -98,7 +105,7 @@ impl Report {
         let found = self.staging.get_mapped_range(..).ok().map(|bytes| bytemuck::pod_read_unaligned(&bytes));
         self.staging.unmap();
         self.asked = None;
-        Ok(found)
+        Ok(found.filter(|_| !std::mem::take(&mut self.is_stale)))
     }
 }
 

@@ -83,7 +83,7 @@ const FULL_REACH: f64 = 20.0;
 /// a quarter of the depth that is right. There the levels share it, and each level's edges, of which there are some in many directions, are
 /// softened to the sum of the fine edges' stiffness (the trace of its tensor): the depth is .84 to 1.2 times what is right
 /// (`tests/fabric.rs`).
-const SOFT: f64 = 1e-3;
+const SOFT: f64 = 2e-3;
 
 /// The tethers with a share greater than 0. They reach as far from the pin as the sweep leaves edges too long, which is
 /// less far the more substeps there are. Like edges, they are as stiff in a shorter substep as in the longest one: otherwise

@@ -82,15 +82,15 @@ pub(crate) struct Controller {
     count: f64,
     /// For how long (s) fewer substeps would have sufficed.
     low: f64,
-    /// The fewest substeps per second of any step since the cloth was placed; infinite before the first.
-    fewest: f64,
+    /// The longest substep (s) that was allowed in any step since the cloth was placed; 0 before the first.
+    longest: f64,
 }
 
-recorded!(Controller { factor, count, low, fewest });
+recorded!(Controller { factor, count, low, longest });
 
 impl Default for Controller {
     fn default() -> Controller {
-        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0, fewest: f64::INFINITY }
+        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0, longest: 0.0 }
     }
 }
 
@@ -128,17 +128,17 @@ impl Controller {
 
     /// The state after a step with this number of substeps per second.
     pub(crate) fn after(&self, rate: f64) -> Controller {
-        Controller { fewest: self.fewest.min(rate), ..*self }
+        Controller { longest: self.longest.max(1.0 / rate), ..*self }
     }
 
     /// The state of a motion in which no step was taken yet, with what was learned.
     pub(crate) fn afresh(&self) -> Controller {
-        Controller { fewest: f64::INFINITY, ..*self }
+        Controller { longest: 0.0, ..*self }
     }
 
-    /// The fewest substeps per second of any step so far.
-    pub(crate) fn fewest(&self) -> f64 {
-        self.fewest
+    /// The longest substep (s) that was allowed in any step so far.
+    pub(crate) fn longest(&self) -> f64 {
+        self.longest
     }
 
     /// The state with another number of substeps in 1/60 s.

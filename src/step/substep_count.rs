@@ -94,13 +94,13 @@ impl Rates {
     }
 
     /// Divides a step of `dt` (s) into the fewest substeps that are no longer than `rate` (1/s) says. That longest
-    /// length does not depend on the step. No step so far took fewer than `fewest` (1/s).
+    /// length does not depend on the step. Steps so far allowed substeps of at most `softest` (s).
     pub(crate) fn divide(
         &self,
         cloth: &Cloth,
         options: &Options,
         dt: f32,
-        [rate, fewest]: [f64; 2],
+        [rate, softest]: [f64; 2],
     ) -> Result<Division, StepError> {
         let sweeps = if let Method::Relaxation { iterations } = options.method { f64::from(iterations) } else { 1.0 };
         // A step may exceed a whole number of substeps by rounding errors without taking one more.
@@ -110,7 +110,7 @@ impl Rates {
         }
         let (substeps, h) = (needed as u32, dt / needed as f32);
         let longest = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
-        let softest = if fewest < 0.999 * rate { (1.0 / fewest) as f32 } else { longest };
+        let softest = if 0.999 * rate * softest > 1.0 { softest as f32 } else { longest };
         let resolved = (self.resolving(cloth.stretch) * f64::from(longest)).max(1.0).powi(-2);
         Ok(Division { substeps, length: Length { h, longest, softest, resolved, changes: self.changes } })
     }

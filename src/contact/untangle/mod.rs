@@ -32,6 +32,9 @@ const STEP: f32 = 0.2;
 const PASSES: usize = 4;
 /// Most rounds of such passes after the last crossing has vanished.
 const SETTLES: usize = 20;
+/// The largest share of the crossings that may be left. To remove fewer is not worth the stretch, which the following steps turn
+/// into motion.
+const MOST_LEFT: f64 = 0.9;
 
 /// The features of the cloth and the bodies together.
 struct Tangle {
@@ -120,8 +123,8 @@ fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) ->
 }
 
 /// Moves the cloth's vertices `x` (m; `w` is the inverse mass, 0 where a vertex is fixed) until no edge of the cloth
-/// passes through a triangle of the cloth or of a body, or no further progress is made. Returns the numbers of
-/// crossings before and after.
+/// passes through a triangle of the cloth or of a body, or no further progress is made. Leaves them where they are if nearly all
+/// crossings remain. Returns the numbers of crossings before and after.
 pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> [usize; 2] {
     let mut tangle = Tangle::new(cloth, x, bodies, thickness);
     let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
@@ -153,6 +156,9 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
         }
     }
     let (after, mut to) = best;
+    if before > 0 && after as f64 > MOST_LEFT * before as f64 {
+        return [before; 2];
+    }
     if after == 0 && is_moved {
         to = settled(tangle, to, cloth, &solids);
     }

@@ -120,42 +120,26 @@ impl Stages {
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
 fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &'a StateBuffers) -> Vec<Bind<'a>> {
-    let Buffers {
-        contact_params,
-        table,
-        vertices,
-        tracks,
-        nodes,
-        buckets,
-        pairs,
-        near,
-        sums,
-        contact_state,
-        bodies,
-        ignored,
-        boxes,
-        normals,
-    } = buffers;
     let all = [
-        Bind::Uniform(&contact_params.buffer),
-        Bind::Read(table),
+        Bind::Uniform(&buffers.contact_params.buffer),
+        Bind::Read(&buffers.table),
         Bind::Read(&from.x),
-        Bind::Write(vertices),
-        Bind::Write(tracks),
-        Bind::Write(nodes),
-        Bind::Write(buckets),
-        Bind::Write(pairs),
-        Bind::Write(near),
-        Bind::Write(sums),
-        Bind::Write(contact_state),
-        Bind::Read(&bodies.buffer),
-        Bind::Read(&ignored.buffer),
+        Bind::Write(&buffers.vertices),
+        Bind::Write(&buffers.tracks),
+        Bind::Write(&buffers.nodes),
+        Bind::Write(&buffers.buckets),
+        Bind::Write(&buffers.pairs),
+        Bind::Write(&buffers.near),
+        Bind::Write(&buffers.sums),
+        Bind::Write(&buffers.contact_state),
+        Bind::Read(&buffers.bodies.buffer),
+        Bind::Read(&buffers.ignored.buffer),
         Bind::Write(&to.x),
         Bind::Write(&to.p),
-        Bind::Write(boxes),
+        Bind::Write(&buffers.boxes),
         // Near pairs are not needed while others are listed.
-        Bind::Write(near),
-        Bind::Write(normals),
+        Bind::Write(&buffers.near),
+        Bind::Write(&buffers.normals),
     ];
     all.into_iter()
         .enumerate()

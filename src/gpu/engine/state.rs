@@ -28,6 +28,7 @@ impl GpuEngine {
         self.put(x, p, 0);
         self.counter.iter_mut().for_each(Counter::forget);
         self.readback.forget();
+        self.report.forget();
         self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
@@ -76,6 +77,7 @@ impl GpuEngine {
         self.counter = counter.map_err(Failure::Gpu)?;
         self.put(x, p, past.steps);
         self.readback.forget();
+        self.report.forget();
         self.counter.iter_mut().for_each(|counter| counter.resume(&past.pending));
         Ok(true)
     }
@@ -103,6 +105,7 @@ impl GpuEngine {
         self.commit.restart(&self.gpu, found.steps);
         // What was requested reports the same failure, in terms of an engine that may be replaced meanwhile.
         self.readback.forget();
+        self.report.forget();
         self.contact.iter_mut().for_each(|contact| contact.forget());
     }
 
