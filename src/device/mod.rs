@@ -4,7 +4,7 @@ mod buffers;
 mod errors;
 pub(crate) mod fault;
 mod pipelines;
-mod reads;
+pub(crate) mod reads;
 mod scopes;
 
 pub(crate) use pipelines::{Entry, Pipeline, Shader};

@@ -1,5 +1,6 @@
 //! Reading buffers back, and waiting for the device.
 
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use web_time::Instant;
@@ -15,6 +16,41 @@ const PATIENCE: Duration = Duration::from_secs(2);
 fn may_wait() -> Result<(), GpuFault> {
     let why = "a browser does not wait for the GPU; request_positions asks, requested_positions has them later";
     if IN_BROWSER { Err(why.into()) } else { Ok(()) }
+}
+
+/// A staging buffer whose bytes were asked for and are read later.
+#[derive(Debug)]
+pub(crate) struct Mapping {
+    staging: wgpu::Buffer,
+    /// Whether it could be mapped: set by the callback when the device is polled, which every submission does.
+    told: Arc<OnceLock<bool>>,
+}
+
+impl Mapping {
+    /// Asks for the bytes of `staging` after everything submitted.
+    pub(crate) fn new(staging: wgpu::Buffer) -> Mapping {
+        let told = Arc::new(OnceLock::new());
+        let tell = Arc::clone(&told);
+        staging.map_async(wgpu::MapMode::Read, .., move |result| _ = tell.set(result.is_ok()));
+        Mapping { staging, told }
+    }
+
+    /// Whether the device has answered.
+    pub(crate) fn is_told(&self) -> bool {
+        self.told.get().is_some()
+    }
+
+    /// Passes the bytes to `read` if they have arrived, after which the buffer can be used again. `thing` names them in errors.
+    pub(crate) fn read<T>(&self, gpu: &Gpu, thing: &str, read: impl FnOnce(&[u8]) -> T) -> Result<Option<T>, GpuFault> {
+        match self.told.get() {
+            None => return Ok(None),
+            Some(false) => return Err(gpu.unmapped(thing)),
+            Some(true) => {}
+        }
+        let seen = self.staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(GpuFault::other);
+        self.staging.unmap();
+        seen.map(Some)
+    }
 }
 
 impl Gpu {

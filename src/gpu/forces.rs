@@ -43,10 +43,10 @@ impl Forces {
     /// Creates this many states in addition to the cloth's own, which may exist already.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize, own: Option<StateBuffers>) -> Result<Forces, GpuFault> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
-        // The largest of the buffers that the cloth may need later: bending moments of filter passes, springs, panels.
+        // The largest of the buffers that the cloth may need later: bending moments, springs, panels.
         gpu.meets(
             "the cloth's largest buffer",
-            (6 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
+            (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
         )?;
         let u = gpu.buffer("u", size);
         let own = own.unwrap_or_else(|| {

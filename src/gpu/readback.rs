@@ -1,27 +1,19 @@
 //! Reading the state back: waiting for it, or requesting it and looking later while the GPU continues.
 
-use std::sync::{Arc, OnceLock};
-
 use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
+use crate::device::reads::Mapping;
 use crate::gpu::state::StateBuffers;
 use crate::gpu::watch::Defects;
 
-/// The staging buffer of reads that wait, and the request that has not been read yet.
+/// The staging buffer of reads that wait, and the request that has not been read yet: positions after some steps and the result of
+/// their check, copied after those steps.
 #[derive(Debug)]
 pub(crate) struct Readback {
     staging: wgpu::Buffer,
-    request: Option<Request>,
-}
-
-/// Positions after some steps and the result of their check, copied after those steps.
-#[derive(Debug)]
-struct Request {
-    staging: wgpu::Buffer,
-    /// Whether it could be mapped: set by the callback when the device is polled.
-    mapped: Arc<OnceLock<bool>>,
+    request: Option<Mapping>,
 }
 
 impl Readback {
@@ -52,10 +44,7 @@ impl Readback {
         gpu.checked(|| {
             let staging = gpu.staging("positions", x.size() + found.size());
             gpu.copy_to(&staging, &[x, found]);
-            let mapped = Arc::new(OnceLock::new());
-            let told = Arc::clone(&mapped);
-            staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
-            self.request = Some(Request { staging, mapped });
+            self.request = Some(Mapping::new(staging));
             Ok(())
         })
     }
@@ -67,23 +56,18 @@ impl Readback {
 
     /// Passes the requested positions to `read`, once, if they have arrived; returns the result of the steps' checks.
     pub(crate) fn arrived(&mut self, gpu: &Gpu, read: impl FnOnce(&[Vec4])) -> Result<Option<Defects>, GpuFault> {
-        let Some(Request { staging, mapped }) = &self.request else { return Ok(None) };
+        let Some(request) = &self.request else { return Ok(None) };
         gpu.poll(wgpu::PollType::Poll)?;
-        let found = match mapped.get() {
-            None => return Ok(None),
-            Some(true) => {
-                let bytes = staging.get_mapped_range(..).map_err(GpuFault::other)?;
-                let (x, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
-                match bytemuck::try_cast_slice(x) {
-                    Ok(x) => read(x),
-                    // In a browser the mapped bytes may have any alignment.
-                    Err(_) => read(&bytemuck::pod_collect_to_vec(x)),
-                }
-                bytemuck::pod_read_unaligned(found)
+        let found = request.read(gpu, "the positions asked for", |bytes| {
+            let (x, found) = bytes.split_at(bytes.len() - size_of::<Defects>());
+            match bytemuck::try_cast_slice(x) {
+                Ok(x) => read(x),
+                // In a browser the mapped bytes may have any alignment.
+                Err(_) => read(&bytemuck::pod_collect_to_vec(x)),
             }
-            Some(false) => return Err(gpu.unmapped("the positions asked for")),
-        };
-        self.request = None;
-        Ok(Some(found))
+            bytemuck::pod_read_unaligned(found)
+        })?;
+        self.request.take_if(|_| found.is_some());
+        Ok(found)
     }
 }

@@ -1,9 +1,9 @@
 //! Statistics of a state on the GPU: computed after a step, and read some steps later.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, OnceLock};
 
 use crate::device::fault::GpuFault;
+use crate::device::reads::Mapping;
 use crate::device::{Entry, Gpu, IN_BROWSER};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
@@ -37,8 +37,7 @@ enum Pending {
 struct UnderWay {
     staging: wgpu::Buffer,
     submission: wgpu::SubmissionIndex,
-    /// Set by the callback when the device is polled: whether the buffer could be mapped.
-    mapped: Arc<OnceLock<bool>>,
+    mapping: Mapping,
 }
 
 impl Counter {
@@ -79,14 +78,12 @@ impl Counter {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
         let submission = gpu.copy_to(&staging, &[&self.counted]);
-        let mapped = Arc::new(OnceLock::new());
-        let told = Arc::clone(&mapped);
-        staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
+        let mapping = Mapping::new(staging.clone());
         if waits {
             // Those of steps that did not wait are not asked for any more.
             self.pending.clear();
         }
-        self.pending.push_back(Pending::UnderWay(UnderWay { staging, submission, mapped }));
+        self.pending.push_back(Pending::UnderWay(UnderWay { staging, submission, mapping }));
         let late = if waits { 0 } else { Counter::LATE };
         if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);
@@ -99,29 +96,25 @@ impl Counter {
     fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
         gpu.poll(wgpu::PollType::Poll)?;
         Ok(self.pending.front().is_none_or(|pending| match pending {
-            Pending::UnderWay(under_way) => under_way.mapped.get() == Some(&true),
+            Pending::UnderWay(under_way) => under_way.mapping.is_told(),
             Pending::Here(_) => true,
         }))
     }
 
     /// Waits for statistics.
     fn arrived(&mut self, gpu: &Gpu, pending: Pending) -> Result<Statistics, GpuFault> {
-        let UnderWay { staging, submission, mapped } = match pending {
+        let UnderWay { staging, submission, mapping } = match pending {
             Pending::UnderWay(under_way) => under_way,
             Pending::Here(seen) => return Ok(*seen),
         };
         gpu.poll(wgpu::PollType::Poll)?;
-        if mapped.get().is_none() {
+        if !mapping.is_told() {
             gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
-            gpu.wait_for(|| mapped.get().is_some())?;
+            gpu.wait_for(|| mapping.is_told())?;
         }
-        if mapped.get() != Some(&true) {
-            return Err(gpu.unmapped("the statistics"));
-        }
-        let seen = staging.get_mapped_range(..).map(|bytes| bytemuck::pod_read_unaligned(&bytes));
-        staging.unmap();
+        let seen = mapping.read(gpu, "the statistics", bytemuck::pod_read_unaligned)?;
         self.free.push(staging);
-        seen.map_err(GpuFault::other)
+        seen.ok_or_else(|| gpu.unmapped("the statistics"))
     }
 
     /// Waits for the statistics of the last steps, and keeps them to be returned later.

@@ -1,12 +1,11 @@
 //! The result of the stability check on the GPU: seven words that stay there until somebody reads them, and that are
 //! read back with a delay where nobody does.
 
-use std::sync::{Arc, OnceLock};
-
 use bytemuck::{Pod, Zeroable};
 
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
+use crate::device::reads::Mapping;
 use crate::error::failure::{Cause, Failure};
 
 /// No vertex or edge: `NONE` of `limits.wgsl`.
@@ -51,9 +50,7 @@ impl Defects {
 #[derive(Debug)]
 pub(crate) struct Report {
     staging: wgpu::Buffer,
-    /// If they were requested, whether they could be mapped: set by the callback when the device is polled, which every submission
-    /// does.
-    asked: Option<Arc<OnceLock<bool>>>,
+    asked: Option<Mapping>,
     /// Steps since the last request.
     steps: u32,
     /// Whether what was asked for is of a state that was replaced meanwhile.
@@ -86,8 +83,7 @@ impl Report {
             return;
         }
         self.steps = 0;
-        let told = Arc::clone(self.asked.insert(Arc::default()));
-        self.staging.map_async(wgpu::MapMode::Read, .., move |result| _ = told.set(result.is_ok()));
+        self.asked = Some(Mapping::new(self.staging.clone()));
     }
 
     /// Drops the words that are under way. Their buffer can be used again only when they have arrived.
@@ -97,14 +93,9 @@ impl Report {
 
     /// The words, once, if they have arrived. A lost device does not send them any more.
     pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Defects>, GpuFault> {
-        match self.asked.as_ref().and_then(|mapped| mapped.get()) {
-            Some(true) => {}
-            Some(false) => return Err(gpu.unmapped("what steps found")),
-            None => return Ok(None),
-        }
-        let found = self.staging.get_mapped_range(..).ok().map(|bytes| bytemuck::pod_read_unaligned(&bytes));
-        self.staging.unmap();
-        self.asked = None;
+        let Some(asked) = &self.asked else { return Ok(None) };
+        let found = asked.read(gpu, "what steps found", bytemuck::pod_read_unaligned)?;
+        self.asked.take_if(|_| found.is_some());
         Ok(found.filter(|_| !std::mem::take(&mut self.is_stale)))
     }
 }
