@@ -256,7 +256,9 @@ impl Deformer {
         // It is a whole number of substeps in 1/60 s, as the report gives it.
         let most = FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST);
         let rate = if is_given { rate } else { rate.min(most) };
-        let controller = controller.after(rate);
+        // The first substeps of a budget are a guess.
+        let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
+        let controller = if is_guess { controller } else { controller.after(rate) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };

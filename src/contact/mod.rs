@@ -137,7 +137,7 @@ pub(crate) struct TriangleContact {
 }
 
 impl TriangleContact {
-    /// Returns `None` if the cloth has no triangles.
+    /// Returns `None` if the cloth has no triangles with an area.
     pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<TriangleContact> {
         let (mut surface, leaves) = Surface::new(cloth, contact)?;
         let of_cloth = Tree::of_cloth(&surface, leaves);

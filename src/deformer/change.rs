@@ -70,6 +70,7 @@ impl Deformer {
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
         self.in_step = (self.watch, Fastest::default());
+        self.controller = self.controller.afresh();
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
         (self.cloth, self.options, self.shown) = (cloth, options, false);
         self.wake();

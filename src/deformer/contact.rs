@@ -34,7 +34,7 @@ impl Deformer {
             return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
-        let contact = contact.filter(|_| !self.cloth.triangles.is_empty());
+        let contact = contact.filter(|_| self.cloth.is_sheet);
         Ok(contact.map(|contact| f64::from(contact.thickness)))
     }
 

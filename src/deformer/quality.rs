@@ -26,7 +26,8 @@ const LEVELS_PAY: usize = 8192;
 const COARSE_ENOUGH: usize = 4096;
 
 impl Deformer {
-    /// Changes the quality from the next step on. What was learned from the motion so far is kept.
+    /// Changes the quality from the next step on. What was learned from the motion so far is kept. Bending that was softened
+    /// ([`Warning::BendingLimited`]) is as stiff as the new quality allows, which adds energy to cloth that is bent.
     ///
     /// # Errors
     /// If a number in it is out of its range, or it is [`Quality::Budget`] on a GPU; the quality is then unchanged.
@@ -34,8 +35,10 @@ impl Deformer {
         let options = Options { quality, ..self.options.clone() };
         options.check_numbers()?;
         self.engine.check(quality)?;
+        if quality != self.options.quality {
+            self.controller = self.controller.afresh();
+        }
         self.options = options;
-        self.controller = self.controller.afresh();
         self.wake();
         Ok(())
     }

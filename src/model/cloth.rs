@@ -81,8 +81,10 @@ pub(crate) struct Slivers {
 }
 
 const SLIVER: f64 = 100.0;
-/// The least length of an edge, as a share of the longest one.
-const SHORTEST: f64 = 1e-7;
+/// The least length (m) of an edge, given that of the longest one.
+fn shortest(longest: f64) -> f64 {
+    (1e-7 * longest).max(1e-12)
+}
 
 /// The triangles with their masses for aerodynamic forces, and the triangles at each vertex.
 #[derive(Debug, Clone)]
@@ -139,7 +141,7 @@ impl Cloth {
             let ends = [a.min(b), a.max(b)];
             let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
             // Coincident vertices have no direction. A tiny length in place of 0 keeps the arithmetic finite.
-            let least = (SHORTEST * longest).max(1e-12);
+            let least = shortest(longest);
             let is_too_short = length < least;
             let length = length.max(least);
             // An edge without area (a thread, a degenerate triangle) gets that of a square of its length.
@@ -320,7 +322,7 @@ impl Cloth {
 
     /// Whether an edge has a length at rest, of which its strain is a share.
     pub(crate) fn has_length(&self, link: &Link) -> bool {
-        f64::from(link.rest) > 1.5 * SHORTEST * f64::from(self.longest)
+        f64::from(link.rest) > 1.5 * shortest(f64::from(self.longest))
     }
 
     /// Whether a vertex has edges. Others are in nobody's way.

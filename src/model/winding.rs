@@ -28,7 +28,9 @@ pub(crate) fn wind_alike(triangles: &mut [[u32; 3]], edges: &[[u32; 2]], vertice
             for side in sides(triangles[triangle as usize]) {
                 let &[one, other] = at_edges.of(index.of(side) as u32) else { continue };
                 let beside = if one == triangle { other } else { one };
-                if is_turned[beside as usize].is_none() {
+                // Of a triangle that is there twice, either may be meant.
+                let is_same = triangles[beside as usize].iter().all(|corner| triangles[triangle as usize].contains(corner));
+                if !is_same && is_turned[beside as usize].is_none() {
                     let turn = turn ^ (follows(triangle, side) == follows(beside, side));
                     is_turned[beside as usize] = Some(turn);
                     part.push((beside, turn));

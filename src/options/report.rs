@@ -83,7 +83,9 @@ impl Crossing {
 pub enum Warning {
     /// The bending stiffness had to be reduced to stay stable with these substeps, by more than 5 percent on average over
     /// the cloth. [`Method::SmallSteps`](crate::Method::SmallSteps) filters bending in up to sixteen passes per substep
-    /// and warns only if those are not enough. More substeps restore the full stiffness.
+    /// and warns only if those are not enough. [`Quality::Substeps`](crate::Quality::Substeps) with more of them restores the full
+    /// stiffness. Where the number is chosen from step to step, it stays as low as the fewest substeps so far demand, so that bent
+    /// cloth gains no energy.
     BendingLimited {
         /// Number of vertices with reduced stiffness.
         vertices: usize,
@@ -104,8 +106,8 @@ pub enum Warning {
         /// What loaded the cloth most in that step.
         cause: Cause,
     },
-    /// Some edges are a hundred times shorter than their triangles, which makes them so stiff that with few substeps they
-    /// stretch to many times their length. The strain that [`Quality::Strain`](crate::Quality::Strain) promises leaves
+    /// Some edges have no length, or are a hundred times shorter than their triangles, which makes them so stiff that with few
+    /// substeps they stretch to many times their length. The strain that [`Quality::Strain`](crate::Quality::Strain) promises leaves
     /// them out. Merge their ends, or remesh with rounder triangles.
     Slivers {
         /// Number of such edges.
@@ -124,10 +126,11 @@ pub enum Warning {
         /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
         carried: f32,
     },
-    /// A collider near the cloth (where that is measured, as for a bound on strain; otherwise anywhere) moves farther in a
-    /// substep than an edge is long. It does not tunnel, but cloth that it hits is stretched. Or it moves farther than the thickness of [`Options::contact`](crate::Options::contact),
-    /// if it is no mesh: what it hits can then not follow without coming too close to itself, and lets it sink in, by
-    /// several times the thickness and more. Move it more slowly, take more substeps, or mark it as
+    /// A collider near the cloth moves farther in a substep than an edge is long. It does not tunnel, but cloth that it hits is
+    /// stretched. Or, if it is no mesh, it moves farther than the thickness of [`Options::contact`](crate::Options::contact):
+    /// what it hits can then not follow without coming too close to itself, and lets it sink in, by several times the thickness
+    /// and more. Where the cloth is is known where strain is measured, as for [`Quality::Strain`](crate::Quality::Strain);
+    /// otherwise far colliders are reported, too. Move it more slowly, take more substeps, or mark it as
     /// [`teleported`](crate::Collider::teleported).
     ColliderOutruns {
         /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).

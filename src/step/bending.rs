@@ -55,9 +55,8 @@ impl BendRows {
     /// For rigidity `rigidity` (N m), retardation time `tau` (s) and substep `h` (s). `rest` holds the inverse masses
     /// (1/kg) in its w components.
     ///
-    /// As much of the rigidity is left as is stable at the `softest` substep (s), the longest one so far. If it were that
-    /// of each step, bent cloth would stiffen and gain energy whenever the substeps became shorter: a card that
-    /// swung down from a clamp got higher than it had been, moved faster, and was given more substeps, of which there were 1600 at last.
+    /// As much of the rigidity is left as is stable at the `softest` substep (s), the longest one so far. Otherwise bent cloth
+    /// would stiffen, and gain energy, whenever substeps become shorter (`benches/results/quality.md`).
     ///
     /// If `filtered`, takes as many passes as keep 95 % of the vertices stable at full rigidity, at most 16; otherwise
     /// one. Where that is not enough the rigidity is lowered, in the energy of rows rather than in the response of
@@ -75,11 +74,18 @@ impl BendRows {
             |stiffness: &[f64], h: f64| bending.bounds(rest, stiffness).into_iter().map(|g| h * h * g).collect::<Vec<f64>>();
         let count = |needed: &[f64]| if filtered { passes(needed, tau > 0.0) } else { 1 };
         let needed = reached(&full, softest);
-        let most = limit(count(&needed), tau > 0.0);
+        let most_passes = count(&needed);
+        let most = limit(most_passes, tau > 0.0);
         let share: Vec<f64> = needed.iter().map(|z| (most / z).min(1.0)).collect();
-        let count = count(&if softest > h { reached(&full, h) } else { needed });
         let row_share: Vec<f64> = (0..rest.len()).map(|v| bending.least_of_row(&share, v)).collect();
         let stiffness: Vec<f64> = full.iter().zip(&row_share).map(|(full, share)| full * share).collect();
+        // In a shorter substep fewer passes may do, for 95 % at full rigidity and for all at what is left of it.
+        let count = if softest > h {
+            let worst = reached(&stiffness, h).into_iter().fold(0.0, f64::max);
+            (count(&reached(&full, h))..most_passes).find(|&count| limit(count, tau > 0.0) >= worst).unwrap_or(most_passes)
+        } else {
+            most_passes
+        };
         // With one pass, a mode's spring and its damping share the stability limit of leapfrog; with the filter,
         // damping has half of it to itself.
         let damped = |z: &f64| tau.min(if count == 1 { 0.5 * h * (2.0 / z - 1.0) } else { 0.5 * h / z }).max(0.0);

@@ -45,12 +45,11 @@ impl Coefficients {
         let least = |link: &Link| if in_chain(link) { 0.0 } else { floor(link, cloth.weight(link), length, stress) };
         let swept = if options.method == Method::Springs { &[] } else { cloth.swept() };
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
-        // The levels carry only the load that the fine sweep does not, so that both together are as stiff as the
-        // fabric.
+        // The levels carry only the load that the fine sweep does not.
         let left = (1.0 - length.resolved).max(0.0);
         let is_soft = cloth.density * STANDARD_GRAVITY * cloth.extent > SOFT * cloth.stretch;
         let sum = |links: &[Link]| links.iter().map(|link| link.shape * f64::from(link.rest).powi(2)).sum::<f64>();
-        let share = left / levels.len() as f64 * sum(&cloth.links);
+        let share = left / levels.len() as f64 * sum(cloth.swept());
         let coarse = |level: &Level| {
             let left = if is_soft { (share / sum(&level.links)).min(left) } else { left };
             let coarse_edge = |link: &Link| {
@@ -77,12 +76,10 @@ const FULL_REACH: f64 = 20.0;
 
 /// The strain under its own weight from which cloth counts as soft.
 ///
-/// Levels act side by side, each about as stiff as the fabric, so together they are several times as stiff. Where the weight
-/// stretches cloth by less than this, that does not show, and stiff levels converge sooner: a sheet of 64 by 64 and 5000 N/m that
-/// swings down is off by 1.4 mm at 80 substeps, and by 2.4 mm if the levels share the load. But jersey of 300 N/m hung at
-/// a quarter of the depth that is right. There the levels share it, and each level's edges, of which there are some in many directions, are
-/// softened to the sum of the fine edges' stiffness (the trace of its tensor): the depth is .84 to 1.2 times what is right
-/// (`tests/fabric.rs`).
+/// Levels act side by side, each at least as stiff as the fabric, so together they are several times as stiff. Where the weight
+/// stretches cloth by less than this, that does not show, and stiff levels converge sooner. Elsewhere they share the load, and the
+/// edges of each, of which there are some in many directions, are softened to the sum of the fine edges' stiffness (the trace of
+/// its tensor). `benches/results/quality.md` has the figures.
 const SOFT: f64 = 2e-3;
 
 /// The tethers with a share greater than 0. They reach as far from the pin as the sweep leaves edges too long, which is

@@ -82,7 +82,7 @@ pub(crate) struct Controller {
     count: f64,
     /// For how long (s) fewer substeps would have sufficed.
     low: f64,
-    /// The longest substep (s) that was allowed in any step since the cloth was placed; 0 before the first.
+    /// The longest substep (s) that was allowed in any step since the cloth was placed or its options changed; 0 before the first.
     longest: f64,
 }
 
@@ -131,7 +131,7 @@ impl Controller {
         Controller { longest: self.longest.max(1.0 / rate), ..*self }
     }
 
-    /// The state of a motion in which no step was taken yet, with what was learned.
+    /// The state without the longest substep.
     pub(crate) fn afresh(&self) -> Controller {
         Controller { longest: 0.0, ..*self }
     }

@@ -28,7 +28,12 @@ impl Pace {
     pub(crate) fn fitting(&self, budget: f64, last: f64) -> Option<f64> {
         let fitting = (SPENT * budget / self.substep).floor();
         let steady = last <= fitting && fitting <= (1.0 + STEADY) * last;
-        (self.substep > 0.0).then_some(if steady { last } else { fitting })
+        self.is_known().then_some(if steady { last } else { fitting })
+    }
+
+    /// Whether anything was measured.
+    pub(crate) fn is_known(&self) -> bool {
+        self.substep > 0.0
     }
 
     /// Begins a step of `dt` (s). Returns whether it tells what steps take, given whether its number of substeps was `chosen` anew

@@ -211,7 +211,7 @@ impl<'a> Plan<'a> {
             bending: inputs.bends(),
             wind: inputs.attributes.air_density > 0.0,
             gauges: None,
-            contact: options.contact.filter(|_| !inputs.cloth.triangles.is_empty()),
+            contact: options.contact.filter(|_| inputs.cloth.is_sheet),
             alone: false,
         }
     }

@@ -27,6 +27,14 @@ fn a_chain_of_caps_splits_at_each_corner() {
     assert_eq!(sorted(without_caps(&mesh, &rest(), 1e-6)), [[0, 1, 5], [1, 2, 5], [2, 3, 5], [3, 4, 5]]);
 }
 
+/// Between the sides of a quad without area, both ways around.
+#[test]
+fn caps_on_the_same_side_split_each_others_halves() {
+    let mesh = [[0, 4, 1], [4, 0, 3], [0, 1, 5], [1, 4, 5], [3, 0, 6], [4, 3, 6]];
+    let split = [[0, 1, 5], [1, 0, 6], [1, 3, 5], [3, 1, 6], [3, 4, 5], [4, 3, 6]];
+    assert_eq!(sorted(without_caps(&mesh, &rest(), 1e-6)), split);
+}
+
 #[test]
 fn a_cap_at_a_border_vanishes_and_others_are_left() {
     assert_eq!(without_caps(&[[0, 4, 2]], &rest(), 1e-6), [[0; 3]; 0]);

@@ -32,4 +32,6 @@ fn parts_are_wound_by_themselves_and_three_triangles_at_an_edge_are_left() {
     assert_eq!(wound(two, 7), [[0, 1, 2], [3, 5, 4], [3, 6, 5]]);
     let book = vec![[0, 1, 2], [0, 1, 3], [1, 0, 4]];
     assert_eq!(wound(book.clone(), 5), book);
+    let twice = vec![[0, 1, 2], [0, 1, 2]];
+    assert_eq!(wound(twice.clone(), 3), twice);
 }

@@ -58,6 +58,36 @@ fn the_fewest_passes_carry_the_rows() {
     assert!(counts.contains(&1) && counts.contains(&2) && counts.contains(&16), "{counts:?}");
 }
 
+/// In substeps that are shorter than the one for which the rigidity was limited, it stays what it was, and the passes still carry
+/// each row, those of a few vertices that need more than the others, too.
+#[test]
+fn shorter_substeps_keep_the_rigidity_and_carry_it() {
+    let mut mesh = Mesh::grid(12, 12, 1.0, 1.0);
+    mesh.positions[67] = mesh.positions[66].lerp(mesh.positions[67], 0.3);
+    let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+    let softest = 1.0 / 1200.0;
+    for bending in [1e-3, 4e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0, 1e3] {
+        for tau in [0.0, 0.06] {
+            let rows = |h: f64| BendRows::new(cloth.bending(), &cloth.rest, [bending, tau], [h, softest], true);
+            let of_all = rows(softest);
+            for shorter in [1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 5.0] {
+                let h = softest / shorter;
+                let BendRows { rows, passes, .. } = rows(h);
+                let count = passes.len().max(1);
+                assert!(rows.iter().zip(&of_all.rows).all(|(row, other)| row.stiffness == other.stiffness));
+                let stiffness: Vec<f64> = rows.iter().map(|row| f64::from(row.stiffness)).collect();
+                let worst = cloth.bending().bounds(&cloth.rest, &stiffness).into_iter().map(|g| h * h * g).fold(0.0, f64::max);
+                let most = limit(count, tau > 0.0);
+                assert!(
+                    worst <= most * (1.0 + 1e-6),
+                    "B = {bending}, {shorter}: {worst} with {count} passes, which carry {most}"
+                );
+                assert!(count <= of_all.passes.len().max(1));
+            }
+        }
+    }
+}
+
 /// The filter is not used with relaxation and springs.
 #[test]
 fn small_steps_alone_are_filtered() {

@@ -173,7 +173,7 @@ fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edg
     let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
     let edges = &surface.edges[surface.edges.partition_point(|ends| of_cloth(ends))..];
     let edges = edges.iter().filter(|ends| with_edges && may_reach(*ends)).copied();
-    let triangles = &surface.triangles[surface.triangles.partition_point(|corners| of_cloth(corners))..];
+    let triangles = &surface.triangles[surface.cloth_triangles()..];
     let triangles = triangles.iter().filter(|corners| may_reach(*corners)).copied();
     (edges.collect(), triangles.collect())
 }

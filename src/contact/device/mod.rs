@@ -68,7 +68,7 @@ pub(crate) struct DevicePair {
 }
 
 impl HostContact {
-    /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
+    /// Returns `None` if the cloth has no triangles with an area. Without `contact`, the cloth meets the mesh colliders only.
     pub(crate) fn new(
         cloth: &Cloth,
         contact: Option<Contact>,
@@ -95,6 +95,11 @@ impl HostContact {
             motions: Vec::new(),
         };
         Some((contact, params, table))
+    }
+
+    /// Number of triangles of the cloth.
+    pub(crate) fn cloth_triangles(&self) -> usize {
+        self.surface.cloth_triangles()
     }
 
     /// Whether a step can go on with these mesh colliders.

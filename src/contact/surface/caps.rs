@@ -5,20 +5,38 @@
 //! nothing but rounding errors. Held apart along it, cloth would not move. So the cap is left out, and what else is at its side
 //! is split at its corner, which changes no shape.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use glam::Vec4;
 
 /// At most this many times as many splits as triangles are made. More arise only in meshes where hundreds of triangles share sides.
 const MOST_SPLITS: usize = 4;
+/// Most corners of caps on the same side that are considered.
+const MOST_ON_SIDE: usize = 16;
 
 /// The triangles without those that are lower than `least` (m), in a mesh whose positions at rest (m) are given. If that would take
 /// too many splits, all of them.
 pub(super) fn without_caps(triangles: &[[u32; 3]], rest: &[Vec4], least: f64) -> Vec<[u32; 3]> {
-    let corner_on = triangles.iter().filter_map(|&triangle| cap(triangle, rest, least));
-    let corner_on: HashMap<[u32; 2], u32> = corner_on.collect();
-    if corner_on.is_empty() {
+    let mut corners_on: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
+    for (side, corner) in triangles.iter().filter_map(|&triangle| cap(triangle, rest, least)) {
+        corners_on.entry(side).or_default().push(corner);
+    }
+    if corners_on.is_empty() {
         return triangles.to_vec();
+    }
+    // Between any two of the points on a side, the one after the first.
+    let mut corner_on: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for ([a, b], mut corners) in corners_on {
+        let from_a = |corner: u32| rest[corner as usize].truncate().distance(rest[a as usize].truncate());
+        corners.sort_unstable_by(|&one, &other| from_a(one).total_cmp(&from_a(other)).then(one.cmp(&other)));
+        corners.dedup();
+        corners.truncate(MOST_ON_SIDE);
+        let points: Vec<u32> = [a].into_iter().chain(corners).chain([b]).collect();
+        for (index, &from) in points.iter().enumerate() {
+            for &to in points.iter().skip(index + 2) {
+                corner_on.entry([from.min(to), from.max(to)]).or_insert(points[index + 1]);
+            }
+        }
     }
     let (mut kept, mut splits) = (Vec::new(), 0);
     let mut left: Vec<[u32; 3]> = triangles.iter().copied().filter(|&triangle| cap(triangle, rest, least).is_none()).collect();

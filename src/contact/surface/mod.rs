@@ -109,7 +109,7 @@ impl Leaves {
 }
 
 impl Surface {
-    /// The features of the cloth alone; `None` if it has no triangles. Without `contact`, the cloth touches bodies only.
+    /// The features of the cloth alone; `None` if it has no triangles with an area. Without `contact`, the cloth touches bodies only.
     pub(crate) fn new(cloth: &Cloth, contact: Option<Contact>) -> Option<(Surface, Leaves)> {
         let Contact { thickness, .. } = contact.unwrap_or_default();
         let triangles = without_caps(&cloth.triangles, &cloth.rest, f64::from(2.0 * LEAST_HELD * thickness));
@@ -178,6 +178,11 @@ impl Surface {
     /// The index of the first vertex of bodies, or the number of vertices.
     pub(crate) fn of_cloth(&self) -> usize {
         self.owner.iter().position(|&owner| owner > 0).unwrap_or(self.owner.len())
+    }
+
+    /// Number of triangles of the cloth, which come before those of bodies.
+    pub(crate) fn cloth_triangles(&self) -> usize {
+        self.triangles.partition_point(|corners| self.owner[corners[0] as usize] == 0)
     }
 
     pub(crate) fn has_bodies(&self) -> bool {

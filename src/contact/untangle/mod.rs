@@ -132,11 +132,11 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
     let step = STEP * lengths / cloth.links.len().max(1) as f32;
     let mut found = tangle.crossings();
     let before = found.len();
-    let (mut best, mut since, mut is_moved) = ((before, tangle.x.clone()), 0, false);
+    let (mut best, mut since, mut is_moved, mut was_inside) = ((before, tangle.x.clone()), 0, false, false);
     for _ in 0..ROUNDS {
         if found.is_empty() {
             let left = inside::leave(&mut tangle, &solids);
-            is_moved |= left > 0;
+            (is_moved, was_inside) = (is_moved || left > 0, was_inside || left > 0);
             found = tangle.crossings();
             // Cloth that was inside of a body crossed nothing either, but is not to stay there.
             (best, since) = ((found.len(), tangle.x.clone()), 0);
@@ -156,7 +156,7 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
         }
     }
     let (after, mut to) = best;
-    if before > 0 && after as f64 > MOST_LEFT * before as f64 {
+    if !was_inside && before > 0 && after as f64 > MOST_LEFT * before as f64 {
         return [before; 2];
     }
     if after == 0 && is_moved {

@@ -112,7 +112,7 @@ pub(crate) struct GpuContact {
 }
 
 impl GpuContact {
-    /// Returns `None` if the cloth has no triangles. Without `contact`, the cloth meets the mesh colliders only.
+    /// Returns `None` if the cloth has no triangles with an area. Without `contact`, the cloth meets the mesh colliders only.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, contact: Option<Contact>, meshes: Vec<Arc<Mesh>>) -> Option<GpuContact> {
         let (on_cpu, params, Table(table)) = HostContact::new(cloth, contact, meshes)?;
         let (vertices, all) = (cloth.rest.len(), params.all_vertices as usize);
@@ -133,7 +133,7 @@ impl GpuContact {
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             ignored: Sent::storage(gpu, "ignored pairs", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * params.boxes()),
-            normals: buffer("normals in contact", NORMALS * cloth.triangles.len()),
+            normals: buffer("normals in contact", NORMALS * on_cpu.cloth_triangles()),
         };
         let checkpoint = Checkpoint::new(gpu, all, room);
         let staging = gpu.staging("status", size_of::<StatusReadback>() as u64);
