@@ -24,9 +24,9 @@ pub struct Untangled {
 impl Deformer {
     /// Tries to separate cloth that crosses itself or mesh colliders in its present state, as garments are often
     /// modeled. Vertices are moved as little as necessary, velocities stay, pins stay where they are, and mesh
-    /// colliders are where the attributes place them; if anything is moved, the next step moves all colliders from there. Vertices inside a closed mesh are moved out of it, each the nearest
-    /// way, which may stretch the edges between them to several times their length; the following steps draw them
-    /// together. Cloth that crosses nothing and is inside of nothing stays as it is, bit for bit.
+    /// colliders are where the attributes place them; if anything is moved, the next step moves all colliders from there.
+    /// Vertices inside a closed mesh are moved out of it, each the nearest way, which may stretch the edges between them to
+    /// several times their length; the following steps draw them together. Cloth that crosses nothing and is inside of nothing stays as it is, bit for bit.
     ///
     /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006). This is a
     /// local method, which may not find a way out: [`Untangled::after`] says what remains (if that would be more than nine

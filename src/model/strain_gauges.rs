@@ -3,8 +3,8 @@
 use crate::kernels::statistics::{StrainGauge, WHOLE};
 use crate::model::link::{Link, least_firm};
 
-/// A gauge on each swept edge that is firm and has a length, weighted by the area of its triangles so that slivers count little. A thread
-/// has no area; its edges count with the area of a square, as they do for their stiffness.
+/// A gauge on each swept edge that is firm and has a length, weighted by the area of its triangles so that slivers count
+/// little. A thread has no area; its edges count with the area of a square, as they do for their stiffness.
 pub(crate) fn strain_gauges(swept: &[Link], has_length: impl Fn(&Link) -> bool) -> Vec<StrainGauge> {
     let area = |link: &Link| link.shape / f64::from(link.scale) * f64::from(link.rest).powi(2);
     let least = least_firm(swept);

@@ -47,7 +47,10 @@ pub(super) fn without_caps(triangles: &[[u32; 3]], rest: &[Vec4], least: f64) ->
         });
         match split {
             Some(_) if splits >= MOST_SPLITS * triangles.len() => return triangles.to_vec(),
-            Some(halves) => (left.extend(halves), splits += 1).0,
+            Some(halves) => {
+                left.extend(halves);
+                splits += 1;
+            }
             None => kept.push([a, b, c]),
         }
     }
