@@ -5,8 +5,6 @@
 //! nothing but rounding errors. Held apart along it, cloth would not move. So the cap is left out, and what else is at its side
 //! is split at its corner, which changes no shape.
 
-use std::collections::BTreeMap;
-
 use glam::Vec4;
 
 /// At most this many times as many splits as triangles are made. More arise only in meshes where hundreds of triangles share sides.
@@ -17,32 +15,36 @@ const MOST_ON_SIDE: usize = 16;
 /// The triangles without those that are lower than `least` (m), in a mesh whose positions at rest (m) are given. If that would take
 /// too many splits, all of them.
 pub(super) fn without_caps(triangles: &[[u32; 3]], rest: &[Vec4], least: f64) -> Vec<[u32; 3]> {
-    let mut corners_on: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
-    for (side, corner) in triangles.iter().filter_map(|&triangle| cap(triangle, rest, least)) {
-        corners_on.entry(side).or_default().push(corner);
-    }
-    if corners_on.is_empty() {
+    let caps = triangles.iter().filter_map(|&triangle| cap(triangle, rest, least));
+    let mut caps: Vec<([u32; 2], u32)> = caps.collect();
+    if caps.is_empty() {
         return triangles.to_vec();
     }
+    caps.sort_unstable();
+    caps.dedup();
     // Between any two of the points on a side, the one after the first.
-    let mut corner_on: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-    for ([a, b], mut corners) in corners_on {
-        let from_a = |corner: u32| rest[corner as usize].truncate().distance(rest[a as usize].truncate());
-        corners.sort_unstable_by(|&one, &other| from_a(one).total_cmp(&from_a(other)).then(one.cmp(&other)));
-        corners.dedup();
+    let mut corner_on: Vec<([u32; 2], u32)> = Vec::new();
+    for on_side in caps.chunk_by(|one, other| one.0 == other.0) {
+        let [a, b] = on_side[0].0;
+        // Distances are not negative, so they are in the order of their bits.
+        let from_a = |corner: u32| rest[corner as usize].truncate().distance(rest[a as usize].truncate()).to_bits();
+        let mut corners: Vec<[u32; 2]> = on_side.iter().map(|&(_, corner)| [from_a(corner), corner]).collect();
+        corners.sort_unstable();
         corners.truncate(MOST_ON_SIDE);
-        let points: Vec<u32> = [a].into_iter().chain(corners).chain([b]).collect();
+        let points: Vec<u32> = [a].into_iter().chain(corners.into_iter().map(|[_, corner]| corner)).chain([b]).collect();
         for (index, &from) in points.iter().enumerate() {
-            for &to in points.iter().skip(index + 2) {
-                corner_on.entry([from.min(to), from.max(to)]).or_insert(points[index + 1]);
-            }
+            let beyond = points.iter().skip(index + 2);
+            corner_on.extend(beyond.map(|&to| ([from.min(to), from.max(to)], points[index + 1])));
         }
     }
+    corner_on.sort_unstable();
+    corner_on.dedup_by_key(|(side, _)| *side);
     let (mut kept, mut splits) = (Vec::new(), 0);
     let mut left: Vec<[u32; 3]> = triangles.iter().copied().filter(|&triangle| cap(triangle, rest, least).is_none()).collect();
     while let Some([a, b, c]) = left.pop() {
         let split = [[a, b, c], [b, c, a], [c, a, b]].into_iter().find_map(|[a, b, c]| {
-            let corner = *corner_on.get(&[a.min(b), a.max(b)])?;
+            let place = corner_on.binary_search_by_key(&[a.min(b), a.max(b)], |(side, _)| *side).ok()?;
+            let corner = corner_on[place].1;
             (corner != c).then_some([[a, corner, c], [corner, b, c]])
         });
         match split {
