@@ -15,7 +15,7 @@ use glam::{DMat3, DVec3, Vec3};
 use crate::gpu::BoundVertex;
 use crate::kernels::limits::{MAX_POSITION, is_bounded};
 use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::{Mesh, edges};
+use crate::model::mesh::{Mesh, edges, is_proper};
 #[cfg(feature = "gpu")]
 use crate::model::vertex_order;
 use crate::model::winding::wind_alike;
@@ -161,7 +161,7 @@ impl Binding {
         }
         let tree = TriangleTree::new(cloth).ok_or(BindError::NoSurface)?;
         let mut triangles = cloth.triangles.clone();
-        triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        triangles.retain(is_proper);
         let edges = edges(&triangles);
         wind_alike(&mut triangles, &edges, vertices);
         let normals = normals(&triangles, &cloth.positions);

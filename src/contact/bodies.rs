@@ -134,7 +134,7 @@ impl Bodies {
     /// because otherwise cloth that touches neither would seem to move.
     pub(super) fn common_motion(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], thickness: f32) -> Option<CommonMotion> {
         // Pinned vertices without edges are not part of the cloth.
-        let pins = plan.cloth.pinned.iter().filter(|&&pin| (pin as usize) < plan.cloth.used).map(|&pin| motion_of(pin, x, u));
+        let pins = plan.cloth.pinned.iter().filter(|&&pin| plan.cloth.is_used(pin)).map(|&pin| motion_of(pin, x, u));
         let turning =
             || CommonMotion::of_kinematic(pins.clone().chain(self.near.iter().map(|&vertex| motion_of(vertex, x, u))), thickness);
         let of_bodies = self.travel.map(|travel| travel.map(|by| Vec3A::from(by * plan.params.fraction)));
@@ -180,7 +180,7 @@ fn motion_of(vertex: u32, x: &[Vec4], u: &[Vec4]) -> (Vec3A, Vec3A) {
 
 /// The places (m) of the pins at the start of a step, and their displacements (m) in its first substep.
 pub(super) fn kinematic_pins(plan: &Plan<'_>) -> impl Iterator<Item = (Vec3A, Vec3A)> + Clone {
-    let pins = plan.cloth.pinned.iter().zip(plan.pins_from).filter(|(vertex, _)| (**vertex as usize) < plan.cloth.used);
+    let pins = plan.cloth.pinned.iter().zip(plan.pins_from).filter(|(vertex, _)| plan.cloth.is_used(**vertex));
     pins.map(|(&vertex, &from)| {
         let pin = plan.pins.binary_search_by_key(&vertex, |pin| pin.vertex).map(|place| &plan.pins[place]);
         let by = pin.map_or(Vec3::ZERO, |pin| (Vec3::from(pin.goal) - Vec3::from(pin.origin)) * plan.params.fraction);

@@ -214,7 +214,7 @@ impl TriangleContact {
         if jumped || self.bodies.are_still && self.paths.move_from(self.bodies.first) {
             self.paths.forget();
         }
-        self.kinematics_moved = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
+        self.kinematics_moved = !plan.pins.is_empty() || plan.cloth.has_pins() && !self.bodies.are_still;
     }
 
     /// Resolves contact in one substep, with colliders, bodies and the cloth itself. Changes the displacements `u` (m),

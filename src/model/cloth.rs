@@ -19,7 +19,7 @@ use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::link::Link;
 use crate::model::masses::Weights;
-use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, sides, vertex_areas};
+use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
@@ -81,6 +81,7 @@ pub(crate) struct Slivers {
 }
 
 const SLIVER: f64 = 100.0;
+
 /// The least length (m) of an edge, given that of the longest one.
 fn shortest(longest: f64) -> f64 {
     (1e-7 * longest).max(1e-12)
@@ -109,7 +110,7 @@ impl Cloth {
         let rest: Vec<Vec3> = order.iter().map(|&vertex| mesh.positions[vertex as usize] - origin).collect();
         let moved = |triangle: &[u32; 3]| triangle.map(|vertex| rank[vertex as usize]);
         let mut proper = mesh.triangles.clone();
-        proper.retain(|[a, b, c]| a != b && b != c && c != a);
+        proper.retain(is_proper);
         wind_alike(&mut proper, &mesh_edges, vertices);
         let triangles: Vec<[u32; 3]> = proper.iter().map(moved).collect();
 

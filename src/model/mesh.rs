@@ -174,6 +174,11 @@ impl<'a> EdgeIndex<'a> {
     }
 }
 
+/// Whether a triangle has three corners; others are threads or points.
+pub(crate) fn is_proper([a, b, c]: &[u32; 3]) -> bool {
+    a != b && b != c && c != a
+}
+
 /// The edges of a triangle as `[i, j]` with `i < j`. Sides from a vertex to itself are omitted.
 pub(crate) fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> + Clone {
     [[a, b], [b, c], [c, a]].into_iter().filter(|[i, j]| i != j).map(|[i, j]| [i.min(j), i.max(j)])

@@ -1,4 +1,5 @@
-// Whether the closest point of a triangle is the closest one of the surface around it. src/contact/contacts/near/voronoi.rs has the theory.
+// Whether the closest point of a triangle is the closest one of the surface around it: src/contact/contacts/near/voronoi.rs has
+// the theory.
 
 // A vertex counts as above a side or a corner, too, if it is beyond by an angle of at most this.
 const BESIDE: f32 = 0.01;

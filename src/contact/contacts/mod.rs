@@ -15,10 +15,6 @@ use glam::{DVec3, Vec3A, Vec4};
 
 use super::common_motion::CommonMotion;
 use super::contacts::acting::{Acting, for_groups};
-use super::contacts::near::approach::{PatchMotion, patch};
-use super::contacts::near::portions::{PORTION, Portion};
-use super::contacts::near::voronoi::Around;
-use super::contacts::near::{Find, FindAgain};
 use super::contacts::vertex_pairs::SLICE;
 use super::detection::rows::Rows;
 use super::input::{ContactInput, Vertex};
@@ -27,6 +23,10 @@ use super::surface::pairs::{Kind, Listed};
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd;
+use near::approach::{PatchMotion, patch};
+use near::portions::{PORTION, Portion};
+use near::voronoi::Around;
+use near::{Find, FindAgain};
 
 /// Least number of vertices that are worth a part of a loop.
 pub(crate) const GRAIN: usize = 32;
@@ -64,7 +64,7 @@ pub(crate) struct Contacts {
     pub carried: Vec<u32>,
     /// The share of its displacement that truncation leaves each vertex.
     pub shares: Vec<f32>,
-    /// For each vertex the sum of how far (m) it gets beyond planes: see [`Truncation::beyond`](super::contacts::near::portions::Truncation).
+    /// For each vertex the sum of how far (m) it gets beyond planes: see [`Truncation::beyond`](near::portions::Truncation).
     pub beyond: Vec<Vec4>,
     /// The active pairs.
     pub acting: Acting,

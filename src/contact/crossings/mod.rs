@@ -5,7 +5,7 @@
 //! definitely passes through a triangle or not, the search moves each vertex by a tiny vector of its own (as the
 //! simulation of simplicity by Edelsbrunner and Mücke 1990 does in symbols; double precision has bits to spare for
 //! positions in single precision). What this makes intersect merely touches if moves of about [`Features::touching`] undo
-//! it: see [`super::crossings::touches`].
+//! it: see [`touches`].
 
 mod apart;
 pub(super) mod contours;

@@ -169,7 +169,7 @@ impl HostContact {
 
     /// Whether pins or mesh colliders are moved through each other in this step, so that intersections must be searched for.
     pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
-        let pins_may = !plan.pins.is_empty() || !plan.cloth.pinned.is_empty() && !self.bodies.are_still;
+        let pins_may = !plan.pins.is_empty() || plan.cloth.has_pins() && !self.bodies.are_still;
         pins_may && self.pins_cross(plan)
     }
 

@@ -17,7 +17,7 @@ use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
-use crate::model::mesh::{self, EdgeIndex, Mesh, sides};
+use crate::model::mesh::{self, EdgeIndex, Mesh, is_proper, sides};
 use crate::options::Contact;
 use crate::simd::MAX_LANES;
 
@@ -27,7 +27,7 @@ pub(crate) const LEAST_HELD: f32 = 2e-3;
 /// Bounds on [`Surface::max_margin`], in units of the thickness.
 const MAX_MARGIN: [f32; 2] = [0.3, 1.6];
 /// Limit on the margin as a share of the least height of the triangles, so that they do not tilt too far
-/// ([`normals_on_path`](super::surface::normals::normals_on_path)) even if they are somewhat compressed; but slivers have a margin of
+/// ([`normals_on_path`](normals::normals_on_path)) even if they are somewhat compressed; but slivers have a margin of
 /// `SLIVER_MARGIN` thicknesses.
 const STEADY: f32 = 0.3;
 const SLIVER_MARGIN: f32 = 0.1;
@@ -154,7 +154,7 @@ impl Surface {
         for (owner, mesh) in (1..).zip(bodies) {
             let first = self.rest.len();
             let place = |&triangle: &[u32; 3]| triangle.map(|vertex| vertex + first as u32);
-            let proper = mesh.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+            let proper = mesh.triangles.iter().filter(|triangle| is_proper(triangle));
             all.extend(proper.map(place));
             self.bodies = owner;
             self.lengthen(first + mesh.positions.len(), owner);

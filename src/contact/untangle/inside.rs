@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A};
 use super::Tangle;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::Mesh;
+use crate::model::mesh::{Mesh, is_proper};
 use crate::simd::Vector;
 
 /// Largest distance (relative to the extent of the body) of vertices that count as one.
@@ -24,7 +24,7 @@ pub(crate) fn is_closed(body: &Mesh) -> bool {
         |(vertex, x): (u32, &Vec3)| *names.entry(((x - low) / cell).round().to_array().map(|x| x as i32)).or_insert(vertex);
     let names: Vec<u32> = (0..).zip(&body.positions).map(name_of).collect();
     let corners = body.triangles.iter().map(|triangle| triangle.map(|vertex| names[vertex as usize]));
-    let proper = corners.filter(|[a, b, c]| a != b && b != c && c != a);
+    let proper = corners.filter(is_proper);
     let mut sides: Vec<[u32; 2]> = proper.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
     let mut back: Vec<[u32; 2]> = sides.iter().map(|&[a, b]| [b, a]).collect();
     sides.sort_unstable();

@@ -21,7 +21,7 @@ use super::crossings::Features;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
-use crate::model::mesh::{EdgeIndex, Mesh, edges, sides};
+use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, sides};
 
 /// Most rounds, and most rounds in a row without a decrease in the number of crossings.
 const ROUNDS: usize = 400;
@@ -57,7 +57,7 @@ impl Tangle {
         for body in bodies {
             let first = all.len() as u32;
             all.extend(body.positions.iter().map(|x| x.extend(0.0)));
-            let proper = body.triangles.iter().filter(|[a, b, c]| a != b && b != c && c != a);
+            let proper = body.triangles.iter().filter(|triangle| is_proper(triangle));
             triangles.extend(proper.map(|triangle| triangle.map(|vertex| vertex + first)));
         }
         let edges = edges(&triangles);
