@@ -39,12 +39,12 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Method, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
 use crate::step::controller::{Controller, LEAST};
-use crate::step::load::Load;
+use crate::step::load::{Fastest, Load};
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::{Division, FRAMES, Rates};
-use crate::step::watch::{Fastest, Watch};
+use crate::step::watch::{Bounds, Watch};
 
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
 /// not halve their time.
@@ -63,6 +63,10 @@ struct StepDecision {
     division: Division,
     /// Number of coarse levels to ask for.
     levels: usize,
+    /// What the motion is checked against after the step, what is fastest in it, and the bounds that it is checked with.
+    watch: Watch,
+    fastest: Fastest,
+    bounds: Bounds,
 }
 
 /// A cloth in motion.
@@ -85,12 +89,9 @@ pub struct Deformer {
     /// Time that substeps take, for [`Quality::Budget`].
     pace: Pace,
     still: Stillness,
-    /// What the motion is checked against: the state of that check now and after the current step, and the bounds on speed
-    /// (m/s) and edge length (m) of the last step and of the current one.
+    /// What the motion is checked against, and the bounds of the last step.
     watch: Watch,
-    in_step: (Watch, Fastest),
-    bounds: (f32, f32),
-    ahead: (f32, f32),
+    bounds: Bounds,
     buffers: PlanBuffers,
     /// Positions and velocities last returned to the caller, in the mesh's order.
     positions: Vec<Vec3>,
@@ -143,9 +144,7 @@ impl Deformer {
             pace: Pace::default(),
             still: Stillness::default(),
             watch,
-            in_step: (watch, Fastest::default()),
-            bounds: (f32::MAX, f32::MAX),
-            ahead: (f32::MAX, f32::MAX),
+            bounds: Bounds::default(),
             buffers: PlanBuffers::default(),
             positions,
             velocities,
@@ -239,14 +238,14 @@ impl Deformer {
 
     /// Checks the arguments of a step and decides how it is taken.
     fn decide(&self, dt: f32, attributes: &Attributes) -> Result<StepDecision, StepError> {
-        if !(dt >= MIN_TIME_STEP && dt.is_finite()) {
-            return Err(StepError::TimeStep { dt });
-        }
+        check_time_step(dt)?;
         attributes.validate(self.cloth.pinned.len())?;
         self.motion.check(&attributes.colliders)?;
         let thickness = self.contact_thickness(attributes)?;
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
-        let load = Load::of(&self.cloth, &self.motion, attributes, dt, self.seen.as_ref(), thickness.is_some());
+        let seen = self.seen.as_ref();
+        let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
+        let load = Load::of(&self.cloth, &self.motion, attributes, dt, (seen, &fastest), thickness.is_some());
         let trades = thickness.is_none() && self.trades_levels(attributes);
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rates.rate(&self.options, controller.count());
@@ -262,7 +261,9 @@ impl Deformer {
         let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
-        Ok(StepDecision { dt, load, controller, rate, division, levels })
+        let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
+        let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
+        Ok(StepDecision { dt, load, controller, rate, division, levels, watch, fastest, bounds })
     }
 
     /// Checks a step and updates the coefficients. Returns `None` if there is nothing to do.
@@ -271,10 +272,11 @@ impl Deformer {
         if dt == 0.0 {
             return attributes.validate(self.cloth.pinned.len()).map(|()| None);
         }
-        let decision = self.decide(dt, attributes)?;
+        // The attributes under which a cloth sleeps were valid in the last step.
         if self.sleeps(attributes) {
-            return Ok(None);
+            return check_time_step(dt).map(|()| None);
         }
+        let decision = self.decide(dt, attributes)?;
         let (length, levels) = (decision.division.length, decision.levels);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
@@ -299,9 +301,7 @@ impl Deformer {
         };
         let plan = Plan::new(&inputs, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, decision.dt, attributes) } else { plan };
-        self.in_step = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(decision.dt), self.seen.as_ref());
-        self.ahead = self.in_step.0.bounds(&self.cloth, &self.rates, attributes, coefficients.length);
-        self.watch.tell(&mut plan.params, self.ahead);
+        decision.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)
     }
 
@@ -312,7 +312,7 @@ impl Deformer {
         decision: StepDecision,
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
-        let before = mem::replace(&mut self.bounds, self.ahead);
+        let before = mem::replace(&mut self.bounds, decision.bounds);
         let seen = stepped.map_err(|failure| {
             let error = self.failed(failure);
             self.bounds = before;
@@ -322,16 +322,16 @@ impl Deformer {
             }
             error
         })?;
-        let StepDecision { dt, rate, division: Division { substeps, .. }, .. } = decision;
+        let StepDecision { dt, rate, division: Division { substeps, .. }, watch, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
-        self.watch = self.in_step.0;
+        self.watch = watch;
         self.motion.h = dt / substeps as f32;
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.gravity = attributes.gravity;
         self.shown = false;
-        let mut warnings = self.warnings(&decision, limited, self.in_step.1);
+        let mut warnings = self.warnings(&decision, limited);
         warnings.extend(self.contact_warnings(attributes));
         let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
@@ -396,6 +396,10 @@ impl Deformer {
     pub fn vertex_order(&self) -> &[u32] {
         &self.cloth.order
     }
+}
+
+fn check_time_step(dt: f32) -> Result<(), StepError> {
+    if dt >= MIN_TIME_STEP && dt.is_finite() { Ok(()) } else { Err(StepError::TimeStep { dt }) }
 }
 
 /// The report of a step of `dt` (s) in which nothing is done, because the cloth sleeps or `dt` is 0.

@@ -57,7 +57,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// A sheet with bending, wind, two colliders and a pin that moves.
+/// A sheet with bending, wind, two colliders and a pin, of which one collider and the pin move.
 fn scene(method: Method, backend: Backend) -> (Deformer, impl FnMut(&mut Deformer)) {
     let n = 60;
     let fabric = Fabric { bending: 1e-5, damping: 0.03, ..Fabric::default() };
@@ -79,6 +79,7 @@ fn scene(method: Method, backend: Backend) -> (Deformer, impl FnMut(&mut Deforme
             empty => *empty = Some(targets.clone()),
         }
         attributes.wind.x += 0.01;
+        attributes.colliders[0] = Collider::sphere(Vec3::new(0.0, -0.4, targets[0].y), 0.3);
         deformer.step(FRAME, &attributes).unwrap();
     };
     (Deformer::new(&mesh, options).unwrap(), advance)

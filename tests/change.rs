@@ -12,6 +12,7 @@ on_every_backend!(
     a_changed_cloth_is_one_made_so,
     a_change_to_the_same_changes_nothing,
     pins_that_are_let_go_fall_and_pinned_vertices_stay,
+    a_vertex_without_edges_that_is_let_go_stays,
     what_was_changed_outlasts_a_reset,
     edges_between_two_pins_are_not_measured,
     refusals_change_nothing
@@ -147,6 +148,20 @@ fn pins_that_are_let_go_fall_and_pinned_vertices_stay(backend: Backend) {
     cloth.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
     let end = cloth.positions().unwrap();
     assert!(end[3].distance(Vec3::ONE) < 1e-6 && end[0].length() < 1e-6);
+}
+
+/// Beside a cloth, a vertex without edges has no motion of its own.
+fn a_vertex_without_edges_that_is_let_go_stays(backend: Backend) {
+    let mut mesh = Mesh::grid(4, 4, 0.3, 0.3);
+    mesh.positions.push(Vec3::X);
+    let mut cloth = Deformer::new(&mesh, Options { pinned: vec![16], ..options(backend) }).unwrap();
+    let led = Vec3::new(1.0, 0.02, 0.0);
+    cloth.step(FRAME, &Attributes { pin_targets: Some(vec![led]), ..Attributes::default() }).unwrap();
+    assert!(cloth.velocities().unwrap()[16].y > 0.1);
+    cloth.set_pinned(vec![]).unwrap();
+    assert_eq!(cloth.velocities().unwrap()[16], Vec3::ZERO);
+    play(&mut cloth, 2, &Attributes::default());
+    assert_eq!((cloth.positions().unwrap()[16], cloth.velocities().unwrap()[16]), (led, Vec3::ZERO));
 }
 
 fn what_was_changed_outlasts_a_reset(backend: Backend) {

@@ -181,6 +181,7 @@ impl Cpu {
             return;
         }
         self.x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
+        cloth.stop_loose(&mut self.p);
         self.packed.forget(change);
     }
 

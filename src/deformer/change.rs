@@ -1,7 +1,5 @@
 //! Changes of fabric, masses and pins between steps.
 
-use std::collections::HashSet;
-
 use glam::{Vec3, Vec4};
 
 use super::Deformer;
@@ -11,7 +9,7 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::Fabric;
 use crate::options::Options;
 use crate::step::motion::Motion;
-use crate::step::watch::{Fastest, Watch};
+use crate::step::watch::Watch;
 
 impl Deformer {
     /// Changes the fabric from the next step on; [`Deformer::reset`] keeps the change.
@@ -41,7 +39,7 @@ impl Deformer {
 
     /// Changes which vertices are pinned from the next step on, as indices of the mesh; [`Deformer::reset`] keeps the
     /// change and moves the pins to their rest positions. A vertex is pinned where it is. A released vertex keeps the
-    /// velocity that its pin had. From then on [`Attributes::pin_targets`](crate::Attributes::pin_targets) are in the
+    /// velocity that its pin had, unless it has no edges and thus stays where it is. From then on [`Attributes::pin_targets`](crate::Attributes::pin_targets) are in the
     /// order of this list.
     ///
     /// This takes as long as [`Deformer::set_mass`]. If an edge between two pins appears or disappears it takes about
@@ -58,10 +56,7 @@ impl Deformer {
         self.look_back()?;
         let [mut x, mut p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
         x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
-        // Vertices without edges stay where they are once they are not pinned.
-        let pinned: HashSet<u32> = cloth.pinned.iter().copied().collect();
-        let stay = (0..).zip(&mut p).skip(cloth.used).filter(|(vertex, _)| !pinned.contains(vertex));
-        stay.for_each(|(_, p)| *p = Vec4::ZERO.with_w(p.w));
+        cloth.stop_loose(&mut p);
         let changed = self.engine.change(&cloth, &options, change, [&x, &p]);
         changed.map_err(|failure| self.failed(failure))?;
         if change != Change::Stiffness {
@@ -69,7 +64,6 @@ impl Deformer {
         }
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
-        self.in_step = (self.watch, Fastest::default());
         self.controller = self.controller.afresh();
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
         (self.cloth, self.options, self.shown) = (cloth, options, false);

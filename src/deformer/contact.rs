@@ -31,7 +31,7 @@ impl Deformer {
         #[cfg(feature = "gpu")]
         if let (Some(index), Backend::Gpu, true) = (mesh, self.backend(), IN_BROWSER) {
             let remedy = "must wait for the GPU in each step, which a browser does not allow; use Backend::Cpu";
-            return Err(invalid(format_args!("colliders[{index}].shape"), "a mesh", remedy));
+            return Err(invalid(format_args!("colliders[{index}].mesh"), "a mesh", remedy));
         }
         let contact = self.options.contact.or_else(|| mesh.map(|_| Contact::default()));
         let contact = contact.filter(|_| self.cloth.is_sheet);

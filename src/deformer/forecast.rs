@@ -10,7 +10,7 @@ use crate::model::cloth::Slivers;
 use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::{Division, FRAMES, Rates};
-use crate::step::watch::Fastest;
+use crate::step::watch::Bounds;
 
 /// Prediction of a step from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
@@ -56,8 +56,7 @@ impl Deformer {
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
-        let (_, fastest) = self.watch.with_step(&self.cloth, &self.motion, attributes, f64::from(dt), self.seen.as_ref());
-        let warnings = self.warnings(&decision, limited, fastest);
+        let warnings = self.warnings(&decision, limited);
         let (resolving, strain) = (resolving as f32, strain as f32);
         Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
     }
@@ -73,10 +72,9 @@ impl Deformer {
         (Rates::new(&self.cloth, options).explicit() / FRAMES).ceil().min(f64::from(u32::MAX)) as u32
     }
 
-    /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices and pins and colliders
-    /// whose fastest move as `fastest` says.
-    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize, fastest: Fastest) -> Vec<Warning> {
-        let &StepDecision { dt, division: Division { substeps, .. }, .. } = decision;
+    /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices.
+    pub(super) fn warnings(&self, decision: &StepDecision, limited: usize) -> Vec<Warning> {
+        let &StepDecision { dt, division: Division { substeps, .. }, fastest, .. } = decision;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });
@@ -103,7 +101,7 @@ impl Deformer {
         match failure {
             Failure::Unstable { cause, step } => {
                 let named = |vertex: usize| self.cloth.order[vertex] as usize;
-                let (speed, length) = self.bounds;
+                let Bounds { speed, edge_length: length } = self.bounds;
                 let (vertex, cause) = match cause {
                     Cause::Lost(vertex) => (named(vertex), Instability::NotFinite { vertex: named(vertex) }),
                     Cause::Energy(vertex) => (named(vertex), Instability::Energy { vertex: named(vertex), speed }),

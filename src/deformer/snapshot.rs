@@ -15,7 +15,7 @@ use crate::record::{Hash, Recorded, recorded};
 use crate::step::controller::Controller;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
-use crate::step::watch::{Fastest, Watch};
+use crate::step::watch::{Bounds, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
@@ -123,13 +123,13 @@ struct State {
     pace: Pace,
     still: Stillness,
     watch: Watch,
-    bounds: [f32; 2],
+    bounds: Bounds,
     gravity: Vec3,
 }
 
 recorded!(Content { identity, lanes, state });
 recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
-recorded!(StepDecision { dt, load, controller, rate, division, levels });
+recorded!(StepDecision { dt, load, controller, rate, division, levels } but { watch, fastest, bounds });
 
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that
@@ -160,7 +160,7 @@ impl Deformer {
             pace: self.pace.clone(),
             still: self.still.clone(),
             watch: self.watch,
-            bounds: self.bounds.into(),
+            bounds: self.bounds,
             gravity: self.gravity,
         };
         let identity = self.identity().iter().map(|(_, hash)| hash.0).collect();
@@ -202,9 +202,8 @@ impl Deformer {
         }
         let State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity, .. } = state;
         self.watch = self.watch.with_past(&watch);
-        self.in_step = (self.watch, Fastest::default());
         (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
-        (self.pace, self.still, self.bounds) = (pace, still, bounds.into());
+        (self.pace, self.still, self.bounds) = (pace, still, bounds);
         self.gravity = gravity;
         (self.shown, self.arrived) = (false, false);
         Ok(())

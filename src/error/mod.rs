@@ -250,8 +250,8 @@ pub enum Instability {
         /// The bound on the cloth's speed (m/s), the root of twice its kinetic energy over its mass.
         speed: f32,
     },
-    /// An edge is many times longer than the whole cloth. Each step checks some of the edges, so that every edge is
-    /// checked once in 128 steps.
+    /// An edge is many times longer than the whole cloth. Each step checks some of the edges: every edge is checked once in
+    /// 128 steps, or on a GPU in as many as the edges have colors.
     #[error("edge {}-{} is longer than {length} m, eight times the size of the cloth stretched by its weight and speed", ends[0], ends[1])]
     Edge {
         /// The two ends of the edge.

@@ -4,6 +4,7 @@
 //! passes (`tests/memory.rs`). Of the 350 bytes, 96 are the three edges stored here, 48 their coefficients for one
 //! length of substep, and 64 the state and the copy of it for undoing a step.
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -329,6 +330,13 @@ impl Cloth {
     /// Whether a vertex has edges. Others are in nobody's way.
     pub(crate) fn is_used(&self, vertex: u32) -> bool {
         (vertex as usize) < self.used
+    }
+
+    /// Ends the motion `p` of vertices that are not pinned and have no edges: they stay where they are.
+    pub(crate) fn stop_loose(&self, p: &mut [Vec4]) {
+        let pinned: HashSet<u32> = self.pinned.iter().copied().collect();
+        let loose = (0..).zip(p).skip(self.used).filter(|(vertex, _)| !pinned.contains(vertex));
+        loose.for_each(|(_, p)| *p = Vec4::ZERO.with_w(p.w));
     }
 
     /// Whether any pin can hold anything.

@@ -13,12 +13,19 @@ use crate::record::{Recorded, Tape, Unreadable};
 /// uses, which stay where they are (in a mesh without edges all fall as points). A triangle that names a vertex twice is an
 /// edge without area: a thread.
 /// [`Deformer::new`](crate::Deformer::new) checks indices and positions.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Mesh {
     /// Positions (m), one per vertex.
     pub positions: Vec<Vec3>,
     /// Vertex indices of each triangle, counter-clockwise seen from its front.
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// A mesh is equal to itself without a look at its vertices: a collider that rests is compared in every step.
+impl PartialEq for Mesh {
+    fn eq(&self, other: &Mesh) -> bool {
+        std::ptr::eq(self, other) || self.positions == other.positions && self.triangles == other.triangles
+    }
 }
 
 impl Mesh {

@@ -32,6 +32,45 @@ pub(crate) struct Load {
 
 recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pressure });
 
+/// What moves fastest in a step: an index in its list, and its speed (m/s).
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Fastest {
+    pub pin: (usize, f64),
+    /// Of the colliders that may touch the cloth, and of those among them that are no mesh.
+    pub collider: (usize, f64),
+    pub solid: (usize, f64),
+    /// The speed (m/s) of the fastest collider anywhere.
+    pub far_collider: f64,
+}
+
+impl Fastest {
+    /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics.
+    pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, seen: Option<&Statistics>) -> Fastest {
+        let mut fastest = Fastest::default();
+        let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
+            if speed > than.1 {
+                *than = (index, speed);
+            }
+        };
+        let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
+        for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
+            faster(&mut fastest.pin, index, (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt);
+        }
+        for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
+            let travel = travel(&now.shape, &last.shape);
+            let speed = travel / dt;
+            fastest.far_collider = fastest.far_collider.max(speed);
+            if speed > fastest.solid.1 && is_near(cloth, now, travel, dt, seen) {
+                faster(&mut fastest.collider, index, speed);
+                if !matches!(now.shape, Shape::Mesh { .. }) {
+                    faster(&mut fastest.solid, index, speed);
+                }
+            }
+        }
+        fastest
+    }
+}
+
 impl Load {
     /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, where v is the larger of the two speeds and L the
     /// cloth's extent.
@@ -60,20 +99,20 @@ impl Load {
     }
 
     /// The load in a step of `dt` (s) under `attributes`. `motion` is where the last step left off, `seen` the latest
-    /// statistics, if any; `has_contact` tells whether the scene has contact of triangles.
+    /// statistics, if any, `moves` what moves fastest; `has_contact` tells whether the scene has contact of triangles.
     pub(crate) fn of(
         cloth: &Cloth,
         motion: &Motion,
         attributes: &Attributes,
         dt: f32,
-        seen: Option<&Statistics>,
+        (seen, moves): (Option<&Statistics>, &Fastest),
         has_contact: bool,
     ) -> Load {
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
-            collider_speed: collider_speed(cloth, motion, attributes, dt, seen),
+            collider_speed: moves.collider.1,
             pressure: pressure(attributes),
             kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
         }
@@ -101,17 +140,9 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     f64::from(change) / f64::from(dt)
 }
 
-/// Speed (m/s) of the fastest collider that may touch the cloth during the step.
-fn collider_speed(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
-    let dt = f64::from(dt);
-    let moved = motion.followed(&attributes.colliders).map(|(now, last)| (now, travel(&now.shape, &last.shape)));
-    let near = moved.filter(|&(now, travel)| travel > 0.0 && is_near(cloth, now, travel, dt, seen));
-    near.map(|(_, travel)| travel).fold(0.0, f64::max) / dt
-}
-
 /// Whether a collider that moves by `travel` (m) may touch the cloth during a step of `dt` (s). True if nothing is
 /// known about the cloth yet.
-pub(crate) fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
+fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
     seen.is_none_or(|seen| {
         let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
         let [low, high] = [seen.low, seen.high].map(unordered);

@@ -109,6 +109,9 @@ fn distance(from: [Vec3; 2], to: [Vec3; 2]) -> f32 {
     from[0].distance(to[0]) + from[1].distance(to[1])
 }
 
+/// Up to so many colliders that moved, each is compared with each, which needs no memory.
+const FEW: usize = 16;
+
 /// Whether colliders can be matched by their order: their kinds agree, and no two of a kind that moved would have moved
 /// less if each were the other.
 fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl Iterator<Item = &'a Collider> + Clone) -> bool {
@@ -116,7 +119,12 @@ fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl 
     if !last.clone().map(kind).eq(now.clone().map(kind)) {
         return false;
     }
-    let moved: Vec<Way> = last.zip(now).map(|(last, now)| Way::new(last, now)).filter(|way| way.length > 0.0).collect();
+    let ways = last.zip(now).map(|(last, now)| Way::new(last, now)).filter(|way| way.length > 0.0);
+    if ways.clone().nth(FEW).is_none() {
+        let others = |index: usize| ways.clone().skip(index + 1);
+        return ways.clone().enumerate().all(|(index, way)| others(index).all(|other| !way.is_longer_than_exchanged(&other)));
+    }
+    let moved: Vec<Way> = ways.collect();
     let bounds = moved.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), way| (low.min(way.to[0]), high.max(way.to[0])));
     let axis = (bounds.1 - bounds.0).max_position();
     let sorted = |end: fn(&Way) -> [Vec3; 2]| {

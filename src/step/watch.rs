@@ -20,14 +20,12 @@
 
 use glam::Vec4;
 
-use crate::attributes::{Attributes, Shape};
+use crate::attributes::Attributes;
 use crate::kernels::params::Params;
-use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::{Method, Options};
 use crate::record::recorded;
-use crate::step::load::{is_near, pressure, travel};
-use crate::step::motion::Motion;
+use crate::step::load::{Fastest, pressure};
 use crate::step::substep_count::{Length, Rates};
 
 /// Factor between what can be explained and the bound.
@@ -70,13 +68,21 @@ pub(crate) struct Watch {
 
 recorded!(Watch { speed, spread, fallen, fastest, gone } but { per_mass, wave, bends, softest });
 
-/// The fastest pin of a step, the fastest collider that may touch the cloth, and the fastest one of these that is no mesh:
-/// index in its list, and speed (m/s).
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Fastest {
-    pub pin: (usize, f64),
-    pub collider: (usize, f64),
-    pub solid: (usize, f64),
+/// The bounds of a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    /// On the cloth's speed (m/s, root mean square).
+    pub speed: f32,
+    /// On the length (m) of an edge.
+    pub edge_length: f32,
+}
+
+recorded!(Bounds { speed, edge_length });
+
+impl Default for Bounds {
+    fn default() -> Bounds {
+        Bounds { speed: f32::MAX, edge_length: f32::MAX }
+    }
 }
 
 impl Watch {
@@ -111,41 +117,17 @@ impl Watch {
         Watch { per_mass: self.per_mass, wave: self.wave, bends: self.bends, softest: self.softest, ..*past }
     }
 
-    /// Adds a step of `dt` (s) that starts from `motion`. Also returns what is fastest in it, given the latest statistics.
-    pub(crate) fn with_step(
-        &self,
-        cloth: &Cloth,
-        motion: &Motion,
-        attributes: &Attributes,
-        dt: f64,
-        seen: Option<&Statistics>,
-    ) -> (Watch, Fastest) {
-        let (mut of_step, mut of_all) = (Fastest::default(), 0.0_f64);
-        let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
-        for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
-            let speed = (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt;
-            if speed > of_step.pin.1 {
-                of_step.pin = (index, speed);
-            }
-        }
-        for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
-            let by = travel(&now.shape, &last.shape);
-            let speed = by / dt;
-            of_all = of_all.max(speed);
-            if speed > of_step.solid.1 && is_near(cloth, now, by, dt, seen) {
-                of_step.collider = if speed > of_step.collider.1 { (index, speed) } else { of_step.collider };
-                of_step.solid = if matches!(now.shape, Shape::Mesh { .. }) { of_step.solid } else { (index, speed) };
-            }
-        }
+    /// Adds a step of `dt` (s).
+    pub(crate) fn with_step(&self, attributes: &Attributes, dt: f64, moves: &Fastest) -> Watch {
         let wind = attributes.wind.as_dvec3().length();
-        let fastest = self.fastest.max(wind).max(of_step.pin.1).max(of_all);
+        let fastest = self.fastest.max(wind).max(moves.pin.1).max(moves.far_collider);
         let fallen = self.fallen + attributes.gravity.as_dvec3().length() * dt;
-        let gone = self.gone + of_all * dt;
-        (Watch { fallen, fastest, gone, ..*self }, of_step)
+        let gone = self.gone + moves.far_collider * dt;
+        Watch { fallen, fastest, gone, ..*self }
     }
 
-    /// The bounds of a step: on the cloth's RMS speed (m/s), and on the length of an edge (m).
-    pub(crate) fn bounds(&self, cloth: &Cloth, rates: &Rates, attributes: &Attributes, length: Length) -> (f32, f32) {
+    /// The bounds of a step with substeps of this length.
+    pub(crate) fn bounds(&self, cloth: &Cloth, rates: &Rates, attributes: &Attributes, length: Length) -> Bounds {
         let h = f64::from(length.h);
         let longest = f64::from(cloth.longest);
         let elastic = if self.bends { 2.0 * longest / h } else { self.wave.min(longest / h) };
@@ -153,19 +135,20 @@ impl Watch {
         let speed = coarse(MARGIN * explained);
         let extent = cloth.extents.length();
         if extent < MIN_EXTENT {
-            return (speed, f32::MAX);
+            return Bounds { speed, ..Bounds::default() };
         }
         let stress = TRANSIENT * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes)) * cloth.extent;
         let stretch =
             extent * (stress / self.softest + explained / self.wave) + longest * rates.strain(stress, f64::from(length.longest));
-        (speed, coarse(MARGIN * (extent + stretch + self.spread) + self.gone + f64::from(speed) * h))
+        let edge_length = coarse(MARGIN * (extent + stretch + self.spread) + self.gone + f64::from(speed) * h);
+        Bounds { speed, edge_length }
     }
 
     /// Writes the bounds into a step's parameters.
-    pub(crate) fn tell(&self, params: &mut Params, (speed, length): (f32, f32)) {
+    pub(crate) fn limit(&self, params: &mut Params, Bounds { speed, edge_length }: Bounds) {
         params.per_length = (1.0 / (f64::from(speed) * f64::from(params.h))) as f32;
         params.per_mass = self.per_mass as f32;
-        params.longest = length;
+        params.longest = edge_length;
     }
 }
 

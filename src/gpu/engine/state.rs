@@ -66,15 +66,13 @@ impl GpuEngine {
             return Ok(false);
         }
         let gpu = self.gpu.clone();
+        if self.counter.is_none() && !past.pending.is_empty() {
+            let counter = gpu.checked(|| Ok(Counter::new(&gpu, &self.forces, cloth.gauges())));
+            self.counter = Some(counter.map_err(Failure::Gpu)?);
+        }
         if !self.resume_contact(cloth, options, past.contact.as_ref()).map_err(Failure::Gpu)? {
             return Ok(false);
         }
-        let counter = gpu.checked(|| {
-            let GpuEngine { forces, counter, .. } = &mut *self;
-            let counts = !past.pending.is_empty();
-            Ok(counter.take().or_else(|| counts.then(|| Counter::new(&gpu, forces, cloth.gauges()))))
-        });
-        self.counter = counter.map_err(Failure::Gpu)?;
         self.put(x, p, past.steps);
         self.readback.forget();
         self.report.forget();
