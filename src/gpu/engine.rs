@@ -10,8 +10,8 @@ mod state;
 
 use glam::Vec4;
 
-use crate::device::Gpu;
 use crate::device::fault::GpuFault;
+use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::Failure;
 use crate::gpu::commit::Commit;
 use crate::gpu::contact::GpuContact;
@@ -184,7 +184,8 @@ impl GpuEngine {
     /// Submits a step. Returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.is_whole()?;
-        if self.contact.is_some() || plan.has_contact() { self.step_with(plan) } else { self.step_alone(plan) }
+        let has_contact = !IN_BROWSER && (self.contact.is_some() || plan.has_contact());
+        if has_contact { self.step_with(plan) } else { self.step_alone(plan) }
     }
 
     /// Submits a step without contact of triangles.

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::GpuEngine;
 use crate::contact::ContactPast;
-use crate::device::Gpu;
 use crate::device::fault::GpuFault;
+use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::Failure;
 use crate::gpu::contact::{GpuContact, Judgment};
 use crate::gpu::submission::Submission;
@@ -20,9 +20,12 @@ use crate::step::plan::Plan;
 pub(super) struct Replaced(Option<Box<GpuContact>>);
 
 impl GpuEngine {
-    /// Adds contact of the cloth with itself to the engine, if there are options for it.
+    /// Adds contact of the cloth with itself to the engine, if there are options for it. There is none in a browser, which cannot
+    /// wait for the GPU; a constant says so, and the compiler leaves the code out.
     pub(crate) fn with_contact(mut self, cloth: &Cloth, contact: Option<Contact>) -> Result<GpuEngine, GpuFault> {
-        self.prepare_contact(cloth, contact, [].iter())?;
+        if !IN_BROWSER {
+            self.prepare_contact(cloth, contact, [].iter())?;
+        }
         Ok(self)
     }
 
@@ -68,6 +71,9 @@ impl GpuEngine {
         options: Option<Contact>,
         past: Option<&ContactPast>,
     ) -> Result<bool, GpuFault> {
+        if IN_BROWSER {
+            return Ok(past.is_none());
+        }
         let gpu = self.gpu.clone();
         let may_have = |past| self.contact.as_ref().is_some_and(|contact| contact.on_cpu.may_have(past));
         let replaced = match past {

@@ -1,6 +1,7 @@
 //! The commands of a step: its substeps, and its end.
 
 use super::{EdgeSweep, GpuEngine, Path};
+use crate::device::IN_BROWSER;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
 use crate::gpu::statistics::Counter;
@@ -50,7 +51,7 @@ impl GpuEngine {
                     per_color.encode(pass, plan, group);
                 }
             }
-            if let (Some(contact), Some(contact_plan)) = (&self.contact, contact_plan) {
+            if let (Some(contact), Some(contact_plan), false) = (&self.contact, contact_plan, IN_BROWSER) {
                 contact.encode(pass, contact_plan, substep, group);
             }
         }
