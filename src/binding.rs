@@ -15,7 +15,7 @@ use glam::{DMat3, DVec3, Vec3};
 use crate::gpu::BoundVertex;
 use crate::kernels::limits::{MAX_POSITION, is_bounded};
 use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::{Mesh, edges, is_proper};
+use crate::model::mesh::{Mesh, bounds, edges, is_proper};
 #[cfg(feature = "gpu")]
 use crate::model::vertex_order;
 use crate::model::winding::wind_alike;
@@ -308,9 +308,7 @@ impl<'a> TriangleTree<'a> {
     }
 
     fn node(&self, range: std::ops::Range<usize>) -> Node {
-        let corners = self.triangles[range.clone()].iter().flatten().map(|&corner| self.positions[corner as usize]);
-        let around = |(low, high): (Vec3, Vec3), x: Vec3| (low.min(x), high.max(x));
-        let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), around);
+        let [low, high] = bounds(self.triangles[range.clone()].iter().flatten().map(|&corner| self.positions[corner as usize]));
         Node { low, high, range, is_leaf: true }
     }
 
@@ -320,7 +318,7 @@ impl<'a> TriangleTree<'a> {
             return;
         }
         let extent = self.nodes[node].high - self.nodes[node].low;
-        let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
+        let axis = extent.max_position();
         let positions = self.positions;
         let center = |corners: &[u32; 3]| corners.iter().map(|&corner| positions[corner as usize][axis]).sum::<f32>();
         let middle = range.len() / 2;

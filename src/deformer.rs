@@ -77,7 +77,7 @@ pub struct Deformer {
     engine: Engine,
     /// The coarse levels, built when a step first needs them, and the number of levels that the last step asked for.
     hierarchy: Hierarchy,
-    asked: usize,
+    levels_asked: usize,
     /// Coefficients for the last length of substep.
     coefficients: Option<Coefficients>,
     motion: Motion,
@@ -98,13 +98,13 @@ pub struct Deformer {
     velocities: Vec<Vec3>,
     /// Positions last requested, in the mesh's order, and whether they have arrived and were not taken yet.
     requested: Vec<Vec3>,
-    arrived: bool,
+    has_arrived: bool,
     /// `positions` in local coordinates, which are more precise far from the origin.
     local: Vec<Vec4>,
     /// Gravity of the last step (m/s²), for the potential energy.
     gravity: Vec3,
     /// Whether `positions`, `velocities` and `local` are those of the current state.
-    shown: bool,
+    is_current: bool,
 }
 
 impl std::fmt::Debug for Deformer {
@@ -135,7 +135,7 @@ impl Deformer {
             rates,
             engine,
             hierarchy: Hierarchy::default(),
-            asked: 0,
+            levels_asked: 0,
             coefficients: None,
             motion,
             controller: Controller::default(),
@@ -149,10 +149,10 @@ impl Deformer {
             positions,
             velocities,
             requested: Vec::new(),
-            arrived: false,
+            has_arrived: false,
             local,
             gravity: Vec3::ZERO,
-            shown: true,
+            is_current: true,
         })
     }
 
@@ -248,13 +248,7 @@ impl Deformer {
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, (seen, &fastest), thickness.is_some());
         let trades = thickness.is_none() && self.trades_levels(attributes);
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
-        let rate = self.rates.rate(&self.options, controller.count());
-        let rate = thickness.map_or(rate, |thickness| rate.max(self.resolving_contact(thickness, load.kinematic_speed)));
-        let is_given = matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps;
-        // A number that was chosen here is no reason to fail, unless the step is too long for even the least.
-        // It is a whole number of substeps in 1/60 s, as the report gives it.
-        let most = FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST);
-        let rate = if is_given { rate } else { rate.min(most) };
+        let rate = self.rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
         let controller = if is_guess { controller } else { controller.after(rate) };
@@ -264,6 +258,18 @@ impl Deformer {
         let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
         Ok(StepDecision { dt, load, controller, rate, division, levels, watch, fastest, bounds })
+    }
+
+    /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
+    fn rate(&self, dt: f32, controller: &Controller, thickness: Option<f64>, load: &Load) -> f64 {
+        let asked = self.rates.rate(&self.options, controller.count());
+        let rate = thickness.map_or(asked, |thickness| asked.max(self.resolving_contact(thickness, load.kinematic_speed)));
+        if matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps {
+            return rate;
+        }
+        // A number that was chosen here is no reason to fail, unless the step is too long for even the least.
+        // It is a whole number of substeps in 1/60 s, as the report gives it.
+        rate.min(FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST))
     }
 
     /// Checks a step and updates the coefficients. Returns `None` if there is nothing to do.
@@ -278,10 +284,10 @@ impl Deformer {
         }
         let decision = self.decide(dt, attributes)?;
         let (length, levels) = (decision.division.length, decision.levels);
-        if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.asked != levels) {
+        if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
             self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, length));
-            self.asked = levels;
+            self.levels_asked = levels;
         }
         Ok(Some(decision))
     }
@@ -330,7 +336,7 @@ impl Deformer {
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.gravity = attributes.gravity;
-        self.shown = false;
+        self.is_current = false;
         let mut warnings = self.warnings(&decision, limited);
         warnings.extend(self.contact_warnings(attributes));
         let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
@@ -350,7 +356,7 @@ impl Deformer {
         self.forget();
         self.still = Stillness::default();
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
-        self.shown = false;
+        self.is_current = false;
     }
 
     /// The backend in use; never [`Backend::Auto`].

@@ -262,11 +262,11 @@ impl TriangleContact {
 
     /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
     /// impossible: see [`TriangleContact::detect`].
-    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, x: &[Vec4], u: &[Vec4], is_free: bool) -> bool {
+    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, x: &[Vec4], u: &[Vec4], floats: bool) -> bool {
         let path = Path { x, u, margin: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
         let moving_path = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
-        if !self.paths.are_followed(moving_path, is_free, width) && !self.detect(path, moving, is_free, width) {
+        if !self.paths.are_followed(moving_path, floats, width) && !self.detect(path, moving, floats, width) {
             return false;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);

@@ -70,10 +70,18 @@ pub(crate) struct EdgeBatches {
 }
 
 /// An edge with its index in the color order.
-type Placed = (u32, Edge);
+#[derive(Debug, Clone, Copy)]
+struct Placed {
+    index: u32,
+    edge: Edge,
+}
 
-/// An edge, and whether this lane applies its correction.
-type Lane = (Placed, bool);
+/// A lane of a row: its edge, and whether it applies that edge's correction.
+#[derive(Debug, Clone, Copy)]
+struct Lane {
+    placed: Placed,
+    corrects: bool,
+}
 
 /// Bit that marks a lane whose edge another row corrects.
 const NO_SHARE: u32 = 1 << 31;
@@ -125,8 +133,8 @@ impl EdgeBatches {
                 let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < colors[color].end));
                 rest = later;
                 edges_now.clear();
-                edges_now.extend(now.iter().map(|&place| (place, edges[place as usize])));
-                for end in edges_now.iter().flat_map(|(_, edge)| [edge.a, edge.b]) {
+                edges_now.extend(now.iter().map(|&index| Placed { index, edge: edges[index as usize] }));
+                for end in edges_now.iter().flat_map(|Placed { edge, .. }| [edge.a, edge.b]) {
                     let now = [index as u32, color as u32];
                     let before = std::mem::replace(&mut visited[end as usize], now);
                     assert!(before != now, "vertex {end} has two edges of a color");
@@ -184,10 +192,10 @@ impl Packer<'_> {
     fn color(&mut self, edges: &mut [Placed], open: usize) {
         let lanes = self.batches.lanes;
         // Edges of a contiguous row have the same vertex offset and consecutive first vertices.
-        let offset = |(_, edge): &Placed| edge.b.wrapping_sub(edge.a);
-        edges.sort_unstable_by_key(|edge| (offset(edge), edge.1.a));
-        let step = |edge: &Placed| if offset(edge) == 1 { 2 } else { 1 };
-        let follows = |one: &Placed, next: &Placed| offset(one) == offset(next) && next.1.a - one.1.a == step(one);
+        let offset = |Placed { edge, .. }: &Placed| edge.b.wrapping_sub(edge.a);
+        edges.sort_unstable_by_key(|placed| (offset(placed), placed.edge.a));
+        let step = |placed: &Placed| if offset(placed) == 1 { 2 } else { 1 };
+        let follows = |one: &Placed, next: &Placed| offset(one) == offset(next) && next.edge.a - one.edge.a == step(one);
         let mut apart: Vec<Placed> = Vec::new();
         for run in edges.chunk_by(follows) {
             if run.len() < lanes {
@@ -201,13 +209,13 @@ impl Packer<'_> {
                 let first = start.min(run.len() - lanes);
                 self.push(ends, open, |lane| {
                     let place = first + vector_of_lane(lane, lanes);
-                    (run[place], place >= start)
+                    Lane { placed: run[place], corrects: place >= start }
                 });
             }
         }
-        apart.sort_unstable_by_key(|(_, edge)| (edge.a, edge.b));
+        apart.sort_unstable_by_key(|Placed { edge, .. }| (edge.a, edge.b));
         for edges in apart.chunks(lanes) {
-            self.push(Ends::Listed, open, |lane| (edges[lane.min(edges.len() - 1)], true));
+            self.push(Ends::Listed, open, |lane| Lane { placed: edges[lane.min(edges.len() - 1)], corrects: true });
         }
     }
 
@@ -216,7 +224,7 @@ impl Packer<'_> {
     fn push(&mut self, ends: Ends, open: usize, lane: impl Fn(usize) -> Lane) {
         let EdgeBatches { lanes, factors, places, at, batches, .. } = &mut self.batches;
         let (lanes, row) = (*lanes, places.len() / *lanes);
-        let edge = |k: usize| lane(k).0.1;
+        let edge = |k: usize| lane(k).placed.edge;
         let first = match ends {
             Ends::Rows => at.rows.len(),
             Ends::Pairs => at.pairs.len(),
@@ -236,7 +244,7 @@ impl Packer<'_> {
         }
         let spelled = |k: usize| [0, 1].map(|end| ends.end(at, first, lanes, end, k));
         debug_assert!((0..lanes).all(|k| spelled(k) == [edge(k).a, edge(k).b]), "{ends:?}");
-        let share = |k: usize, end: usize| shares(&edge(k), lane(k).1, self.inverse_mass)[end];
+        let share = |k: usize, end: usize| shares(&edge(k), lane(k).corrects, self.inverse_mass)[end];
         factors.push(lanes, |k| edge(k).inverse_rest);
         factors.push(lanes, |k| share(k, 0));
         factors.push(lanes, |k| share(k, 1));
@@ -245,6 +253,7 @@ impl Packer<'_> {
             // memory of building.
             places.reserve_exact(places.len() / 32 + 64 * lanes);
         }
-        places.extend((0..lanes).map(|k| lane(k).0.0 | if lane(k).1 { 0 } else { NO_SHARE }));
+        let marked = |Lane { placed, corrects }: Lane| placed.index | if corrects { 0 } else { NO_SHARE };
+        places.extend((0..lanes).map(|k| marked(lane(k))));
     }
 }

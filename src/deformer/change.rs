@@ -66,7 +66,7 @@ impl Deformer {
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
         self.controller = self.controller.afresh();
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
-        (self.cloth, self.options, self.shown) = (cloth, options, false);
+        (self.cloth, self.options, self.is_current) = (cloth, options, false);
         self.wake();
         Ok(())
     }

@@ -102,7 +102,7 @@ impl Deformer {
     pub(super) fn forget(&mut self) {
         (self.controller, self.seen) = (Controller::default(), None);
         self.awaiting_statistics.clear();
-        self.arrived = false;
+        self.has_arrived = false;
         self.wake();
     }
 

@@ -205,7 +205,7 @@ impl Deformer {
         (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds);
         self.gravity = gravity;
-        (self.shown, self.arrived) = (false, false);
+        (self.is_current, self.has_arrived) = (false, false);
         Ok(())
     }
 

@@ -38,7 +38,7 @@ impl Deformer {
     pub fn request_positions(&mut self) -> Result<(), StepError> {
         let under_way = self.engine.request();
         let under_way = under_way.map_err(|failure| self.failed(failure))?;
-        self.arrived = !under_way;
+        self.has_arrived = !under_way;
         if !under_way {
             self.show()?;
             self.requested.clone_from(&self.positions);
@@ -58,14 +58,14 @@ impl Deformer {
             cloth.order.iter().zip(x).for_each(|(&vertex, x)| requested[vertex as usize] = x.truncate() + cloth.origin);
         });
         match arrived {
-            Ok(arrived) => self.arrived |= arrived,
+            Ok(arrived) => self.has_arrived |= arrived,
             Err(failure) => {
                 // Reading the state finds the same failure, and resets where the next step starts from.
                 let error = self.failed(failure);
                 return Err(self.show().err().filter(|error| matches!(error, StepError::Unstable { .. })).unwrap_or(error));
             }
         }
-        Ok(std::mem::take(&mut self.arrived).then_some(&*self.requested))
+        Ok(std::mem::take(&mut self.has_arrived).then_some(&*self.requested))
     }
 
     /// Velocities (m/s), one per vertex, in the mesh's order, as of half a substep ago (leapfrog).
@@ -115,7 +115,7 @@ impl Deformer {
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.forget();
-        self.shown = false;
+        self.is_current = false;
     }
 
     /// Sets where the colliders are now, so that the next step moves them from there. Without this, those of the first step
@@ -234,7 +234,7 @@ impl Deformer {
     pub(super) fn look_back(&mut self) -> Result<(), StepError> {
         let has_failed = self.engine.has_failed_late();
         if has_failed.map_err(|failure| self.failed(failure))? {
-            self.shown = false;
+            self.is_current = false;
             self.show()?;
         }
         Ok(())
@@ -253,7 +253,7 @@ impl Deformer {
 
     /// Updates `positions`, `velocities` and `local`.
     fn show(&mut self) -> Result<(), StepError> {
-        if self.shown {
+        if self.is_current {
             return Ok(());
         }
         let (last_h, read) = self.load();
@@ -262,7 +262,7 @@ impl Deformer {
             self.motion = last_h.map_or_else(|| self.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
             return Err(self.failed(failure));
         }
-        self.shown = true;
+        self.is_current = true;
         Ok(())
     }
 

@@ -43,7 +43,7 @@ impl Deformer {
         self.motion.colliders.clear();
         self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();
-        (self.shown, self.arrived) = (false, false);
+        (self.is_current, self.has_arrived) = (false, false);
         Ok(())
     }
 }

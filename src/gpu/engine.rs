@@ -256,7 +256,24 @@ impl GpuEngine {
 
     /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
-        let levels = plan.coefficients.levels.len();
+        let (path, forced, has_new_levels) = self.make_stages(plan, crowd);
+        let averages = self.multigrid.as_ref().map(|multigrid| &multigrid.averages);
+        let has_moved = self.forces.prepare(&self.gpu, &forced, path == Path::SingleWorkgroup, averages);
+        if self.bodies.send(&self.gpu, plan.bodies_and_anchors) | has_moved | has_new_levels {
+            self.rebind_sweep();
+        }
+        self.prepare_sweep(plan, path);
+        if path != Path::SingleWorkgroup && !self.is_checked(plan) {
+            self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
+        }
+        self.prepare_counter(plan);
+        self.stats = self.count(plan, path);
+        path
+    }
+
+    /// Makes the stages that the step needs and that do not exist yet. Returns how it is to be executed, the part of it that is
+    /// computed before its sweep, and whether the coarse levels are new.
+    fn make_stages<'a>(&mut self, plan: &Plan<'a>, crowd: bool) -> (Path, Plan<'a>, bool) {
         if (crowd || self.is_small(plan)) && !plan.has_contact() {
             self.make_single_workgroup(plan);
         }
@@ -265,37 +282,43 @@ impl GpuEngine {
             self.make_bent(plan);
         }
         let forced = self.forced(plan);
+        if plan.coefficients.levels.is_empty() || path == Path::SingleWorkgroup {
+            return (path, forced, false);
+        }
         let GpuEngine { gpu, forces, sweep, multigrid, room, .. } = self;
-        let mut moved = false;
-        if levels > 0 && path != Path::SingleWorkgroup {
-            let multigrid = multigrid.get_or_insert_with(|| {
-                if let EdgeSweep::Tiled(tiled) = sweep {
-                    tiled.set_labels(gpu, &plan.levels[0].label);
-                }
-                moved = true;
-                let room = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*room);
-                Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
-            });
-            multigrid.prepare(gpu, plan);
-            self.make_corrected(plan);
-        }
-        let averages = self.multigrid.as_ref().map(|multigrid| &multigrid.averages);
-        moved |= self.forces.prepare(&self.gpu, &forced, path == Path::SingleWorkgroup, averages);
-        let (bends, corrects) = (self.bends_in_tiles(plan), self.corrects_in_tiles(plan));
+        let are_new = multigrid.is_none();
+        let multigrid = multigrid.get_or_insert_with(|| {
+            if let EdgeSweep::Tiled(tiled) = sweep {
+                tiled.set_labels(gpu, &plan.levels[0].label);
+            }
+            let room = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*room);
+            Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
+        });
+        multigrid.prepare(gpu, plan);
+        self.make_corrected(plan);
+        (path, forced, are_new)
+    }
+
+    /// Binds the sweep to buffers that are new.
+    fn rebind_sweep(&mut self) {
         let GpuEngine { gpu, forces, bodies, sweep, bent, corrected, multigrid, single_workgroup, commit, .. } = self;
-        if bodies.send(gpu, plan.bodies_and_anchors) | moved {
-            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
-            match sweep {
-                EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
-                EdgeSweep::Tiled(tiled) => {
-                    let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
-                    std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
-                }
-            }
-            if let Some(single) = single_workgroup {
-                single.rebind(gpu, bound);
+        let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
+        match sweep {
+            EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
+            EdgeSweep::Tiled(tiled) => {
+                let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
+                std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
             }
         }
+        if let Some(single) = single_workgroup {
+            single.rebind(gpu, bound);
+        }
+    }
+
+    /// Uploads the tables of the sweep.
+    fn prepare_sweep(&mut self, plan: &Plan<'_>, path: Path) {
+        let (bends, corrects) = (self.bends_in_tiles(plan), self.corrects_in_tiles(plan));
+        let GpuEngine { gpu, sweep, bent, corrected, single_workgroup, .. } = self;
         match (path, sweep, single_workgroup) {
             (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, EdgeSweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
@@ -304,12 +327,6 @@ impl GpuEngine {
                 more.unwrap_or(tiled).prepare(gpu, plan);
             }
         }
-        if path != Path::SingleWorkgroup && !self.is_checked(plan) {
-            self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
-        }
-        self.prepare_counter(plan);
-        self.stats = self.count(plan, path);
-        path
     }
 
     /// Prepares the statistics of the step, if they are wanted.

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::device::Gpu;
@@ -15,6 +15,7 @@ use crate::kernels::distance::Edge;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
+use crate::model::mesh::bounds;
 
 /// The value of `stages/sweep.wgsl` for no edge, no label and no pin.
 pub(crate) const NO_EDGE: u32 = u32::MAX;
@@ -257,7 +258,7 @@ fn halve(mut set: Vec<u32>, rest: &[Vec4], most: usize, pieces: &mut Vec<Vec<u32
 /// The two halves of a set of vertices, cut across its longest extent.
 fn cut(mut set: Vec<u32>, rest: &[Vec4]) -> [Vec<u32>; 2] {
     let at = |vertex: u32| rest[vertex as usize].truncate();
-    let (low, high) = set.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &v| (low.min(at(v)), high.max(at(v))));
+    let [low, high] = bounds(set.iter().map(|&vertex| at(vertex)));
     let axis = (high - low).max_position();
     let middle = set.len() / 2;
     set.select_nth_unstable_by(middle, |&a, &b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(&b)));

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::model::csr::Csr;
 use crate::record::{Recorded, Tape, Unreadable};
 
 /// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
@@ -123,6 +124,17 @@ impl Recorded for Arc<Mesh> {
 pub(crate) fn bounds<V: Borrow<Vec3>>(points: impl IntoIterator<Item = V>) -> [Vec3; 2] {
     let points = points.into_iter().map(|x| *x.borrow());
     points.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
+/// The triangles at each of the edges, which are those of `index`.
+pub(crate) fn triangles_at(edges: &[[u32; 2]], triangles: &[[u32; 3]], index: &EdgeIndex) -> Csr<u32> {
+    let sides = (0..).zip(triangles).flat_map(|(triangle, &corners)| sides(corners).map(move |side| (side, triangle)));
+    Csr::new(edges.len(), sides.map(|(side, triangle)| (index.of(side) as u32, triangle)))
+}
+
+/// Whether the corners of a triangle go around it from the first end of a side to the second.
+pub(crate) fn follows([a, b, c]: [u32; 3], side: [u32; 2]) -> bool {
+    [[a, b], [b, c], [c, a]].contains(&side)
 }
 
 /// The parameter, from 0 to 1, of the point of a segment that is nearest to `x`.

@@ -1,19 +1,14 @@
 //! Consistent winding: neighboring triangles turn the same way, so that their normals can be summed and compared.
 
-use crate::model::csr::Csr;
-use crate::model::mesh::{EdgeIndex, sides};
+use crate::model::mesh::{EdgeIndex, follows, sides, triangles_at};
 
 /// Winds triangles alike that share an edge with no third one, by turning over at most half of each connected part. A part
 /// that cannot be wound alike, like a Möbius strip, has a line across which it is not. `edges` are those of the triangles,
 /// sorted.
 pub(crate) fn wind_alike(triangles: &mut [[u32; 3]], edges: &[[u32; 2]], vertices: usize) {
     let index = EdgeIndex::new(edges, vertices);
-    let at_edges = (0..).zip(&*triangles).flat_map(|(place, &triangle)| sides(triangle).map(move |side| (side, place)));
-    let at_edges: Csr<u32> = Csr::new(edges.len(), at_edges.map(|(side, place)| (index.of(side) as u32, place)));
-    let follows = |triangle: u32, ends: [u32; 2]| {
-        let [a, b, c] = triangles[triangle as usize];
-        [[a, b], [b, c], [c, a]].contains(&ends)
-    };
+    let at_edges = triangles_at(edges, triangles, &index);
+    let follows = |triangle: u32, ends: [u32; 2]| follows(triangles[triangle as usize], ends);
     let mut is_turned: Vec<Option<bool>> = vec![None; triangles.len()];
     let mut turned = Vec::new();
     for first in 0..triangles.len() as u32 {

@@ -8,6 +8,7 @@ use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
+use crate::model::mesh::bounds;
 
 /// The mass properties of an aggregate at rest. A vertex counts as an aggregate of one.
 #[derive(Debug, Clone, Copy, Default)]
@@ -113,8 +114,8 @@ fn bisect(group: &mut [u32], depth: u32, way: u32, rest: &[Vec3], path: &mut [u3
 /// Cuts a group in two across the longest side of its bounding box, between two grid rows if possible.
 fn cut<'a>(group: &'a mut [u32], rest: &[Vec3]) -> (&'a mut [u32], &'a mut [u32]) {
     let at = |vertex: &u32| rest[*vertex as usize];
-    let low = group.iter().map(at).fold(Vec3::INFINITY, Vec3::min);
-    let size = group.iter().map(at).fold(Vec3::NEG_INFINITY, Vec3::max) - low;
+    let [low, high] = bounds(group.iter().map(at));
+    let size = high - low;
     // Within rounding errors, equal sides count as equal and x is preferred.
     let longest = size.max_element();
     let axis = (0..3).find(|&axis| size[axis] >= 0.9999 * longest).unwrap_or(0);

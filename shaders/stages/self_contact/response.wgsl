@@ -1,7 +1,6 @@
 // Computes the response that holds near pairs apart.
 //
-// Each iteration of the response is a dispatch over
-// pairs, followed by one over vertices that applies the sums.
+// Each iteration of the response is a dispatch over pairs, followed by one over vertices that applies the sums.
 
 // How much farther contact may move a vertex than it was about to move, as a multiple of its `half_gap_of`.
 const FARTHER: f32 = 0.45;

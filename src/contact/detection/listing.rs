@@ -34,7 +34,7 @@ impl TriangleContact {
 
     /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
     /// too many pairs, or if the state is not finite, which the end of the step reports.
-    pub(crate) fn detect(&mut self, path: Path<'_>, moving: usize, is_free: bool, width: Width) -> bool {
+    pub(crate) fn detect(&mut self, path: Path<'_>, moving: usize, floats: bool, width: Width) -> bool {
         let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
         if !sum.is_finite() {
             return false;
@@ -46,11 +46,11 @@ impl TriangleContact {
         let is_known = !self.may_cross && self.ignored.crossings.is_empty();
         let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
         let mut strayed = std::mem::take(&mut self.detection.strayed);
-        let listed = if is_listed && self.paths.strayed(moving_path, is_free, &mut strayed) {
-            self.list_around(&strayed, path, is_free, width)
+        let listed = if is_listed && self.paths.strayed(moving_path, floats, &mut strayed) {
+            self.list_around(&strayed, path, floats, width)
         } else {
             self.tally.detections += 1;
-            self.list_all(path, is_free, width)
+            self.list_all(path, floats, width)
         };
         self.detection.strayed = strayed;
         if let Err(too_many) = listed {
@@ -61,14 +61,14 @@ impl TriangleContact {
     }
 
     /// Lists all pairs, for new paths.
-    fn list_all(&mut self, path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+    fn list_all(&mut self, path: Path<'_>, floats: bool, width: Width) -> Result<(), usize> {
         let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         // A short list may become longer: margins are as large as the surface allows. A list is long if it has several times as
         // many pairs as a substep works on, which are the vertices' and the near ones.
         let is_short = 4 * listed < path.x.len();
         let is_long = listed > 4 * (path.x.len() + self.tally.near as usize);
-        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * surface.thickness, is_free);
+        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * surface.thickness, floats);
         if bodies.are_still {
             paths.margin[bodies.first..].fill(0.0);
         }
@@ -87,12 +87,12 @@ impl TriangleContact {
     }
 
     /// Lists more pairs, around some vertices that get new paths.
-    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, is_free: bool, width: Width) -> Result<(), usize> {
+    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, floats: bool, width: Width) -> Result<(), usize> {
         let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         if !detection.is_fitted {
             detection.fit(detection_input(surface, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
-        paths.restart(strayed, path, surface, MIN_MARGIN * surface.thickness, is_free);
+        paths.restart(strayed, path, surface, MIN_MARGIN * surface.thickness, floats);
         bodies.are_known &= bodies.are_still;
         let input = detection_input(surface, false, paths, path.workers, width);
         detection.run_around(input, strayed, [of_cloth, of_bodies], lists)

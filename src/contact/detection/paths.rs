@@ -83,15 +83,15 @@ impl Paths {
         self.by.get(first..).is_some_and(|by| by.iter().any(|by| xyz(*by) != Vec3A::ZERO))
     }
 
-    /// Whether all vertices will be close to their paths after this substep. If `is_free`, there are no kinematic
+    /// Whether all vertices will be close to their paths after this substep. If `floats`, there are no kinematic
     /// vertices, and the mean deviation is subtracted first: a common translation brings no two vertices closer to each
     /// other.
-    pub(crate) fn are_followed(&self, path: Path<'_>, is_free: bool, width: Width) -> bool {
+    pub(crate) fn are_followed(&self, path: Path<'_>, floats: bool, width: Width) -> bool {
         let Some(since) = self.since else { return false };
         if since >= self.ahead || self.from.len() < path.x.len() {
             return false;
         }
-        let (substeps, [common, _]) = (since + 1.0, self.common(path, is_free));
+        let (substeps, [common, _]) = (since + 1.0, self.common(path, floats));
         let all = AtomicBool::new(true);
         let test = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
         let (count, part) = (path.x.len(), path.workers.part(path.x.len(), GRAIN));
@@ -102,12 +102,12 @@ impl Paths {
     }
 
     /// Finds the vertices that have strayed, or will soon. Returns false if these are many, or if the paths are over.
-    pub(crate) fn strayed(&self, path: Path<'_>, is_free: bool, strayed: &mut Vec<u32>) -> bool {
+    pub(crate) fn strayed(&self, path: Path<'_>, floats: bool, strayed: &mut Vec<u32>) -> bool {
         strayed.clear();
         if self.since.is_none_or(|since| since >= self.ahead) || self.from.len() < path.x.len() {
             return false;
         }
-        let [common, _] = self.common(path, is_free);
+        let [common, _] = self.common(path, floats);
         let most = ((FEW * path.x.len() as f32) as usize).saturating_sub(self.renewed as usize);
         let is_near =
             |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < NEARLY * NEARLY;
@@ -116,8 +116,8 @@ impl Paths {
     }
 
     /// Starts new paths for some vertices, as if they had been on them since the last detection.
-    pub(crate) fn restart(&mut self, vertices: &[u32], path: Path<'_>, surface: &Surface, least: f32, is_free: bool) {
-        let [common, rate] = self.common(path, is_free);
+    pub(crate) fn restart(&mut self, vertices: &[u32], path: Path<'_>, surface: &Surface, least: f32, floats: bool) {
+        let [common, rate] = self.common(path, floats);
         let steps = self.since.map_or(0.0, |since| since + 1.0);
         self.renewed += vertices.len() as u32;
         for vertex in vertices.iter().map(|&vertex| vertex as usize) {
@@ -137,9 +137,9 @@ impl Paths {
     }
 
     /// An estimate of the common deviation (m), from a few vertices, and its growth in this substep; zero unless the cloth
-    /// `is_free`. Accuracy does not matter: subtracting the same vector from all vertices is always valid.
-    fn common(&self, path: Path<'_>, is_free: bool) -> [Vec3A; 2] {
-        if !is_free {
+    /// `floats`. Accuracy does not matter: subtracting the same vector from all vertices is always valid.
+    fn common(&self, path: Path<'_>, floats: bool) -> [Vec3A; 2] {
+        if !floats {
             return [Vec3A::ZERO; 2];
         }
         let samples = (0..path.x.len()).step_by(path.x.len().div_ceil(SAMPLES));
@@ -154,13 +154,13 @@ impl Paths {
     /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
     /// last; if the list `is_short`, the margins are the largest that the surface allows. Looks farther ahead if the last paths
     /// lasted, unless the list `is_long` already.
-    pub(crate) fn adapt(&mut self, path: Path<'_>, is_short: bool, is_long: bool, surface: &Surface, least: f32, is_free: bool) {
+    pub(crate) fn adapt(&mut self, path: Path<'_>, is_short: bool, is_long: bool, surface: &Surface, least: f32, floats: bool) {
         let most = &surface.max_margin;
         let known = self.since.filter(|_| self.from.len() == path.x.len() && !is_short);
         let mut margin = std::mem::take(&mut self.margin);
         margin.resize(path.x.len(), 0.0);
         if let Some(since) = known {
-            let [common, _] = self.common(path, is_free);
+            let [common, _] = self.common(path, floats);
             let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
             path.workers.chunks(&mut margin, GRAIN, |first, margin| {
                 for (vertex, margin) in (first..).zip(margin) {

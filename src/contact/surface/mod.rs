@@ -17,7 +17,7 @@ use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
-use crate::model::mesh::{self, EdgeIndex, Mesh, is_proper, sides};
+use crate::model::mesh::{self, EdgeIndex, Mesh, follows, is_proper, sides};
 use crate::options::Contact;
 use crate::simd::MAX_LANES;
 
@@ -260,10 +260,7 @@ impl Surface {
         let (mut borders, mut odd) = (vec![0_u32; angle.len()], vec![false; angle.len()]);
         let at_edges = self.at_edges();
         for (edge, ends) in self.edges.iter().enumerate() {
-            let follows = |&triangle: &u32| {
-                let [a, b, c] = self.triangles[triangle as usize];
-                [[a, b], [b, c], [c, a]].contains(ends)
-            };
+            let follows = |&triangle: &u32| follows(self.triangles[triangle as usize], *ends);
             let is_odd = match at_edges.of(edge as u32) {
                 [_] => {
                     ends.iter().for_each(|&end| borders[end as usize] += 1);
@@ -337,7 +334,7 @@ fn split(triangles: &mut [[u32; 3]], node: Node, count: usize, depth: u32, key: 
         is_one &= of == piece;
     }
     let extent = high - low;
-    let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { 1 + usize::from(extent.z > extent.y) };
+    let axis = extent.max_position();
     triangles.select_nth_unstable_by(middle, |a, b| {
         let ((piece_a, a_center), (piece_b, b_center)) = (key(a), key(b));
         let by_piece = if is_one { std::cmp::Ordering::Equal } else { piece_a.cmp(&piece_b) };

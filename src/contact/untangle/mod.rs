@@ -21,7 +21,7 @@ use super::crossings::Features;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
-use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, sides};
+use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, triangles_at};
 
 /// Most rounds, and most rounds in a row without a decrease in the number of crossings.
 const ROUNDS: usize = 400;
@@ -61,9 +61,7 @@ impl Tangle {
             triangles.extend(proper.map(|triangle| triangle.map(|vertex| vertex + first)));
         }
         let edges = edges(&triangles);
-        let index = EdgeIndex::new(&edges, all.len());
-        let of_edges = (0..).zip(&triangles).flat_map(|(triangle, &corners)| sides(corners).map(move |side| (side, triangle)));
-        let at_edges = Csr::new(edges.len(), of_edges.map(|(side, triangle)| (index.of(side) as u32, triangle)));
+        let at_edges = triangles_at(&edges, &triangles, &EdgeIndex::new(&edges, all.len()));
         Tangle { x: all, of_cloth: x.len(), triangles, edges, at_edges, thickness }
     }
 

@@ -157,6 +157,7 @@ impl GpuEngine {
         })
         .map_err(Failure::Gpu)
     }
+
     /// A render mesh that follows the cloth, its vertices given.
     pub(crate) fn bind(&self, cloth: &Cloth, vertices: &[BoundVertex]) -> Result<BoundMesh, GpuFault> {
         BoundMesh::new(&self.gpu, cloth, &self.forces.states[0].x, vertices)

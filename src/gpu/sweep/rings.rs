@@ -36,6 +36,7 @@ fn push_entries(vertices: &[u32], entries: &Csr<BendEntry>, [bent, ring]: [usize
         (0..3).for_each(|word| table.extend((0..bent).map(|k| words(k)[word])));
     }
 }
+
 /// Adds to each tile the vertices whose moments act on those that it sweeps, and the ring around these. `None` if some
 /// tile would have no room, or more vertices than a workgroup has invocations.
 pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>) -> Option<(Tiles, Rings)> {

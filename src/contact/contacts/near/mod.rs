@@ -4,7 +4,6 @@
 pub(super) mod approach;
 pub(super) mod group;
 pub(super) mod portions;
-mod reused;
 pub(crate) mod voronoi;
 
 use glam::Vec4;
@@ -166,10 +165,11 @@ impl Loop for Find<'_> {
             let mut acts = L::bits(proximity.acting(kind, u, corners, thickness, around).0);
             if near != acts {
                 if first == MAX_LANES {
-                    blocks.add().near = 0;
+                    blocks.push(Block::default());
                     first = 0;
                 }
-                let block = blocks.newest();
+                let last = blocks.len() - 1;
+                let block = &mut blocks[last];
                 block.corners[first..first + L::LANES].copy_from_slice(corners);
                 proximity.note(kind, thickness, block, first);
                 block.near &= !(acts << first);

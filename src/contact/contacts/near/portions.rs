@@ -9,7 +9,6 @@ use glam::Vec4;
 
 use super::approach::{ApproachBound, BUNCH, Bunches};
 use super::group::{Block, Group};
-use super::reused::Reused;
 use crate::contact::ranges::Ranges;
 use crate::contact::surface::pairs::{Kind, Listed};
 use crate::contact::workers::Workers;
@@ -34,7 +33,7 @@ pub(crate) struct Portion {
     /// Others that act for the first time in this substep, by their place in the portion.
     pub joining: Vec<u16>,
     /// Blocks with the other near pairs; some of their lanes hold pairs that are not near.
-    pub blocks: Reused<Block>,
+    pub blocks: Vec<Block>,
     /// How many pairs are near and how many press, where any are near.
     pub near: u32,
     pub pressing: u32,
