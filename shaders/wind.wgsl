@@ -5,11 +5,11 @@ struct Panel {
     mass: f32,
 }
 
-// k A / (1 + kick k A/m), where `kick` is the time for which the force acts. Exact for a free panel in steady air, and
-// never reverses the velocity relative to it.
+// k A, less where it would reverse the velocity relative to the air within the time for which it acts.
 fn limited(k: f32, area: f32, mass: f32, substep: Substep) -> f32 {
     let kick = substep.gain / params.h;
-    return k * area / (1.0 + kick * k * area / mass);
+    let per_share = 1.0 / max(kick * k * area / mass, 0.5);
+    return k * area * per_share * (1.0 - 0.25 * per_share);
 }
 
 // Drag along the flow and lift across it (Keckeisen et al. 2004), combined as a normal and a tangential part.

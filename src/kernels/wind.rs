@@ -18,8 +18,7 @@ pub(crate) struct Panel {
 /// and `v_t` the parts of it along and across the normal, and `s = |v_n|/|v|`. Drag is `-rho/2 A C_D |v_n| v`, along
 /// the flow. Lift is `-rho/2 A C_L |v| (v_n - s² v)`, across it and greatest at 45 degrees.
 ///
-/// Both are combined as `-A (k_n v_n + k_t v_t)`, and each `k` is limited to `k / (1 + kick k A/m)`, where `kick` (s)
-/// is the time for which the force acts. This is exact for a free panel in steady air, and never reverses the relative
+/// Both are combined as `-A (k_n v_n + k_t v_t)`, with each `k` [`limited`] so that the force never reverses the relative
 /// velocity, however strong the wind.
 #[inline(always)]
 pub(crate) fn wind_force<L: Lanes>(
@@ -50,8 +49,12 @@ pub(crate) fn wind_force<L: Lanes>(
     Vector::select(flat, Vector::zero(), force * L::splat(-1.0))
 }
 
-/// `k A / (1 + kick k A/m)`, given `kick A/m`.
+/// `k A` times a factor of `s = kick k A/m`, given `kick A/m`, where `kick` (s) is the time for which the force acts. It takes
+/// the share `s` of the relative velocity, of which the force is a quadratic function. The factor is 1 up to `s = 1/2`, so that
+/// the air carries what gravity and the cloth put on it; from there on it is `(1 - 1/(4s))/s`, with which the velocity after the
+/// kick neither reverses nor decreases as the velocity before increases.
 #[inline(always)]
 fn limited<L: Lanes>(k: L, area: L, kick: L) -> L {
-    k * area / k.mul_add(kick, L::splat(1.0))
+    let per_share = L::splat(1.0) / (k * kick).max(L::splat(0.5));
+    k * area * per_share * per_share.neg_mul_add(L::splat(0.25), L::splat(1.0))
 }

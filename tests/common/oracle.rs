@@ -93,7 +93,10 @@ pub fn wind_force(x: [Vec3A; 3], v: Vec3A, mass: f32, kick: f32, half_density: f
     let (area, n) = (0.5 * cross.length(), cross.normalize());
     let (normal, speed) = (v.dot(n) * n, v.length().max(1e-10));
     let sine = normal.length() / speed;
-    let limited = |k: f32| k * area / (1.0 + kick * k * area / mass);
+    let limited = |k: f32| {
+        let share = kick * k * area / mass;
+        if share < 0.5 { k * area } else { k * area * (share - 0.25) / (share * share) }
+    };
     let k_n = limited(half_density * (drag * normal.length() + lift * speed * (1.0 - sine * sine)));
     let k_t = limited(half_density * normal.length() * (drag - lift * sine));
     -(k_n * normal + k_t * (v - normal))
