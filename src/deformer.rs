@@ -246,14 +246,14 @@ impl Deformer {
         let seen = self.seen.as_ref();
         let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, (seen, &fastest), thickness.is_some());
-        let trades = thickness.is_none() && self.trades_levels(attributes);
+        let trades = thickness.is_none() && self.trades_levels(load.pressure);
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
         let controller = if is_guess { controller } else { controller.after(rate) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
-        let levels = self.rates.levels(&self.cloth, &self.options, division.length, attributes);
+        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.pressure);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
@@ -332,7 +332,7 @@ impl Deformer {
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.watch = watch;
-        self.motion.h = dt / substeps as f32;
+        (self.motion.dt, self.motion.h) = (dt, dt / substeps as f32);
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.gravity = attributes.gravity;

@@ -372,3 +372,57 @@ fn when_to_sleep_is_checked() {
         assert!(matches!(Deformer::new(&mesh, options), Err(BuildError::Value { .. })), "{sleep:?}");
     }
 }
+
+/// A cape and the body in it take as many substeps on a train as on the ground: only relative motion counts.
+#[test]
+fn a_common_motion_takes_no_substeps() {
+    let mut mesh = Mesh::grid(16, 20, 0.6, 1.0);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, 1.4, x.z - 0.75));
+    let pinned: Vec<u32> = (304..320).collect();
+    let run = |velocity: Vec3| {
+        let contact = Some(Contact::default());
+        let options = Options { backend: Backend::Cpu, pinned: pinned.clone(), contact, ..Options::default() };
+        let mut cape = Deformer::new(&mesh, options).unwrap();
+        cape.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
+        let at = |frame: u32| velocity * (frame as f32 * FRAME) + Vec3::X * 0.1 * (frame as f32 * 5.0 * FRAME).sin();
+        let body = |frame: u32| vec![Collider::capsule(at(frame) + Vec3::Y * 0.9, at(frame) + Vec3::Y * 1.4, 0.18)];
+        cape.place_colliders(&body(0)).unwrap();
+        let mut step = |frame: u32| {
+            let pin_targets = Some(pinned.iter().map(|&pin| mesh.positions[pin as usize] + at(frame)).collect());
+            let air = Attributes { wind: velocity, air_density: 1.2, ..Attributes::default() };
+            cape.step(FRAME, &Attributes { colliders: body(frame), pin_targets, ..air }).unwrap()
+        };
+        // At first nothing is known of the pins' velocity.
+        step(1);
+        let reports: Vec<StepReport> = (2..60).map(step).collect();
+        let outruns =
+            |report: &StepReport| report.warnings.iter().any(|warning| matches!(warning, Warning::ColliderOutruns { .. }));
+        (reports.iter().map(|report| report.substeps).sum::<u32>(), reports.iter().filter(|report| outruns(report)).count())
+    };
+    let [(still, warned), (riding, more)] = [Vec3::ZERO, Vec3::new(16.0, 0.0, 12.0)].map(run);
+    println!("{still} substeps and {warned} warnings on the ground, {riding} and {more} at 20 m/s");
+    assert!(riding <= still + still / 20 && more <= warned, "{still}, {warned} and {riding}, {more}");
+}
+
+/// Pins that are led smoothly accelerate as much in frames of unequal length as in equal ones.
+#[test]
+fn unequal_frames_take_no_substeps() {
+    let mesh = Mesh::grid(24, 24, 1.0, 1.0);
+    let run = |frames: &[f32]| {
+        let mut cloth = Deformer::new(&mesh, Options { backend: Backend::Cpu, pinned: top(24), ..Options::default() }).unwrap();
+        let (mut time, mut substeps) = (0.0_f32, 0);
+        for &dt in frames.iter().cycle() {
+            if time >= 3.0 {
+                break;
+            }
+            time += dt;
+            let by = Vec3::new(0.3 * (3.0 * time).sin(), 0.0, 0.3 * (1.0 - (3.0 * time).cos()));
+            let pin_targets = Some(mesh.positions[..24].iter().map(|pin| *pin + by).collect());
+            substeps += cloth.step(dt, &Attributes { pin_targets, ..Attributes::default() }).unwrap().substeps;
+        }
+        f64::from(substeps) / f64::from(time)
+    };
+    let (equal, unequal) = (run(&[FRAME]), run(&[0.25 * FRAME, 1.75 * FRAME]));
+    println!("{equal:.0} substeps a second, {unequal:.0} in unequal frames");
+    assert!(unequal < 1.15 * equal, "{equal} and {unequal}");
+}

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use glam::Vec3;
+
 use super::{Deformer, StepDecision};
 use crate::attributes::{Attributes, Collider, Shape, invalid};
 #[cfg(feature = "gpu")]
@@ -69,7 +71,7 @@ impl Deformer {
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             if matches!(now.shape, Shape::Mesh { .. }) {
-                let way = travel(&now.shape, &last.shape);
+                let way = travel(&now.shape, &last.shape, Vec3::ZERO);
                 check(format_args!("colliders[{index}].mesh"), &"a vertex", way, "say that it was teleported")?;
             }
         }

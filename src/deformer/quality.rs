@@ -80,15 +80,15 @@ impl Deformer {
         }
     }
 
-    /// Whether a step without contact of triangles keeps the bound on strain on a GPU with more substeps instead of
+    /// Whether a step without contact of triangles, in wind of this dynamic pressure (Pa), keeps the bound on strain on a GPU with more substeps instead of
     /// levels, because they take less time.
-    pub(super) fn trades_levels(&self, attributes: &Attributes) -> bool {
+    pub(super) fn trades_levels(&self, pressure: f64) -> bool {
         let may = match self.options.levels {
             Levels::Auto => self.cloth.used < LEVELS_PAY,
             Levels::Off => true,
             Levels::Count(_) => false,
         };
-        may && self.backend() == Backend::Gpu && self.strain_bound().is_some() && !is_gale(&self.cloth, attributes)
+        may && self.backend() == Backend::Gpu && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure)
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.

@@ -78,7 +78,7 @@ impl Deformer {
     }
 
     /// Sets the state: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are held where
-    /// this puts them. The rest shape does not change. Colliders are forgotten: those of the next step have no velocity unless
+    /// this puts them; the velocities of pins only say how fast targets led them here. The rest shape does not change. Colliders are forgotten: those of the next step have no velocity unless
     /// [`Deformer::place_colliders`] is called again.
     ///
     /// # Errors
@@ -112,6 +112,10 @@ impl Deformer {
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
         self.motion = Motion::after(cloth, x, 0.0);
+        if !velocities.is_empty() {
+            let pins = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
+            self.motion.pin_velocities = pins.collect();
+        }
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.forget();

@@ -26,7 +26,7 @@ pub(crate) struct Load {
     /// With contact of triangles: how fast (m/s) pins and mesh colliders move relative to each other; contact has to
     /// give way to that.
     pub kinematic_speed: f64,
-    /// Dynamic pressure (Pa) of the wind on cloth at rest, facing it.
+    /// Dynamic pressure (Pa) of the wind on cloth that goes along with the pins, facing it.
     pub pressure: f64,
 }
 
@@ -36,7 +36,7 @@ recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pr
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fastest {
     pub pin: (usize, f64),
-    /// Of the colliders that may touch the cloth, and of those among them that are no mesh.
+    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where that is slower.
     pub collider: (usize, f64),
     pub solid: (usize, f64),
     /// The speed (m/s) of the fastest collider anywhere.
@@ -56,11 +56,13 @@ impl Fastest {
         for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
             faster(&mut fastest.pin, index, (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt);
         }
+        let drift = motion.drift(cloth, attributes.pin_targets.as_deref());
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
-            let travel = travel(&now.shape, &last.shape);
-            let speed = travel / dt;
-            fastest.far_collider = fastest.far_collider.max(speed);
-            if speed > fastest.solid.1 && is_near(cloth, now, travel, dt, seen) {
+            let way = travel(&now.shape, &last.shape, Vec3::ZERO);
+            fastest.far_collider = fastest.far_collider.max(way / dt);
+            // What goes along with the pins, like the body of a runner in his cape, does not run into the cloth.
+            let speed = if drift == Vec3::ZERO { way } else { way.min(travel(&now.shape, &last.shape, drift)) } / dt;
+            if speed > fastest.solid.1 && is_near(cloth, now, way, dt, seen) {
                 faster(&mut fastest.collider, index, speed);
                 if !matches!(now.shape, Shape::Mesh { .. }) {
                     faster(&mut fastest.solid, index, speed);
@@ -113,7 +115,7 @@ impl Load {
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
             collider_speed: moves.collider.1,
-            pressure: pressure(attributes),
+            pressure: pressure_of(attributes, attributes.wind - motion.drift(cloth, attributes.pin_targets.as_deref()) / dt),
             kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
         }
     }
@@ -121,7 +123,12 @@ impl Load {
 
 /// Dynamic pressure (Pa) of the wind on cloth at rest, facing it.
 pub(crate) fn pressure(attributes: &Attributes) -> f64 {
-    0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * attributes.wind.as_dvec3().length_squared()
+    pressure_of(attributes, attributes.wind)
+}
+
+/// Dynamic pressure (Pa) of air that moves at this velocity (m/s) relative to the cloth.
+fn pressure_of(attributes: &Attributes, wind: Vec3) -> f64 {
+    0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * wind.as_dvec3().length_squared()
 }
 
 /// The acceleration (m/s²) equivalent to the load of gravity and wind.
@@ -129,15 +136,20 @@ pub(crate) fn acceleration(cloth: &Cloth, attributes: &Attributes) -> f64 {
     attributes.gravity.as_dvec3().length() + pressure(attributes) / cloth.density
 }
 
-/// The largest change of a pin's velocity in a step over `dt` (m/s²). Pins that followed targets and no longer do stop
-/// at once.
+/// The largest change of a pin's velocity in a step over `dt` (m/s²). Pins that followed targets in the last step and no
+/// longer do stop at once.
 fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
+    if targets.is_empty() && motion.dt == 0.0 {
+        return 0.0;
+    }
     let velocity = |slot: usize| targets.get(slot).map_or(Vec3::ZERO, |&target| (target - cloth.origin - motion.pins[slot]) / dt);
+    // Both are mean velocities of their steps, and belong to the middle of each.
+    let apart = if motion.dt > 0.0 { 0.5 * (motion.dt + dt) } else { dt };
     let before = |slot: usize| motion.pin_velocities.get(slot).copied().unwrap_or_default();
     let pins = (0..targets.len().max(motion.pin_velocities.len())).filter(|&slot| cloth.is_used(cloth.pinned[slot]));
     let change = pins.map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);
-    f64::from(change) / f64::from(dt)
+    f64::from(change) / f64::from(apart)
 }
 
 /// Whether a collider that moves by `travel` (m) may touch the cloth during a step of `dt` (s). True if nothing is
@@ -172,7 +184,8 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
                 })
             };
             // How far it moves takes longer to find out than the rest.
-            let may_touch = seen.is_none() || is_near(cloth, now, travel(&now.shape, &last.shape), f64::from(dt), seen);
+            let may_touch =
+                seen.is_none() || is_near(cloth, now, travel(&now.shape, &last.shape, Vec3::ZERO), f64::from(dt), seen);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,
@@ -191,10 +204,10 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
 /// Age in steps that statistics may have on the GPU (three), and one step more until they are updated.
 const STEPS_AHEAD: f64 = 4.0;
 
-/// The largest displacement (m) of a point of the surface between `last` and `now`; 0 if the shapes are of different
-/// kinds.
-pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
-    let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3();
+/// The largest displacement (m) of a point of the surface between `last` and `now`, relative to what moves `by` that much; 0 if
+/// the shapes are of different kinds.
+pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3) -> f64 {
+    let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3() - by.as_dvec3();
     match (now, last) {
         (&Shape::Sphere { center, radius }, &Shape::Sphere { center: c0, radius: r0 }) => {
             apart(center, c0).length() + f64::from((radius - r0).abs())
@@ -218,11 +231,11 @@ pub(crate) fn travel(now: &Shape, last: &Shape) -> f64 {
             // differ by `2 sin(angle/4)`.
             let [now, last] = [rotation, q0].map(|rotation| rotation.as_dquat().normalize());
             let turned = 2.0 * (now - last).length().min((now + last).length());
-            apart(center, c0).length() + apart(half, h0).length() + turned * half.max(h0).as_dvec3().length()
+            apart(center, c0).length() + (half.as_dvec3() - h0.as_dvec3()).length() + turned * half.max(h0).as_dvec3().length()
         }
         (Shape::Mesh { mesh }, Shape::Mesh { mesh: last }) => {
             let moves = mesh.positions.iter().zip(&last.positions).map(|(&to, &from)| apart(to, from).length_squared());
-            if Arc::ptr_eq(mesh, last) { 0.0 } else { moves.fold(0.0, f64::max).sqrt() }
+            if Arc::ptr_eq(mesh, last) { by.as_dvec3().length() } else { moves.fold(0.0, f64::max).sqrt() }
         }
         _ => 0.0,
     }

@@ -12,7 +12,8 @@ use crate::record::recorded;
 /// What the next step must know about the last one.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Motion {
-    /// Its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
+    /// Its length and its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
+    pub dt: f32,
     pub h: f32,
     /// Its colliders, from which those of the next step move; empty if the state was set.
     pub colliders: Vec<Collider>,
@@ -22,7 +23,7 @@ pub(crate) struct Motion {
     pub pin_velocities: Vec<Vec3>,
 }
 
-recorded!(Motion { h, colliders, pins, pin_velocities });
+recorded!(Motion { dt, h, colliders, pins, pin_velocities });
 
 impl Motion {
     /// After a state in the cloth's order, reached by substeps of `h` (s); 0 if the state was set.
@@ -63,6 +64,14 @@ impl Motion {
             })
         };
         colliders.iter().enumerate().find_map(has_others).map_or(Ok(()), Err)
+    }
+
+    /// The mean displacement (m) of pins with edges in a step that leads them to `targets`.
+    pub(crate) fn drift(&self, cloth: &Cloth, targets: Option<&[Vec3]>) -> Vec3 {
+        let led = cloth.pinned.iter().zip(targets.unwrap_or_default().iter().zip(&self.pins));
+        let led = led.filter(|(pin, _)| cloth.is_used(**pin)).map(|(_, (&to, &from))| to - cloth.origin - from);
+        let (count, sum) = led.fold((0, Vec3::ZERO), |(count, sum), by| (count + 1, sum + by));
+        sum / count.max(1) as f32
     }
 
     /// Records the targets that the pins followed in a step of `dt` (s).

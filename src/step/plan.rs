@@ -218,10 +218,7 @@ impl<'a> Plan<'a> {
 
     /// The same step with statistics after it.
     pub(crate) fn observed(self, motion: &Motion, dt: f32, attributes: &Attributes) -> Plan<'a> {
-        let targets = attributes.pin_targets.as_deref().unwrap_or_default();
-        let pins = self.cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| self.cloth.is_used(**pin));
-        let moved: Vec3 = pins.clone().map(|(_, (&target, &pin))| target - self.cloth.origin - pin).sum();
-        let drift = moved / pins.count().max(1) as f32 * (self.params.h / dt);
+        let drift = motion.drift(self.cloth, attributes.pin_targets.as_deref()) * (self.params.h / dt);
         Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
     }
 

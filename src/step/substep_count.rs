@@ -1,7 +1,6 @@
 //! Closed forms for the number of substeps: to resolve the stiffness, to keep a strain, and for the stability of
 //! explicit springs.
 
-use crate::attributes::Attributes;
 use crate::error::StepError;
 use crate::kernels::limits::MAX_SUBSTEPS;
 use crate::model::cloth::Cloth;
@@ -9,7 +8,6 @@ use crate::model::link::Link;
 use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
-use crate::step::load::pressure;
 
 /// [`Quality`] counts substeps per 1/60 s.
 pub(crate) const FRAMES: f64 = 60.0;
@@ -116,7 +114,7 @@ impl Rates {
         Ok(Division { substeps, length: Length { h, longest, softest, resolved, changes: self.changes } })
     }
 
-    /// The number of coarse levels to use.
+    /// The number of coarse levels to use in wind of this dynamic pressure (Pa).
     ///
     /// Level l, whose aggregates are about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps. The first level
     /// that the substeps resolve carries the whole load of an evenly loaded cloth. One more level costs next to nothing
@@ -124,7 +122,7 @@ impl Rates {
     /// without). From 7/8 of `S*` on levels do not pay. Before, they pay in small cloths, too, where they take a fifth
     /// of a substep's time: a sheet of 31 x 31 that has swung down for half a second is 9.7 mm off with levels at 10
     /// substeps and 56 mm without, 1.3 and 3.2 mm at 40.
-    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, attributes: &Attributes) -> usize {
+    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, pressure: f64) -> usize {
         if options.method != Method::SmallSteps {
             return 0;
         }
@@ -133,7 +131,7 @@ impl Rates {
             Levels::Count(count) => count as usize,
             Levels::Auto => {
                 let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest);
-                if shortfall < PAYS_FROM || is_gale(cloth, attributes) {
+                if shortfall < PAYS_FROM || is_gale(cloth, pressure) {
                     return 0;
                 }
                 (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
@@ -176,9 +174,9 @@ impl Rates {
     }
 }
 
-/// Whether the wind is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy).
-pub(crate) fn is_gale(cloth: &Cloth, attributes: &Attributes) -> bool {
-    pressure(attributes) > GALE * cloth.density * STANDARD_GRAVITY
+/// Whether wind of this dynamic pressure (Pa) is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy).
+pub(crate) fn is_gale(cloth: &Cloth, pressure: f64) -> bool {
+    pressure > GALE * cloth.density * STANDARD_GRAVITY
 }
 
 /// Substeps per second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, with a
