@@ -63,8 +63,7 @@ struct StepDecision {
     division: Division,
     /// Number of coarse levels to ask for.
     levels: usize,
-    /// What the motion is checked against after the step, what is fastest in it, and the bounds that it is checked with.
-    watch: Watch,
+    /// What moves fastest in the step, and the bounds that its result is checked with.
     fastest: Fastest,
     bounds: Bounds,
 }
@@ -257,7 +256,7 @@ impl Deformer {
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
-        Ok(StepDecision { dt, load, controller, rate, division, levels, watch, fastest, bounds })
+        Ok(StepDecision { dt, load, controller, rate, division, levels, fastest, bounds })
     }
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
@@ -307,7 +306,7 @@ impl Deformer {
         };
         let plan = Plan::new(&inputs, &mut self.buffers);
         let mut plan = if observed { plan.observed(&self.motion, decision.dt, attributes) } else { plan };
-        decision.watch.limit(&mut plan.params, decision.bounds);
+        self.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)
     }
 
@@ -328,10 +327,10 @@ impl Deformer {
             }
             error
         })?;
-        let StepDecision { dt, rate, division: Division { substeps, .. }, watch, .. } = decision;
+        let StepDecision { dt, rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
-        self.watch = watch;
+        self.watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         (self.motion.dt, self.motion.h) = (dt, dt / substeps as f32);
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);

@@ -129,7 +129,7 @@ struct State {
 
 recorded!(Content { identity, lanes, state });
 recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
-recorded!(StepDecision { dt, load, controller, rate, division, levels } but { watch, fastest, bounds });
+recorded!(StepDecision { dt, load, controller, rate, division, levels } but { fastest, bounds });
 
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that
