@@ -19,7 +19,7 @@ use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::cpu::tasks::team::Team;
 use crate::cpu::threads::ThreadChoice;
 use crate::cpu::watch::VertexWatch;
-use crate::error::failure::{Cause, Failure};
+use crate::error::failure::{Defect, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::model::mesh::Mesh;
@@ -223,7 +223,7 @@ impl Cpu {
     }
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
-    fn run(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Option<Cause> {
+    fn run(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Option<Defect> {
         let pool = rayon::current_num_threads();
         self.prepare_contact(plan);
         if self.packed.pack(plan, external.is_some(), self.contact.is_some(), pool) {
@@ -259,7 +259,7 @@ impl Cpu {
         external: Option<&dyn ExternalPrediction>,
         team: &Team,
         threads: usize,
-    ) -> Option<Cause> {
+    ) -> Option<Defect> {
         let run = |count: usize, work: &(dyn Fn(usize) + Sync)| team.run(count, work);
         let (workers, on) = (Workers::new(team.threads(), &run), On::Team(team, threads));
         let sweeps = plan.params.sweeps.max(1);
@@ -286,7 +286,7 @@ impl Cpu {
         plan: &Plan<'_>,
         external: Option<&dyn ExternalPrediction>,
         on: On<'_>,
-    ) -> Option<Cause> {
+    ) -> Option<Defect> {
         let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
         let found = VertexWatch::nothing(&plan.params, x);
         let Packed { forces, coarse, edges, tethers, schedules, partition, width, terms, .. } = packed;

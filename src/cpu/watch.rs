@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use glam::{Vec3A, Vec4};
 
-use crate::error::failure::Cause;
+use crate::error::failure::Defect;
 use crate::kernels::integrate::xyz;
 use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::Params;
@@ -67,10 +67,10 @@ impl VertexWatch {
     }
 
     /// The most severe defect, if there is any, given the state at the end of step number `step`.
-    pub(crate) fn verdict(self, cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
+    pub(crate) fn verdict(self, cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Defect> {
         let lost = self.lost.into_inner();
         if lost < usize::MAX {
-            return Some(Cause::Lost(lost));
+            return Some(Defect::Lost(lost));
         }
         if !self.is_suspicious.into_inner() {
             return None;
@@ -84,9 +84,9 @@ impl VertexWatch {
         if let Some(&(first, _)) = fast.peek()
             && fast.map(|(_, of)| share(of)).sum::<f64>() >= 1.0
         {
-            return Some(Cause::Energy(first));
+            return Some(Defect::Energy(first));
         }
-        overlong(cloth, params.longest, step, x).map(Cause::Edge)
+        overlong(cloth, params.longest, step, x).map(Defect::Edge)
     }
 }
 

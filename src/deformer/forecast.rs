@@ -4,7 +4,7 @@ use super::{Deformer, StepDecision};
 use crate::attributes::Attributes;
 #[cfg(feature = "gpu")]
 use crate::device::fault::{Excess, GpuFault};
-use crate::error::failure::{Cause, Failure};
+use crate::error::failure::{Defect, Failure};
 use crate::error::{Instability, StepError};
 use crate::model::cloth::Slivers;
 use crate::options::{Method, Options, Warning};
@@ -103,9 +103,9 @@ impl Deformer {
                 let named = |vertex: usize| self.cloth.order[vertex] as usize;
                 let Bounds { speed, edge_length: length } = self.bounds;
                 let (vertex, cause) = match cause {
-                    Cause::Lost(vertex) => (named(vertex), Instability::NotFinite { vertex: named(vertex) }),
-                    Cause::Energy(vertex) => (named(vertex), Instability::Energy { vertex: named(vertex), speed }),
-                    Cause::Edge(place) => {
+                    Defect::Lost(vertex) => (named(vertex), Instability::NotFinite { vertex: named(vertex) }),
+                    Defect::Energy(vertex) => (named(vertex), Instability::Energy { vertex: named(vertex), speed }),
+                    Defect::Edge(place) => {
                         let ends = self.cloth.links[place].ends.map(|end| self.cloth.order[end as usize]);
                         (ends[0] as usize, Instability::Edge { ends, length })
                     }

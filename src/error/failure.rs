@@ -5,7 +5,7 @@
 pub(crate) enum Failure {
     /// The motion became unstable in this step, counted since the state was last set. The cloth is as it was before the
     /// step.
-    Unstable { cause: Cause, step: u32 },
+    Unstable { cause: Defect, step: u32 },
     /// Contact found this many candidate pairs of groups of triangles, more than it can process.
     Crowded(usize),
     #[cfg(feature = "gpu")]
@@ -14,7 +14,7 @@ pub(crate) enum Failure {
 
 /// What the stability check found, with indices in the solver's order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Cause {
+pub(crate) enum Defect {
     /// This vertex is out of bounds.
     Lost(usize),
     /// The cloth has more kinetic energy than the scene explains; this vertex is among the fast ones.

@@ -1,11 +1,11 @@
-//! A cloth on the GPU: prepares and submits steps. Which way a step is done is chosen in `path.rs`, its commands are in
+//! A cloth on the GPU: prepares and submits steps. Which way a step is done is chosen in `route.rs`, its commands are in
 //! `encode.rs`, statistics of its work in `cost.rs`, access to the state between steps in `state.rs`, and steps with contact
 //! of the cloth with itself in `contact.rs`.
 
 mod contact;
 mod cost;
 mod encode;
-mod path;
+mod route;
 mod state;
 
 use glam::Vec4;
@@ -32,7 +32,7 @@ use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
 use crate::step::plan::Plan;
 
-pub(crate) use path::Path;
+pub(crate) use route::Route;
 
 /// Number of cloths stepped together from which each is given one workgroup whatever its size.
 const CROWD: usize = 4;
@@ -52,11 +52,11 @@ pub(crate) struct GpuEngine {
     pub(crate) multigrid: Option<Multigrid>,
     /// Vertices or aggregates that fit into a tile.
     pub(crate) room: usize,
-    /// Whether a single workgroup is the fastest path even for a cloth alone. `single_workgroup` is created when a step
+    /// Whether a single workgroup is the fastest route even for a cloth alone. `single_workgroup` is created when a step
     /// first uses it.
     small: bool,
     /// Whether that holds with bending or wind, too. A software driver compiles such a kernel for minutes, and anew for
-    /// each mesh, so there a cloth alone takes the other paths.
+    /// each mesh, so there a cloth alone takes the other routes.
     small_with_forces: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
     /// Contact of the cloth with itself and with mesh colliders, if it has any.
@@ -90,10 +90,16 @@ impl GpuEngine {
         Ok(engine)
     }
 
-    /// Uses the fastest path that the cloth fits, at most `path`, on any driver.
+    /// Uses the fastest route that the cloth fits, at most `route`, on any driver.
     #[cfg(test)]
-    pub(crate) fn with_path(gpu: Gpu, cloth: &Cloth, method: Method, path: Path, size: TileSize) -> Result<GpuEngine, GpuFault> {
-        let mut engine = GpuEngine::make(gpu, cloth, method, (path, size), None)?;
+    pub(crate) fn with_route(
+        gpu: Gpu,
+        cloth: &Cloth,
+        method: Method,
+        route: Route,
+        size: TileSize,
+    ) -> Result<GpuEngine, GpuFault> {
+        let mut engine = GpuEngine::make(gpu, cloth, method, (route, size), None)?;
         engine.small_with_forces = engine.small;
         engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
         Ok(engine)
@@ -104,13 +110,13 @@ impl GpuEngine {
         gpu: Gpu,
         cloth: &Cloth,
         method: Method,
-        (path, size): (Path, TileSize),
+        (route, size): (Route, TileSize),
         own: Option<StateBuffers>,
     ) -> Result<GpuEngine, GpuFault> {
         gpu.clone().checked(|| {
             let forces = Forces::new(&gpu, cloth, 2, own)?;
             let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
-            let tiled = path != Path::PerColor && method == Method::SmallSteps;
+            let tiled = route != Route::PerColor && method == Method::SmallSteps;
             let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
             let commit = Commit::new(&gpu, &forces);
             let sweep = match tiles.flatten() {
@@ -123,7 +129,7 @@ impl GpuEngine {
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
             Ok(GpuEngine {
                 report: Report::new(&gpu),
-                small_with_forces: path == Path::SingleWorkgroup && !gpu.is_software(),
+                small_with_forces: route == Route::SingleWorkgroup && !gpu.is_software(),
                 gpu,
                 forces,
                 bodies,
@@ -132,7 +138,7 @@ impl GpuEngine {
                 corrected: OnDemand::Untried,
                 multigrid: None,
                 room: size.room,
-                small: path == Path::SingleWorkgroup,
+                small: route == Route::SingleWorkgroup,
                 single_workgroup: None,
                 contact: None,
                 commit,
@@ -192,10 +198,10 @@ impl GpuEngine {
     fn step_alone(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
         let stepped = gpu.checked(|| {
-            let path = self.prepare(plan, false);
+            let route = self.prepare(plan, false);
             Gpu::refused()?;
             let mut submission = Submission::new(&gpu);
-            self.stats.dispatches = self.encode(&mut submission, plan, path);
+            self.stats.dispatches = self.encode(&mut submission, plan, route);
             let due = self.report.is_due();
             submission.submit_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
             self.report.ask(due);
@@ -226,14 +232,14 @@ impl GpuEngine {
             let gpu = together[0].1.gpu.clone();
             let submitted = gpu.checked(|| {
                 let mut submission = Submission::new(&gpu);
-                let mut paths = Vec::new();
+                let mut routes = Vec::new();
                 for (_, engine, plan) in together.iter_mut() {
-                    paths.push(engine.prepare(plan, crowd));
+                    routes.push(engine.prepare(plan, crowd));
                     // A failure of one cloth fails this step for all of them. The others can be stepped again.
                     Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
                 }
-                for ((_, engine, plan), path) in together.iter_mut().zip(paths) {
-                    engine.stats.dispatches = engine.encode(&mut submission, plan, path);
+                for ((_, engine, plan), route) in together.iter_mut().zip(routes) {
+                    engine.stats.dispatches = engine.encode(&mut submission, plan, route);
                 }
                 let due: Vec<bool> = together.iter_mut().map(|(_, engine, _)| engine.report.is_due()).collect();
                 submission.submit_with(|encoder| {
@@ -255,35 +261,35 @@ impl GpuEngine {
     }
 
     /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
-    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Path {
-        let (path, forced, has_new_levels) = self.make_stages(plan, crowd);
+    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Route {
+        let (route, forced, has_new_levels) = self.make_stages(plan, crowd);
         let averages = self.multigrid.as_ref().map(|multigrid| &multigrid.averages);
-        let has_moved = self.forces.prepare(&self.gpu, &forced, path == Path::SingleWorkgroup, averages);
+        let has_moved = self.forces.prepare(&self.gpu, &forced, route == Route::SingleWorkgroup, averages);
         if self.bodies.send(&self.gpu, plan.bodies_and_anchors) | has_moved | has_new_levels {
             self.rebind_sweep();
         }
-        self.prepare_sweep(plan, path);
-        if path != Path::SingleWorkgroup && !self.is_checked(plan) {
+        self.prepare_sweep(plan, route);
+        if route != Route::SingleWorkgroup && !self.is_checked(plan) {
             self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
         }
         self.prepare_counter(plan);
-        self.stats = self.count(plan, path);
-        path
+        self.stats = self.count(plan, route);
+        route
     }
 
     /// Makes the stages that the step needs and that do not exist yet. Returns how it is to be executed, the part of it that is
     /// computed before its sweep, and whether the coarse levels are new.
-    fn make_stages<'a>(&mut self, plan: &Plan<'a>, crowd: bool) -> (Path, Plan<'a>, bool) {
+    fn make_stages<'a>(&mut self, plan: &Plan<'a>, crowd: bool) -> (Route, Plan<'a>, bool) {
         if (crowd || self.is_small(plan)) && !plan.has_contact() {
             self.make_single_workgroup(plan);
         }
-        let path = self.path(plan, crowd);
-        if path == Path::Tiled && GpuEngine::may_bend_in_tiles(plan) {
+        let route = self.route(plan, crowd);
+        if route == Route::Tiled && GpuEngine::may_bend_in_tiles(plan) {
             self.make_bent(plan);
         }
         let forced = self.forced(plan);
-        if plan.coefficients.levels.is_empty() || path == Path::SingleWorkgroup {
-            return (path, forced, false);
+        if plan.coefficients.levels.is_empty() || route == Route::SingleWorkgroup {
+            return (route, forced, false);
         }
         let GpuEngine { gpu, forces, sweep, multigrid, room, .. } = self;
         let are_new = multigrid.is_none();
@@ -296,7 +302,7 @@ impl GpuEngine {
         });
         multigrid.prepare(gpu, plan);
         self.make_corrected(plan);
-        (path, forced, are_new)
+        (route, forced, are_new)
     }
 
     /// Binds the sweep to buffers that are new.
@@ -316,11 +322,11 @@ impl GpuEngine {
     }
 
     /// Uploads the tables of the sweep.
-    fn prepare_sweep(&mut self, plan: &Plan<'_>, path: Path) {
+    fn prepare_sweep(&mut self, plan: &Plan<'_>, route: Route) {
         let (bends, corrects) = (self.bends_in_tiles(plan), self.corrects_in_tiles(plan));
         let GpuEngine { gpu, sweep, bent, corrected, single_workgroup, .. } = self;
-        match (path, sweep, single_workgroup) {
-            (Path::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
+        match (route, sweep, single_workgroup) {
+            (Route::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, EdgeSweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, EdgeSweep::Tiled(tiled), _) => {
                 let more = if bends { bent.made_mut() } else { corrected.made_mut().filter(|_| corrects) };

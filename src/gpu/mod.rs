@@ -43,7 +43,7 @@ mod submission;
 mod surface;
 mod sweep;
 #[cfg(test)]
-#[path = "../../tests/unit/gpu_paths.rs"]
+#[path = "../../tests/unit/gpu_routes.rs"]
 mod tests;
 mod tethers;
 mod tiles;

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::device::reads::Mapping;
-use crate::error::failure::{Cause, Failure};
+use crate::error::failure::{Defect, Failure};
 
 /// No vertex or edge: `NONE` of `limits.wgsl`.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -38,9 +38,9 @@ impl Defects {
         let Defects { lost, long, fast, hot, steps, .. } = *self;
         let cause = match (lost, hot, long) {
             (NONE, 0, NONE) => return Ok(()),
-            (NONE, 0, place) => Cause::Edge(edge(place)),
-            (NONE, ..) => Cause::Energy(if fast == NONE { 0 } else { fast as usize }),
-            (vertex, ..) => Cause::Lost(vertex as usize),
+            (NONE, 0, place) => Defect::Edge(edge(place)),
+            (NONE, ..) => Defect::Energy(if fast == NONE { 0 } else { fast as usize }),
+            (vertex, ..) => Defect::Lost(vertex as usize),
         };
         Err(Failure::Unstable { cause, step: steps.saturating_add(1) })
     }

@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use super::VertexWatch;
-use crate::error::failure::Cause;
+use crate::error::failure::Defect;
 use crate::kernels::integrate::xyz;
 use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::Params;
@@ -12,7 +12,7 @@ use crate::model::mesh::Mesh;
 use crate::options::Options;
 
 /// What is found wrong after each vertex was checked.
-fn verdict(cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Cause> {
+fn verdict(cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Defect> {
     let found = VertexWatch::nothing(params, &cloth.rest);
     (0..).zip(x.iter().zip(u)).for_each(|(vertex, (&x, &u))| found.check(vertex, xyz(x), xyz(u)));
     found.verdict(cloth, params, step, x, u)
@@ -52,7 +52,7 @@ fn only_more_energy_than_is_explained_is_a_defect_even_where_nothing_is_far() {
         // The pin moves farther than all others: that is no energy of the cloth.
         u[pin] = Vec4::X;
         let cause = verdict(&cloth, &params, 0, &cloth.rest, &u);
-        assert_eq!(matches!(cause, Some(Cause::Energy(_))), scale > 1.0, "{scale}: {cause:?}");
+        assert_eq!(matches!(cause, Some(Defect::Energy(_))), scale > 1.0, "{scale}: {cause:?}");
         assert!(cause.is_none() || scale > 1.0, "{scale}: {cause:?}");
     }
 }
@@ -69,7 +69,7 @@ fn an_edge_that_is_too_long_is_found_in_one_round_of_steps() {
         let mut count = 0;
         for cause in causes {
             count += 1;
-            let Cause::Edge(place) = cause else { panic!("{cause:?}") };
+            let Defect::Edge(place) = cause else { panic!("{cause:?}") };
             assert!(cloth.links[place].ends.contains(&(vertex as u32)), "edge {place}");
         }
         assert_eq!(count > 0, is_long, "{far} m");
@@ -84,7 +84,7 @@ fn a_vertex_out_of_bounds_is_named_before_all_else() {
             let (mut x, mut u) = (cloth.rest.clone(), vec![Vec4::ZERO; cloth.rest.len()]);
             (if in_u { &mut u } else { &mut x })[5].y = wrong;
             let cause = verdict(&cloth, &params, 0, &x, &u);
-            assert!(matches!(cause, Some(Cause::Lost(5))), "{wrong}, {in_u}: {cause:?}");
+            assert!(matches!(cause, Some(Defect::Lost(5))), "{wrong}, {in_u}: {cause:?}");
         }
     }
 }

@@ -1,12 +1,12 @@
-//! On every path of a step, the verdict on its result against energies added up in double precision, and against the
+//! On every route of a step, the verdict on its result against energies added up in double precision, and against the
 //! length of one edge. The result of a step that fails is not kept.
 
 use glam::Vec4;
 
 use crate::attributes::Attributes;
 use crate::device::Gpu;
-use crate::error::failure::{Cause, Failure};
-use crate::gpu::engine::{GpuEngine, Path};
+use crate::error::failure::{Defect, Failure};
+use crate::gpu::engine::{GpuEngine, Route};
 use crate::gpu::tiles::TileSize;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
@@ -42,9 +42,9 @@ impl Scene {
         Scene { cloth, options, coefficients, gpu: Gpu::shared(true).unwrap() }
     }
 
-    fn engine(&self, path: Path) -> GpuEngine {
+    fn engine(&self, route: Route) -> GpuEngine {
         let size = TileSize { own: 60, room: 500, bytes: usize::MAX };
-        GpuEngine::with_path(self.gpu.clone(), &self.cloth, self.options.method, path, size).unwrap()
+        GpuEngine::with_route(self.gpu.clone(), &self.cloth, self.options.method, route, size).unwrap()
     }
 
     /// Takes a step with these bounds; returns the state after it and the verdict.
@@ -72,7 +72,7 @@ impl Scene {
     }
 }
 
-const PATHS: [Path; 3] = [Path::PerColor, Path::Tiled, Path::SingleWorkgroup];
+const PATHS: [Route; 3] = [Route::PerColor, Route::Tiled, Route::SingleWorkgroup];
 
 #[test]
 fn only_more_energy_than_is_explained_is_a_defect() {
@@ -82,8 +82,8 @@ fn only_more_energy_than_is_explained_is_a_defect() {
     let mut any = || Vec4::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5, 0.0) * 0.01 * random.f32();
     let p: Vec<Vec4> = cloth.rest.iter().map(|x| if x.w > 0.0 { any() } else { Vec4::ZERO }).collect();
     let mass: f64 = cloth.rest.iter().zip(&cloth.mass).filter(|(x, _)| x.w > 0.0).map(|(_, &mass)| f64::from(mass)).sum();
-    for path in PATHS {
-        let mut engine = scene.engine(path);
+    for route in PATHS {
+        let mut engine = scene.engine(route);
         engine.set(&cloth.rest, &p);
         let (x, u, verdict) = scene.step(&mut engine, |_| {});
         assert!(verdict.is_ok() && x != cloth.rest);
@@ -107,10 +107,10 @@ fn only_more_energy_than_is_explained_is_a_defect() {
             let (per_length, per_mass) = (per_length as f32, (1.0 / mass) as f32);
             let (at, by, verdict) =
                 scene.step(&mut engine, |params| (params.per_length, params.per_mass) = (per_length, per_mass));
-            let what = format!("{path:?}, {share:.3} of the allowed energy");
+            let what = format!("{route:?}, {share:.3} of the allowed energy");
             match verdict {
                 Ok(()) => assert!(!is_hot && at == x && by == u, "{what}"),
-                Err(Failure::Unstable { cause: Cause::Energy(vertex), step: 1 }) => {
+                Err(Failure::Unstable { cause: Defect::Energy(vertex), step: 1 }) => {
                     assert!(is_hot && Some(vertex) == first, "{what}: vertex {vertex}");
                     assert!(at == cloth.rest && by == p, "{what}: the state of before");
                 }
@@ -135,8 +135,8 @@ fn an_edge_that_is_too_long_is_found_in_one_round_of_steps() {
         a.distance(b)
     };
     let longest = cloth.swept().iter().map(|edge| length(&start, edge.ends)).fold(0.0, f64::max);
-    for path in PATHS {
-        let mut engine = scene.engine(path);
+    for route in PATHS {
+        let mut engine = scene.engine(route);
         engine.set(&start, &vec![Vec4::ZERO; start.len()]);
         let mut at = start.clone();
         for (factor, is_long) in [(1.001, false), (0.999, true)] {
@@ -148,12 +148,12 @@ fn an_edge_that_is_too_long_is_found_in_one_round_of_steps() {
                 at = now;
                 verdict.err().map(|failure| (failure, before))
             });
-            assert_eq!(failed.is_some(), is_long, "{path:?}, at most {limit} m: {failed:?}");
+            assert_eq!(failed.is_some(), is_long, "{route:?}, at most {limit} m: {failed:?}");
             let Some((failure, before)) = failed else { continue };
-            let Failure::Unstable { cause: Cause::Edge(place), .. } = failure else { panic!("{path:?}: {failure:?}") };
+            let Failure::Unstable { cause: Defect::Edge(place), .. } = failure else { panic!("{route:?}: {failure:?}") };
             let found = length(&at, cloth.swept()[place].ends);
-            assert!(found > limit, "{path:?}, at most {limit} m: {found} m");
-            assert_eq!(at, before, "{path:?}: the last good step's");
+            assert!(found > limit, "{route:?}, at most {limit} m: {found} m");
+            assert_eq!(at, before, "{route:?}: the last good step's");
         }
     }
 }

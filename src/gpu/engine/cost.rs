@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::{EdgeSweep, GpuEngine, Path};
+use super::{EdgeSweep, GpuEngine, Route};
 use crate::gpu::forces::Forces;
 use crate::gpu::stats::GpuStats;
 use crate::gpu::sweep::PerColor;
@@ -16,10 +16,10 @@ impl GpuEngine {
     }
 
     /// The amount of work in a step, besides its dispatches, which are counted as they are encoded.
-    pub(super) fn count(&self, plan: &Plan<'_>, path: Path) -> GpuStats {
+    pub(super) fn count(&self, plan: &Plan<'_>, route: Route) -> GpuStats {
         let state = 2 * size_of::<Vec4>() * plan.cloth.rest.len();
         let substeps = plan.substeps.len();
-        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
+        if let (Route::SingleWorkgroup, Some(single)) = (route, &self.single_workgroup) {
             let [rounds, edges] = single.counts(plan).map(|count| substeps * count);
             return GpuStats { dispatches: 0, bytes: single.bytes() + 2 * state, rounds, edges };
         }

@@ -1,6 +1,6 @@
 //! The commands of a step: its substeps, and its end.
 
-use super::{EdgeSweep, GpuEngine, Path};
+use super::{EdgeSweep, GpuEngine, Route};
 use crate::device::IN_BROWSER;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
@@ -10,9 +10,9 @@ use crate::step::plan::Plan;
 
 impl GpuEngine {
     /// Encodes the commands of a step. Returns the number of their dispatches.
-    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, path: Path) -> usize {
+    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, route: Route) -> usize {
         let before = submission.dispatches();
-        if let (Path::SingleWorkgroup, Some(single)) = (path, &self.single_workgroup) {
+        if let (Route::SingleWorkgroup, Some(single)) = (route, &self.single_workgroup) {
             let pass = submission.group();
             self.forces.bind_substep(pass, 0);
             single.encode(pass);

@@ -10,7 +10,7 @@ use crate::cpu::Cpu;
 use crate::device::Gpu;
 use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::bending::Bending;
-use crate::gpu::engine::{EdgeSweep, GpuEngine, Path};
+use crate::gpu::engine::{EdgeSweep, GpuEngine, Route};
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::slices::SLICE;
 use crate::gpu::sweep::{OnDemand, with_rings};
@@ -150,20 +150,21 @@ fn every_path_agrees_with_the_cpu() {
             let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
             // The smallest room holds only the second level, so the first level is cut into tiles.
             let sizes = [(40, room), (30, 320), (200, room)].map(|(own, room)| TileSize { own, room, bytes: usize::MAX });
-            let paths = [(Path::PerColor, sizes[0]), (Path::Tiled, sizes[0]), (Path::Tiled, sizes[1]), (Path::Tiled, sizes[2])];
-            for (path, size) in paths.into_iter().chain([(Path::SingleWorkgroup, sizes[0])]) {
-                let engine = GpuEngine::with_path(gpu.clone(), &cloth, method, path, size).unwrap();
+            let paths =
+                [(Route::PerColor, sizes[0]), (Route::Tiled, sizes[0]), (Route::Tiled, sizes[1]), (Route::Tiled, sizes[2])];
+            for (route, size) in paths.into_iter().chain([(Route::SingleWorkgroup, sizes[0])]) {
+                let engine = GpuEngine::with_route(gpu.clone(), &cloth, method, route, size).unwrap();
                 let tiled = matches!(engine.sweep, EdgeSweep::Tiled(_));
-                let may_be = path != Path::PerColor && method == Method::SmallSteps;
-                assert_eq!(tiled, may_be, "{name}: {path:?} {method:?}");
+                let may_be = route != Route::PerColor && method == Method::SmallSteps;
+                assert_eq!(tiled, may_be, "{name}: {route:?} {method:?}");
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let (x_gpu, p_gpu) = play(&mut engine, &cloth, &options, windy, levels);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
                 let once = engine.stats().dispatches == 1;
-                assert_eq!(once, path == Path::SingleWorkgroup, "{name}: {path:?} {method:?}");
+                assert_eq!(once, route == Route::SingleWorkgroup, "{name}: {route:?} {method:?}");
                 let (dx, dp) = (apart(&x, &x_gpu) / moved, apart(&p, &p_gpu) / speed);
                 let what =
-                    format!("{name}, {method:?}, windy {windy}, {levels} levels: {path:?}, {size:?}: {dx:e}, {dp:e} apart");
+                    format!("{name}, {method:?}, windy {windy}, {levels} levels: {route:?}, {size:?}: {dx:e}, {dp:e} apart");
                 println!("{what}");
                 // Only rounding is allowed; an edge that is omitted or visited out of turn makes a difference of 1e-3
                 // and more.
@@ -191,7 +192,7 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
             // With the sweep, which does a single pass only; in tiles of its own; with a dispatch per stage.
             let ends = [(true, true), (false, true), (false, false)].map(|(with_sweep, in_tiles)| {
-                let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
+                let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
                 engine.bent = if with_sweep { OnDemand::Untried } else { OnDemand::NoRoom };
                 let mut engine = Engine::Gpu(Box::new(engine));
@@ -202,7 +203,7 @@ fn bending_agrees_with_the_cpu_on_every_path() {
                 assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), (!fused).then_some(in_tiles));
                 end
             });
-            let alone = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::SingleWorkgroup, size).unwrap();
+            let alone = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::SingleWorkgroup, size).unwrap();
             let mut alone = Engine::Gpu(Box::new(alone));
             let (end, _) = play(&mut alone, &cloth, &options, false, 0);
             let Engine::Gpu(alone) = &alone else { unreachable!("made above") };
@@ -229,7 +230,7 @@ fn tiles_correct_by_a_level_as_a_dispatch_of_its_own_does() {
             let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
             let ends = [OnDemand::Untried, OnDemand::NoRoom].map(|corrected| {
                 let fused = matches!(corrected, OnDemand::Untried);
-                let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
+                let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.corrected = corrected;
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let end = play(&mut engine, &cloth, &options, windy, 1);
@@ -255,7 +256,7 @@ fn tiles_that_bend_average_for_the_levels() {
             let cloth = Cloth::new(&mesh, &options).unwrap();
             let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
             let ends = [true, false].map(|in_tiles| {
-                let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
+                let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let (end, _) = play(&mut engine, &cloth, &options, false, levels);
@@ -270,7 +271,7 @@ fn tiles_that_bend_average_for_the_levels() {
     }
 }
 
-/// In a crowd, each cloth that is too large for the path of a single workgroup when it is alone takes one dispatch,
+/// In a crowd, each cloth that is too large for the route of a single workgroup when it is alone takes one dispatch,
 /// whatever forces it and the other cloths have.
 #[test]
 fn each_of_a_crowd_is_one_dispatch() {
@@ -396,7 +397,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     let of_level: Vec<usize> = Hierarchy::new(&cloth).levels.iter().map(|level| level.inverse_mass.len()).collect();
     for (room, in_tiles) in [(of_level[0] - 1, Some(1)), (10, None)] {
         let size = TileSize { own: 100, room: 700, bytes: usize::MAX };
-        let mut engine = GpuEngine::with_path(gpu.clone(), &cloth, Method::SmallSteps, Path::Tiled, size).unwrap();
+        let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
         engine.room = room;
         let mut engine = Engine::Gpu(Box::new(engine));
         let (x_gpu, _) = play(&mut engine, &cloth, &options, false, 3);
@@ -408,7 +409,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     }
 }
 
-/// On every path, a step with a result that is not finite is undone on the GPU, as are the steps after it until the
+/// On every route, a step with a result that is not finite is undone on the GPU, as are the steps after it until the
 /// failure is read.
 #[test]
 fn a_failed_step_is_undone_on_every_path() {
@@ -417,12 +418,12 @@ fn a_failed_step_is_undone_on_every_path() {
     let cloth = Cloth::new(&Mesh::grid(20, 20, 1.0, 1.0), &options).unwrap();
     let coefficients = Coefficients::new(&cloth, &[], &options, Length::of(DT / SUBSTEPS as f32));
     let motion = Motion::after(&cloth, &cloth.rest, 0.0);
-    for path in [Path::PerColor, Path::Tiled, Path::SingleWorkgroup] {
-        let mut engine = GpuEngine::with_path(
+    for route in [Route::PerColor, Route::Tiled, Route::SingleWorkgroup] {
+        let mut engine = GpuEngine::with_route(
             gpu.clone(),
             &cloth,
             Method::SmallSteps,
-            path,
+            route,
             TileSize { own: 60, room: 500, bytes: usize::MAX },
         )
         .unwrap();
@@ -447,8 +448,8 @@ fn a_failed_step_is_undone_on_every_path() {
         assert!(!failed && good != cloth.rest);
         let _ = step(Vec3::splat(3e38), false);
         let (after, failed) = step(Vec3::X, true);
-        assert!(failed && after == good, "{path:?}");
-        assert!(!step(Vec3::X, true).1, "{path:?}: once told, it goes on");
+        assert!(failed && after == good, "{route:?}");
+        assert!(!step(Vec3::X, true).1, "{route:?}: once told, it goes on");
     }
 }
 

@@ -25,26 +25,26 @@ const BENT_IN_TILES: usize = 8192;
 
 /// How a step is executed. Tests can force one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Path {
+pub(crate) enum Route {
     PerColor,
     Tiled,
     SingleWorkgroup,
 }
 
 impl GpuEngine {
-    pub(super) fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Path, TileSize) {
+    pub(super) fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Route, TileSize) {
         let vertices = cloth.rest.len();
-        let path = match method {
-            _ if vertices <= SMALL => Path::SingleWorkgroup,
-            Method::SmallSteps => Path::Tiled,
-            _ => Path::PerColor,
+        let route = match method {
+            _ if vertices <= SMALL => Route::SingleWorkgroup,
+            Method::SmallSteps => Route::Tiled,
+            _ => Route::PerColor,
         };
         let room = gpu.workgroup_memory() / IN_TILE;
         // The table has the tethers and the pins, too.
         let besides = tethers::size(cloth) + size_of::<u32>() * vertices + size_of::<Pin>() * cloth.pinned.len();
         let bytes = gpu.most_table_bytes().saturating_sub(besides);
         let size = TileSize { own: vertices.div_ceil(TILES).clamp(OWN[0], OWN[1]), room, bytes };
-        (path, size)
+        (route, size)
     }
 
     /// Prepares for steps in one workgroup, if the cloth fits, with everything that this step and earlier ones use.
@@ -114,12 +114,12 @@ impl GpuEngine {
         Plan { params: Params { predicted, ..plan.params }, ..forced }
     }
 
-    /// Whether a single workgroup is the fastest path for the step of a cloth alone.
+    /// Whether a single workgroup is the fastest route for the step of a cloth alone.
     pub(super) fn is_small(&self, plan: &Plan<'_>) -> bool {
         if plan.bending || plan.wind { self.small_with_forces } else { self.small }
     }
 
-    pub(super) fn path(&self, plan: &Plan<'_>, crowd: bool) -> Path {
+    pub(super) fn route(&self, plan: &Plan<'_>, crowd: bool) -> Route {
         // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
         // as a sweep.
         let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
@@ -128,10 +128,10 @@ impl GpuEngine {
         let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
         match (&self.sweep, &self.single_workgroup) {
             (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
-                Path::SingleWorkgroup
+                Route::SingleWorkgroup
             }
-            (EdgeSweep::Tiled(_), _) => Path::Tiled,
-            (EdgeSweep::PerColor(_), _) => Path::PerColor,
+            (EdgeSweep::Tiled(_), _) => Route::Tiled,
+            (EdgeSweep::PerColor(_), _) => Route::PerColor,
         }
     }
 }
