@@ -244,15 +244,15 @@ impl Deformer {
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         let seen = self.seen.as_ref();
         let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
-        let load = Load::of(&self.cloth, &self.motion, attributes, dt, (seen, &fastest), thickness.is_some());
-        let trades = thickness.is_none() && self.trades_levels(load.pressure);
+        let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness.is_some());
+        let trades = thickness.is_none() && self.trades_levels(load.lasting_pressure);
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
         let controller = if is_guess { controller } else { controller.after(rate) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
-        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.pressure);
+        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
@@ -277,7 +277,7 @@ impl Deformer {
         if dt == 0.0 {
             return attributes.validate(self.cloth.pinned.len()).map(|()| None);
         }
-        // The attributes under which a cloth sleeps were valid in the last step.
+        // The attributes under which a cloth sleeps were valid in the last step, and what it does not do takes no substeps.
         if self.sleeps(attributes) {
             return check_time_step(dt).map(|()| None);
         }
@@ -302,6 +302,7 @@ impl Deformer {
             coefficients,
             motion: &self.motion,
             substeps: decision.division.substeps,
+            load: decision.load.acceleration(&self.cloth),
             attributes,
         };
         let plan = Plan::new(&inputs, &mut self.buffers);

@@ -198,10 +198,11 @@ fn a_free_sheet_in_a_gale_gains_no_energy_on_the_air() {
     }
 }
 
-/// A sheet held at a pole in a gale flaps as long as the wind blows, far slower than the air. Only its tip may crack like a whip:
-/// resolved (1280 substeps), it reaches 1.19 and 1.14 times the speed of these winds.
+/// A sheet held at a pole in a gale flaps as long as the wind blows, at 21 m/s (root mean square) at most, and takes little of
+/// its speed. Only its tip may crack like a whip: in these winds it reaches 1.05 and .6 times their speed, and in a similar run with
+/// 1280 substeps 1.19 and 1.14.
 #[test]
-fn a_held_sheet_in_a_gale_is_slower_than_the_air() {
+fn a_held_sheet_in_a_gale_takes_little_of_its_speed() {
     let n = 17;
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
     for speed in [50.0, 100.0] {
@@ -223,7 +224,7 @@ fn a_held_sheet_in_a_gale_is_slower_than_the_air() {
             fastest_rms = fastest_rms.max(rms(velocities, Vec3::ZERO));
         }
         println!("{speed} m/s: a vertex up to {fastest:.1} m/s, the root mean square up to {fastest_rms:.1} m/s");
-        assert!(fastest_rms <= 0.5 * f64::from(speed), "{fastest_rms} m/s in {speed} m/s");
+        assert!(fastest_rms <= 30.0, "{fastest_rms} m/s in {speed} m/s");
         assert!(fastest <= 1.2 * speed, "{fastest} m/s in {speed} m/s");
     }
 }

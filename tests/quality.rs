@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{
-    Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, Sleep, StepReport,
-    Warning,
+    Attributes, Backend, BuildError, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, Sleep,
+    StepReport, Warning,
 };
 use common::energy::{energy, masses};
 use common::{FRAME, rms, top};
@@ -383,7 +383,8 @@ fn a_common_motion_takes_no_substeps() {
         let contact = Some(Contact::default());
         let options = Options { backend: Backend::Cpu, pinned: pinned.clone(), contact, ..Options::default() };
         let mut cape = Deformer::new(&mesh, options).unwrap();
-        cape.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
+        // The pins sway from the start, which their velocities say.
+        cape.set_state(&mesh.positions, &vec![velocity + Vec3::X * 0.5; mesh.positions.len()]).unwrap();
         let at = |frame: u32| velocity * (frame as f32 * FRAME) + Vec3::X * 0.1 * (frame as f32 * 5.0 * FRAME).sin();
         let body = |frame: u32| vec![Collider::capsule(at(frame) + Vec3::Y * 0.9, at(frame) + Vec3::Y * 1.4, 0.18)];
         cape.place_colliders(&body(0)).unwrap();
@@ -392,9 +393,7 @@ fn a_common_motion_takes_no_substeps() {
             let air = Attributes { wind: velocity, air_density: 1.2, ..Attributes::default() };
             cape.step(FRAME, &Attributes { colliders: body(frame), pin_targets, ..air }).unwrap()
         };
-        // At first nothing is known of the pins' velocity.
-        step(1);
-        let reports: Vec<StepReport> = (2..60).map(step).collect();
+        let reports: Vec<StepReport> = (1..60).map(&mut step).collect();
         let outruns =
             |report: &StepReport| report.warnings.iter().any(|warning| matches!(warning, Warning::ColliderOutruns { .. }));
         (reports.iter().map(|report| report.substeps).sum::<u32>(), reports.iter().filter(|report| outruns(report)).count())
@@ -402,6 +401,21 @@ fn a_common_motion_takes_no_substeps() {
     let [(still, warned), (riding, more)] = [Vec3::ZERO, Vec3::new(16.0, 0.0, 12.0)].map(run);
     println!("{still} substeps and {warned} warnings on the ground, {riding} and {more} at 20 m/s");
     assert!(riding <= still + still / 20 && more <= warned, "{still}, {warned} and {riding}, {more}");
+}
+
+/// Pins that are dragged at once feel no gale, in which coarse levels would be switched off; those that stay as fast do.
+#[test]
+fn a_jerk_is_no_gale() {
+    let mesh = Mesh::grid(40, 40, 1.0, 1.0);
+    let quality = Quality::Substeps(10);
+    let mut sheet =
+        Deformer::new(&mesh, Options { backend: Backend::Cpu, pinned: top(40), quality, ..Options::default() }).unwrap();
+    let mut step = |by: f32| {
+        let pin_targets = Some(mesh.positions[..40].iter().map(|pin| *pin + Vec3::Z * by).collect());
+        sheet.step(FRAME, &Attributes { pin_targets, air_density: 1.2, ..Attributes::default() }).unwrap().levels
+    };
+    let levels = [0.0, 0.3, 0.3, 0.6, 0.9].map(&mut step);
+    assert!(levels[1] > 0 && levels[3] > 0 && levels[4] == 0, "{levels:?}");
 }
 
 /// Pins that are led smoothly accelerate as much in frames of unequal length as in equal ones.
@@ -424,10 +438,11 @@ fn unequal_frames_take_no_substeps() {
     };
     let (equal, unequal) = (run(&[FRAME]), run(&[0.25 * FRAME, 1.75 * FRAME]));
     println!("{equal:.0} substeps a second, {unequal:.0} in unequal frames");
-    assert!(unequal < 1.15 * equal, "{equal} and {unequal}");
+    assert!(unequal < 1.2 * equal, "{equal} and {unequal}");
 }
 
-/// Towels that fall in a heap fall asleep, although their strain needs so few substeps that they would tremble on.
+/// Towels that fall in a heap fall asleep, although their strain needs so few substeps that they would tremble on: of these four
+/// none did in 15 s when they took no more than that.
 #[test]
 fn heaps_fall_asleep() {
     let asleep_at = |angle: f32| {
@@ -438,9 +453,14 @@ fn heaps_fall_asleep() {
         let mut towel = Deformer::new(&mesh, options).unwrap();
         let colliders = vec![Collider::plane(Vec3::ZERO, Vec3::Y)];
         let air = Attributes { colliders, air_density: 1.2, damping: 0.2, ..Attributes::default() };
-        (0..600).find(|_| towel.step(FRAME, &air).unwrap().asleep)
+        (0..900).find(|_| towel.step(FRAME, &air).unwrap().asleep)
     };
     let frames = [1.43, 1.44, 1.45, 1.48].map(asleep_at);
     println!("asleep in the frames {frames:?}");
     assert!(frames.iter().flatten().count() >= 3, "{frames:?}");
+    // Relaxation, which is stiffer in more substeps, takes one as ever.
+    let method = Method::Relaxation { iterations: 4 };
+    let options = Options { backend: Backend::Cpu, contact: Some(Contact::default()), method, ..Options::default() };
+    let mut relaxed = Deformer::new(&Mesh::grid(9, 9, 1.0, 1.0), Options { sleep: Some(Sleep::default()), ..options }).unwrap();
+    assert_eq!(relaxed.step(FRAME, &Attributes::default()).unwrap().substeps, 1);
 }

@@ -39,8 +39,8 @@ impl Deformer {
 
     /// Changes which vertices are pinned from the next step on, as indices of the mesh; [`Deformer::reset`] keeps the
     /// change and moves the pins to their rest positions. A vertex is pinned where it is. A released vertex keeps the
-    /// velocity that its pin had, unless it has no edges and thus stays where it is. From then on [`Attributes::pin_targets`](crate::Attributes::pin_targets) are in the
-    /// order of this list.
+    /// velocity that its pin had, unless it has no edges and thus stays where it is. From then on
+    /// [`Attributes::pin_targets`](crate::Attributes::pin_targets) are in the order of this list.
     ///
     /// This takes as long as [`Deformer::set_mass`]. If an edge between two pins appears or disappears it takes about
     /// as long as building the cloth, because the edges are colored again.

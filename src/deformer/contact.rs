@@ -12,7 +12,7 @@ use crate::error::StepError;
 use crate::model::checks::MAX_THICKNESS;
 #[cfg(feature = "gpu")]
 use crate::options::Backend;
-use crate::options::{Contact, Quality, Warning};
+use crate::options::{Contact, Method, Quality, Warning};
 use crate::step::load::travel;
 use crate::step::substep_count::FRAMES;
 
@@ -87,7 +87,8 @@ impl Deformer {
         match self.options.quality {
             Quality::Substeps(_) | Quality::Budget(_) => 0.0,
             _ => {
-                let settling = if self.options.contact.and(self.options.sleep).is_some() { SETTLING } else { 0.0 };
+                let settles = self.options.method == Method::SmallSteps && self.options.contact.and(self.options.sleep).is_some();
+                let settling = if settles { SETTLING } else { 0.0 };
                 FRAMES * (SUBSTEPS * speed / thickness / FRAMES).ceil().min(MOST).max(settling)
             }
         }

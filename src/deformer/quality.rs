@@ -80,8 +80,8 @@ impl Deformer {
         }
     }
 
-    /// Whether a step without contact of triangles, in wind of this dynamic pressure (Pa), keeps the bound on strain on a GPU with more substeps instead of
-    /// levels, because they take less time.
+    /// Whether a step without contact of triangles, in wind of this dynamic pressure (Pa), keeps the bound on strain on a GPU
+    /// with more substeps instead of levels, because they take less time.
     pub(super) fn trades_levels(&self, pressure: f64) -> bool {
         let may = match self.options.levels {
             Levels::Auto => self.cloth.used < LEVELS_PAY,

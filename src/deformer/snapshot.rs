@@ -217,6 +217,7 @@ impl Deformer {
         [x.len(), p.len()] == [vertices; 2]
             && x.iter().chain(p).all(|v| is_bounded(*v))
             && motion.h >= 0.0
+            && motion.dt >= 0.0
             && motion.pins.len() == pins
             && [0, pins].contains(&motion.pin_velocities.len())
             && awaiting_statistics.len() == engine.pending.len()

@@ -78,8 +78,8 @@ impl Deformer {
     }
 
     /// Sets the state: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are held where
-    /// this puts them; the velocities of pins only say how fast targets led them here. The rest shape does not change. Colliders are forgotten: those of the next step have no velocity unless
-    /// [`Deformer::place_colliders`] is called again.
+    /// this puts them; the velocities of pins only say how fast targets led them here. The rest shape does not change.
+    /// Colliders are forgotten: those of the next step have no velocity unless [`Deformer::place_colliders`] is called again.
     ///
     /// # Errors
     /// If a list has the wrong length, or a value is not finite or beyond 1e15; the state is then unchanged.
@@ -112,10 +112,8 @@ impl Deformer {
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
         self.motion = Motion::after(cloth, x, 0.0);
-        if !velocities.is_empty() {
-            let pins = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
-            self.motion.pin_velocities = pins.collect();
-        }
+        let led = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
+        self.motion.pin_velocities = led.collect();
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.forget();

@@ -22,7 +22,8 @@ use crate::model::mesh::{self, EdgeIndex};
 pub(crate) struct Bending {
     /// For each vertex, the neighbors in its row and in whose rows it is.
     pub entries: Csr<BendEntry>,
-    /// `D_v` for each vertex (1/m²; without a unit on a free edge, where `c` is one over a length), times the factor on its rigidity; 0 where it has no row.
+    /// `D_v` for each vertex (1/m²; without a unit on a free edge, where `c` is one over a length), times the factor on its
+    /// rigidity; 0 where it has no row.
     pub weight: Vec<f64>,
     /// `-c_vv` for each vertex.
     pub diagonal: Vec<f64>,

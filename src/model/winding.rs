@@ -8,7 +8,7 @@ use crate::model::mesh::{EdgeIndex, follows, sides, triangles_at};
 pub(crate) fn wind_alike(triangles: &mut [[u32; 3]], edges: &[[u32; 2]], vertices: usize) {
     let index = EdgeIndex::new(edges, vertices);
     let at_edges = triangles_at(edges, triangles, &index);
-    let follows = |triangle: u32, ends: [u32; 2]| follows(triangles[triangle as usize], ends);
+    let goes_along = |triangle: u32, ends: [u32; 2]| follows(triangles[triangle as usize], ends);
     let mut is_turned: Vec<Option<bool>> = vec![None; triangles.len()];
     let mut turned = Vec::new();
     for first in 0..triangles.len() as u32 {
@@ -26,7 +26,7 @@ pub(crate) fn wind_alike(triangles: &mut [[u32; 3]], edges: &[[u32; 2]], vertice
                 // Of a triangle that is there twice, either may be meant.
                 let is_same = triangles[beside as usize].iter().all(|corner| triangles[triangle as usize].contains(corner));
                 if !is_same && is_turned[beside as usize].is_none() {
-                    let turn = turn ^ (follows(triangle, side) == follows(beside, side));
+                    let turn = turn ^ (goes_along(triangle, side) == goes_along(beside, side));
                     is_turned[beside as usize] = Some(turn);
                     part.push((beside, turn));
                 }

@@ -130,8 +130,8 @@ pub enum Levels {
 /// Write `Sleep { .., ..Sleep::default() }`, so that fields added later do not break your code. By default a cloth
 /// sleeps once it has moved more slowly than 1 mm/s on average and 5 mm/s everywhere for half a second.
 ///
-/// With [`Options::contact`] a quality that chooses the substeps takes at least 16 in 1/60 s then, because with fewer cloth that
-/// lies on itself trembles on.
+/// With [`Options::contact`], [`Quality::Strain`] and [`Quality::Hold`] take at least 16 substeps in 1/60 s then, because with fewer
+/// cloth that lies on itself trembles on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sleep {
     /// Largest root mean square of the vertices' speeds (m/s), at most 0.01.

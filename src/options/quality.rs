@@ -15,7 +15,8 @@ pub enum Quality {
     /// Before the step the number is predicted from what acts on the cloth (gravity, wind, its speed, how pins and
     /// colliders move) by the law `S = S* sqrt(2 sigma f / (K stretch))`, where `S*` is the number that resolves the
     /// stiffness K and sigma is the membrane stress. After the step the factor f is corrected from the measured
-    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact needs it. If a step exceeded the bound,
+    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact
+    /// needs it, also to come to rest ([`Sleep`](crate::Sleep)). If a step exceeded the bound,
     /// [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
     ///
     /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step

@@ -21,32 +21,38 @@ pub(crate) struct Load {
     pub pins: f64,
     /// The 95th percentile of the free vertices' speed relative to the pins (m/s).
     pub cloth_speed: f64,
-    /// Speed of the fastest collider that may touch the cloth (m/s).
+    /// Speed of the fastest collider that may touch the cloth (m/s), relative to the pins where that is slower.
     pub collider_speed: f64,
     /// With contact of triangles: how fast (m/s) pins and mesh colliders move relative to each other; contact has to
     /// give way to that.
     pub kinematic_speed: f64,
     /// Dynamic pressure (Pa) of the wind on cloth that goes along with the pins, facing it.
     pub pressure: f64,
+    /// The same in this step or the last one, whichever is less: pins that are jerked make no gale.
+    pub lasting_pressure: f64,
 }
 
-recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pressure });
+recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pressure, lasting_pressure });
 
 /// What moves fastest in a step: an index in its list, and its speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fastest {
     pub pin: (usize, f64),
-    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where that is slower.
+    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where
+    /// that is slower.
     pub collider: (usize, f64),
     pub solid: (usize, f64),
     /// The speed (m/s) of the fastest collider anywhere.
-    pub far_collider: f64,
+    pub any_collider: f64,
+    /// The mean displacement (m) of the pins.
+    pub drift: Vec3,
 }
 
 impl Fastest {
     /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics.
     pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, seen: Option<&Statistics>) -> Fastest {
-        let mut fastest = Fastest::default();
+        let drift = motion.drift(cloth, attributes.pin_targets.as_deref());
+        let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
                 *than = (index, speed);
@@ -56,10 +62,9 @@ impl Fastest {
         for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
             faster(&mut fastest.pin, index, (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt);
         }
-        let drift = motion.drift(cloth, attributes.pin_targets.as_deref());
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let way = travel(&now.shape, &last.shape, Vec3::ZERO);
-            fastest.far_collider = fastest.far_collider.max(way / dt);
+            fastest.any_collider = fastest.any_collider.max(way / dt);
             // What goes along with the pins, like the body of a runner in his cape, does not run into the cloth.
             let speed = if drift == Vec3::ZERO { way } else { way.min(travel(&now.shape, &last.shape, drift)) } / dt;
             if speed > fastest.solid.1 && is_near(cloth, now, way, dt, seen) {
@@ -87,6 +92,11 @@ impl Load {
         cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
     }
 
+    /// The acceleration (m/s²) equivalent to gravity and wind.
+    pub(crate) fn acceleration(&self, cloth: &Cloth) -> f64 {
+        self.gravity + self.pressure / cloth.density
+    }
+
     /// The term that contributes most to the stress.
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
         let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
@@ -101,27 +111,30 @@ impl Load {
     }
 
     /// The load in a step of `dt` (s) under `attributes`. `motion` is where the last step left off, `seen` the latest
-    /// statistics, if any, `moves` what moves fastest; `has_contact` tells whether the scene has contact of triangles.
+    /// statistics, if any, `fastest` what moves fastest; `has_contact` tells whether the scene has contact of triangles.
     pub(crate) fn of(
         cloth: &Cloth,
         motion: &Motion,
         attributes: &Attributes,
         dt: f32,
-        (seen, moves): (Option<&Statistics>, &Fastest),
+        seen: Option<&Statistics>,
+        fastest: &Fastest,
         has_contact: bool,
     ) -> Load {
+        let pressure = pressure_of(attributes, attributes.wind - fastest.drift / dt);
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
-            collider_speed: moves.collider.1,
-            pressure: pressure_of(attributes, attributes.wind - motion.drift(cloth, attributes.pin_targets.as_deref()) / dt),
+            collider_speed: fastest.collider.1,
+            pressure,
+            lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
             kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
         }
     }
 }
 
-/// Dynamic pressure (Pa) of the wind on cloth at rest, facing it.
+/// Dynamic pressure (Pa) of the wind on cloth at rest in the caller's frame, facing it.
 pub(crate) fn pressure(attributes: &Attributes) -> f64 {
     pressure_of(attributes, attributes.wind)
 }
@@ -131,10 +144,9 @@ fn pressure_of(attributes: &Attributes, wind: Vec3) -> f64 {
     0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * wind.as_dvec3().length_squared()
 }
 
-/// The acceleration (m/s²) equivalent to the load of gravity and wind.
-pub(crate) fn acceleration(cloth: &Cloth, attributes: &Attributes) -> f64 {
-    attributes.gravity.as_dvec3().length() + pressure(attributes) / cloth.density
-}
+/// What changes after a step much longer than this one may have changed at any time in it, but also just now: the time that it took
+/// is at most this many times that of the step.
+const HITCH: f32 = 4.0;
 
 /// The largest change of a pin's velocity in a step over `dt` (m/s²). Pins that followed targets in the last step and no
 /// longer do stop at once.
@@ -145,7 +157,7 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     }
     let velocity = |slot: usize| targets.get(slot).map_or(Vec3::ZERO, |&target| (target - cloth.origin - motion.pins[slot]) / dt);
     // Both are mean velocities of their steps, and belong to the middle of each.
-    let apart = if motion.dt > 0.0 { 0.5 * (motion.dt + dt) } else { dt };
+    let apart = if motion.dt > 0.0 && !targets.is_empty() { (0.5 * (motion.dt + dt)).min(HITCH * dt) } else { dt };
     let before = |slot: usize| motion.pin_velocities.get(slot).copied().unwrap_or_default();
     let pins = (0..targets.len().max(motion.pin_velocities.len())).filter(|&slot| cloth.is_used(cloth.pinned[slot]));
     let change = pins.map(|slot| velocity(slot).distance(before(slot))).fold(0.0, f32::max);

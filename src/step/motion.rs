@@ -12,14 +12,15 @@ use crate::record::recorded;
 /// What the next step must know about the last one.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Motion {
-    /// Its length and its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
+    /// Its length (s). 0 if there was none, or the GPU returned to an earlier state.
     pub dt: f32,
+    /// Its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
     pub h: f32,
     /// Its colliders, from which those of the next step move; empty if the state was set.
     pub colliders: Vec<Collider>,
     /// Positions of the pins at its end (m), in local coordinates.
     pub pins: Vec<Vec3>,
-    /// Velocities (m/s) at which the pins moved; empty if they followed no targets.
+    /// Velocities (m/s) at which the pins moved, or that they were given with a state; empty if they followed no targets.
     pub pin_velocities: Vec<Vec3>,
 }
 
@@ -71,6 +72,13 @@ impl Motion {
         let led = cloth.pinned.iter().zip(targets.unwrap_or_default().iter().zip(&self.pins));
         let led = led.filter(|(pin, _)| cloth.is_used(**pin)).map(|(_, (&to, &from))| to - cloth.origin - from);
         let (count, sum) = led.fold((0, Vec3::ZERO), |(count, sum), by| (count + 1, sum + by));
+        sum / count.max(1) as f32
+    }
+
+    /// The mean velocity (m/s) of pins with edges in the last step.
+    pub(crate) fn last_drift(&self, cloth: &Cloth) -> Vec3 {
+        let used = cloth.pinned.iter().zip(&self.pin_velocities).filter(|(pin, _)| cloth.is_used(**pin));
+        let (count, sum) = used.fold((0, Vec3::ZERO), |(count, sum), (_, velocity)| (count + 1, sum + velocity));
         sum / count.max(1) as f32
     }
 

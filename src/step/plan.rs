@@ -15,7 +15,6 @@ use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
 use crate::step::coefficients::Coefficients;
-use crate::step::load::acceleration;
 use crate::step::motion::Motion;
 
 /// What a step follows from.
@@ -30,6 +29,8 @@ pub(crate) struct StepInputs<'a> {
     pub motion: &'a Motion,
     /// The number of substeps.
     pub substeps: u32,
+    /// The acceleration (m/s²) equivalent to gravity and wind.
+    pub load: f64,
     pub attributes: &'a Attributes,
 }
 
@@ -132,7 +133,7 @@ impl StepInputs<'_> {
             holds: u32::from(!self.bends() && cloth.is_sheet),
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
-            load: acceleration(cloth, attributes) as f32,
+            load: self.load as f32,
             checks: 1,
             // No limit is set until [`Watch`](crate::step::watch::Watch) sets one.
             longest: f32::MAX,

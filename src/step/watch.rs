@@ -118,11 +118,11 @@ impl Watch {
     }
 
     /// Adds a step of `dt` (s).
-    pub(crate) fn with_step(&self, attributes: &Attributes, dt: f64, moves: &Fastest) -> Watch {
+    pub(crate) fn with_step(&self, attributes: &Attributes, dt: f64, moved: &Fastest) -> Watch {
         let wind = attributes.wind.as_dvec3().length();
-        let fastest = self.fastest.max(wind).max(moves.pin.1).max(moves.far_collider);
+        let fastest = self.fastest.max(wind).max(moved.pin.1).max(moved.any_collider);
         let fallen = self.fallen + attributes.gravity.as_dvec3().length() * dt;
-        let gone = self.gone + moves.far_collider * dt;
+        let gone = self.gone + moved.any_collider * dt;
         Watch { fallen, fastest, gone, ..*self }
     }
 

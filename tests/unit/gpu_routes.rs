@@ -93,6 +93,7 @@ fn play_from(
         let mut buffers = PlanBuffers::default();
         let substeps = SUBSTEPS + u32::from(frame % 2);
         let inputs = StepInputs {
+            load: 9.81,
             cloth,
             levels: &hierarchy.levels,
             options,
@@ -291,7 +292,8 @@ fn each_of_a_crowd_is_one_dispatch() {
     let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
     let plans =
         scenes.iter().zip(&motions).zip(&mut buffers).map(|(((cloth, options, coefficients, attributes), motion), buffers)| {
-            let inputs = StepInputs { cloth, levels: &[], options, coefficients, motion, substeps: SUBSTEPS, attributes };
+            let inputs =
+                StepInputs { load: 9.81, cloth, levels: &[], options, coefficients, motion, substeps: SUBSTEPS, attributes };
             Plan::new(&inputs, buffers)
         });
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
@@ -431,6 +433,7 @@ fn a_failed_step_is_undone_on_every_path() {
             let attributes = Attributes { gravity, ..Attributes::default() };
             let mut buffers = PlanBuffers::default();
             let inputs = StepInputs {
+                load: 9.81,
                 cloth: &cloth,
                 levels: &[],
                 options: &options,

@@ -54,6 +54,7 @@ impl Scene {
         let mut buffers = PlanBuffers::default();
         let Scene { cloth, options, coefficients, .. } = self;
         let inputs = StepInputs {
+            load: 9.81,
             cloth,
             levels: &[],
             options,

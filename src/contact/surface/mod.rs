@@ -260,13 +260,13 @@ impl Surface {
         let (mut borders, mut odd) = (vec![0_u32; angle.len()], vec![false; angle.len()]);
         let at_edges = self.at_edges();
         for (edge, ends) in self.edges.iter().enumerate() {
-            let follows = |&triangle: &u32| follows(self.triangles[triangle as usize], *ends);
+            let goes_along = |&triangle: &u32| follows(self.triangles[triangle as usize], *ends);
             let is_odd = match at_edges.of(edge as u32) {
                 [_] => {
                     ends.iter().for_each(|&end| borders[end as usize] += 1);
                     false
                 }
-                [one, other] => follows(one) == follows(other),
+                [one, other] => goes_along(one) == goes_along(other),
                 _ => true,
             };
             ends.iter().for_each(|&end| odd[end as usize] |= is_odd);
