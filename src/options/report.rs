@@ -41,7 +41,7 @@ pub struct Stretch {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
-    /// The weight and motion of the cloth itself.
+    /// The weight and motion of the cloth itself; also where pins are farther apart than it reaches, or inside a collider.
     Motion,
     /// Pins that accelerated.
     Pins,
