@@ -302,11 +302,10 @@ impl Deformer {
             coefficients,
             motion: &self.motion,
             substeps: decision.division.substeps,
-            load: decision.load.acceleration(&self.cloth),
             attributes,
         };
         let plan = Plan::new(&inputs, &mut self.buffers);
-        let mut plan = if observed { plan.observed(&self.motion, decision.dt, attributes) } else { plan };
+        let mut plan = if observed { plan.observed() } else { plan };
         self.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)
     }

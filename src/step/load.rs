@@ -92,11 +92,6 @@ impl Load {
         cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
     }
 
-    /// The acceleration (m/s²) equivalent to gravity and wind.
-    pub(crate) fn acceleration(&self, cloth: &Cloth) -> f64 {
-        self.gravity + self.pressure / cloth.density
-    }
-
     /// The term that contributes most to the stress.
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
         let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
@@ -142,6 +137,11 @@ pub(crate) fn pressure(attributes: &Attributes) -> f64 {
 /// Dynamic pressure (Pa) of air that moves at this velocity (m/s) relative to the cloth.
 fn pressure_of(attributes: &Attributes, wind: Vec3) -> f64 {
     0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * wind.as_dvec3().length_squared()
+}
+
+/// The acceleration (m/s²) equivalent to the load of gravity and of the wind on cloth that moves at `velocity` (m/s).
+pub(crate) fn acceleration(cloth: &Cloth, attributes: &Attributes, velocity: Vec3) -> f64 {
+    attributes.gravity.as_dvec3().length() + pressure_of(attributes, attributes.wind - velocity) / cloth.density
 }
 
 /// What changes after a step much longer than this one may have changed at any time in it, but also just now: the time that it took

@@ -69,17 +69,12 @@ impl Motion {
 
     /// The mean displacement (m) of pins with edges in a step that leads them to `targets`.
     pub(crate) fn drift(&self, cloth: &Cloth, targets: Option<&[Vec3]>) -> Vec3 {
-        let led = cloth.pinned.iter().zip(targets.unwrap_or_default().iter().zip(&self.pins));
-        let led = led.filter(|(pin, _)| cloth.is_used(**pin)).map(|(_, (&to, &from))| to - cloth.origin - from);
-        let (count, sum) = led.fold((0, Vec3::ZERO), |(count, sum), by| (count + 1, sum + by));
-        sum / count.max(1) as f32
+        mean_of_pins(cloth, targets.unwrap_or_default().iter().zip(&self.pins).map(|(&to, &from)| to - cloth.origin - from))
     }
 
     /// The mean velocity (m/s) of pins with edges in the last step.
     pub(crate) fn last_drift(&self, cloth: &Cloth) -> Vec3 {
-        let used = cloth.pinned.iter().zip(&self.pin_velocities).filter(|(pin, _)| cloth.is_used(**pin));
-        let (count, sum) = used.fold((0, Vec3::ZERO), |(count, sum), (_, velocity)| (count + 1, sum + velocity));
-        sum / count.max(1) as f32
+        mean_of_pins(cloth, self.pin_velocities.iter().copied())
     }
 
     /// Records the targets that the pins followed in a step of `dt` (s).
@@ -97,6 +92,13 @@ impl Motion {
     pub(crate) fn unit(&self) -> f32 {
         if self.h > 0.0 { self.h } else { 1.0 }
     }
+}
+
+/// The mean of one value for each pin, over the pins with edges; 0 if there are none.
+fn mean_of_pins(cloth: &Cloth, values: impl Iterator<Item = Vec3>) -> Vec3 {
+    let used = cloth.pinned.iter().zip(values).filter(|(pin, _)| cloth.is_used(**pin));
+    let (count, sum) = used.fold((0, Vec3::ZERO), |(count, sum), (_, value)| (count + 1, sum + value));
+    sum / count.max(1) as f32
 }
 
 /// A collider's way in a step, by its landmarks (m).

@@ -15,6 +15,7 @@ use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
 use crate::step::coefficients::Coefficients;
+use crate::step::load::acceleration;
 use crate::step::motion::Motion;
 
 /// What a step follows from.
@@ -29,8 +30,6 @@ pub(crate) struct StepInputs<'a> {
     pub motion: &'a Motion,
     /// The number of substeps.
     pub substeps: u32,
-    /// The acceleration (m/s²) equivalent to gravity and wind.
-    pub load: f64,
     pub attributes: &'a Attributes,
 }
 
@@ -110,6 +109,7 @@ impl StepInputs<'_> {
     /// What is the same in all substeps, but for the numbers of bodies and pins.
     fn params(&self) -> Params {
         let StepInputs { cloth, options, coefficients, attributes, .. } = *self;
+        let drift = self.motion.drift(cloth, attributes.pin_targets.as_deref()) / self.substeps as f32;
         Params {
             acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h: coefficients.length.h,
@@ -133,7 +133,8 @@ impl StepInputs<'_> {
             holds: u32::from(!self.bends() && cloth.is_sheet),
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
-            load: self.load as f32,
+            drift: drift.to_array(),
+            load: acceleration(cloth, attributes, drift / coefficients.length.h) as f32,
             checks: 1,
             // No limit is set until [`Watch`](crate::step::watch::Watch) sets one.
             longest: f32::MAX,
@@ -218,9 +219,8 @@ impl<'a> Plan<'a> {
     }
 
     /// The same step with statistics after it.
-    pub(crate) fn observed(self, motion: &Motion, dt: f32, attributes: &Attributes) -> Plan<'a> {
-        let drift = motion.drift(self.cloth, attributes.pin_targets.as_deref()) * (self.params.h / dt);
-        Plan { gauges: Some(self.cloth.gauges()), params: Params { drift: drift.to_array(), ..self.params }, ..self }
+    pub(crate) fn observed(self) -> Plan<'a> {
+        Plan { gauges: Some(self.cloth.gauges()), ..self }
     }
 
     /// Whether triangles can touch: the cloth's own, or those of mesh colliders.

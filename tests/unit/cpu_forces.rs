@@ -167,7 +167,6 @@ fn every_width_predicts_as_the_oracle_does() {
                 let coefficients = Coefficients::new(&cloth, &[], options, Length::of(h));
                 let (mut lists, motion) = (PlanBuffers::default(), Motion::after(&cloth, &cloth.rest, h));
                 let inputs = StepInputs {
-                    load: 9.81,
                     cloth: &cloth,
                     levels: &[],
                     options,

@@ -35,7 +35,6 @@ fn any_groups_of_vertices_are_advanced_alike() {
         let (mut lists, motion) =
             (PlanBuffers::default(), Motion { colliders: vec![before], ..Motion::after(&cloth, &cloth.rest, h) });
         let inputs = StepInputs {
-            load: 9.81,
             cloth: &cloth,
             levels: &[],
             options: &options,

@@ -28,7 +28,6 @@ fn every_width_holds_as_the_oracle_does() {
     let attributes = Attributes { pin_targets: Some(targets), ..Attributes::default() };
     let mut buffers = PlanBuffers::default();
     let inputs = StepInputs {
-        load: 9.81,
         cloth: &cloth,
         levels: &[],
         options: &options,

@@ -53,7 +53,7 @@ fn mesh(columns: u32, rows: u32) -> Mesh {
 }
 
 /// In one frame the pins are moved, in the other they are held. In two more frames a fold would go one way or the other
-/// depending on the last bit, and the difference between two correct paths would exceed the error of a wrong one.
+/// depending on the last bit, and the difference between two correct routes would exceed the error of a wrong one.
 const FRAMES: u8 = 2;
 
 /// The state after some steps with colliders, moving pins and, if `windy`, bending and wind.
@@ -93,7 +93,6 @@ fn play_from(
         let mut buffers = PlanBuffers::default();
         let substeps = SUBSTEPS + u32::from(frame % 2);
         let inputs = StepInputs {
-            load: 9.81,
             cloth,
             levels: &hierarchy.levels,
             options,
@@ -151,9 +150,9 @@ fn every_path_agrees_with_the_cpu() {
             let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
             // The smallest room holds only the second level, so the first level is cut into tiles.
             let sizes = [(40, room), (30, 320), (200, room)].map(|(own, room)| TileSize { own, room, bytes: usize::MAX });
-            let paths =
+            let routes =
                 [(Route::PerColor, sizes[0]), (Route::Tiled, sizes[0]), (Route::Tiled, sizes[1]), (Route::Tiled, sizes[2])];
-            for (route, size) in paths.into_iter().chain([(Route::SingleWorkgroup, sizes[0])]) {
+            for (route, size) in routes.into_iter().chain([(Route::SingleWorkgroup, sizes[0])]) {
                 let engine = GpuEngine::with_route(gpu.clone(), &cloth, method, route, size).unwrap();
                 let tiled = matches!(engine.sweep, EdgeSweep::Tiled(_));
                 let may_be = route != Route::PerColor && method == Method::SmallSteps;
@@ -292,8 +291,7 @@ fn each_of_a_crowd_is_one_dispatch() {
     let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
     let plans =
         scenes.iter().zip(&motions).zip(&mut buffers).map(|(((cloth, options, coefficients, attributes), motion), buffers)| {
-            let inputs =
-                StepInputs { load: 9.81, cloth, levels: &[], options, coefficients, motion, substeps: SUBSTEPS, attributes };
+            let inputs = StepInputs { cloth, levels: &[], options, coefficients, motion, substeps: SUBSTEPS, attributes };
             Plan::new(&inputs, buffers)
         });
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
@@ -433,7 +431,6 @@ fn a_failed_step_is_undone_on_every_path() {
             let attributes = Attributes { gravity, ..Attributes::default() };
             let mut buffers = PlanBuffers::default();
             let inputs = StepInputs {
-                load: 9.81,
                 cloth: &cloth,
                 levels: &[],
                 options: &options,

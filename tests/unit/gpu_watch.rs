@@ -54,7 +54,6 @@ impl Scene {
         let mut buffers = PlanBuffers::default();
         let Scene { cloth, options, coefficients, .. } = self;
         let inputs = StepInputs {
-            load: 9.81,
             cloth,
             levels: &[],
             options,
@@ -73,7 +72,7 @@ impl Scene {
     }
 }
 
-const PATHS: [Route; 3] = [Route::PerColor, Route::Tiled, Route::SingleWorkgroup];
+const ROUTES: [Route; 3] = [Route::PerColor, Route::Tiled, Route::SingleWorkgroup];
 
 #[test]
 fn only_more_energy_than_is_explained_is_a_defect() {
@@ -83,7 +82,7 @@ fn only_more_energy_than_is_explained_is_a_defect() {
     let mut any = || Vec4::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5, 0.0) * 0.01 * random.f32();
     let p: Vec<Vec4> = cloth.rest.iter().map(|x| if x.w > 0.0 { any() } else { Vec4::ZERO }).collect();
     let mass: f64 = cloth.rest.iter().zip(&cloth.mass).filter(|(x, _)| x.w > 0.0).map(|(_, &mass)| f64::from(mass)).sum();
-    for route in PATHS {
+    for route in ROUTES {
         let mut engine = scene.engine(route);
         engine.set(&cloth.rest, &p);
         let (x, u, verdict) = scene.step(&mut engine, |_| {});
@@ -136,7 +135,7 @@ fn an_edge_that_is_too_long_is_found_in_one_round_of_steps() {
         a.distance(b)
     };
     let longest = cloth.swept().iter().map(|edge| length(&start, edge.ends)).fold(0.0, f64::max);
-    for route in PATHS {
+    for route in ROUTES {
         let mut engine = scene.engine(route);
         engine.set(&start, &vec![Vec4::ZERO; start.len()]);
         let mut at = start.clone();
