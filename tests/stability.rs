@@ -330,20 +330,19 @@ fn a_minute_undriven() {
     }
 }
 
-/// Where small steps fail: a closed shell. A ball that collapses on a floor without friction, in damping air, can give that air no
-/// more energy than gravity gave it. It does so where the substeps resolve it, and as explicit springs, but not with fewer
-/// substeps: its stretching modes come in pairs of nearly the same frequency, which the order of the sweep couples, and a shell has
-/// no motion without stretch that would take their energy. Whoever makes this test fail by a better sweep may bound all three, and take
-/// the exception out of README.md and the guide.
+/// Closed shells, which have hardly a motion without stretch: a ball that collapses on a floor without friction, in damping air,
+/// can give that air no more energy than gravity gave it. It does so at any number of substeps, and comes to rest. A sweep that
+/// visits each edge once gives the air 1.4 to 4 J/kg instead (watched by declaring no part of a cloth a shell). Where the number of
+/// substeps is chosen for each step, raising it stiffens edges under load, which gives the ball some energy.
 #[test]
-fn closed_shells_gain_energy_unless_they_are_resolved() {
+fn closed_shells_gain_no_energy() {
     let mesh = ball(Vec3::Y * 0.251, 0.25, 16);
     let vertices = mesh.positions.len();
     let mean = |values: &[Vec3], of: fn(&Vec3) -> f32| values.iter().map(|x| f64::from(of(x))).sum::<f64>() / vertices as f64;
     let (drag, floor) = (3.0, Collider::plane(Vec3::ZERO, Vec3::Y));
     let air = Attributes { damping: drag, colliders: vec![floor.with_friction(0.0)], ..Attributes::default() };
-    // The energy that damping takes, and the energy that gravity gives (J/kg).
-    let energies = |quality: Quality, method: Method| {
+    // The energy that damping takes, the energy that gravity gives (J/kg), and the speed at the end (rms, m/s).
+    let fallen = |quality: Quality, method: Method| {
         let mass = Some(vec![0.1 / vertices as f32; vertices]);
         let options = Options { backend: Backend::Cpu, quality, method, mass, ..Options::default() };
         let mut ball = Deformer::new(&mesh, options).unwrap();
@@ -352,16 +351,20 @@ fn closed_shells_gain_energy_unless_they_are_resolved() {
             play(&mut ball, 1, &air);
             taken += f64::from(drag * FRAME) * mean(ball.velocities().unwrap(), |v| v.length_squared());
         }
-        (taken, G * (mean(&mesh.positions, |x| x.y) - mean(ball.positions().unwrap(), |x| x.y)))
+        let given = G * (mean(&mesh.positions, |x| x.y) - mean(ball.positions().unwrap(), |x| x.y));
+        (taken, given, mean(ball.velocities().unwrap(), |v| v.length_squared()).sqrt())
     };
-    for (name, quality, method, gains) in [
-        ("80 substeps", Quality::Substeps(80), Method::SmallSteps, true),
-        ("400 substeps", Quality::Substeps(400), Method::SmallSteps, false),
-        ("springs", Quality::Strain(0.03), Method::Springs, false),
+    for (name, quality, method, [most, fastest]) in [
+        ("20 substeps", Quality::Substeps(20), Method::SmallSteps, [1.0, 0.01]),
+        ("40 substeps", Quality::Substeps(40), Method::SmallSteps, [1.0, 0.01]),
+        ("80 substeps", Quality::Substeps(80), Method::SmallSteps, [1.0, 0.01]),
+        ("400 substeps", Quality::Substeps(400), Method::SmallSteps, [1.0, 0.01]),
+        ("chosen substeps", Quality::Strain(0.03), Method::SmallSteps, [1.5, 0.1]),
+        ("springs", Quality::Strain(0.03), Method::Springs, [1.0, 0.01]),
     ] {
-        let (taken, given) = energies(quality, method);
-        println!("{name}: the air took {taken:.3} J/kg, gravity gave {given:.3}");
-        assert_eq!(taken > 2.0 * given, gains, "{name}: {taken} J/kg taken, {given} given");
-        assert!(gains || taken < given, "{name}: {taken} J/kg taken, {given} given");
+        let (taken, given, speed) = fallen(quality, method);
+        println!("{name}: the air took {taken:.3} J/kg, gravity gave {given:.3}; at the end {speed:.4} m/s");
+        assert!(taken <= most * given, "{name}: {taken} J/kg taken, {given} given");
+        assert!(speed < fastest, "{name}: {speed} m/s after six seconds");
     }
 }

@@ -1,5 +1,6 @@
 //! What attributes may be: every value is checked before a step begins.
 
+use std::collections::HashMap;
 use std::fmt::Display;
 
 use glam::Vec3;
@@ -8,6 +9,9 @@ use crate::attributes::{Attributes, Collider, Shape};
 use crate::error::StepError;
 use crate::kernels::limits::{MAX_VERTICES, is_bounded};
 use crate::model::mesh::Mesh;
+
+/// Up to so many colliders, each id is compared with each, which needs no memory.
+const FEW: usize = 16;
 
 impl Attributes {
     /// Checks every value; `pins` is the number of pinned vertices.
@@ -21,10 +25,15 @@ impl Attributes {
         if self.lift > self.drag {
             return Err(invalid("lift", self.lift, format_args!("must not exceed drag = {}", self.drag)));
         }
+        let mut with_id = HashMap::new();
         for (index, collider) in self.colliders.iter().enumerate() {
             collider.validate(index)?;
-            let earlier = self.colliders[..index].iter().position(|other| other.id == collider.id);
-            if let (Some(id), Some(earlier)) = (collider.id, earlier) {
+            let Some(id) = collider.id else { continue };
+            let earlier = match self.colliders.len() {
+                ..=FEW => self.colliders[..index].iter().position(|other| other.id == Some(id)),
+                _ => with_id.insert(id, index),
+            };
+            if let Some(earlier) = earlier {
                 let remedy = format_args!("is the id of colliders[{earlier}] too; give each its own");
                 return Err(invalid(format_args!("colliders[{index}].id"), id, remedy));
             }

@@ -289,7 +289,7 @@ impl Cpu {
     ) -> Option<Defect> {
         let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
         let found = VertexWatch::nothing(&plan.params, x);
-        let Packed { forces, coarse, edges, tethers, schedules, partition, width, terms, .. } = packed;
+        let Packed { forces, coarse, edges, edges_back, tethers, schedules, partition, width, terms, .. } = packed;
         let schedule = &mut schedules[schedule];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
@@ -297,7 +297,7 @@ impl Cpu {
             plan,
             terms: terms.expect("packed"),
             partition: partition.as_ref().expect("packed"),
-            edges,
+            edges: [edges, edges_back],
             tethers,
             forces: forces.share(plan, &x, &u, *width),
             correction: Correction::new(

@@ -120,7 +120,7 @@ impl EdgeBatches {
         let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
         let mut packer = Packer { inverse_mass, batches };
         // The piece and the color that last visited each vertex.
-        let mut visited = vec![[u32::MAX; 2]; vertices];
+        let mut visited = vec![[usize::MAX; 2]; vertices];
         let mut edges_now: Vec<Placed> = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
             let start = packer.batches.batches.len();
@@ -129,13 +129,14 @@ impl EdgeBatches {
             // Look up the color of the next edge rather than looping over all colors: a triangle fan has many colors,
             // of which a piece has few.
             while let Some(&next) = rest.first() {
-                let color = colors.partition_point(|range| range.end <= next as usize);
-                let (now, later) = rest.split_at(rest.partition_point(|&place| (place as usize) < colors[color].end));
+                let color = &colors[colors.partition_point(|range| range.end <= next as usize)];
+                let end = rest.iter().position(|&place| !color.contains(&(place as usize)));
+                let (now, later) = rest.split_at(end.unwrap_or(rest.len()));
                 rest = later;
                 edges_now.clear();
                 edges_now.extend(now.iter().map(|&index| Placed { index, edge: edges[index as usize] }));
                 for end in edges_now.iter().flat_map(|Placed { edge, .. }| [edge.a, edge.b]) {
-                    let now = [index as u32, color as u32];
+                    let now = [index, color.start];
                     let before = std::mem::replace(&mut visited[end as usize], now);
                     assert!(before != now, "vertex {end} has two edges of a color");
                 }

@@ -22,6 +22,8 @@ pub(super) struct Packed {
     pub partition: Option<Partition>,
     /// The edges of each round of the partition.
     pub edges: Vec<EdgeBatches>,
+    /// The edges of each round on the way back; empty if none are in shells.
+    pub edges_back: Vec<EdgeBatches>,
     /// The tethers of each round of the partition; empty if none are in use.
     pub tethers: Vec<TetherBatches>,
     /// One schedule, or three with contact of triangles ([`Schedule::all`]).
@@ -40,6 +42,7 @@ impl Packed {
             coarse: Coarse::default(),
             partition: None,
             edges: Vec::new(),
+            edges_back: Vec::new(),
             tethers: Vec::new(),
             schedules: Vec::new(),
             terms: None,
@@ -53,7 +56,7 @@ impl Packed {
         self.coarse.forget();
         (self.coefficients_for, self.terms) = (None, None);
         if change == Change::Edges {
-            (self.partition, self.edges) = (None, Vec::new());
+            (self.partition, self.edges, self.edges_back) = (None, Vec::new(), Vec::new());
         }
     }
 
@@ -80,6 +83,7 @@ impl Packed {
             springs: plan.method == Method::Springs && !exchanged,
             pins: !plan.pins.is_empty(),
             levels,
+            shells: !self.edges_back.is_empty(),
             tethers: !self.tethers.is_empty(),
             threads,
             contact,
@@ -101,8 +105,10 @@ impl Packed {
         if self.edges.is_empty() {
             let pack = |pieces: &Vec<Piece>| EdgeBatches::new(pieces, edges, &cloth.colors, &inverse_mass, lanes);
             self.edges = partition.rounds.iter().map(pack).collect();
+            self.edges_back = partition.rounds_back(cloth).iter().map(pack).collect();
         } else {
-            self.edges.iter_mut().for_each(|round| round.update_shares(edges, &inverse_mass));
+            let rounds = self.edges.iter_mut().chain(&mut self.edges_back);
+            rounds.for_each(|round| round.update_shares(edges, &inverse_mass));
         }
         let pack = |pieces: &Vec<Piece>| TetherBatches::new(pieces, held, cloth.rest.len(), lanes);
         self.tethers = if held.is_empty() { Vec::new() } else { partition.rounds.iter().map(pack).collect() };

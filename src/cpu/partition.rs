@@ -16,6 +16,7 @@
 
 use std::ops::Range;
 
+use crate::model::cloth::Cloth;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 use crate::simd;
@@ -50,7 +51,7 @@ pub(crate) struct Partition {
 /// The edges that one task sweeps in a round, and the vertices that have no edges left after it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Piece {
-    /// Indices in the color order, ascending.
+    /// Indices in the color order, in the order in which they are swept.
     pub edges: Vec<u32>,
     /// The vertices that this piece's task moves.
     pub vertices: Vec<Range<u32>>,
@@ -79,6 +80,18 @@ impl Partition {
         }
         let narrow = (0.5 * REACH * distance(links)) as usize;
         Partition::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
+    }
+
+    /// The pieces of each round on the way back of a sweep, which visits the rounds from the last to the first, and in
+    /// each piece the edges that are in shells in reverse order. Empty if there are no shells.
+    pub(crate) fn rounds_back(&self, cloth: &Cloth) -> Vec<Vec<Piece>> {
+        let is_in_shell = |&edge: &u32| cloth.is_in_shell(&cloth.links[edge as usize]);
+        let back = |Piece { edges, .. }: &Piece| {
+            let edges = edges.iter().rev().copied().filter(is_in_shell).collect();
+            Piece { edges, ..Piece::default() }
+        };
+        let rounds = if cloth.has_shells() { self.rounds.as_slice() } else { &[] };
+        rounds.iter().map(|pieces| pieces.iter().map(back).collect()).collect()
     }
 
     /// Cuts into tiles of about `length` vertices.

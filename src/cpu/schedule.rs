@@ -49,7 +49,9 @@ impl Stage {
             Stage::PanelForces => Domain::Triangles,
             Stage::Restrict(level) => Domain::Aggregates(level),
             Stage::SweepLevel(level, round) => Domain::PiecesOfLevel(level, round),
-            Stage::Sweep(round) | Stage::Tether(round) | Stage::Move(round) if round > 0 => Domain::Borders(round),
+            Stage::Sweep(round) | Stage::SweepBack(round) | Stage::Tether(round) | Stage::Move(round) if round > 0 => {
+                Domain::Borders(round)
+            }
             _ => Domain::Tiles,
         }
     }

@@ -36,6 +36,8 @@ pub(crate) enum Stage {
     Correct,
     /// Sweep the cloth's edges in one round of the partition.
     Sweep(usize),
+    /// Sweep those edges of that round again that are in closed shells, in reverse order.
+    SweepBack(usize),
     /// Apply the tethers of the vertices whose last edge was swept in this round.
     Tether(usize),
     /// Resolve collisions with the analytic colliders and advance the positions, for the vertices whose last edge was
@@ -60,6 +62,8 @@ pub(crate) struct Terms {
     pub pins: bool,
     /// Coarse levels in use.
     pub levels: usize,
+    /// Some edges are in closed shells.
+    pub shells: bool,
     pub tethers: bool,
     /// Threads of the pool.
     pub threads: usize,
@@ -107,8 +111,13 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
     }
     // Sweep the edges, then apply tethers, resolve collisions and move. With contact of triangles, the last two come
     // later.
-    for round in 0..partition.rounds.len() {
-        stages.push(Stage::Sweep(round));
+    let rounds = 0..partition.rounds.len();
+    if terms.shells {
+        stages.extend(rounds.clone().map(Stage::Sweep));
+        stages.extend(rounds.clone().rev().map(Stage::SweepBack));
+    }
+    for round in rounds {
+        stages.extend((!terms.shells).then_some(Stage::Sweep(round)));
         stages.extend(terms.tethers.then_some(Stage::Tether(round)));
         stages.extend((!terms.contact).then_some(Stage::Move(round)));
     }

@@ -38,7 +38,8 @@ pub(crate) struct Stepper<'a> {
     pub plan: &'a Plan<'a>,
     pub terms: Terms,
     pub partition: &'a Partition,
-    pub edges: &'a [EdgeBatches],
+    /// The edges of each round, and those in shells in reverse order.
+    pub edges: [&'a [EdgeBatches]; 2],
     pub tethers: &'a [TetherBatches],
     pub forces: Forces<'a>,
     pub correction: Correction<'a>,
@@ -60,7 +61,7 @@ impl Stepper<'_> {
         let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
         for &stage in pass {
             let is_due = match stage {
-                Stage::Sweep(_) => true,
+                Stage::Sweep(_) | Stage::SweepBack(_) => true,
                 Stage::Tether(_) | Stage::Move(_) | Stage::MoveAfterContact => ends,
                 _ => begins,
             };
@@ -91,7 +92,8 @@ impl Stepper<'_> {
             Stage::SmallLevels(first) => self.correction.small_levels(task, first),
             Stage::SweepLevel(level, round) => self.correction.sweep(task, level, round, part),
             Stage::Correct => self.correction.correct(task, tile()),
-            Stage::Sweep(round) => self.sweep(task, round, part),
+            Stage::Sweep(round) => self.sweep(task, round, part, &self.edges[0][round]),
+            Stage::SweepBack(round) => self.sweep(task, round, part, &self.edges[1][round]),
             Stage::Tether(round) => {
                 let StateView { x, u } = self.state(task);
                 tethers::hold(&self.tethers[round], part, self.plan, substep, [x, u], self.integrator.width);
@@ -120,7 +122,7 @@ impl Stepper<'_> {
         }
     }
 
-    fn sweep(&self, task: &Task, round: usize, part: usize) {
+    fn sweep(&self, task: &Task, round: usize, part: usize, edges: &EdgeBatches) {
         let Some(rule) = self.rule else { return };
         let StateView { x, u } = self.state(task);
         let Piece { vertices, touches, .. } = &self.partition.rounds[round][part];
@@ -129,7 +131,7 @@ impl Stepper<'_> {
         if touches.first().map(worker) != touches.last().map(worker) {
             vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
         }
-        sweep(&self.edges[round], part, rule, x, u, self.integrator.width);
+        sweep(edges, part, rule, x, u, self.integrator.width);
     }
 
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {

@@ -51,7 +51,13 @@ impl Deformer {
         self.change(Options { pinned, ..self.options.clone() })
     }
 
+    /// Continues with other options. Where none differs nothing happens, so that a caller may set them in every frame.
     fn change(&mut self, options: Options) -> Result<(), ChangeError> {
+        let Options { fabric, mass, pinned, .. } = &self.options;
+        if (fabric, mass, pinned) == (&options.fabric, &options.mass, &options.pinned) {
+            return Ok(());
+        }
+        let bends_alike = fabric.bending == options.fabric.bending;
         let (cloth, change) = self.cloth.changed(&options)?;
         self.look_back()?;
         let [mut x, mut p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
@@ -64,7 +70,9 @@ impl Deformer {
         }
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
-        self.controller = self.controller.afresh();
+        if !bends_alike {
+            self.controller = self.controller.afresh();
+        }
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
         (self.cloth, self.options, self.is_current) = (cloth, options, false);
         self.wake();

@@ -46,9 +46,10 @@ impl Deformer {
     /// Checks that contact of this thickness (m) can hold the cloth, and follow the pins and mesh colliders.
     pub(super) fn check_contact(&self, attributes: &Attributes, thickness: f64) -> Result<(), StepError> {
         let Deformer { cloth, motion, .. } = self;
-        let across = cloth.extent as f32;
+        let across = cloth.sides.max_element() as f32;
         // A thickness that was chosen was compared with the cloth when the cloth was made.
-        if let (Some(index), true) = (mesh_colliders(attributes).next(), across > 0.0 && thickness > MAX_THICKNESS * cloth.extent)
+        if let (Some(index), true) =
+            (mesh_colliders(attributes).next(), across > 0.0 && thickness > MAX_THICKNESS * f64::from(across))
         {
             let remedy = format!(
                 "is kept {} m away, which must be at most half of the cloth's {across} m; make the cloth with Options::contact",
@@ -56,7 +57,7 @@ impl Deformer {
             );
             return Err(invalid(format_args!("colliders[{index}].mesh"), "a mesh", remedy));
         }
-        let size = cloth.extents.length().max(thickness);
+        let size = cloth.sides.length().max(thickness);
         let check = |name: fmt::Arguments<'_>, value: &dyn fmt::Display, way: f64, remedy: &str| match way > FARTHEST * size {
             true => Err(invalid(
                 name,

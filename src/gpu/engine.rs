@@ -117,7 +117,7 @@ impl GpuEngine {
             let forces = Forces::new(&gpu, cloth, 2, own)?;
             let bodies = Sent::storage(&gpu, "bodies", size_of::<Body>());
             let tiled = route != Route::PerColor && method == Method::SmallSteps;
-            let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size));
+            let tiles = tiled.then(|| Tiles::new(&cloth.rest, cloth.swept(), &cloth.visits(), size));
             let commit = Commit::new(&gpu, &forces);
             let sweep = match tiles.flatten() {
                 Some(tiles) => {

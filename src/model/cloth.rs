@@ -18,9 +18,11 @@ use crate::model::bending::Bending;
 use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::coloring;
 use crate::model::csr::Csr;
+use crate::model::extents::{Extents, extents};
 use crate::model::link::Link;
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
+use crate::model::shells::in_shells;
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
@@ -45,15 +47,19 @@ pub(crate) struct Cloth {
     pub triangles: Vec<[u32; 3]>,
     /// Edges in color order. Edges between two pins come last and have no color.
     pub links: Vec<Link>,
-    /// The range of edges of each color.
+    /// The range of edges of each color. Edges of shells come first in each.
     pub colors: Vec<Range<usize>>,
+    /// Whether each vertex is part of a closed shell, whose edges the sweep visits twice; empty if none is.
+    in_shell: Vec<bool>,
     /// Pinned vertices, in the order of [`Options::pinned`].
     pub pinned: Vec<u32>,
     /// Mean areal density (kg/m²).
     pub density: f64,
     /// Sides of the rest shape's bounding box (m).
+    pub sides: DVec3,
+    /// The longest sides (m) of its connected parts, none above `extent`.
     pub extents: DVec3,
-    /// The longest of them (m).
+    /// How far (m) any part reaches from what holds it ([`extents`](crate::model::extents)).
     pub extent: f64,
     /// Length of the longest edge (m).
     pub longest: f32,
@@ -118,6 +124,11 @@ impl Cloth {
         let mut area = vec![0.0; vertices];
         let mut side_area = vec![0.0; mesh_edges.len()];
         let index_of = EdgeIndex::new(&mesh_edges, vertices);
+        let in_shell = match options.method {
+            Method::SmallSteps => in_shells(&mesh.positions, &proper, &mesh_edges, &index_of),
+            _ => Vec::new(),
+        };
+        let in_shell: Vec<bool> = order.iter().filter_map(|&vertex| in_shell.get(vertex as usize).copied()).collect();
         for (named, &triangle) in proper.into_iter().zip(&triangles) {
             let triangle_area = area_of(triangle, &rest);
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
@@ -126,10 +137,9 @@ impl Cloth {
         let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &order, &area, used)?;
 
         let [low, high] = bounds(&rest[..count]);
-        let extents = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
-        let extent = extents.max_element();
+        let sides = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
-            check_thickness(&rest[..used], extent, contact.thickness)?;
+            check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
         let longest = mesh_edges.iter().map(|ends| {
             let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
@@ -161,7 +171,8 @@ impl Cloth {
             let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
-        let colors = sort_by_color(&mut links, &rest, &inverse_mass);
+        let Extents { sides: extents, extent } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
+        let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
         let bending_scale =
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
@@ -174,8 +185,10 @@ impl Cloth {
             triangles,
             links,
             colors,
+            in_shell,
             pinned,
             density,
+            sides,
             extents,
             extent,
             longest: longest as f32,
@@ -216,8 +229,12 @@ impl Cloth {
             Change::Stiffness
         };
         let colors = match change {
-            Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass),
+            Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass, &self.in_shell),
             _ => self.colors.clone(),
+        };
+        let Extents { sides: extents, extent } = match change {
+            Change::Stiffness => Extents { sides: self.extents, extent: self.extent },
+            _ => extents(&positions[..self.used], &links, |vertex| inverse_mass[vertex as usize] == 0.0),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
         let cloth = Cloth {
@@ -227,8 +244,11 @@ impl Cloth {
             triangles: self.triangles.clone(),
             links,
             colors,
+            in_shell: self.in_shell.clone(),
             pinned,
             density,
+            extents,
+            extent,
             stretch,
             bending_scale: self.bending_scale.clone(),
             panels: OnceLock::new(),
@@ -256,13 +276,36 @@ impl Cloth {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
     }
 
+    /// The ranges of edges that a sweep visits one after another: each color, and then those of shells in reverse order.
+    pub(crate) fn visits(&self) -> Vec<Range<usize>> {
+        let of_shells = |&Range { start, end }: &Range<usize>| {
+            start..start + self.links[start..end].partition_point(|link| self.is_in_shell(link))
+        };
+        let back = self.colors.iter().rev().map(of_shells).filter(|range| !range.is_empty());
+        self.colors.iter().cloned().chain(back).collect()
+    }
+
+    pub(crate) fn has_shells(&self) -> bool {
+        !self.in_shell.is_empty()
+    }
+
+    /// Whether most of the cloth is a closed shell.
+    pub(crate) fn is_shell(&self) -> bool {
+        2 * self.in_shell.iter().filter(|&&is| is).count() > self.used
+    }
+
+    /// Whether the sweep visits an edge twice.
+    pub(crate) fn is_in_shell(&self, link: &Link) -> bool {
+        self.has_shells() && self.in_shell[link.ends[0] as usize]
+    }
+
     /// Inverse mass (1/kg) of each vertex, 0 where pinned.
     pub(crate) fn inverse_mass(&self) -> Vec<f32> {
         self.rest.iter().map(|x| x.w).collect()
     }
 
-    /// How much of the cloth can hang on an edge: the cloth's extent (m) along the edge's direction over its longest
-    /// extent. For example, edges across a strip can hold no more than its width.
+    /// How much of the cloth can hang on an edge: how far it extends (m) along the edge's direction, over how far it
+    /// extends at most. For example, edges across a strip can hold no more than its width.
     pub(crate) fn load_share(&self, link: &Link) -> f64 {
         let [a, b] = link.ends.map(|vertex| self.rest[vertex as usize].truncate().as_dvec3());
         let along = (b - a).normalize_or_zero().abs().dot(self.extents);
@@ -356,9 +399,9 @@ pub(crate) enum Change {
     Edges,
 }
 
-/// Colors the edges with a free vertex and sorts them by color, with the others after them. Returns the range of each
-/// color.
-fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
+/// Colors the edges with a free vertex and sorts them by color, those of shells first, with the others after them. Returns
+/// the range of each color.
+fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32], in_shell: &[bool]) -> Vec<Range<usize>> {
     let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
     links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
     let free = links.partition_point(is_free);
@@ -366,7 +409,11 @@ fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec
     let colors = coloring::color(&ends, rest).batches();
     let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
     links[..free].copy_from_slice(&sorted);
-    colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect()
+    let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect();
+    if !in_shell.is_empty() {
+        colors.iter().for_each(|color| links[color.clone()].sort_by_key(|link| !in_shell[link.ends[0] as usize]));
+    }
+    colors
 }
 
 /// The origin of the local coordinates. It is 0 unless the mesh is far from 0, and such that subtracting it is exact.

@@ -33,16 +33,18 @@ impl Coefficients {
         let fine = |link: &Link, floor: f64| {
             let weight = cloth.weight(link);
             let inverse_weight = match options.method {
-                Method::SmallSteps => inverse_weight(1.0 / link.stiffness, weight, floor, length),
+                Method::SmallSteps => inverse_weight(1.0 / link.stiffness, weight, softening(cloth, link), floor, length),
                 // Relaxation ignores stiffness, but an edge scaled to zero still has to be absent.
                 _ if link.shape == 0.0 => 0.0,
-                _ => inverse_weight(0.0, weight, 0.0, length),
+                _ => inverse_weight(0.0, weight, ONE_WAY, 0.0, length),
             };
             edge(link, inverse_weight)
         };
         let in_chain = in_chain(cloth);
         let stress = TRANSIENT * cloth.density * STANDARD_GRAVITY * cloth.extent;
-        let least = |link: &Link| if in_chain(link) { 0.0 } else { floor(link, cloth.weight(link), length, stress) };
+        let least = |link: &Link| {
+            if in_chain(link) || cloth.is_in_shell(link) { 0.0 } else { floor(link, cloth.weight(link), length, stress) }
+        };
         let swept = if options.method == Method::Springs { &[] } else { cloth.swept() };
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
         // The levels carry only the load that the fine sweep does not.
@@ -54,7 +56,7 @@ impl Coefficients {
             let left = if is_soft { (share / sum(&level.links)).min(left) } else { left };
             let coarse_edge = |link: &Link| {
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
-                edge(link, inverse_weight(1.0 / (left * link.stiffness), weight, 0.0, length))
+                edge(link, inverse_weight(1.0 / (left * link.stiffness), weight, ONE_WAY, 0.0, length))
             };
             level.links.iter().map(coarse_edge).collect()
         };
@@ -105,6 +107,16 @@ fn edge(link: &Link, inverse_weight: f64) -> Edge {
     Edge { a, b, inverse_rest: 1.0 / link.rest, inverse_weight: inverse_weight as f32 }
 }
 
+/// The compliance that a sweep adds to each edge, as a multiple of `h² w`: where it visits edges once ..
+const ONE_WAY: f64 = 0.5;
+/// .. and where it visits them twice, in one order and in its reverse.
+const BOTH_WAYS: f64 = 0.25;
+
+/// The compliance that the sweep adds to an edge, as a multiple of `h² w`.
+pub(crate) fn softening(cloth: &Cloth, link: &Link) -> f64 {
+    if cloth.is_in_shell(link) { BOTH_WAYS } else { ONE_WAY }
+}
+
 /// `1 / (w + a')` of an edge, with its compliance `1/k` (m/N) shifted: `a' = alpha/h² - w/2`, `w = w_i + w_j`.
 ///
 /// Why half of `w` is subtracted: one sweep solves `(D + a' + L) dlambda = -C`, while the exact implicit step solves
@@ -112,14 +124,19 @@ fn edge(link: &Link, inverse_weight: f64) -> Edge {
 /// `A q = 0` to first order, so `q.(L + L^T)q = -q.D q` and `q.L q = -q.D q/2`: one sweep acts as if the compliance
 /// were `a' + D/2`. On a chain of two colors this is exact; a larger shift over-corrects.
 ///
+/// A sweep there and back in all solves `P E^-1 P^T dlambda = -C`, with `P = D + a' + L` and `E = D + 2 a'`. That matrix
+/// is symmetric, so the sweep pumps no energy, and positive for any `a'`. As `P = E/2 + (D/2 + L)`, it is
+/// `E/4 + A/2 + (D/2 + L) E^-1 (D/2 + L)^T`. The sweep acts as if the compliance were `E/4 = D/4 + a'/2`, so
+/// `a' = 2 alpha/h² - w/2`; the last term fades as `D²/alpha` when the stiffness is resolved.
+///
 /// Where a substep does not resolve the stiffness, nothing is left to subtract from, and the edge acts as a spring of
 /// stiffness `2/(h² w)`. If `h` were this substep's length, a shorter substep would stiffen all stretched edges and so
 /// raise their energy, and steps of changing length would pump energy into the cloth. So `alpha` is based on the
-/// longest substep `h_q` that the quality allows: `alpha = max(1/k, h_q² w (1/2 + floor))`.
-fn inverse_weight(compliance: f64, weight: f64, floor: f64, length: Length) -> f64 {
+/// longest substep `h_q` that the quality allows: `alpha = max(1/k, h_q² w (1/2 + floor))`, or 1/4 instead of 1/2.
+fn inverse_weight(compliance: f64, weight: f64, softening: f64, floor: f64, length: Length) -> f64 {
     let [h, longest] = [length.h, length.longest].map(f64::from);
-    let alpha = compliance.max(longest * longest * weight * (0.5 + floor));
-    1.0 / (weight + (alpha / (h * h) - 0.5 * weight).max(0.0))
+    let alpha = compliance.max(longest * longest * weight * (softening + floor));
+    1.0 / (weight + (alpha / (h * h) - softening * weight).max(0.0) / (2.0 * softening))
 }
 
 /// Substeps in 1/60 s above which unresolved edges are softened.

@@ -42,6 +42,12 @@ impl Caution {
     /// bound with [`Caution::LATE`], 13 with an aim of 0.6, and 8 with this one.
     pub(crate) const LATE_WITHOUT_LEVELS: Caution = Caution { first_factor: 1.2, aim: 0.55, ..Caution::LATE };
 
+    /// For closed shells. Where the cloth cannot fold, each rise of the substeps stiffens edges under load and so adds
+    /// energy. So their number starts higher, aims closer to the bound, and falls late, to rise less often: dropped on a
+    /// floor, eight balls and parts of balls then give damping air at most 1.5 times the energy that gravity gives them,
+    /// and with [`Caution::PROMPT`] up to six times, for as many substeps (`benches/results/quality.md`).
+    pub(crate) const SHELL: Caution = Caution { first_factor: 2.0, aim: 0.7, memory: 2.0, patience: 0.5, per_octave: 6.0 };
+
     /// Rounds up to the next number of the form `ceil(2^(k/n))`, so that a light breeze does not change the number of
     /// substeps in every step. These are integers, so any of them can be requested again as [`Quality::Substeps`].
     fn rounded_up(self, count: f64) -> f64 {

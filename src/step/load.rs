@@ -37,12 +37,14 @@ recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pr
 /// What moves fastest in a step: an index in its list, and its speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fastest {
+    /// Of the pins, relative to their mean velocity in the last step, at which the cloth goes along.
     pub pin: (usize, f64),
     /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where
     /// that is slower.
     pub collider: (usize, f64),
     pub solid: (usize, f64),
-    /// The speed (m/s) of the fastest collider anywhere.
+    /// The speeds (m/s) of the fastest pin, and of the fastest collider anywhere.
+    pub any_pin: f64,
     pub any_collider: f64,
     /// The mean displacement (m) of the pins.
     pub drift: Vec3,
@@ -52,6 +54,7 @@ impl Fastest {
     /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics.
     pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, seen: Option<&Statistics>) -> Fastest {
         let drift = motion.drift(cloth, attributes.pin_targets.as_deref());
+        let common = motion.last_drift(cloth).as_dvec3();
         let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
@@ -60,7 +63,9 @@ impl Fastest {
         };
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
         for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
-            faster(&mut fastest.pin, index, (*to - cloth.origin).as_dvec3().distance(from.as_dvec3()) / dt);
+            let velocity = ((*to - cloth.origin).as_dvec3() - from.as_dvec3()) / dt;
+            fastest.any_pin = fastest.any_pin.max(velocity.length());
+            faster(&mut fastest.pin, index, velocity.distance(common));
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let way = travel(&now.shape, &last.shape, Vec3::ZERO);

@@ -8,6 +8,7 @@ use crate::model::link::Link;
 use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
+use crate::step::coefficients::softening;
 
 /// [`Quality`] counts substeps per 1/60 s.
 pub(crate) const FRAMES: f64 = 60.0;
@@ -179,10 +180,10 @@ pub(crate) fn is_gale(cloth: &Cloth, pressure: f64) -> bool {
     pressure > GALE * cloth.density * STANDARD_GRAVITY
 }
 
-/// Substeps per second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, with a
-/// weight per edge.
+/// Substeps per second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, in shells
+/// `sqrt(k_e (w_i + w_j) / 4)`, with a weight per edge.
 fn unit_rate(cloth: &Cloth, weighed: impl Fn(&Link) -> f64) -> f64 {
-    let rate = |link: &Link| (link.shape * cloth.weight(link) / 2.0 * weighed(link)).sqrt();
+    let rate = |link: &Link| (link.shape * cloth.weight(link) * softening(cloth, link) * weighed(link)).sqrt();
     let mut rates: Vec<f64> = cloth.swept().iter().map(rate).collect();
     if rates.is_empty() {
         return 0.0;

@@ -120,7 +120,7 @@ impl Watch {
     /// Adds a step of `dt` (s).
     pub(crate) fn with_step(&self, attributes: &Attributes, dt: f64, moved: &Fastest) -> Watch {
         let wind = attributes.wind.as_dvec3().length();
-        let fastest = self.fastest.max(wind).max(moved.pin.1).max(moved.any_collider);
+        let fastest = self.fastest.max(wind).max(moved.any_pin).max(moved.any_collider);
         let fallen = self.fallen + attributes.gravity.as_dvec3().length() * dt;
         let gone = self.gone + moved.any_collider * dt;
         Watch { fallen, fastest, gone, ..*self }
@@ -133,11 +133,13 @@ impl Watch {
         let elastic = if self.bends { 2.0 * longest / h } else { self.wave.min(longest / h) };
         let explained = self.speed + self.fallen + self.fastest + elastic + self.spread / h;
         let speed = coarse(MARGIN * explained);
-        let extent = cloth.extents.length();
+        let extent = cloth.sides.length();
         if extent < MIN_EXTENT {
             return Bounds { speed, ..Bounds::default() };
         }
-        let stress = TRANSIENT * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes)) * cloth.extent;
+        let stress = TRANSIENT
+            * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes))
+            * cloth.sides.max_element();
         let stretch =
             extent * (stress / self.softest + explained / self.wave) + longest * rates.strain(stress, f64::from(length.longest));
         let edge_length = coarse(MARGIN * (extent + stretch + self.spread) + self.gone + f64::from(speed) * h);

@@ -8,6 +8,7 @@ use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::distance::Edge;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
+use crate::model::shells::tests::cushion;
 use crate::oracle;
 use crate::simd::aligned::AlignedVec;
 use crate::step::coefficients::Coefficients;
@@ -32,7 +33,7 @@ fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<
     u
 }
 
-/// `u` after one sweep in pieces.
+/// `u` after one sweep in pieces, there and back.
 fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule, width: Width) -> Vec<Vec4> {
     let [mut x, mut u] = [(); 2].map(|()| AlignedVec::new(start.len()));
     x.copy_from_slice(from);
@@ -40,7 +41,7 @@ fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rul
     let partition = Partition::new(&cloth.links, cloth.swept().len(), x.len());
     let weights = cloth.inverse_mass();
     let task = Task::alone();
-    for pieces in &partition.rounds {
+    for pieces in partition.rounds.iter().chain(partition.rounds_back(cloth).iter().rev()) {
         let batches = EdgeBatches::new(pieces, edges, &cloth.colors, &weights, width.lanes());
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(u.room()));
         (0..pieces.len()).for_each(|piece| sweep(&batches, piece, rule, x.within(&task), u.within(&task), width));
@@ -52,7 +53,19 @@ fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rul
 /// soft and stiff edges, with and without pins.
 #[test]
 fn every_width_sweeps_as_the_oracle_does() {
-    let mut mesh = Mesh::grid(37, 61, 1.0, 1.6);
+    sweeps_as_the_oracle_does(Mesh::grid(37, 61, 1.0, 1.6));
+}
+
+/// The edges of a closed shell are visited once more, color by color in reverse order.
+#[test]
+fn a_shell_is_swept_there_and_back() {
+    let cloth = Cloth::new(&cushion(33), &Options::default()).unwrap();
+    let [there, back] = [cloth.colors.clone(), cloth.visits().split_off(cloth.colors.len())];
+    assert!(back.iter().eq(there.iter().rev()));
+    sweeps_as_the_oracle_does(cushion(33));
+}
+
+fn sweeps_as_the_oracle_does(mut mesh: Mesh) {
     let mut random = fastrand::Rng::with_seed(9);
     let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));
     mesh.positions.iter_mut().for_each(|x| *x += vector(0.004));
@@ -65,7 +78,8 @@ fn every_width_sweeps_as_the_oracle_does() {
         let x: Vec<Vec4> = cloth.rest.iter().map(|x| *x + vector(0.0015).extend(0.0)).collect();
         let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
         for rule in [Rule::Project, Rule::ProjectCoarse, Rule::HoldCoarse, Rule::Relax] {
-            let plain = swept_plainly(&x, &edges, &start, rule);
+            let visits: Vec<Edge> = cloth.visits().into_iter().flat_map(|color| &edges[color]).copied().collect();
+            let plain = swept_plainly(&x, &visits, &start, rule);
             let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);
             assert!(moved > 0.01 * size, "{size}: something is corrected");
             for width in Width::all() {

@@ -19,6 +19,7 @@ use crate::kernels::bending::BendEntry;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::mesh::Mesh;
+use crate::model::shells::tests::cushion;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Method, Options};
 use crate::step::coefficients::Coefficients;
@@ -136,7 +137,7 @@ fn every_path_agrees_with_the_cpu() {
     let gpu = Gpu::shared(true).unwrap();
     let room = gpu.workgroup_memory() / IN_TILE;
     let relaxation = Method::Relaxation { iterations: 3 };
-    for (name, mesh) in [("grid", Mesh::grid(31, 23, 1.0, 0.8)), ("any", mesh(27, 31))] {
+    for (name, mesh) in [("grid", Mesh::grid(31, 23, 1.0, 0.8)), ("any", mesh(27, 31)), ("shell", cushion(20))] {
         let small = Method::SmallSteps;
         for (method, windy, levels) in
             [(small, false, 0), (small, true, 0), (small, true, 1), (small, false, 2), (small, true, 2), (relaxation, false, 0)]

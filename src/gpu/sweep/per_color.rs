@@ -27,7 +27,7 @@ pub(crate) struct PerColor {
 
 impl PerColor {
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, forces: &Forces, bodies: &Sent) -> PerColor {
-        let colors: Vec<Batch> = cloth.colors.iter().cloned().map(Batch::from).collect();
+        let colors: Vec<Batch> = cloth.visits().into_iter().map(Batch::from).collect();
         let edges = gpu.buffer("edges", (cloth.swept().len().max(1) * size_of::<Edge>()) as u64);
         let slots = batches(gpu, &colors);
         let bound = groups(&forces.states, |from, _| {

@@ -53,7 +53,7 @@ impl SingleWorkgroup {
             return None;
         }
         let size = TileSize { own: room, room, bytes: gpu.most_table_bytes() };
-        let tiles = Tiles::new(&cloth.rest, cloth.swept(), &cloth.colors, size);
+        let tiles = Tiles::new(&cloth.rest, cloth.swept(), &cloth.visits(), size);
         let mut tiles = tiles.filter(|tiles| tiles.count == 1)?;
         if let Some(finest) = levels.first() {
             tiles.set_labels(|vertex| finest.label[vertex as usize], 0);

@@ -1,0 +1,48 @@
+//! How far cloths reach from what holds them.
+
+use crate::model::cloth::Cloth;
+use crate::{Mesh, Options};
+
+use super::*;
+
+fn extents_of(mesh: &Mesh, pinned: &[u32]) -> Extents {
+    let cloth = Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..Options::default() }).unwrap();
+    Extents { sides: cloth.extents, extent: cloth.extent }
+}
+
+fn assert_near(found: Extents, sides: [f64; 3], extent: f64) {
+    let apart = (found.sides - DVec3::from(sides)).abs().max_element().max((found.extent - extent).abs());
+    assert!(apart < 1e-5, "{found:?}, not {sides:?} and {extent}");
+}
+
+#[test]
+fn a_cloth_reaches_as_far_as_from_its_pins() {
+    let sheet = Mesh::grid(21, 11, 2.0, 1.0);
+    assert_near(extents_of(&sheet, &[]), [2.0, 0.0, 1.0], 2.0);
+    // By a long side, and by a short one.
+    assert_near(extents_of(&sheet, &(0..21).collect::<Vec<u32>>()), [1.0, 0.0, 1.0], 1.0);
+    assert_near(extents_of(&sheet, &(0..11).map(|row| 21 * row).collect::<Vec<u32>>()), [2.0, 0.0, 1.0], 2.0);
+    // By one corner: no farther than across.
+    assert_near(extents_of(&sheet, &[0]), [2.0, 0.0, 1.0], 2.0);
+}
+
+#[test]
+fn cloths_that_share_a_mesh_reach_as_far_as_each() {
+    let one = Mesh::grid(11, 11, 1.0, 1.0);
+    let mut both = one.clone();
+    both.positions.extend(one.positions.iter().map(|x| *x + Vec3::X * 100.0));
+    both.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 121)));
+    assert_near(extents_of(&both, &[]), [1.0, 0.0, 1.0], 1.0);
+    // One that is not pinned counts as a whole.
+    let hung: Vec<u32> = (55..66).collect();
+    assert_near(extents_of(&one, &hung), [0.5, 0.0, 0.5], 0.5);
+    assert_near(extents_of(&both, &hung), [1.0, 0.0, 1.0], 1.0);
+}
+
+#[test]
+fn a_wide_curtain_on_hooks_is_as_high_as_a_narrow_one() {
+    let curtain = Mesh::grid(401, 11, 40.0, 1.0);
+    let hooks: Vec<u32> = (0..401).step_by(10).collect();
+    let found = extents_of(&curtain, &hooks);
+    assert!((1.0..1.6).contains(&found.extent) && found.sides.z > 0.999, "{found:?}");
+}

@@ -1,0 +1,100 @@
+//! Which parts of a cloth count as closed shells.
+
+use std::f32::consts::PI;
+
+use super::*;
+use crate::model::mesh::{Mesh, edges, has_edges};
+
+fn shells(mesh: &Mesh) -> Vec<bool> {
+    let edges = edges(&mesh.triangles);
+    in_shells(&mesh.positions, &mesh.triangles, &edges, &EdgeIndex::new(&edges, mesh.positions.len()))
+}
+
+/// A grid whose points are moved, and joined where they coincide.
+fn wrapped(columns: u32, rows: u32, to: impl Fn(f32, f32) -> Vec3) -> Mesh {
+    let mut mesh = Mesh::grid(columns, rows, 2.0, 2.0);
+    mesh.positions.iter_mut().for_each(|x| *x = to(0.5 * PI * (1.0 - x.z), PI * (1.0 + x.x)));
+    let first = |&vertex: &u32| {
+        let x = mesh.positions[vertex as usize];
+        mesh.positions.iter().position(|other| other.distance(x) < 1e-4).unwrap_or(0) as u32
+    };
+    mesh.triangles = mesh.triangles.iter().map(|triangle| [0, 1, 2].map(|k| first(&triangle[k]))).collect();
+    mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    mesh
+}
+
+/// A ball of 16 rings about the y-axis, of which the part up to `open` (radians from the upper pole) is missing.
+fn ball(open: f32) -> Mesh {
+    wrapped(33, 17, |down, around| {
+        let down = down.max(open);
+        0.25 * Vec3::new(down.sin() * around.cos(), down.cos(), down.sin() * around.sin())
+    })
+}
+
+/// Two sheets of `n` by `n` vertices sewn together all around.
+pub(crate) fn cushion(n: u32) -> Mesh {
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let is_inner = |vertex: u32| [vertex % n, vertex / n].into_iter().all(|k| 0 < k && k + 1 < n);
+    let mut below: Vec<u32> = (0..n * n).collect();
+    for vertex in (0..n * n).filter(|&vertex| is_inner(vertex)) {
+        below[vertex as usize] = mesh.positions.len() as u32;
+        mesh.positions.push(mesh.positions[vertex as usize] - 0.05 * Vec3::Y);
+    }
+    mesh.triangles.extend(mesh.triangles.clone().iter().map(|[a, b, c]| [c, b, a].map(|&vertex| below[vertex as usize])));
+    mesh
+}
+
+#[test]
+fn what_bulges_or_is_closed_is_a_shell() {
+    let torus = wrapped(25, 13, |down, around| {
+        let (sin, cos) = (2.0 * down).sin_cos();
+        Vec3::new((0.3 + 0.1 * cos) * around.cos(), 0.1 * sin, (0.3 + 0.1 * cos) * around.sin())
+    });
+    let tube = wrapped(25, 9, |down, around| Vec3::new(0.2 * around.cos(), 0.2 * down, 0.2 * around.sin()));
+    // A tube that opens like a trumpet at both ends has negative curvature.
+    let spool = wrapped(25, 9, |down, around| {
+        let radius = 0.2 + 0.1 * (down - 0.5 * PI).powi(2);
+        Vec3::new(radius * around.cos(), 0.2 * down, radius * around.sin())
+    });
+    // Whatever its inside, a sheet with a flat border has no total curvature.
+    let quilt = wrapped(49, 49, |u, v| Vec3::new(0.2 * u, 0.05 * ((4.0 * u).sin() * (3.0 * v).sin()).powi(2), 0.1 * v));
+    let far = {
+        let mut far = cushion(9);
+        far.positions.iter_mut().for_each(|x| *x += Vec3::X * 1000.0);
+        far
+    };
+    let mut two_sided = Mesh::grid(9, 9, 1.0, 1.0);
+    two_sided.triangles.extend(two_sided.triangles.clone().iter().map(|&[a, b, c]| [c, b, a]));
+    for (name, mesh, is_shell) in [
+        ("ball", ball(0.0), true),
+        ("most of a ball", ball(0.8), true),
+        ("half a ball", ball(0.5 * PI), true),
+        ("a watch glass", ball(0.8 * PI), false),
+        ("torus", torus, true),
+        ("cushion", cushion(9), true),
+        ("far away", far, true),
+        ("sheet", Mesh::grid(9, 9, 1.0, 1.0), false),
+        ("two-sided sheet", two_sided, false),
+        ("tube", tube, false),
+        ("spool", spool, false),
+        ("quilt", quilt, false),
+        ("thread", Mesh { positions: vec![Vec3::ZERO, Vec3::X], triangles: vec![[0, 1, 1]] }, false),
+    ] {
+        let used = has_edges(&edges(&mesh.triangles), mesh.positions.len());
+        let found: Vec<bool> = shells(&mesh).into_iter().zip(used).filter_map(|(is, used)| used.then_some(is)).collect();
+        assert_eq!(found.first().copied().unwrap_or(false), is_shell, "{name}");
+        assert!(found.iter().all(|&is| is == is_shell), "{name}");
+    }
+}
+
+/// A ball beside a sheet does not make that a shell.
+#[test]
+fn each_part_counts_by_itself() {
+    let (mut mesh, ball) = (Mesh::grid(5, 5, 1.0, 1.0), ball(0.0));
+    let first = mesh.positions.len();
+    mesh.positions.extend(&ball.positions);
+    mesh.triangles.extend(ball.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first as u32)));
+    let shells = shells(&mesh);
+    assert!(shells[..first].iter().all(|is| !is));
+    assert!(ball.triangles.iter().flatten().all(|&vertex| shells[first + vertex as usize]));
+}
