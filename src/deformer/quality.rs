@@ -157,7 +157,7 @@ impl Deformer {
         holds: Option<Cause>,
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
-        let excess = excess(&self.cloth, load, seen, strain_bound.share);
+        let excess = excess(&self.cloth, load, seen, strain_bound.share, division.length.resolved);
         let law = self.rates.strain(load.stress(&self.cloth), f64::from(division.length.longest));
         let caution = self.caution(self.engine.contact().is_some(), false);
         self.controller.learn(law, excess, caution, *dt, holds.is_some());

@@ -19,7 +19,7 @@ use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::extents::{Extents, extents};
-use crate::model::link::Link;
+use crate::model::link::{Link, firm};
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
 use crate::model::shells::in_shells;
@@ -63,8 +63,9 @@ pub(crate) struct Cloth {
     pub extent: f64,
     /// Length of the longest edge (m).
     pub longest: f32,
-    /// Membrane stiffness K (N/m).
+    /// Membrane stiffness K (N/m) of the fabric times the factor of its firm edges ([`firm`]), which is 1 for most cloth.
     pub stretch: f64,
+    firm: f64,
     pub slivers: Slivers,
     /// Whether any triangle has an area.
     pub is_sheet: bool,
@@ -146,6 +147,10 @@ impl Cloth {
             a.distance(b)
         });
         let longest = longest.fold(0.0, f64::max);
+        let firm = options.edge_scale.as_ref().map_or(1.0, |scales| firm(scales.iter().copied()));
+        // Cloth without stiffness has no firm edges.
+        let firm = if firm > 0.0 { f64::from(firm) } else { 1.0 };
+        let stretch = f64::from(options.fabric.stretch) * firm;
         let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
         let (mut slivers, mut worst_aspect) = (Slivers::default(), 0.0);
         for (index, &named) in mesh_edges.iter().enumerate() {
@@ -167,8 +172,8 @@ impl Cloth {
                 }
             }
             let scale = options.edge_scale.as_ref().map_or(1.0, |scale| scale[index]);
-            let shape = f64::from(scale) * aspect;
-            let stiffness = if shape == 0.0 { 0.0 } else { f64::from(options.fabric.stretch) * shape };
+            let shape = f64::from(scale) / firm * aspect;
+            let stiffness = if shape == 0.0 { 0.0 } else { stretch * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
         let Extents { sides: extents, extent } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
@@ -192,7 +197,8 @@ impl Cloth {
             extents,
             extent,
             longest: longest as f32,
-            stretch: f64::from(options.fabric.stretch),
+            stretch,
+            firm,
             slivers,
             is_sheet: area.iter().any(|&area| area > 0.0),
             bending_scale,
@@ -213,7 +219,7 @@ impl Cloth {
         let area = vertex_areas(&self.triangles, &positions);
         let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &self.order, &area, self.used)?;
 
-        let stretch = f64::from(options.fabric.stretch);
+        let stretch = f64::from(options.fabric.stretch) * self.firm;
         let mut links = self.links.clone();
         links.iter_mut().for_each(|link| link.stiffness = if link.shape == 0.0 { 0.0 } else { stretch * link.shape });
         let is_pinned = |vertex: u32| [self.rest[vertex as usize].w, inverse_mass[vertex as usize]].map(|w| w == 0.0);

@@ -8,7 +8,7 @@ pub(crate) struct Link {
     pub rest: f32,
     /// Stiffness `K (A1 + A2) / l0²` (N/m); infinite if inextensible.
     pub stiffness: f64,
-    /// The same for K = 1 N/m.
+    /// The same for K = 1 N/m, where K is that of firm edges ([`Cloth::stretch`](crate::model::cloth::Cloth::stretch)).
     pub shape: f64,
     /// Factor on the fabric's stiffness ([`Options::edge_scale`](crate::Options::edge_scale)).
     pub scale: f32,
@@ -22,8 +22,13 @@ impl Link {
     }
 }
 
-/// The least factor of a firm edge: half, or half of the largest if no edge has that.
+/// The factor of a cloth's firm edges: 1, or the largest if no edge has half of that.
+pub(crate) fn firm(scales: impl Iterator<Item = f32>) -> f32 {
+    let stiffest = scales.fold(0.0, f32::max);
+    if stiffest < 0.5 { stiffest } else { 1.0 }
+}
+
+/// The least factor of a firm edge.
 pub(crate) fn least_firm(links: &[Link]) -> f32 {
-    let stiffest = links.iter().map(|link| link.scale).fold(0.0, f32::max);
-    if stiffest < 0.5 { 0.5 * stiffest } else { 0.5 }
+    0.5 * firm(links.iter().map(|link| link.scale))
 }

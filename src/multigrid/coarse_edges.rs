@@ -16,6 +16,9 @@ use crate::multigrid::aggregation::{Aggregate, holding};
 /// omitted.
 const SLACK: f64 = 1e-3;
 
+/// The stiffness along any direction of an isotropic net of springs as a share of that of all directions together.
+const ISOTROPIC: f64 = 1.0 / 3.0;
+
 /// The items that aggregates consist of, as point masses: vertices, or aggregates two levels finer. They determine the
 /// rest lengths of edges to pinned aggregates.
 pub(crate) struct PointMasses {
@@ -184,7 +187,7 @@ impl Edges<'_> {
             return None;
         }
         let shape = area / (rest * rest);
-        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape, scale: 1.0 })
+        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape, scale: (part / ISOTROPIC).min(1.0) as f32 })
     }
 }
 

@@ -92,7 +92,7 @@ impl Watch {
         let per_mass = if mass > 0.0 { 1.0 / mass } else { 0.0 };
         let elastic: f64 = cloth.swept().iter().map(|link| link.stiffness * f64::from(link.rest).powi(2)).sum();
         let scales = options.edge_scale.iter().flatten().filter(|&&scale| scale > 0.0);
-        let softest = cloth.stretch * f64::from(scales.copied().fold(1.0, f32::min));
+        let softest = f64::from(options.fabric.stretch) * f64::from(scales.copied().fold(1.0, f32::min));
         // Relaxation knows no stiffness.
         let (wave, softest) = match options.method {
             Method::Relaxation { .. } => (f64::INFINITY, f64::INFINITY),
