@@ -6,6 +6,7 @@ mod bench;
 mod change;
 mod contact;
 mod forecast;
+mod imperfection;
 mod measure;
 mod quality;
 mod sleep;
@@ -282,6 +283,7 @@ impl Deformer {
             return check_time_step(dt).map(|()| None);
         }
         let decision = self.decide(dt, attributes)?;
+        self.make_imperfect(attributes.gravity)?;
         let (length, levels) = (decision.division.length, decision.levels);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);

@@ -187,7 +187,13 @@ impl Edges<'_> {
             return None;
         }
         let shape = area / (rest * rest);
-        Some(Link { ends: pair, rest: rest as f32, stiffness: self.cloth.stretch * shape, shape, scale: (part / ISOTROPIC).min(1.0) as f32 })
+        Some(Link {
+            ends: pair,
+            rest: rest as f32,
+            stiffness: self.cloth.stretch * shape,
+            shape,
+            scale: (part / ISOTROPIC).min(1.0) as f32,
+        })
     }
 }
 

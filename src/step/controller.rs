@@ -185,11 +185,13 @@ pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
 
 /// The measured stretch of a share of the area beyond the fabric's own. The fabric's own is estimated as
 /// `2 rho ((|g| + a_pin) L + v²)/K`, the stretch of a sheet that hangs or is swung if every edge is as stiff as its
-/// fabric, or as the part of the measured stretch that substeps which have `resolved` this share of the stiffness leave
-/// whatever the load: all of it where they resolve the stiffness. Because these are estimates, at least a tenth of the
-/// rest counts as excess.
+/// fabric. Wind stretches cloth that gives way to it little, and cloth that is held all around much: there, substeps that
+/// have `resolved` this share of the stiffness leave as large a share of the stretch whatever they do. Because these are
+/// estimates, at least a tenth of the rest counts as excess.
 pub(crate) fn excess(cloth: &Cloth, load: &Load, seen: &Statistics, share: f32, resolved: f64) -> f64 {
     let measured = f64::from(seen.stretch_of(f64::from(share)));
-    let own = (2.0 * load.stress_without_wind(cloth) / cloth.stretch).max(resolved * measured);
-    (measured - own).max(0.1 * (1.0 - resolved) * measured)
+    let stress = load.stress_without_wind(cloth);
+    let by_wind = if load.pressure > 0.0 { resolved * (1.0 - stress / load.stress(cloth)) } else { 0.0 };
+    let own = (2.0 * stress / cloth.stretch).max(by_wind * measured);
+    (measured - own).max(0.1 * (1.0 - by_wind) * measured)
 }
